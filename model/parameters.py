@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from model.energy import AnyEnergy, Energy
@@ -23,10 +23,12 @@ LINKS = ("steady", "measured")  # what the true link voltage does, beside effect
 COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
 MODULATIONS = ("centred", "dpwm_min", "dpwm_max", "dpwm_60")  # which legs switch, see `sandbox.plant.gates.modulation`
 OVERMODULATIONS = ("nearest", "shortened", "six_step")  # what is made of a voltage that the legs cannot give
+BETWEEN = ("held", "interpolated")  # what commands do between the rows of a slow log
+MOST_PERIODS = 400  # of the PWM, from row to row of a slow log
 ROTORS = ("locked", "driven", "free")  # what is done with a rotor while something is recorded
 TEXTS = (
     "description", "waveform", "transformation", "rotor", "reference", "dc_link", "command", "modulation",
-    "overmodulation",
+    "overmodulation", "between_rows",
 )  # fmt: skip
 OVERLOAD = 2.5  # of rated current: the most that a scenario may ask for, and the worst point of every loop
 
@@ -170,6 +172,8 @@ class Converter:
     """The inverter and the current sensors: one sample and one voltage update each sampling period.
 
     pwm_frequency: one sample a PWM period, or two (double update: half of 1 / sampling_period).  Of recordings only:
+    a whole number of PWM periods from row to row of a slow log, between_rows of which: the drive `held` a command until
+    the next row, or updated it in every PWM period (`interpolated`; None: as recordings show);
     dc_link: `steady` (nominal but for effects; u_dc is noise about it) or `measured` (as u_dc reads; None: what
     recordings show); command: u is in `volts` that the drive divides by u_dc, in `duties` (of the link), or divided by
     the `nominal` voltage; pwm_counts: of the counter in half a PWM period, to which duties are rounded.
@@ -190,6 +194,7 @@ class Converter:
     link_noise: float = quantity("V rms of the DC-link reading", 0, 1e4, default=0.0)  # about what the link is
     # of recordings: `steady` (u_dc is noise about the nominal) or `measured`; None: as recordings show
     dc_link: str | None = None
+    between_rows: str | None = None  # of slow logs: commands are `held` or `interpolated`; None: as recordings show
     command: str = "volts"  # of recordings: u in `volts`, in `duties`, or divided by the `nominal` link voltage
     # to which duties are rounded; None: exact
     pwm_counts: int | None = quantity("counts of half a PWM period", 16, 1e9, default=None)
@@ -211,12 +216,15 @@ class Converter:
             object.__setattr__(self, "inverter_table", checked(self.inverter_table))
         if self.transformation != "amplitude-invariant":
             raise BadInput(f"[drive] transformation = '{self.transformation}' is not known; only 'amplitude-invariant'")
-        if not any(abs(self.samples_a_period - n) < 1e-6 for n in (1.0, 2.0)):
+        whole = abs(1.0 / self.samples_a_period - self.periods_a_row) < 1e-3 * self.periods_a_row
+        if not (whole or abs(self.samples_a_period - 2.0) < 1e-6) or self.periods_a_row > MOST_PERIODS:
             raise BadInput(
                 f"[drive] pwm_frequency = {self.pwm_frequency} Hz and sampling_period = {self.sampling_period} s do "
                 "not belong together; one or two samples a PWM period are simulated: give 1 / sampling_period, or half "
-                "of it (double update)"
+                f"of it (double update), or of a slower log a whole multiple up to {MOST_PERIODS} times"
             )
+        if self.between_rows is not None and self.between_rows not in BETWEEN:
+            raise unknown("[drive] between_rows", self.between_rows, BETWEEN)
         if self.dc_link is not None and self.dc_link not in LINKS:
             raise unknown("[drive] dc_link", self.dc_link, LINKS)
         if self.command not in COMMANDS:
@@ -247,13 +255,29 @@ class Converter:
 
     @property
     def samples_a_period(self) -> float:
-        """Samples and updates a PWM period: 1, or 2 with double update."""
+        """Samples and updates a PWM period: 1, 2 with double update, less than 1 in a slow log."""
         return 1.0 if self.pwm_frequency is None else 1.0 / (self.pwm_frequency * self.sampling_period)
 
     @property
     def double(self) -> bool:
         """Whether duties are updated twice a PWM period: legs rise in one sampling period and fall in the next."""
         return self.samples_a_period > 1.5
+
+    @property
+    def periods_a_row(self) -> int:
+        """PWM periods from one row of a log to the next: 1 but for slow logs."""
+        return max(1, round(1.0 / self.samples_a_period))
+
+    @property
+    def update_period(self) -> float:
+        """Seconds for which the PWM holds a voltage: the sampling period but for slow logs."""
+        return self.sampling_period / self.periods_a_row
+
+    def at_full_rate(self) -> Converter:
+        """Return the drive itself, which samples in every PWM period, of what a slow log says of it."""
+        if self.periods_a_row == 1:
+            return self
+        return replace(self, sampling_period=self.update_period, pwm_frequency=None, between_rows=None)
 
     @property
     def voltage_limit(self) -> float:
@@ -322,6 +346,10 @@ class Drive:
             f"{motor.rated_speed_rpm:g} rpm, {self.converter.dc_bus_voltage:g} V, injects {injection.amplitude:g} V at "
             f"{injection.frequency:g} Hz>"
         )
+
+    def at_full_rate(self) -> Drive:
+        """Return it with a converter that samples in every PWM period."""
+        return replace(self, converter=self.converter.at_full_rate())
 
     @property
     def name(self) -> str:

@@ -333,7 +333,7 @@ def scales(motor: Motor, converter: Converter) -> dict[str, float]:
         "rated reactance": motor.rated_omega * max(motor.inductance_d, motor.inductance_q),
         "DC link": converter.dc_bus_voltage,
         "DC link / rated current": converter.dc_bus_voltage / motor.rated_current,
-        "PWM period": converter.sampling_period,
+        "PWM period": converter.update_period,
         "pole pairs": float(motor.pole_pairs),
         "inertia": motor.inertia,
         "inertia x (2 pi 100 Hz)^2": motor.inertia * (math.tau * 100.0) ** 2,

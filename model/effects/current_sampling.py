@@ -18,7 +18,7 @@ def taken(delay, jitter):
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how far from its instant a sample may be."""
-    half = 0.5 * converter.sampling_period
+    half = 0.5 * converter.update_period
     yield Limit("current_sampling.delay", abs(v["current_sampling.delay"]), half, "s, half the sampling period")
     yield Limit(
         "current_sampling.jitter", 6.0 * v["current_sampling.jitter"], half, "s in six sigma, half the PWM period"

@@ -47,7 +47,7 @@ def commutated(time, capacitance, zone_width, zone_shape, hold, before, after, l
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how late an edge may be."""
     yield Limit(
-        "dead_time.time", abs(v["dead_time.time"]), 0.5 * converter.sampling_period, "s, half the sampling period"
+        "dead_time.time", abs(v["dead_time.time"]), 0.5 * converter.update_period, "s, half the sampling period"
     )
 
 

@@ -20,7 +20,7 @@ def later(delay):
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how late a recorded voltage may come, and a simulated one, of which the control knows nothing."""
-    delay, period = v["pwm_delay.delay"], converter.sampling_period
+    delay, period = v["pwm_delay.delay"], converter.update_period
     yield Limit("pwm_delay.delay", delay, LATEST * period, f"s, {LATEST:g} sampling periods")
     late = delay + abs(v["dead_time.time"])
     what = "s, half the PWM period: a simulated drive's control takes its voltage for punctual"
@@ -30,8 +30,7 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     delay = v["pwm_delay.delay"]
-    periods = delay / converter.sampling_period
-    rows = round(periods)
+    periods, rows = delay / converter.update_period, round(delay / converter.sampling_period)
     said = f"delay of {number(periods)} periods"
     if rows == 0:
         return f"{said}: count {quantity(delay, 's')} more into the angle of the commanded voltage"

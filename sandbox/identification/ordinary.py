@@ -27,6 +27,7 @@ from model.errors import BadInput, PhysicsError
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.recordings.row_commands import mean_command
 from sandbox.replay.replay import Prepared, prepare, replay, residuals
 
 Array = NDArray[np.float64]
@@ -183,7 +184,7 @@ def _equations(r: CampaignRecording, drive: Drive) -> tuple[Array, Array]:
     gives, over windows of a recording in its stator frame."""
     h = drive.converter.sampling_period
     i_alpha, i_beta = r.current
-    i, u = i_alpha + 1j * i_beta, r.u_alpha + 1j * r.u_beta
+    i, u = i_alpha + 1j * i_beta, mean_command(r.u_alpha + 1j * r.u_beta, r.theta, drive.converter)
     size = max(1, min(8, (len(i) - 1) // 8))
     ends = np.arange(0, len(i), size)
     turn = np.exp(1j * r.theta)
@@ -254,7 +255,7 @@ class _Search:
         self.begin = np.array([math.log(begin[n]) if n in NAMES else 0.0 for n in names])
         self.x = self.begin.copy()
         converter = drive.converter
-        own = {THRESHOLD: DROP * converter.dc_bus_voltage, DEAD: DROP * converter.sampling_period}
+        own = {THRESHOLD: DROP * converter.dc_bus_voltage, DEAD: DROP * converter.update_period}
         own |= dict.fromkeys(OFFSETS, OFFSET * drive.motor.rated_current)
         self.prior = np.array([own.get(n, math.inf) for n in names])
         self.step = np.where(self.logs, SHARE, [SHARE * own.get(n, 1.0) for n in names])

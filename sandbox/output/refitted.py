@@ -74,7 +74,7 @@ class Refitted:
                 ("[flux_map]", _flux_map(motor)),
                 ("[ci95]", ends),
                 ("[uncertainty]", spread),
-                ("[drive]", dataclasses.asdict(drive.converter)),
+                ("[drive]", dataclasses.asdict(drive.converter.at_full_rate())),
                 ("[injection]", dataclasses.asdict(drive.injection)),
                 ("[provenance]", drive.provenance),
             ]

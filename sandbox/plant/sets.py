@@ -234,7 +234,7 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
     _check_fixed(w, motor, sets)
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
-    w["when"][:] = readings_at(w["sample"], converter.sampling_period)
+    w["when"][:] = readings_at(w["sample"], converter.update_period)
     return w
 
 

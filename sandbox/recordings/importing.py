@@ -37,6 +37,7 @@ from sandbox.recordings.copies import counted_once
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
+from sandbox.recordings.slow import with_slow_rows
 from sandbox.recordings.stamps import Log, by_arrival, cut_at_gaps, parse_log, polled, stamp_jitter
 
 Array = NDArray[np.float64]
@@ -169,7 +170,7 @@ def unchecked(source: Source) -> Campaign:
         stated = table_of(data, "drive")
         data["drive"] = {**stated, "current_noise": math.hypot(converter.current_noise, max(noises))}
     campaign = assemble(data, tuple(recordings), source.folder.resolve().name, source.name, source.map_folder)
-    return counted_once(dataclasses.replace(campaign, findings=(*findings, *campaign.findings)))
+    return with_slow_rows(counted_once(dataclasses.replace(campaign, findings=(*findings, *campaign.findings))))
 
 
 def _timed(

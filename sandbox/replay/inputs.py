@@ -21,6 +21,7 @@ from sandbox.plant.gates.modulation import is_plain, modulated, modulation_of
 from sandbox.plant.mechanics import swing
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.recordings.row_commands import every_period
 from sandbox.replay.kernel import TRACK
 from sandbox.replay.smoothing import GAINS, Motion, driven_motion, free_motion, locked_motion, motion_gains
 
@@ -39,7 +40,7 @@ class Inputs:
 
     file: str
     rotor: str
-    track: Any  # (n,) of `kernel.TRACK`
+    track: Any  # (n held,) of `kernel.TRACK`
     read: Array
     motion: Motion
     angle_floor: float  # rad rms of one encoder reading
@@ -48,6 +49,7 @@ class Inputs:
     turning: bool  # a free rotor turns there, by more than the motion filter takes for standing
     of: str = ""  # file of the recording that this one is a part of, or its own
     first: int = 0  # samples from that recording's beginning to the first one here
+    held: int = 1  # PWM periods a sample: more than one in a slow log
     settling: Inputs | None = None  # of the samples before: states settle in them, they are no part of the residual
 
     @property
@@ -60,23 +62,35 @@ class Inputs:
         """Name of the angle that it is turned by, a file: parts of a locked recording stand at the same one."""
         return (self.of or self.file) if self.rotor == "locked" else self.file
 
+    @property
+    def angle_read(self) -> Array:
+        """The encoder's reading (n,), rad."""
+        return np.asarray(self.track["read"][:: self.held])
+
     def mean_duty(self) -> Array:
-        """Return the vector (n, 2) of the duties commanded: mean voltage over the link's."""
-        return np.asarray((2.0 / 3.0) * np.stack([self.track[f"d_{x}"] for x in "abc"], axis=1) @ LEGS)
+        """Return the vector (n, 2) of the duties commanded, mean from row to row: mean voltage over the link's."""
+        return np.asarray((2.0 / 3.0) * self.duty() @ LEGS)
+
+    def duty(self) -> Array:
+        """Return the legs' duties (n, 3), mean from row to row."""
+        return np.stack([self.track[f"d_{x}"].reshape(-1, self.held).mean(axis=1) for x in "abc"], axis=1)
 
     def cut(self, first: int, last: int) -> Inputs:
         """Return samples first to last - 1, that start from the current read there."""
         own, m = slice(first, last), self.motion
         motion = Motion(m.angle[own], m.speed[own], m.eccentric)
         return replace(
-            self, track=self.track[own], read=self.read[own], motion=motion, loaded=self.loaded or first > 0,
+            self, track=self.track[self.held * first : self.held * last], read=self.read[own], motion=motion,
+            loaded=self.loaded or first > 0,
             turning=self.turning or first > 0, first=self.first + first, settling=None if first else self.settling,
         )  # fmt: skip
 
     def turned(self, shift: float, period: float) -> Inputs:
-        """Return the same with the motion turned by an angle (rad, electrical), also where states settle."""
+        """Return the same with the motion turned by an angle (rad, electrical), also where states settle; period: s
+        from row to row."""
         motion = replace(self.motion, angle=self.motion.angle + shift)
-        track = with_columns(self.track, course_of(motion, self.pole_pairs, period))
+        fine = motion.finer(self.held, period)
+        track = with_columns(self.track, course_of(fine, self.pole_pairs, period / self.held))
         settling = None if self.settling is None else self.settling.turned(shift, period)
         return replace(self, motion=motion, track=track, settling=settling)
 
@@ -147,7 +161,6 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
         raise BadInput(f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V; duties need a positive link voltage")
     count = math.tau * motor.pole_pairs / converter.encoder_counts if converter.encoder_counts else 1e-4
     variance = max(count, 1e-9) ** 2 / 12.0
-    duty = np.ascontiguousarray(counted(legs_of(r, converter), converter.pwm_counts).T)
     load = np.array(r.columns.get("load_torque", np.zeros(n)), dtype=float)
     motion = _motion(campaign, r, base, load, count)
     gains = np.zeros(n, GAINS)
@@ -155,33 +168,37 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
         torque_error, rate = torque_noise(motor, converter), motor.pole_pairs / motor.inertia
         start = (count / period) ** 2
         gains = motion_gains(load, rate, period, variance, torque_error**2, load_share(campaign), start)
-    course = course_of(motion, motor.pole_pairs, period)
-    read = np.array(r.theta, dtype=float)
-    columns = {f"d_{x}": d for x, d in zip("abc", duty, strict=True)} | course
-    half = 1.0 - 2.0 * (np.arange(n) % 2) if converter.double else np.zeros(n)
-    columns |= {"half": half, "link": link_of(r, converter)}
-    columns |= {"load": load, "read": read, "scale": gains["scale"]}
-    columns |= {"gain_angle": gains["angle"], "gain_speed": gains["speed"]}
-    track = with_columns(np.zeros(n, TRACK), columns)
+    held = converter.periods_a_row
+    fine = motion.finer(held, period)
+    u_alpha, u_beta, u_dc = every_period(r, converter, fine.angle)
+    duty = np.ascontiguousarray(counted(legs_of(u_alpha, u_beta, u_dc, converter), converter.pwm_counts).T)
+    columns = {f"d_{x}": d for x, d in zip("abc", duty, strict=True)}
+    columns |= course_of(fine, motor.pole_pairs, converter.update_period)
+    half = 1.0 - 2.0 * (np.arange(n) % 2) if converter.double else np.zeros(n * held)
+    columns |= {"half": half, "link": link_of(r, converter, u_dc)}
+    own = {"load": load, "read": np.array(r.theta, dtype=float), "scale": gains["scale"]}
+    own |= {"gain_angle": gains["angle"], "gain_speed": gains["speed"]}
+    columns |= {name: np.repeat(x, held) for name, x in own.items()}
+    track = with_columns(np.zeros(n * held, TRACK), columns)
     read_currents = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
     off = at_rest_reading(batch_of(motor, converter, [complete(motor, converter, base)], 1))
     current = math.hypot(*stationary(*(float(x) for x in read_currents[0] - off)))
     return Inputs(
         r.file, r.rotor, track, read_currents, motion, math.sqrt(variance), float(motor.pole_pairs),
         current > AT_REST * motor.rated_current, abs(float(motion.speed[0])) > count / period, r.origin,
-        round(r.starts_at / period),
+        round(r.starts_at / period), held,
     )  # fmt: skip
 
 
-def link_of(r: CampaignRecording, converter: Converter) -> Array:
-    """Return the link's voltage over [drive]'s nominal one, mean over the period from each sample on (n,).
+def link_of(r: CampaignRecording, converter: Converter, u_dc: Array) -> Array:
+    """Return the link's voltage over [drive]'s nominal one, mean over the period from each reading u_dc (V) on (n,).
 
     A `measured` link goes straight from reading to reading; a steady one is what the recording says it is.
     """
     if converter.dc_link == "measured":
-        after = np.append(r.u_dc[1:], r.u_dc[-1])
-        return np.asarray(0.5 * (r.u_dc + after) / converter.dc_bus_voltage)
-    return np.full(len(r.t), (r.dc_bus_voltage or converter.dc_bus_voltage) / converter.dc_bus_voltage)
+        after = np.append(u_dc[1:], u_dc[-1])
+        return np.asarray(0.5 * (u_dc + after) / converter.dc_bus_voltage)
+    return np.full(len(u_dc), (r.dc_bus_voltage or converter.dc_bus_voltage) / converter.dc_bus_voltage)
 
 
 def counted(duty: Array, counts: int | None) -> Array:
@@ -200,12 +217,12 @@ def torque_noise(motor: Motor, converter: Converter) -> float:
     return 1.5 * motor.pole_pairs * max(motor.magnet_flux, reluctance) * noise_floor(converter)
 
 
-def legs_of(r: CampaignRecording, converter: Converter) -> Array:
-    """Return the legs' duties (n, 3) as the drive that made a recording modulates."""
+def legs_of(u_alpha: Array, u_beta: Array, u_dc: Array, converter: Converter) -> Array:
+    """Return the legs' duties (n, 3) of commands (n,) in V as the drive that made a recording modulates."""
     how = modulation_of(converter)
     if is_plain(how):
-        return duties(r.u_alpha, r.u_beta, r.u_dc)
-    return np.array([modulated(how, *row) for row in zip(r.u_alpha, r.u_beta, r.u_dc, strict=True)])
+        return duties(u_alpha, u_beta, u_dc)
+    return np.array([modulated(how, *row) for row in zip(u_alpha, u_beta, u_dc, strict=True)])
 
 
 def duties(u_alpha: Array, u_beta: Array, u_dc: Array) -> Array:

@@ -73,13 +73,16 @@ def predict(w, features, track, k, period):
 
 
 @kernel
-def run(w, flux_map, timing, features, room, track, begins, eccentric, supply, span, start, stop, out, moved, first):
-    """Replay samples start to stop - 1 of one recording; return what `span` is to be for those after them.
+def run(
+    w, flux_map, timing, features, room, track, held, begins, eccentric, supply, span, start, stop, out, moved, first
+):
+    """Replay PWM periods start to stop - 1 of one recording; return what `span` is to be for those after them.
 
-    Readings (A) of sample k go to out[k - start, 0:3, first:first + lanes], a free rotor's innovations to
-    moved[k - start, first:] where features say MOTION.  w starts with fluxes and currents of the first sample, room
+    Each held-th of them begins a row of the log; start and stop are multiples.  Readings (A) of row k go to
+    out[k - start / held, 0:3, first:first + lanes], a free rotor's innovations to moved[k - start / held, first:] where
+    features say MOTION.  w starts with fluxes and currents of the first sample, room
     fresh, span at 0; all three are handed on from stretch to stretch.  Lanes that sample before the pattern's start
-    write one row ahead: `out` has a row for sample `stop`, unless there is none.  track: (n,) of TRACK; begins: samples
+    write one row ahead: `out` has a row for period `stop`, unless there is none.  track: (n,) of TRACK; begins: periods
     from the recording's beginning to its first one; eccentric: the angle handed in still holds what encoders are off;
     supply: w.supply as it began.
     """
@@ -96,8 +99,9 @@ def run(w, flux_map, timing, features, room, track, begins, eccentric, supply, s
         read(w)
         write(w, out, 0, first)
     for k in range(start, stop):
-        if features & add.MOTION:
-            correct(w, track, k, moved, k - start, first)
+        own, shown = (k - start) // held, k % held == 0
+        if features & add.MOTION and shown:
+            correct(w, track, k, moved, own, first)
         if wobbling and k < n - 1:
             deviate(w, track[k + 1].turn)
         row = track[k]
@@ -112,11 +116,12 @@ def run(w, flux_map, timing, features, room, track, begins, eccentric, supply, s
         course = Course(row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, STILL)
         span = travel(w, flux_map, timing, features, room, course, (begins + k) * period, span, looks, seen)
         read(w)
-        if timing.first >= 0.0:
-            write(w, out, k - start, first)
-        else:
-            write_some(w, out, k - start, first, False)
-            write_some(w, out, min(k + 1, n - 1) - start, first, k < n - 1)
+        if shown and timing.first >= 0.0:
+            write(w, out, own, first)
+        elif shown:
+            write_some(w, out, own, first, False)
+        if timing.first < 0.0 and (k + 1) % held == 0 and k < n - 1:
+            write_some(w, out, own + 1, first, True)
         if features & add.MOTION:
             predict(w, features, track, k, period)
         if wobbling:

@@ -192,7 +192,7 @@ def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
 def residual_of(prepared: Prepared, s: Stretch, shown: Shown) -> Residual:
     """Return the residuals over a stretch of what is predicted there."""
     r, own = prepared.recordings[s.recording], slice(s.first, s.last)
-    turned = None if shown.angle is None else (r.track["read"][own, None] - shown.angle) / r.angle_floor
+    turned = None if shown.angle is None else (r.angle_read[own, None] - shown.angle) / r.angle_floor
     return Residual(r.file, r.rotor, (r.read[own, :, None] - shown.current) / prepared.floor, shown.motion, turned)
 
 
@@ -217,7 +217,7 @@ def needs_of(motor: Motor, converter: Converter, v: Set) -> int:
 
 def whole_periods(motor: Motor, converter: Converter, v: Set) -> int:
     """Return by how many whole periods a completed set's voltage comes later than its sample is taken."""
-    return max(0, math.floor(-sampled_at(motor, converter, v) / converter.sampling_period))
+    return max(0, math.floor(-sampled_at(motor, converter, v) / converter.update_period))
 
 
 def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence[Set]) -> Block:
@@ -233,9 +233,9 @@ def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence
     lock = np.array([v["bench.lock_angle"] for v in own])
     batch, late = batch_of(motor, converter, own, lanes), whole_periods(motor, converter, own[0])
     if late:
-        batch["delay"] -= late * converter.sampling_period
-        batch["sample"] += late * converter.sampling_period
-        batch["when"] = readings_at(batch["sample"], converter.sampling_period)
+        batch["delay"] -= late * converter.update_period
+        batch["sample"] += late * converter.update_period
+        batch["when"] = readings_at(batch["sample"], converter.update_period)
     return Block(tuple(members), batch, lock, features, late)
 
 

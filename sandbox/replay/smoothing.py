@@ -48,6 +48,17 @@ class Motion:
         out = a[:, None] + (b - a)[:, None] * y
         return np.asarray(out + period * x * (1.0 - x) * (v[:, None] * (1.0 - x) - w[:, None] * x))
 
+    def finer(self, parts: int, period: float) -> Motion:
+        """Return it at so many instants a sampling period (s): (n parts,), as `at`."""
+        if parts == 1:
+            return self
+        a, v, n = self.angle, self.speed, len(self.angle)
+        b, w = np.append(a[1:], a[-1] + period * v[-1]), np.append(v[1:], v[-1])
+        x = (np.arange(parts) / parts)[None, :]
+        rate = ((b - a) / period)[:, None] * 6.0 * x * (1.0 - x)
+        speed = rate + v[:, None] * (1.0 - x) * (1.0 - 3.0 * x) - w[:, None] * x * (2.0 - 3.0 * x)
+        return Motion(self.at(period, x[0]).reshape(n * parts), speed.reshape(n * parts), self.eccentric)
+
 
 def locked_motion(theta: Array) -> Motion:
     """Return the motion of a rotor that stands: the mean reading."""

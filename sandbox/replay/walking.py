@@ -78,7 +78,7 @@ class Running:
         flux_map = energy if isinstance(energy, SplineEnergy) else None
         features = block.features | (additions.MOTION if r.rotor == "free" else 0)
         start_states(w, r.settling or r, flux_map)
-        timing = timing_of(w, drive.converter.sampling_period, steps)
+        timing = timing_of(w, drive.converter.update_period, steps)
         track = later(r.track if r.settling is None else np.concatenate([r.settling.track, r.track]), block.late)
         own = cls(r, w, flux_map, timing, features, blank_room(block.lanes), track, np.array(w["supply"]))
         if r.settling is not None:
@@ -89,7 +89,7 @@ class Running:
         """Go on to sample `stop`: readings (A) into columns first ... of out (stop - done, 3, ...), innovations of a
         free rotor into those of moved (stop - done, ...).  Before the end of a recording `out` has a row more."""
         columns = slice(first, first + len(self.supply))
-        ahead, before = stop < self.r.samples, len(self.track) - self.r.samples
+        ahead, before = stop < self.r.samples, len(self.track) // self.r.held - self.r.samples
         assert out.shape[0] >= stop - self.done + ahead, "no room for the readings: compiled code writes unchecked"
         assert out.shape[2] >= columns.stop, "no room for every lane of the block"
         if self.ahead is not None:
@@ -105,11 +105,12 @@ class Running:
         self.ahead = out[n].copy()
 
     def _run(self, start: int, stop: int, out: Array, moved: Array, first: int) -> None:
-        """Go through samples start to stop - 1 of the track."""
-        begins = (self.r.settling or self.r).first
+        """Go through samples start to stop - 1, each of so many periods of the track."""
+        held = self.r.held
+        begins = held * (self.r.settling or self.r).first
         self.span = run(
-            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, begins,
-            self.r.motion.eccentric, self.supply, self.span, start, stop, out, moved, first,
+            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, held, begins,
+            self.r.motion.eccentric, self.supply, self.span, held * start, held * stop, out, moved, first,
         )  # fmt: skip
 
 

@@ -76,7 +76,7 @@ def _response(point: Point, r: Inputs, read: Array) -> Array:
 
 def voltages(r: Inputs, read: Array) -> Iterator[Complex]:
     """Yield an inverter's voltage errors as vectors of the stationary frame (n,); read: currents (n, 3) over rated."""
-    duty = np.stack([r.track[f"d_{x}"] for x in "abc"], axis=1)
+    duty = r.duty()
     mean = r.mean_duty()
     u = mean[:, 0] + 1j * mean[:, 1]
     step = u - _before(u, 1)

@@ -47,7 +47,8 @@ def bench_table(campaign: Campaign, following: Next, drive: Drive) -> BenchTable
     [limits] hold for what that motor is predicted to do (where there are none, what `menu` asks for); None where it
     cannot do the experiment within them.
     """
-    wanted = next(e for e in menu(campaign.drive, following.seconds) if e.name == following.entry)
+    drive = drive.at_full_rate()
+    wanted = next(e for e in menu(campaign.drive.at_full_rate(), following.seconds) if e.name == following.entry)
     entry = within(wanted, drive, campaign.limits)
     if entry is None:
         return None

@@ -185,6 +185,7 @@ def recommend(
     rivals = rivals[:RIVALS]
     if len(rivals) < 2:
         return None
+    campaign = replace(campaign, drive=campaign.drive.at_full_rate())
     entries = [e for e in allowed(campaign.drive, campaign.limits) if names is None or e.name in names]
     if campaign.rated_from_data and all(r.rotor == "locked" for r in campaign.recordings):
         entries = [e for e in entries if e.rotor == "locked"]  # nothing says how fast it may turn

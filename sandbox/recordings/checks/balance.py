@@ -24,6 +24,7 @@ from model.energy import AnyEnergy, flux_from_current
 from model.errors import PhysicsError
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
+from sandbox.recordings.row_commands import mean_command
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
@@ -105,7 +106,7 @@ def _differences(
     u = columns["u_alpha"][part] + 1j * columns["u_beta"][part]
     a, b, c = (columns[n][part] for n in PHASES)
     i = (2.0 * a - b - c) / 3.0 + 1j * (b - c) / math.sqrt(3.0)
-    rows = ends - ends[0]
+    u, rows = mean_command(u, columns["theta"][part], drive.converter), ends - ends[0]
     turn = np.exp(1j * columns["theta"][ends])
     if asked is None:
         half_sum, half_gap = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)

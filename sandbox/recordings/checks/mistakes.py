@@ -46,6 +46,7 @@ from sandbox.recordings.checks.changes import (
     voltage_of,
     voltages_held,
 )
+from sandbox.recordings.row_commands import mean_command
 
 EXPLAINED = 0.2  # share that undoing a mistake must reach ...
 BETTER = 4.0  # ... and the factor by which it must fall
@@ -176,7 +177,8 @@ class Products:
 
     def _products(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
         span = self.drive.converter.sampling_period * self.size
-        u = self._kept("voltage", self._voltage, voltage, turn if self.turns_u else 1.0)
+        own = turn if self.turns_u else 1.0
+        u = self._kept("voltage", self._voltage, voltage, own, turn if self.drive.converter.periods_a_row > 1 else own)
         mean, i = self._kept("current", self._current, current, turn if self.turns_i else 1.0)
         around = np.exp(1j * (turn * self.columns["theta"][self.at]))
         x = np.stack(
@@ -184,10 +186,11 @@ class Products:
         )
         return x.conj().T @ x
 
-    def _voltage(self, change: Change | None, turn: float) -> Complex:
-        """Return the means of the voltage over windows."""
+    def _voltage(self, change: Change | None, turn: float, read: float) -> Complex:
+        """Return the means of the voltage over windows; read: how many times itself the angle is between slow rows."""
         signal = voltage_of if change is None or change.signal is None else change.signal
-        return self._means((signal(self.columns) * self._moved(turn))[:-1])
+        u = signal(self.columns) * self._moved(turn)
+        return self._means(mean_command(u, read * self.columns["theta"], self.drive.converter)[:-1])
 
     def _current(self, change: Change | None, turn: float) -> tuple[Complex, Complex]:
         """Return the means of the current over windows, and its values where they begin."""
