@@ -237,10 +237,10 @@ class Converter:
             raise unknown("[drive] modulation", self.modulation, MODULATIONS)
         if self.overmodulation is not None and self.overmodulation not in OVERMODULATIONS:
             raise unknown("[drive] overmodulation", self.overmodulation, OVERMODULATIONS)
-        if not self.least_pulse < 0.25 * self.sampling_period:
+        if not self.least_pulse < 0.25 * self.update_period:
             raise BadInput(
                 f"[drive] least_pulse = {self.least_pulse:g} s is out of range; pulses are as long as the voltage "
-                f"needs: give less than a quarter of sampling_period = {self.sampling_period:g} s"
+                f"needs: give less than a quarter of the PWM period = {self.update_period:g} s"
             )
         if self.double and (self.modulation != "centred" or self.overmodulation or self.least_pulse):
             raise BadInput(

@@ -188,7 +188,9 @@ def _passed(told: list[Hypothesis]) -> list[Hypothesis]:
 
 def misstated(noise: Noise) -> float:
     """Return by how much of itself the noise's square may be misstated: twice what the floor that is used differs from
-    the noise that readings show; nothing where the stated one stands alone."""
+    the noise that readings show; nothing where the stated one stands alone; what is estimated for a slow log, all."""
+    if noise.unseen:
+        return (noise.unseen / noise.used) ** 2
     if noise.seen is None:
         return 0.0
     apart = abs(math.log(noise.used / noise.seen))

@@ -14,19 +14,24 @@ each leg loses.  Where that does not tell, commands count as held.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
+from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
 from sandbox.recordings.checks.balance import balance
 from sandbox.recordings.row_commands import HELD, INTERPOLATED
+from sandbox.recordings.stamps import MOST_SEGMENTS, SHORTEST, segment_name
 
 WORDS = {HELD: "held until the next row", INTERPOLATED: "interpolated in the rotor's frame"}
 SURE, NEAR = 0.2, 0.2  # standard deviation of the share, and distance from a whole number, up to which it is one
+SETTLED = 3.0  # times L/R
+JUMP, SEEN = 8.0, 10.0  # times the usual change of a step, and times the sensors' noise: a command that jumps
 WINDOW, FEWEST = 4, 16  # rows, of the balance that tells; windows that a recording needs
 
 
@@ -56,9 +61,94 @@ def with_slow_rows(campaign: Campaign) -> Campaign:
             f"{injected[0]}: injection of {campaign.drive.injection.frequency:g} Hz needs four rows a period and more, "
             f"{1.0 / c.sampling_period:g} rows a second are logged: log every PWM period while injecting"
         )
-    findings = [Finding(first, "t", None, text)]
+    findings, recordings = [Finding(first, "t", None, text)], list(campaign.recordings)
     drive = dataclasses.replace(campaign.drive, converter=converter)
-    return dataclasses.replace(campaign, drive=drive, findings=(*campaign.findings, *findings))
+    if way == INTERPOLATED:
+        recordings = []
+        for r in campaign.recordings:
+            parts, told_of = without_jumps(r, drive)
+            recordings += parts
+            findings += told_of
+    unseen = _unseen(recordings, drive) if way == INTERPOLATED else 0.0
+    if unseen:
+        text = (
+            f"{first}: what commands do between rows leaves currents open by {unseen:.3g} A rms, which counts as noise"
+        )
+        findings.append(Finding(first, "u_alpha", None, text))
+    return dataclasses.replace(
+        campaign, drive=drive, recordings=tuple(recordings), findings=(*campaign.findings, *findings), unseen=unseen
+    )
+
+
+def _unseen(recordings: Sequence[CampaignRecording], drive: Drive) -> float:
+    """Return the current (A rms of a phase) that commands leave open which scatter about straight lines.
+
+    Second differences of white values have six times their variance.  A row's mean voltage is off by half of what both
+    ends are off, and the next one shares one of them: of such a voltage's variance v, R and L that keep a share x of
+    the current from row to row gather 0.5 v (period / L)^2 / (1 - x).
+    """
+    squares = rows = 0.0
+    for r in recordings:
+        bend = np.abs(np.diff((r.u_alpha + 1j * r.u_beta) * np.exp(-1j * r.theta), 2))
+        squares, rows = squares + 0.5 * float(bend @ bend) / 6.0, rows + len(bend)
+    m, period = drive.motor, drive.converter.sampling_period
+    gathered = [
+        0.5 * squares / rows * (period / inductance) ** 2 / -math.expm1(-m.resistance * period / inductance)
+        for inductance in (m.inductance_d, m.inductance_q)
+    ]
+    return math.sqrt(0.5 * sum(gathered))
+
+
+def without_jumps(r: CampaignRecording, drive: Drive) -> tuple[list[CampaignRecording], list[Finding]]:
+    """Return the parts of a recording between rows where the command jumps, and a finding; parts of SHORTEST rows and
+    more, or the whole where there are none.
+
+    A jump is a step of u_d, u_q unlike both steps beside it: JUMP times the usual difference of two steps, and enough
+    to leave the current open by SEEN times the sensors' noise, as the jump may come anywhere between the rows.
+    """
+    step = np.diff((r.u_alpha + 1j * r.u_beta) * np.exp(-1j * r.theta))
+    if len(step) < SHORTEST:
+        return [r], []
+    turn = np.abs(np.diff(step))
+    alone = np.minimum(np.append(turn, np.inf), np.insert(turn, 0, np.inf))
+    c, m = drive.converter, drive.motor
+    noise = math.hypot(c.current_noise, c.current_resolution / math.sqrt(12.0))
+    least = SEEN * noise * min(m.inductance_d, m.inductance_q) / (0.5 * c.sampling_period)
+    jumps = np.flatnonzero(alone > max(JUMP * float(np.median(turn)), least))
+    if not jumps.size:
+        return [r], []
+    k = int(jumps[np.argmax(alone[jumps])])
+    often = "once" if jumps.size == 1 else f"{jumps.size} times"
+    said = (
+        f"{r.file}: the command jumps between two rows ({often}, by {abs(step[k]):.3g} V after row {k}); "
+        "what it did there is not known"
+    )
+    bounds = [0, *(int(j) + 1 for j in jumps), len(r.t)]
+    kept = [(a, b) for a, b in itertools.pairwise(bounds) if b - a >= SHORTEST]
+    kept = sorted(sorted(kept, key=lambda x: x[0] - x[1])[:MOST_SEGMENTS])
+    if not kept:
+        return [r], [Doubt(r.file, "u_alpha", k, f"{said}, and may look like an effect: log every PWM period")]
+    left = len(r.t) - sum(b - a for a, b in kept)
+    settle = math.ceil(SETTLED * max(m.inductance_d, m.inductance_q) / m.resistance / c.sampling_period)
+    parts = f"{len(kept)} part{'s' if len(kept) > 1 else ''}"
+    text = f"{said}: it is cut there into {parts}, {settle} rows after a jump only let the currents settle"
+    text += f"; {left} rows of shorter parts are left out" if left else ""
+    return [_part(r, n, a, b, settle) for n, (a, b) in enumerate(kept, 1)], [Finding(r.file, "u_alpha", k, text)]
+
+
+def _part(r: CampaignRecording, number: int, first: int, last: int, settle: int) -> CampaignRecording:
+    """Return rows first to last - 1 of a recording as one of its own, after a jump without those that settle."""
+    own = min(first + settle, first + (last - first) // 2) if first else first
+    columns, before = ({name: x[rows].copy() for name, x in r.columns.items()} for rows in (
+        slice(own, last), slice(first, own)
+    ))  # fmt: skip
+    begins = float(columns["t"][0])
+    columns["t"] -= begins
+    before["t"] -= begins
+    return dataclasses.replace(
+        r, file=segment_name(r.file, number), of=r.origin, starts_at=r.starts_at + begins, columns=columns,
+        settling=before if own > first else {},
+    )  # fmt: skip
 
 
 def interpolated(campaign: Campaign) -> tuple[float, float]:

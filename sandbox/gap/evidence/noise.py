@@ -33,6 +33,7 @@ class Noise(NamedTuple):
     stated: float
     seen: float | None
     used: float
+    unseen: float = 0.0  # part of it that stands for commands between the rows of a slow log, estimated
 
 
 def seen(campaign: Campaign) -> float | None:
@@ -47,15 +48,16 @@ def floor_of(campaign: Campaign, stated: float) -> float:
     """Return the noise floor (A rms) that the stated one and the one seen agree on: both vote.
 
     Where they differ by what the seen one errs (VOTE) the stated one stands; the further they part, the more the seen
-    one counts.  Beyond PLAUSIBLE, as `noise_caution` says, or where none is seen, the stated one stands alone.
+    one counts.  Beyond PLAUSIBLE, as `noise_caution` says, or where none is seen, the stated one stands alone.  What a
+    slow log leaves open (`Campaign.unseen`) comes on top.
     """
-    return voted(stated, _quarter(campaign))
+    return math.hypot(voted(stated, _quarter(campaign)), campaign.unseen)
 
 
 def noise_of(campaign: Campaign) -> Noise:
     """Return the noise that a campaign states, that its readings show, and the floor that follows."""
     stated, shown = noise_floor(campaign.drive.converter), _quarter(campaign)
-    return Noise(stated, shown, voted(stated, shown))
+    return Noise(stated, shown, math.hypot(voted(stated, shown), campaign.unseen), campaign.unseen)
 
 
 def voted(stated: float, shown: float | None) -> float:
@@ -140,7 +142,7 @@ def parting(own: Noise) -> str:
     """Return a sentence on a stated noise that is overruled by the one seen, or stands against it; else ""."""
     if own.seen is None:
         return ""
-    overruled = abs(math.log(own.used / own.seen)) < abs(math.log(own.used / own.stated))
+    overruled = not own.unseen and abs(math.log(own.used / own.seen)) < abs(math.log(own.used / own.stated))
     if not overruled and not far_apart(own):
         return ""
     said = (

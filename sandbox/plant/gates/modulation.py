@@ -48,9 +48,7 @@ MODULATION = numba.typeof(PLAIN)
 def modulation_of(converter: Converter) -> Modulation:
     """Return how a converter modulates."""
     beyond = 0 if converter.overmodulation is None else 1 + OVERMODULATIONS.index(converter.overmodulation)
-    return Modulation(
-        MODULATIONS.index(converter.modulation), beyond, converter.least_pulse / converter.sampling_period
-    )
+    return Modulation(MODULATIONS.index(converter.modulation), beyond, converter.least_pulse / converter.update_period)
 
 
 @kernel

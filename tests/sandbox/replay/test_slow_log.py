@@ -1,13 +1,14 @@
 """A log of each 16th PWM period, against the switched bench that runs every one of them."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
 
 from model.errors import BadInput
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.recordings.slow import SURE, interpolated, with_slow_rows
+from sandbox.recordings.slow import SURE, interpolated, with_slow_rows, without_jumps
 from sandbox.replay.replay import prepare, replay
 from sandbox.replay.smoothing import Motion
 from sandbox.switched.advance import replay as switched
@@ -105,3 +106,59 @@ def stated(told, way):
     """Return a campaign that says what its commands do."""
     converter = dataclasses.replace(told.drive.converter, between_rows=way)
     return dataclasses.replace(told, drive=dataclasses.replace(told.drive, converter=converter))
+
+
+def turning_log(voltage, drive):
+    """Return a recording of a rotor at 360 rad/s with commands u_q (n,) in V, currents of 0.3 A."""
+    n = len(voltage)
+    t = SLOW.sampling_period * np.arange(n)
+    theta = 360.0 * t
+    u, i = 1j * voltage * np.exp(1j * theta), 0.3j * np.exp(1j * theta)
+    phases = {f"i_{x}": (i * np.exp(-2j * np.pi / 3.0 * k)).real for k, x in enumerate("abc")}
+    columns = {"t": t, "u_alpha": u.real, "u_beta": u.imag, "theta": theta, "u_dc": np.full(n, 400.0), **phases}
+    return CampaignRecording("log.csv", "driven", "none", columns)
+
+
+def test_a_log_is_cut_where_commands_jump_between_rows():
+    """Two steps of 20 V: three parts; the first rows of the latter two, three times L/R, let currents settle."""
+    drive = stated(
+        Campaign("slow", dataclasses.replace(DRIVE, converter=SLOW), (), {}, {}, False), "interpolated"
+    ).drive
+    k = np.arange(300)
+    r = turning_log(30.0 + np.where((k >= 100) & (k < 200), 20.0, 0.0) + 0.01 * np.cos(1.7 * k), drive)
+    parts, (finding,) = without_jumps(r, drive)
+    settle = int(np.ceil(3.0 * DRIVE.motor.inductance_d / DRIVE.motor.resistance / SLOW.sampling_period))
+    assert [(p.file, p.of, len(p.t), len(p.settling.get("t", ()))) for p in parts] == [
+        ("log-1.csv", "log.csv", 100, 0), ("log-2.csv", "log.csv", 100 - settle, settle),
+        ("log-3.csv", "log.csv", 100 - settle, settle),
+    ]  # fmt: skip
+    assert parts[1].starts_at == pytest.approx((100 + settle) * SLOW.sampling_period)
+    assert np.array_equal(parts[1].with_settling().theta, r.theta[100:200])
+    assert "jumps between two rows (2 times, by 20 V after row" in finding.text
+    assert (
+        without_jumps(turning_log(30.0 + 20.0 * k / 300.0 + 0.01 * np.cos(1.7 * k), drive), drive)[0][0].file
+        == "log.csv"
+    )
+
+
+def test_what_scattering_commands_leave_open_counts_as_noise():
+    """White commands of 1 V: the error of a mean of both ends, gathered by R and L row by row."""
+    rng = np.random.default_rng(1)
+    n = 4000
+    told = Campaign("slow", dataclasses.replace(DRIVE, converter=SLOW), (), {}, {}, False)
+    noise = rng.standard_normal(n) + 1j * rng.standard_normal(n)
+    r = turning_log(30.0 * np.ones(n), DRIVE)
+    u = r.u_alpha + 1j * r.u_beta + noise * np.exp(1j * r.theta)
+    r = dataclasses.replace(r, columns={**r.columns, "u_alpha": u.real, "u_beta": u.imag})
+    m, h, squares = DRIVE.motor, SLOW.sampling_period, []
+    for inductance in (m.inductance_d, m.inductance_q):
+        i, x = 0.0, []
+        for a, b in itertools.pairwise(noise.real):
+            keeps = np.exp(-m.resistance * h / inductance)
+            i = keeps * i + h / inductance * 0.5 * (a + b)
+            x.append(i)
+        squares.append(np.mean(np.square(x[200:])))
+    own = stated(dataclasses.replace(told, recordings=(r,)), "interpolated")
+    found = with_slow_rows(own)
+    assert found.unseen == pytest.approx(np.sqrt(np.mean(squares)), rel=0.1)  # 4000 rows, some 500 of them independent
+    assert f"leaves currents open by {found.unseen:.3g} A rms" in found.findings[-1].text
