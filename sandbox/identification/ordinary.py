@@ -27,7 +27,7 @@ from model.errors import BadInput, PhysicsError
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.recordings.row_commands import mean_command
+from sandbox.recordings.rows.commands import mean_command
 from sandbox.replay.replay import Prepared, prepare, replay, residuals
 
 Array = NDArray[np.float64]

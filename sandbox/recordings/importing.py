@@ -37,7 +37,7 @@ from sandbox.recordings.copies import counted_once
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
-from sandbox.recordings.slow import with_slow_rows
+from sandbox.recordings.rows.slow import with_slow_rows
 from sandbox.recordings.stamps import Log, by_arrival, cut_at_gaps, parse_log, polled, stamp_jitter
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from sandbox.plant.gates.modulation import is_plain, modulated, modulation_of
 from sandbox.plant.mechanics import swing
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.recordings.row_commands import every_period
+from sandbox.recordings.rows.commands import every_period
 from sandbox.replay.kernel import TRACK
 from sandbox.replay.smoothing import GAINS, Motion, driven_motion, free_motion, locked_motion, motion_gains
 

@@ -24,7 +24,7 @@ from model.energy import AnyEnergy, flux_from_current
 from model.errors import PhysicsError
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
-from sandbox.recordings.row_commands import mean_command
+from sandbox.recordings.rows.commands import mean_command
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]

@@ -46,7 +46,7 @@ from sandbox.recordings.checks.changes import (
     voltage_of,
     voltages_held,
 )
-from sandbox.recordings.row_commands import mean_command
+from sandbox.recordings.rows.commands import mean_command
 
 EXPLAINED = 0.2  # share that undoing a mistake must reach ...
 BETTER = 4.0  # ... and the factor by which it must fall

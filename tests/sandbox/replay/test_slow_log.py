@@ -8,7 +8,7 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.recordings.slow import SURE, interpolated, with_slow_rows, without_jumps
+from sandbox.recordings.rows.slow import SURE, interpolated, with_slow_rows, without_jumps
 from sandbox.replay.replay import prepare, replay
 from sandbox.replay.smoothing import Motion
 from sandbox.switched.advance import replay as switched

@@ -25,7 +25,7 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
 from sandbox.recordings.checks.balance import balance
-from sandbox.recordings.row_commands import HELD, INTERPOLATED
+from sandbox.recordings.rows.commands import HELD, INTERPOLATED
 from sandbox.recordings.stamps import MOST_SEGMENTS, SHORTEST, segment_name
 
 WORDS = {HELD: "held until the next row", INTERPOLATED: "interpolated in the rotor's frame"}

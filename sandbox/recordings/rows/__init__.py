@@ -1,0 +1,1 @@
+"""Rows of logs that are no samples of the drive: several PWM periods apart."""
