@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from model.compiled import kernel
@@ -22,6 +24,16 @@ TRACK = np.dtype([(name, np.float64) for name in (
     "middle_turn", "middle_omega",  # smoothed mechanical angle and speed in the middle of the period
 )])  # fmt: skip
 """What a recording gives to all sets alike, one record a sample."""
+
+
+class Rows(NamedTuple):
+    """Periods start to stop - 1 of a track, of which each held-th begins a row of the log; begins: periods from the
+    recording's beginning to the first one of the track."""
+
+    held: int
+    begins: int
+    start: int
+    stop: int
 
 
 @kernel
@@ -73,20 +85,17 @@ def predict(w, features, track, k, period):
 
 
 @kernel
-def run(
-    w, flux_map, timing, features, room, track, held, begins, eccentric, supply, span, start, stop, out, moved, first
-):
-    """Replay PWM periods start to stop - 1 of one recording; return what `span` is to be for those after them.
+def run(w, flux_map, timing, features, room, track, rows, eccentric, supply, span, out, moved, first):
+    """Replay some PWM periods of one recording; return what `span` is to be for those after them.
 
-    Each held-th of them begins a row of the log; start and stop are multiples.  Readings (A) of row k go to
-    out[k - start / held, 0:3, first:first + lanes], a free rotor's innovations to moved[k - start / held, first:] where
-    features say MOTION.  w starts with fluxes and currents of the first sample, room
+    Readings (A) of row k of the log go to out[k - first row, 0:3, first:first + lanes], a free rotor's innovations to
+    moved[k - first row, first:] where features say MOTION.  w starts with fluxes and currents of the first sample, room
     fresh, span at 0; all three are handed on from stretch to stretch.  Lanes that sample before the pattern's start
-    write one row ahead: `out` has a row for period `stop`, unless there is none.  track: (n,) of TRACK; begins: periods
-    from the recording's beginning to its first one; eccentric: the angle handed in still holds what encoders are off;
-    supply: w.supply as it began.
+    write one row ahead: `out` has a row for period `stop`, unless there is none.  track: (n,) of TRACK; rows: `Rows`;
+    eccentric: the angle handed in still holds what encoders are off; supply: w.supply as it began.
     """
     n, lanes, period = len(track), w.psi_a.size, timing.period
+    held, begins, start, stop = rows.held, rows.begins, rows.start, rows.stop
     looks, seen = np.empty(0), np.empty((0, 2))
     wobbling = features & add.WOBBLE != 0 and eccentric
     if start == 0:

@@ -20,7 +20,7 @@ from sandbox.plant.batch import blank_room
 from sandbox.plant.electrical import quartic
 from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
-from sandbox.replay.kernel import run
+from sandbox.replay.kernel import Rows, run
 
 Array = NDArray[np.float64]
 ENERGY_ROWS = (
@@ -107,10 +107,10 @@ class Running:
     def _run(self, start: int, stop: int, out: Array, moved: Array, first: int) -> None:
         """Go through samples start to stop - 1, each of so many periods of the track."""
         held = self.r.held
-        begins = held * (self.r.settling or self.r).first
+        rows = Rows(held, held * (self.r.settling or self.r).first, held * start, held * stop)
         self.span = run(
-            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, held, begins,
-            self.r.motion.eccentric, self.supply, self.span, held * start, held * stop, out, moved, first,
+            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, rows,
+            self.r.motion.eccentric, self.supply, self.span, out, moved, first,
         )  # fmt: skip
 
 
