@@ -7,6 +7,7 @@ Cells that are empty or no number become NaN; rows are counted from 0, after hea
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MOST_LEFT = 1000  # lines left out that are remembered
+WIDER = re.compile(r"Expected (\d+) columns, got (\d+)")
 BLOCK = 1 << 20  # bytes pyarrow parses at a time
 
 
@@ -105,8 +107,10 @@ class _Reading:
                 self._add(batch, parts)
         except ArrowException as error:
             if "Empty CSV file" not in str(error):
-                said = str(error).splitlines()[0][:80]
-                raise BadInput(f"{self.file}: cannot be read as CSV ({said}); export it again") from None
+                said, remedy = str(error).splitlines()[0][:80], "export it again"
+                if separator == "," and (counts := WIDER.search(said)) and int(counts[2]) > 1.5 * int(counts[1]):
+                    remedy = "are there decimal commas, too? export it with points, or with ; between the cells"
+                raise BadInput(f"{self.file}: cannot be read as CSV ({said}); {remedy}") from None
         self._judge_skipped()
         return [np.concatenate(x) if x else np.zeros(0) for x in parts]
 

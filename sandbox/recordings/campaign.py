@@ -56,6 +56,7 @@ TABLES = (
 )  # fmt: skip
 EXAMPLE = Path(__file__).parent / "example"  # the sample campaign (experiments/example_campaign.py)
 LARGEST = 1e12  # of any recorded number, in its unit
+LARGEST_CURRENT = 1e5  # A peak, as of rated_current in [motor]
 LINK = (0.1, 1e5)  # V, as in [drive]
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
 NO_LIMITS = Limits()
@@ -257,6 +258,9 @@ def assemble(
 
     source: the file an error names; folder: in which a nominal model's [flux_map] names its file.
     """
+    if "rated_current" not in data.get("motor", {}):  # the largest reading stands in
+        for r in recordings:
+            _refuse_currents(r)
     try:
         own_name = _name(data, name)
         stated = {"name": _name(data, "campaign"), **table_of(data, "motor")}
@@ -299,6 +303,17 @@ def _reached(recordings: Sequence[CampaignRecording]) -> Reached | None:
     moving = [r for r in recordings if r.rotor != "locked"]
     speed = max((float(np.ptp(r.theta) / (np.ptp(r.t) or math.inf)) for r in moving), default=0.0)
     return Reached(current, speed, any(r.rotor == "free" for r in recordings))
+
+
+def _refuse_currents(r: CampaignRecording) -> None:
+    """Raise BadInput for a reading that is no motor's current."""
+    for name in ("i_a", "i_b", "i_c"):
+        bad = first_beyond(r[name], LARGEST_CURRENT)
+        if bad is not None:
+            raise BadInput(
+                f"{r.file}: row {bad} of column '{name}' is {r[name][bad]:.6g} A, more than a motor's current "
+                f"({LARGEST_CURRENT:g} A); leave the recording out, or map the unit it is in"
+            )
 
 
 def _injection(

@@ -43,9 +43,11 @@ KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
 LARGEST = 1e18  # of any cell, nanoseconds included
 MOST_ROWS = MOST_VALUES // len(REQUIRED)  # of a recording: a log of few columns becomes all that are needed
 SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
+HEXADECIMAL = re.compile(r"\s*0[xX][0-9a-fA-F]+\s*$")
 PORT = re.compile(r'"|/"?(?:Out|In)\d+"?$')  # what a path of Simulink has beside a signal's name
 BRACKET = re.compile(r"[\[(][^\[\]()]*[\])]\s*$")
 LETTERS = ("A", "B", "C")  # units, and names of phases
+DISORDER = 0.2  # of the rows: stamps that go back
 MOST_LISTED = 12  # columns named where one is missing
 
 
@@ -173,7 +175,20 @@ def measured(
             entry = Column(name, name)
         if entry is not None:
             found[name] = _values(file, table, entry, length, pole_pairs, notes, turns_between(found))
+            if name == "t":
+                _refuse_disorder(file, found[name])
     return found, notes
+
+
+def _refuse_disorder(file: str, t: Array) -> None:
+    """Raise BadInput where stamps go back as often as forth: rows that are out of order, or all in reverse."""
+    back = np.flatnonzero(np.diff(t) < 0.0)
+    if back.size > DISORDER * len(t):
+        k = int(back[0]) + 1
+        raise BadInput(
+            f"{file}: row {k} of column 't' is {t[k]:.9g}, before row {k - 1} ({t[k - 1]:.9g}), and so in {back.size} "
+            "rows: they are out of order; sort them by time"
+        )
 
 
 def available(table: Table, columns: Mapping[str, Column]) -> dict[str, Column]:
@@ -273,10 +288,12 @@ def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
     if k is not None:
         cell = table.odd.get((column, k))
         shown = f"{raw[k]}" if cell is None else f"'{cell[:20]}'" if cell else "empty"
-        raise BadInput(
-            f"{file}: row {k} of column '{column}' is {shown}, no number that was measured; record every sample "
-            "and export it again"
-        )
+        remedy = "record every sample and export it again"
+        if cell and HEXADECIMAL.match(cell):
+            remedy = "it is hexadecimal: export decimal numbers, with their sign"
+        elif cell and cell.count(":") == 2:
+            remedy = "it is a time of day: export seconds, from any beginning"
+        raise BadInput(f"{file}: row {k} of column '{column}' is {shown}, no number that was measured; {remedy}")
 
 
 def _lost(file: str, column: str, text: str) -> Finding:

@@ -72,6 +72,7 @@ def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
 def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
     """Return findings on flat currents; BadInput for a phase of another unit or sign, a stuck or saturated sensor."""
     phase = {n: r.columns[n] for n in PHASES}
+    _refuse_one_sided(r, phase)
     _odd_one_out(r, phase)
     total, _ = rest_of_sum(np.stack(list(phase.values())))
     largest = max(float(np.max(np.abs(x))) for x in phase.values())
@@ -90,16 +91,34 @@ def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
                 f"while another phase moves by {others:.3g} A"
             )
             if np.mean(np.abs(total[begin:end]) > bound) > 0.5:
-                cause = (
-                    "its sensor is saturated: lower the current or widen the range"
-                    if top
-                    else ("its sensor is stuck: repair it or leave the recording out")
-                )
+                cause = "its sensor is stuck: repair it or leave the recording out"
+                if not np.any(x):
+                    cause = "it was not recorded: leave it out of [columns], two currents are enough"
+                elif top:
+                    cause = "its sensor is saturated: lower the current or widen the range"
                 raise BadInput(f"{said}, and the three no longer sum to zero (bound {bound:.2g} A); {cause}")
             if x[begin] != 0.0:
                 findings.append(Finding(r.file, name, begin, f"{said}: {what}; check the sensor"))
             break
     return findings + check_sensors(r, drive)
+
+
+def _refuse_one_sided(r: CampaignRecording, phase: dict[str, Array]) -> None:
+    """Raise BadInput for three currents that never change their sign: those of a star sum to zero."""
+    least = float(np.min(list(phase.values())))
+    if least < 0.0 or not all(np.ptp(x) > 0.0 for x in phase.values()):
+        return
+    x = phase["i_a"]
+    top, middle = max(float(np.max(y)) for y in phase.values()), float(np.mean(list(phase.values())))
+    cause = (
+        f"counts with their zero in the middle? map them with scale (A of a count) and offset = -{middle:.4g} x scale"
+    )
+    if 0.9 * 2**16 < top < 2**16:
+        cause = "are they 16 bits without a sign? take 65536 off those above 32767"
+    raise BadInput(
+        f"{r.file}: row 0 of column 'i_a' is {x[0]:.6g}; in all rows all three currents are positive, and those of one "
+        f"star sum to zero: {cause}"
+    )
 
 
 def _odd_one_out(r: CampaignRecording, phase: dict[str, Array]) -> None:

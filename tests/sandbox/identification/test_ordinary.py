@@ -12,6 +12,7 @@ from model.errors import BadInput
 from model.frames import phases
 from model.parameters import Converter, Drive, Injection, Motor
 from sandbox import Scenario, Segment, load_motor, read_campaign
+from sandbox.cli import main
 from sandbox.identification.ordinary import fit_ordinary, linear
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from tests.data import real_data
@@ -104,6 +105,19 @@ def test_recordings_without_current_are_refused(tmp_path):
     still = dataclasses.replace(r, columns={n: x * (n in ("t", "u_dc")) for n, x in r.columns.items()})
     with pytest.raises(BadInput, match="nothing to identify; record steps of the current"):
         fit_ordinary(dataclasses.replace(campaign, recordings=(still,)))
+
+
+def test_recordings_that_no_motor_explains_are_refused(tmp_path, capsys):
+    """A core of a fiftieth of its usual resistance takes much of the current: no R, L and flux stand for it.  The words
+    tell the misfit, and where to look."""
+    core = {"iron_loss.core_resistance": 40.0, "iron_loss.time_constant": 2e-4}
+    sandbox.simulate(
+        "ipm_exchanged", SPIN, "qnull", closed_loop=False, effects=core, record=tmp_path / "record", seed=2
+    )
+    assert main(["identify", str(tmp_path / "record"), "--out", str(tmp_path / "out"), "--quiet"]) == 3
+    said = capsys.readouterr().err
+    assert "times as much as the sensors' noise (2.2 at most)" in said
+    assert "sensorless diagnose" in said
 
 
 def test_the_command_tells_and_writes_what_it_found(tmp_path, capsys):

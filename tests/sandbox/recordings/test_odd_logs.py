@@ -1,0 +1,83 @@
+"""Logs as they come out of other programs, each wrong in one way: each ends in one sentence that names it."""
+
+import numpy as np
+import pytest
+
+from model.errors import BadInput
+from sandbox.recordings.importing import read_recordings
+
+MAP = """[drive]
+sampling_period = 1e-3
+dc_bus_voltage = 24.0
+[motor]
+pole_pairs = 4
+resistance = 1.0
+inductance_d = 1e-3
+inductance_q = 2e-3
+magnet_flux = 0.01
+[[recording]]
+file = "log.csv"
+rotor = "locked"
+"""
+NAMES = ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta")
+
+
+def columns(n=200):
+    """Return a locked rotor's currents, slowly around the circle."""
+    t = 1e-3 * np.arange(n)
+    around = 2.0 * np.pi * t
+    i = {x: 2.0 * np.cos(around - 2.0 * np.pi / 3.0 * k) for k, x in enumerate(("i_a", "i_b", "i_c"))}
+    return {"t": t, "u_alpha": 2.0 * np.cos(around), "u_beta": 2.0 * np.sin(around), **i, "theta": np.zeros(n)}
+
+
+def read(folder, made, separator=",", point="."):
+    """Write columns as text and read them; made: cells that are texts stay as they are."""
+    cells = [[x if isinstance(x, str) else f"{x:.9g}".replace(".", point) for x in made[n]] for n in NAMES]
+    rows = [separator.join(NAMES), *(separator.join(row) for row in zip(*cells, strict=True))]
+    (folder / "log.csv").write_text("\n".join(rows) + "\n")
+    (folder / "map.toml").write_text(MAP)
+    return read_recordings(folder, folder / "map.toml")
+
+
+def changed(**other):
+    return {**columns(), **other}
+
+
+def test_as_it_is(tmp_path):
+    assert len(read(tmp_path, columns())) == 1
+
+
+@pytest.mark.parametrize(("separator", "point"), [(";", ","), ("\t", ",")])
+def test_decimal_commas_are_read(tmp_path, separator, point):
+    assert np.allclose(read(tmp_path, columns(), separator, point)["log"].i_a, columns()["i_a"], rtol=0, atol=1e-8)
+
+
+def counts(shift, wrap):
+    """Return the currents in counts of 1 mA, about a middle, or without their sign."""
+    own = columns()
+    return {n: (np.round(1000.0 * own[n]) + shift) % wrap for n in ("i_a", "i_b", "i_c")}
+
+
+SHUFFLED = np.random.default_rng(0).permutation(200)
+WRONG = {
+    "in disorder": ({n: x[SHUFFLED] for n, x in columns().items()}, "out of order; sort them by time"),
+    "in reverse": ({n: x[::-1] for n, x in columns().items()}, "in 199 rows: they are out of order"),
+    "hexadecimal": (changed(i_a=[hex(k) for k in range(200)]), "row 0 of column 'i_a' is '0x0'.*it is hexadecimal"),
+    "time of day": (changed(t=[f"12:00:{k / 1e3:06.3f}" for k in range(200)]), "is a time of day: export seconds"),
+    "zero in the middle": (changed(**counts(2500.0, 1e9)), "their zero in the middle.*offset = -2500 x scale"),
+    "no sign": (changed(**counts(0.0, 65536.0)), "16 bits without a sign. take 65536 off those above 32767"),
+    "one spike": (changed(i_a=np.where(np.arange(200) == 50, 1e6, columns()["i_a"])), "row 50 of column .i_a. is 1e"),
+    "not recorded": (changed(i_b=np.zeros(200)), "it was not recorded: leave it out of .columns."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_one_sentence_says_what_is_wrong(tmp_path, name):
+    made, said = WRONG[name]
+    with pytest.raises(BadInput, match=said):
+        read(tmp_path, made)
+
+
+def test_decimal_commas_between_commas_are_named(tmp_path):
+    with pytest.raises(BadInput, match="with decimal commas the separator must be"):
+        read(tmp_path, {n: 1.5 + x for n, x in columns().items()}, ",", ",")
