@@ -20,7 +20,9 @@ from typing import Any
 
 from experiments.second_bench_scores import page
 from sandbox.gap.diagnose import Diagnosis, diagnose
+from sandbox.gap.excerpts import excerpted
 from sandbox.gap.report.ranking import ranking
+from sandbox.recordings.campaign import read_campaign
 from sandbox.testbench.make import make
 from sandbox.testbench.seal import unpack
 from sandbox.withheld.scoring.running import code_digest
@@ -54,10 +56,11 @@ def answered(d: Diagnosis) -> dict[str, Any]:
 
 
 def one_row(folder: Path, name: str, kind: str, truth: dict[str, Any]) -> dict[str, Any]:
-    """Return the row of a campaign: its answer, and the truth that is looked at afterwards."""
+    """Return the row of a campaign: its answer, as `sensorless diagnose` gives it, and the truth that is looked at
+    afterwards."""
     began = time.process_time()
     try:
-        found: dict[str, Any] = answered(diagnose(folder, workers=1))
+        found: dict[str, Any] = answered(diagnose(excerpted(read_campaign(folder)), workers=1))
     except Exception as error:  # whatever it is, it counts as wrong
         found = {"failed": repr(error)}
     cpu = time.process_time() - began

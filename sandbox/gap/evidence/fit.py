@@ -42,6 +42,7 @@ ENOUGH = 0.25  # of it: a step that gains less climbs the sides of a bent valley
 HERE = 10.0
 # Share of the distance to the best rival: a step that gains less does not change which of them is ahead.
 LACKS = 5e-4
+ROUGH = 0.03  # share of what is left beside noise: a rough fit leaves the rest to the equations taken at its end
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
 SIGN = ("bench.soft_current", "bench.soft_shape")
@@ -95,7 +96,8 @@ def fit(
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
     The first part of a fit holds how a current's sign goes through zero, the second frees it where the residual is near
-    its floor (`_within_bounds`).  rough: the first part is enough, to a few per cent of what is left.
+    its floor (`_within_bounds`).  rough: the first part is enough, as long as steps gain more than ROUGH of what is
+    left.
 
     near: equations with slopes at a point near the start, which serve the first steps.
 
@@ -271,7 +273,8 @@ class Descent:
     def little(self) -> float:
         """Return what a step may gain and yet change no decision."""
         behind = max(0.0, self.value - self.task.leader)
-        return max(TOLERANCE * noise_at(self.n, self.task.weights), LACKS * behind)
+        left = ROUGH * excess_of(self.n, self.task.weights) if self.task.rough else 0.0
+        return max(TOLERANCE * noise_at(self.n, self.task.weights), LACKS * behind, left)
 
     def stepped(self, x: Array, prior: Prior, least: float) -> tuple[float, bool]:
         """Go to x where the objective falls by more than `least`; return by how much it would fall, and whether."""

@@ -2,10 +2,11 @@
 
     residual and slopes of all candidates at a point -> posterior over sets by algebra -> fit of the most probable set
 
-until the most probable set is the one that was fitted.  Far from the floor the misfit (`misfit`) makes the data count
-for less, so a round names what explains most, and the next one what is left.  Of a long campaign the first rounds look
-at excerpts; what these name is only where the rounds on all of it begin.  Sets within a few nats of the best one
-are then fitted themselves and weighed at their own points; all others keep the chance that the algebra gives them.
+until no other set is more probable. Far from the floor the misfit (`misfit`) makes the data count for less, each
+set's own: sets are weighed by what the best of them leaves, and one is taken only where its own fit proves better. Of
+a long campaign the first rounds look at excerpts; what these name is only where the rounds on all of it begin. Sets
+within a few nats of the best one are then fitted themselves and weighed at their own points; all others keep the
+chance that the algebra gives them.
 """
 
 from __future__ import annotations
@@ -15,22 +16,27 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model.effects import library
-from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
+from sandbox.gap.evidence.algebra import prior_of
+from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, objective, rms_of
 from sandbox.gap.evidence.normal import Normal, Point, part_of
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates, further
 from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
 from sandbox.gap.posterior.holdout import weights_of
-from sandbox.gap.posterior.linear_model import LinearModel, linear_model
+from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_model
 from sandbox.gap.posterior.misfit import misfit, weights
 from sandbox.gap.posterior.set_prior import Set, log_prior, possible
 from sandbox.gap.posterior.sets import Chosen, SetPosterior
 from sandbox.gap.posterior.settings import USUAL, Settings
 
+Array = NDArray[np.float64]
+Parts = tuple[tuple[str, int], ...]
 Report = Callable[[str], None]
 STRAIGHT = 0.1  # of an effect's wide prior: a move on which slopes hold (the curvature of a delay makes 5 % of it)
+REWEIGHTED = 8  # times at most that sets are weighed anew by what the best of them leaves; three or four are usual
 SMALL = 1e-6  # probability below which a set is not listed
 
 
@@ -141,44 +147,76 @@ class _Run:
 
         here: where the first round begins; whole: the last fit is one, else its first part is enough.
         """
-        known, rough, seen = None, bool(here.effects), {here.effects, ()}
+        known, rough = None, bool(here.effects)
+        seen = {_parts(here.effects), ()}
         self.problem.report("weighing all sets of effects")
         self.found = candidates(here.point, self.problem.exclude, left=rms_of(here))
         wide = 1 if here.effects else 2  # rounds that look at all candidates
         for turn in range(self.problem.settings.rounds):
             sets = self.linearised(here, self.found if turn < wide else self.candidates())
             known, self.linear = sets.model.normal, replace(sets.model, normal=sets.model.normal.bare())
-            best = sets.best()
-            self.choose(sets, best)
-            key = sets.names(best)
-            more = any(sets.model.candidates[k].part > 1 for k in best)
-            stands = not more and (key == here.effects or key in seen)
-            if stands and (not rough or not whole):
-                break
-            rough = not stands
-            new = self.fit_of(here.effects, here, known) if stands else self.fit_of(key, here, known, sets, best)
+            self.choose(sets, sets.best())
+            new = self.better(here, known, sets, seen)
             if new is None:
-                break
-            seen.add(new.effects)
+                if not rough or not whole:
+                    break
+                rough, new = False, self.fit_of(here.effects, here, known)
+                if new is None:
+                    break
+            else:
+                rough = True
             here, known = new, None
         if rough and whole:
             return self.fit_of(here.effects, here, known) or here, None
         return here, known
 
+    def better(self, here: Fit, known: Normal, sets: SetPosterior, seen: set[Parts]) -> Fit | None:
+        """Return the fit, its first part, of a more probable set than the one that is fitted here; None where there is
+        none.  seen: sets that need not be tried; those tried here join them.
+
+        Near the floor slopes are right, and the most probable set is taken.  Far from it they say little of sets far
+        from here: the most probable ones are tried, and the first whose own residual makes it better, weighed as the
+        one here is, is taken.
+        """
+        settings, far = self.problem.settings, rms_of(here) > NEAR
+        own = max((v for k, v in sets.known.items() if sets.parts(k) == _parts(here.effects)), default=-math.inf)
+        least = own - settings.near if far else max(own, sets.weigh(sets.best()))
+        near = sorted((k for k, v in sets.known.items() if v >= least), key=lambda k: (-sets.known[k], k))
+        met = weights(misfit(here.point))
+        for k in [k for k in near if sets.parts(k) not in seen][: settings.tries if far else 1]:
+            seen.add(sets.parts(k))
+            new = self.fit_of(sets.names(k), here, known, sets, k)
+            if new is not None and (not far or log_posterior(new, met, settings) > log_posterior(here, met, settings)):
+                return new
+        return None
+
     def linearised(self, here: Fit, found: Sequence[Candidate]) -> SetPosterior:
-        """Return the posterior over sets at a fit's point."""
-        p, more = self.problem, further(here.point, here.effects)
+        """Return the posterior over sets at a fit's point.
+
+        What a set leaves tells how far the data count: it is weighed anew by what the best set leaves, as slopes say,
+        until that is the best one.  So what is behind a large gap is named in one round.
+        """
+        p, more, variance = self.problem, further(here.point, here.effects), misfit(here.point)
         model = linear_model(
             here.point,
             [*found, *more],
             here.effects,
             self.trace,
-            weights(misfit(here.point)),
+            weights(variance),
             settings=p.settings,
             workers=p.workers,
         )
-        sets = SetPosterior(model)
-        sets.enumerate([k for k, c in enumerate(model.candidates) if c.effect in here.effects and c.part == 1])
+        own = tuple(k for k, c in enumerate(model.candidates) if c.effect in here.effects and c.part == 1)
+        best, sets = own, SetPosterior(model)
+        sets.enumerate(own)
+        for _ in range(REWEIGHTED):
+            if sets.best() == best:
+                break
+            best = sets.best()
+            met = left_by(model, sets.most_probable(best), variance)
+            model = replace(model, equations=equations(model.normal, weights(met)))
+            sets = SetPosterior(model)
+            sets.enumerate(own)
         return sets
 
     def choose(self, sets: SetPosterior, best: Chosen) -> None:
@@ -281,6 +319,28 @@ class _Run:
             near = []
         told = {k: min(v, 0.0) for k, v in told.items()} | {k: v - top for k, v in own.items()}
         return told, near
+
+
+def log_posterior(f: Fit, met: Weights, settings: Settings) -> float:
+    """Return the log posterior density of a fitted set at its point, up to a constant; met: weights of segments."""
+    return log_prior(f.effects, settings) - 0.5 * objective(f.normal, prior_of(f.normal.coordinates), met)
+
+
+def _parts(effects: Sequence[str]) -> Parts:
+    """Return the first part of each effect."""
+    return tuple((e, 1) for e in sorted(effects))
+
+
+def left_by(model: LinearModel, x: Array, variance: Mapping[tuple[int, str], float]) -> dict[tuple[int, str], float]:
+    """Return the variance that estimates meet in every segment with coordinates at x (p,), as the equations at the
+    model's point say; variance: at that point.  Its excess falls in proportion to the squared residual's."""
+    out = {}
+    for s in model.normal.segments:
+        move, here, n = (x - model.normal.x)[s.places], float(s.rr.sum()), float(s.n.sum())
+        there = here - 2.0 * float(move @ s.g.sum(0)) + float(move @ s.a.sum(0) @ move)
+        share = min(1.0, max(0.0, there - n) / (here - n)) if here > n else 1.0
+        out[s.recording, s.channel] = 1.0 + (variance[s.recording, s.channel] - 1.0) * share
+    return out
 
 
 def stand_ins(model: LinearModel, effects: Set, bend: float) -> list[Set]:

@@ -103,6 +103,11 @@ class SetPosterior:
         """Return the effects of a set."""
         return tuple(sorted({self.effects[k] for k in chosen}))
 
+    def parts(self, chosen: Iterable[int]) -> tuple[tuple[str, int], ...]:
+        """Return the effects of a set, each with its parts."""
+        own = (self.model.candidates[k] for k in chosen)
+        return tuple(sorted({(c.effect, c.part) for c in own}))
+
     def by_name(self) -> dict[Set, float]:
         """Return the log posterior of the sets weighed so far by their effects, candidates summed over."""
         out: dict[Set, float] = {}

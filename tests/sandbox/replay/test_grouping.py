@@ -5,8 +5,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from model.drive_files import load_drive
 from sandbox.plant import additions as add
-from sandbox.replay.grouping import ALONE, BARE, COSTS, ROOMS, cost, grouped, room_of
+from sandbox.plant.sets import complete
+from sandbox.replay.grouping import ALONE, BARE, COSTS, ROOMS, SAMPLED, cost, grouped, room_of
+from sandbox.replay.replay import needs_of
 
 NEEDS = (0, add.RUB, add.IRON, add.SKIN | add.ROUND, add.LEG, add.LEG | add.ROUND, add.MAGNETS | add.DRAWN)
 
@@ -98,3 +101,17 @@ def test_sets_alike_stay_together_and_heavy_ones_apart():
     groups = grouped([0] * 20 + [add.IRON])
     assert [20] in groups
     assert len(groups) == 2
+
+
+def test_sets_that_sample_off_the_pattern_run_apart():
+    """Many that need nothing and a few that sample late, more than one room takes: no block mixes them."""
+    needs = [0] * 20 + [SAMPLED] * 6
+    groups = grouped(needs, 0)
+    assert all(len({needs[k] for k in g}) == 1 for g in groups)
+
+
+def test_a_set_that_samples_late_needs_to():
+    drive = load_drive("ipm")
+    sets = [complete(drive.motor, drive.converter, {"current_sampling.delay": x}) for x in (0.0, 1e-6)]
+    apart = [needs_of(drive.motor, drive.converter, s) & SAMPLED for s in sets]
+    assert apart == [0, SAMPLED]
