@@ -4,8 +4,9 @@ Where each key comes from: VESC firmware (`datatypes.h`, `mcpwm_foc.c`: L is the
 `foc_motor_ld_lq_diff` beside it; centre-aligned PWM at half of `foc_f_zv`), ODrive's reference (phase values, torque
 constant 8.27 / Kv), moteus' reference (`v_per_hz`: phase peak V per mechanical Hz), SimpleFOC's documentation
 (BLDCMotor(pole pairs, phase resistance, Kv, phase inductance)).  Gains: VESC foc_current_kp, foc_current_ki (V/A,
-V/(A s)), and foc_dt_us; ODrive current_control_bandwidth (rad/s); moteus servo.pid_dq; SimpleFOC PID_current_q.  Not
-checked on the drives themselves.
+V/(A s)), and foc_dt_us, which corrects the voltage that its observer sees and that it reports, not the switching;
+ODrive current_control_bandwidth (rad/s); moteus servo.pid_dq; SimpleFOC PID_current_q.  Not checked on the drives
+themselves.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ VECTOR = 1.0 / (2.0 * math.pi)
 
 class Configuration(NamedTuple):
     """What program wrote it; statements: key of `model.tools.statements`, quantity as text; control: the current loop's
-    current_kp (V/A), current_ki (V/(A s)), bandwidth (rad/s), and dead_time (s) made up for, as far as stated."""
+    current_kp (V/A), current_ki (V/(A s)), bandwidth (rad/s), and dead_time (s) taken off the voltage that is reported,
+    as far as stated."""
 
     program: str
     stated: dict[str, str]

@@ -5,8 +5,9 @@ Gains cancel the winding's pole by the controller's zero: kp = omega L, ki = ome
 (Harnefors, Nee, Model-based current control of AC machines using the internal model control method, IEEE Trans.
 Industry Applications 34(1), 1998; so do VESC, ODrive, moteus and SimpleFOC work them out).  L is the mean of both axes
 where one gain serves both.  The bandwidth is the one that the configuration means: stated, or kp over its own L.  The
-time that dead-time compensation makes up for is the one stated and what recordings show beside it, for they were made
-with it on; a device's drop is made up for by threshold/link of a period.
+time that dead-time compensation should make up for is what recordings show that legs lose; a device's drop is made up
+for by threshold/link of a period.  Only VESC states one (`foc_dt_us`).  Its firmware takes it off the voltage that the
+observer sees and that is reported, not off the switching times: currents show the whole loss beside the duties.
 """
 
 from __future__ import annotations
@@ -90,10 +91,11 @@ def settings(
 ) -> list[Setting]:
     """Return every setting in the order of UNITS.
 
-    stated, found: by names of UNITS (found without gains, its dead_time what is left beside the compensation that was
-    on), SI; untold: why a value is not found; bandwidth: rad/s, of the current loop; named: effects in the voltages or
+    stated, found: by names of UNITS (found without gains), SI; a bandwidth or kp that is not positive is not stated;
+    untold: why a value is not found; bandwidth: rad/s, of the current loop; named: effects in the voltages or
     readings that the result names.
     """
+    stated = {k: v for k, v in stated.items() if v > 0.0 or k not in ("bandwidth", "current_kp")}
     rows = [_of_motor(name, stated, found, untold, named) for name in list(UNITS)[:4]]
     return [*rows, *_gains(stated, found, bandwidth), _dead_time(stated, found, untold)]
 
@@ -145,11 +147,11 @@ def _mean(found: Mapping[str, Found]) -> Found | None:
 
 
 def intended(stated: Mapping[str, float]) -> float | None:
-    """Return the current loop's bandwidth (rad/s) that a configuration means; None where it does not say."""
-    if "bandwidth" in stated:
+    """Return the current loop's bandwidth (rad/s) that a configuration means; None where it states none above 0."""
+    if stated.get("bandwidth", 0.0) > 0.0:
         return stated["bandwidth"]
     both = [stated[n] for n in ("inductance_d", "inductance_q") if n in stated]
-    return stated["current_kp"] * len(both) / sum(both) if both and "current_kp" in stated else None
+    return stated["current_kp"] * len(both) / sum(both) if both and stated.get("current_kp", 0.0) > 0.0 else None
 
 
 def _gains(stated: Mapping[str, float], found: Mapping[str, Found], bandwidth: float | None) -> list[Setting]:
@@ -183,22 +185,35 @@ def _gains(stated: Mapping[str, float], found: Mapping[str, Found], bandwidth: f
             if name == "current_kp":
                 said += f"; the loop is {'faster' if row.off > 0.0 else 'slower'} than meant"
             else:
-                said += f"; its zero lies {'above' if row.off > 0.0 else 'below'} the winding's pole"
+                said += _zero(own, of.value, inductance)
         rows.append(Setting(name, own.get(name), row.found, row.ci95, said))
     return rows
 
 
+def _zero(own: Mapping[str, float], resistance: float, inductance: Found | None) -> str:
+    """Return where the controller's zero ki/kp lies beside the winding's pole R/L; nothing without kp or L."""
+    if "current_kp" not in own or inductance is None:
+        return ""
+    ratio = own["current_ki"] / own["current_kp"] * inductance.value / resistance
+    if abs(ratio - 1.0) < NEAR:
+        return "; its zero is the winding's pole, both gains are off alike"
+    return f"; its zero lies {'above' if ratio > 1.0 else 'below'} the winding's pole"
+
+
 def _dead_time(stated: Mapping[str, float], found: Mapping[str, Found], untold: Mapping[str, str]) -> Setting:
-    left, own = found.get("dead_time"), stated.get("dead_time")
-    if left is None:
+    lost, own = found.get("dead_time"), stated.get("dead_time")
+    if lost is None:
         return Setting(
             "dead_time", own, None, None, untold.get("dead_time", "the result names no voltage that legs lose")
         )
-    on = own or 0.0
-    ends = None if left.ci95 is None else (on + left.ci95[0], on + left.ci95[1])
-    value = on + left.value
+    value, ends = max(0.0, lost.value), lost.ci95 and (max(0.0, lost.ci95[0]), max(0.0, lost.ci95[1]))
     row = Setting("dead_time", own, value, ends, "")
-    beside = f" beside the {1e6 * own:.3g} us made up for" if own else ""
-    said = f"legs lose {1e6 * left.value:.3g} us{beside}"
+    said = f"legs lose {1e6 * lost.value:.3g} us"
+    if lost.value < 0.0:
+        said = f"what legs lose is made up for by {-1e6 * lost.value:.3g} us too much"
     said += "" if row.verdict == "agrees" else f"; set {1e6 * value:.3g} us"
+    if own:
+        whole = 1e6 * max(0.0, own + lost.value)
+        said += f"; if the log holds VESC's reported d/q voltage, add the {1e6 * own:.3g} us stated: "
+        said += f"it was taken off there ({whole:.3g} us)"
     return Setting("dead_time", own, value, ends, said)

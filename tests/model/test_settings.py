@@ -67,11 +67,48 @@ def test_effects_of_the_voltage_are_named():
     assert "the result names pwm_delay" in row.said
 
 
-def test_dead_time_found_is_what_the_compensation_left():
+def test_dead_time_is_what_legs_lose():
+    """VESC's own time did not act on the switching: it is not added, but told for logs of its reported voltage."""
     row = rows(RIGHT | {"dead_time": 2e-7})["dead_time"]
-    assert row.found == pytest.approx(7e-7)
-    assert row.ci95 == pytest.approx((6e-7, 8e-7))
-    assert "set 0.7 us" in row.said
+    assert row.found == pytest.approx(5e-7)
+    assert row.ci95 == pytest.approx((4e-7, 6e-7))
+    assert row.said.startswith("legs lose 0.5 us; set 0.5 us; ")
+    assert "reported d/q voltage, add the 0.2 us stated: it was taken off there (0.7 us)" in row.said
+    assert rows(RIGHT)["dead_time"].said == "legs lose 0.5 us; set 0.5 us"
+    assert rows(RIGHT | {"dead_time": 5e-7})["dead_time"].said.startswith("legs lose 0.5 us; if the log")
+
+
+def test_too_much_made_up_for():
+    found = FOUND | {"dead_time": Found(-3e-7, (-4e-7, -2e-7))}
+    row = rows(RIGHT | {"dead_time": 5e-7}, found)["dead_time"]
+    assert (row.found, row.ci95, row.verdict, row.off) == (0.0, (0.0, 0.0), "differs", None)
+    assert row.said.startswith("what legs lose is made up for by 0.3 us too much; set 0 us; ")
+    assert row.said.endswith("(0.2 us)")
+    assert "lose -" not in row.said
+
+
+@pytest.mark.parametrize(
+    ("kp", "ki", "said"),
+    [(2.0, 2.0, "both gains are off alike"), (2.0, 2.06, "off alike"), (2.0, 1.5, "below"), (0.5, 0.6, "above")],
+)
+def test_where_the_zero_lies(kp, ki, said):
+    """ki/kp beside R/L = 2000/s, whatever ki is beside omega R."""
+    row = rows(RIGHT | {"current_kp": kp * 0.025, "current_ki": ki * 50.0}, bandwidth=1000.0)["current_ki"]
+    assert row.off == pytest.approx(ki - 1.0)
+    assert said in row.said
+    no_l = {k: v for k, v in FOUND.items() if not k.startswith("inductance")}
+    assert "zero" not in rows({"current_kp": 0.05, "current_ki": 99.0}, no_l, bandwidth=1000.0)["current_ki"].said
+    assert "zero" not in rows({"current_ki": 99.0}, bandwidth=1000.0)["current_ki"].said
+
+
+@pytest.mark.parametrize("value", [0.0, -0.01])
+def test_gains_of_zero_are_not_stated(value):
+    assert intended(RIGHT | {"current_kp": value}) is None
+    assert intended(RIGHT | {"bandwidth": value}) == pytest.approx(1000.0)
+    found = rows(RIGHT | {"current_kp": value})
+    assert found["current_kp"].stated is None
+    assert "no bandwidth is stated" in found["current_kp"].said
+    assert rows(RIGHT | {"current_kp": value}, bandwidth=1000.0)["current_kp"].verdict == "not stated"
 
 
 def test_what_is_not_told_or_not_stated():

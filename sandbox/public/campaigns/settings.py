@@ -69,7 +69,7 @@ def check_settings(result: str | Path, config: str | Path, bandwidth_hz: float |
     """Return the settings that a drive should have by its recordings, beside those of its configuration file.
 
     Values of the motor, gains of the current loop that cancel the winding's pole, and the time that dead-time
-    compensation makes up for.
+    compensation should make up for.
 
     Parameters
     ----------

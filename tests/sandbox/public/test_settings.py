@@ -46,7 +46,7 @@ def test_of_an_identification(tmp_path, capsys):
     assert found["resistance"].verdict == "differs"
     assert found["resistance"].ci95 == (0.049, 0.051)
     assert found["magnet_flux"].said == "no spin"  # stands in motor.toml, but has no interval
-    assert found["dead_time"].found == pytest.approx(1e-7 + 5e-7 + 0.3333333 / 24.0 * 5e-5)
+    assert found["dead_time"].found == pytest.approx(5e-7 + 0.3333333 / 24.0 * 5e-5)
     assert found["dead_time"].ci95 is None
     assert main(["settings", str(folder), "--config", str(folder / "vesc.xml"), "--out", str(tmp_path / "o")]) == 0
     assert "twice: as measured between two terminals" in capsys.readouterr().out
@@ -60,7 +60,7 @@ def test_of_a_diagnosis(tmp_path):
             "parameters": {"dead_time.time": {"value": 5e-7, "ci95": [4e-7, 6e-7], "unit": "s"}}}  # fmt: skip
     folder = result(tmp_path / "r", {"hypotheses": [best]}, "dead_time.time = 5e-7", name="diagnosis.json")
     found = {row.name: row for row in sandbox.check_settings(folder, folder / "vesc.xml", 200.0).rows}
-    assert found["dead_time"].ci95 == pytest.approx((5e-7, 7e-7))
+    assert found["dead_time"].ci95 == pytest.approx((4e-7, 6e-7))
     assert "the result names dead_time, pwm_delay" in found["resistance"].said
     assert found["current_kp"].found == pytest.approx(2.0 * 3.14159265 * 200.0 * 25e-6)
 
