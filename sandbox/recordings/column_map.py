@@ -250,7 +250,9 @@ def _values(
     if KIND[entry.name] == "angle":
         own = math.copysign(1.0, factor * entry.scale) / pairs
         steps = None if turns is None or entry.name != "theta" else own * turns
-        raw = unwrapped(file, key, raw, 2.0 * math.pi / abs(factor * entry.scale), notes, steps)
+        raw = unwrapped(
+            file, key, raw, 2.0 * math.pi / abs(factor * entry.scale), notes, steps, entry.name == "theta_hat"
+        )
     factor *= pairs
     if (factor, shift, entry.scale, entry.offset) == (1.0, 0.0, 1.0, 0.0):
         return raw

@@ -38,6 +38,7 @@ DRIFT = 6.0  # noise levels
 STILL = 2e-4  # of the largest vector's average: drift allowed where there is no noise
 LARGEST_TURN = 0.05  # rad, of a rotor called locked
 WRONG_AXIS = 0.35  # rad between injected voltage and the axis it is said to lie on
+LARGEST_CROSS = math.pi / 4.0  # rad between an axis of the rotor and the saliency's, half of an atan2(2 G_dq, ..)
 WRONG_UNIT = 8.0  # factor between resistance found and nominal
 
 
@@ -217,12 +218,27 @@ def _check_injection(
     moment = wave.T @ wave
     along = 0.5 * math.atan2(2 * moment[0, 1], moment[0, 0] - moment[1, 1])
     off = abs((along - axis * math.pi / 2 + math.pi / 2) % math.pi - math.pi / 2)
+    if off > WRONG_AXIS and _tracked(r, theta, slice(a * len(wave), b * len(wave))):
+        raise NoStaircase(
+            f"{r.file}: the injected voltage lies {math.degrees(off):.0f} degrees off axis {r.injection_axis}, where "
+            "the recorded estimate (theta_hat) turned it, as cross-saturation turns what an estimator follows; the "
+            "method needs injection on d or q of the rotor: inject by the encoder's angle"
+        )
     if off > WRONG_AXIS:
         raise BadInput(
             f"{r.file}: the injected voltage lies {math.degrees(off):.0f} degrees off axis "
             f"{r.injection_axis} at theta = "
             f"{theta:.4g}; give theta in electrical rad (not degrees, not mechanical) and the right injection_axis"
         )
+
+
+def _tracked(r: CampaignRecording, theta: float, rows: slice) -> bool:
+    """Tell whether an estimator held the injection: its estimate is recorded, no farther off than cross-saturation
+    turns an axis; then the angle is not what is wrong."""
+    if "theta_hat" not in r.columns:
+        return False
+    mean = np.mean(np.exp(2j * (r.columns["theta_hat"][rows] - theta)))  # d has no sign
+    return bool(abs(np.angle(mean)) / 2.0 <= LARGEST_CROSS)
 
 
 def check_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:

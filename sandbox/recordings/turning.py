@@ -22,31 +22,37 @@ NEAR = 0.25  # of a turn: a step that speed and angle can be compared on
 STRAY = 0.2  # turns rms between an angle and its speed; what they share by chance is 1 / sqrt(12) = 0.29
 BACK = 0.9  # of the range: a jump back that wraps
 LEVELS = 16  # different readings of an angle that turns
+QUARTER = 1e-4  # turns: how near to a quarter the step from alpha to beta is
 ALIKE = 0.03  # relative, of a range and a turn
 
 
 def unwrapped(
-    file: str, column: str, raw: Array, turn: float, notes: list[Finding], steps: Array | None = None
-) -> Array:
+    file: str, column: str, raw: Array, turn: float, notes: list[Finding], steps: Array | None = None,
+    estimate: bool = False,
+) -> Array:  # fmt: skip
     """Return an angle (in its own unit, `turn` of it a turn) without its jumps of one turn, noting that it was wrapped.
 
-    steps: turns from row to row by the log's own speed, where it holds one.  BadInput for an angle that wraps at
+    steps: turns from row to row by the log's own speed, where it holds one; estimate: whether it is an estimator's,
+    which starts up by steps of a quarter
+    and of half a turn (polarity).  BadInput for an angle that wraps at
     something else than a turn, that turns too far between two rows, or that goes another way than the speed.
     """
     step = np.diff(raw)
     if not step.size or np.ptp(raw) == 0.0:
         return raw
-    _refuse_other_turn(file, column, raw, step, turn)
+    if not (estimate and np.any(np.abs(np.abs(step) / turn - 0.25) < QUARTER)):
+        _refuse_other_turn(file, column, raw, step, turn)
     if np.ptp(raw) > WRAP * turn:
         return raw
     if steps is not None:
         return _by_speed(file, column, raw, step, turn, notes, steps)
-    jumps = np.flatnonzero(np.abs(step) > 0.5 * turn)
+    moved = np.mod(step + 0.5 * turn, turn) - 0.5 * turn
+    jumps, far = np.abs(step) > 0.5 * turn, np.abs(moved) > FOLLOWED * turn
+    jumps = np.flatnonzero(jumps & ~far if estimate else jumps)
     if not jumps.size:
         return raw
-    moved = np.mod(step + 0.5 * turn, turn) - 0.5 * turn
-    far = np.flatnonzero(np.abs(moved) > FOLLOWED * turn)
-    if far.size:
+    far = np.flatnonzero(far)
+    if far.size and not estimate:
         k = int(far[0])
         raise BadInput(
             f"{file}: row {k + 1} of column '{column}' is {abs(moved[k]) / turn:.2g} of a turn from the row before "

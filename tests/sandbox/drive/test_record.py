@@ -9,10 +9,13 @@ from estimators.registry import load_estimator
 from model.drive_files import load_drive
 from model.errors import BadInput
 from model.frames import wrapped
+from model.levels import NoStaircase
 from sandbox.drive.record import COUNTS, bench_of, campaign_of, injection_axis
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.importing import read_recordings
+from sandbox.recordings.staircase import levels_of
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay, residuals
 
@@ -140,3 +143,31 @@ def test_blocked_gates_are_not_recorded():
     blocked = Scenario("run", (Segment(0.1), Segment(0.1, blocked=True)))
     with pytest.raises(BadInput, match="blocks the gates"):
         bench_of(DRIVE, None, blocked)
+
+
+@pytest.mark.parametrize("angle", [0.0, -0.1, 4.0])
+def test_start_up_of_the_estimate_is_no_mistake_of_the_recording(angle, tmp_path):
+    """The estimate steps alpha, beta, axis found, and at 4 rad half a turn as its polarity shows."""
+    scenario = Scenario("run", (Segment(0.3),), start_angle=angle)
+    done = simulate(bench_of(DRIVE), scenario, load_estimator("qnull"), seed=3)
+    write_campaign(tmp_path / "c", campaign_of(bench_of(DRIVE), scenario, done.recording, "c"))
+    (own,) = read_recordings(tmp_path / "c").recordings
+    hat = own.columns["theta_hat"]
+    assert np.max(np.abs(np.diff(hat))) > 1.0
+    assert abs(wrapped(hat[-1] - own.theta[-1])) < 0.05
+
+
+def test_injection_that_an_estimator_turned_is_not_blamed_on_the_angle():
+    """180 % load turns the saliency of spm_exchanged by 15 degrees; the current loop's answer adds to it."""
+    drive = bench_of(load_drive("spm_exchanged"))
+    scenario = Scenario("run", (Segment(0.5, load=1.8, ramp=0.05), Segment(0.3)), start_up=False)
+    own = campaign_of(drive, scenario, simulate(drive, scenario, load_estimator("qnull"), seed=3).recording, "c")
+    with pytest.raises(NoStaircase, match=r"degrees off axis d, where the recorded estimate .* turned it"):
+        levels_of(own)
+    (r,) = own.recordings
+    bare = {n: x for n, x in r.columns.items() if n != "theta_hat"}
+    turned = {**r.columns, "theta": r.theta + 1.2}
+    for columns in (bare, turned):  # without an estimate, or far from it, the angle is to blame
+        with pytest.raises(BadInput, match="give theta in electrical rad") as told:
+            levels_of(dataclasses.replace(own, recordings=(dataclasses.replace(r, columns=columns),)))
+        assert not isinstance(told.value, NoStaircase)
