@@ -99,15 +99,21 @@ def check_settings(result: str | Path, config: str | Path, bandwidth_hz: float |
         raise BadInput(f"bandwidth = {bandwidth_hz:g} Hz is out of range; give a current loop's, up to 1e5 Hz")
     folder, told = _result(Path(result))
     motor = read_toml(folder / "motor.toml") if is_file(folder / "motor.toml") else {}
-    found, untold = _found(motor, folder, told)
+    try:
+        found, untold = _found(motor, folder, told)
+        named = sorted({str(e) for e in _best(told).get("effects", []) if e in OF_VOLTAGE})
+        pairs = str(motor.get("motor", {}).get("pole_pairs", 1))
+    except (AttributeError, LookupError, TypeError):  # of another shape than identify and diagnose give it
+        raise BadInput(
+            f"{folder}: its files are not as identify and diagnose write them; make the result again"
+        ) from None
     if not found:
         raise BadInput(
             f"{folder}: its recordings tell nothing of a motor's values or of what legs lose; record what shows them "
             "(sensorless plan says what)"
         )
     read = read_configuration(Path(config))
-    own = _stated(read.stated, motor) | read.control
-    named = sorted({str(e) for e in _best(told).get("effects", []) if e in OF_VOLTAGE})
+    own = _stated(read.stated, pairs) | read.control
     omega = None if bandwidth_hz is None else math.tau * bandwidth_hz
     return SettingsResult(str(told["campaign"]), read.program, tuple(settings(own, found, untold, omega, named)))
 
@@ -169,9 +175,9 @@ def _lost(motor: Mapping[str, Any], folder: Path, best: Mapping[str, Any]) -> Fo
     return Found(value, (value - math.sqrt(spread), value + math.sqrt(spread)) if known else None)
 
 
-def _stated(stated: Mapping[str, str], motor: Mapping[str, Any]) -> dict[str, float]:
+def _stated(stated: Mapping[str, str], pairs: str) -> dict[str, float]:
     """Return a configuration's values of [motor] in SI; pole pairs that it does not state are the result's."""
     known = dict(stated)
     if not {"pole_pairs", "poles"} & set(known):
-        known["pole_pairs"] = str(motor.get("motor", {}).get("pole_pairs", 1))
+        known["pole_pairs"] = pairs
     return {s.key: s.value for s in steps_of(known) if s.table == "motor" and s.key in UNITS}

@@ -82,3 +82,22 @@ def test_refusals(tmp_path, capsys):
     (whole / "identify.json").write_text("{")
     with pytest.raises(sandbox.BadInput, match="no whole JSON"):
         sandbox.check_settings(whole, whole / "vesc.xml")
+
+
+@pytest.mark.parametrize(
+    ("told", "motor"),
+    [
+        ({"cannot_tell": 5}, MOTOR),
+        ({"cannot_tell": [{"parameter": "resistance"}]}, MOTOR),
+        ({"hypotheses": 5}, MOTOR),
+        ({"hypotheses": [{"effects": 5}]}, MOTOR),
+        ({"hypotheses": [{"parameters": {"dead_time.time": {"ci95": 4}}}]}, MOTOR),
+        ({}, "motor = 3"),
+        ({}, MOTOR.replace("[0.049, 0.051]", "0.05")),
+    ],
+)
+def test_a_result_of_another_shape_is_refused(told, motor, tmp_path, capsys):
+    folder = result(tmp_path / "r", told, "dead_time.time = 5e-7", motor)
+    assert main(["settings", str(folder), "--config", str(folder / "vesc.xml"), "--out", str(tmp_path / "o")]) == 2
+    assert "not as identify and diagnose write them; make the result again" in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
