@@ -84,7 +84,8 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> BadInput:
     """Return the error for an unknown name, with the nearest known one."""
     names = [n[:LONGEST_NAME] for n in sorted(known)]
     name = str(name)[:LONGEST_NAME] if isinstance(name, (str, PurePath)) else brief(name, LONGEST_NAME)
-    near = difflib.get_close_matches(name, names[:COMPARED], n=1, cutoff=0.5)
+    alike = {n.casefold(): n for n in reversed(names[:COMPARED])}
+    near = [alike[n] for n in difflib.get_close_matches(name.casefold(), alike, n=1, cutoff=0.5)]
     listed = ", ".join(names)
     if len(listed) > LONGEST_LIST:
         listed = f"{listed[:LONGEST_LIST].rpartition(', ')[0]}, ... ({len(names)} in all)"

@@ -227,6 +227,11 @@ def check_inside(motor: Motor, converter: Converter, values: Mapping[str, float]
             f"[drive] pwm_frequency = {converter.pwm_frequency:g} Hz is double update, which only recordings may have; "
             "give 1 / sampling_period"
         )
+    if converter.periods_a_row > 1:
+        raise BadInput(
+            f"[drive] pwm_frequency = {converter.pwm_frequency:g} Hz is that of a slow log, which only recordings may "
+            f"be; to simulate the drive itself give sampling_period = {converter.update_period:g}"
+        )
 
 
 def longest_step(motor: Motor, values: Mapping[str, float], omega: float) -> float:

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model.drive_files import load_drive, mapped_names, motor_file, motor_names
-from model.errors import BadInput
+from model.effects.library import check_inside, complete
+from model.errors import BadInput, unknown
 from model.parameters import Converter, Injection, Motor
 
 # Rated values and parameters as the paper's two tables print them: SI units.
@@ -151,3 +152,16 @@ def test_any_text_is_taken_or_refused(tmp_path_factory, text):
     path.write_text(text, encoding="utf-8")
     with pytest.raises(BadInput):
         load_drive(path)
+
+
+def test_a_name_in_other_case_is_recognized():
+    with pytest.raises(BadInput, match="did you mean 'vesc_hfi'"):
+        raise unknown("estimator", "VESC_HFI", ["ekf", "vesc_hfi"])
+
+
+def test_a_slow_log_is_not_simulated():
+    drive = load_drive("ipm_exchanged")
+    slow = dataclasses.replace(drive.converter, pwm_frequency=16000.0)
+    with pytest.raises(BadInput, match=r"that of a slow log, .* give sampling_period = 6\.25e-05"):
+        check_inside(drive.motor, slow, complete(drive.motor, slow, {}))
+    check_inside(drive.motor, slow.at_full_rate(), complete(drive.motor, slow, {}))
