@@ -216,8 +216,10 @@ class Converter:
             object.__setattr__(self, "inverter_table", checked(self.inverter_table))
         if self.transformation != "amplitude-invariant":
             raise BadInput(f"[drive] transformation = '{self.transformation}' is not known; only 'amplitude-invariant'")
-        whole = abs(1.0 / self.samples_a_period - self.periods_a_row) < 1e-3 * self.periods_a_row
-        if not (whole or abs(self.samples_a_period - 2.0) < 1e-6) or self.periods_a_row > MOST_PERIODS:
+        one_or_two = any(abs(self.samples_a_period - n) < 1e-6 for n in (1.0, 2.0))
+        rows = self.periods_a_row
+        slow = 1 < rows <= MOST_PERIODS and abs(1.0 / self.samples_a_period - rows) < 1e-3 * rows
+        if not (one_or_two or slow):
             raise BadInput(
                 f"[drive] pwm_frequency = {self.pwm_frequency} Hz and sampling_period = {self.sampling_period} s do "
                 "not belong together; one or two samples a PWM period are simulated: give 1 / sampling_period, or half "

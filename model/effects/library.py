@@ -229,8 +229,9 @@ def check_inside(motor: Motor, converter: Converter, values: Mapping[str, float]
         )
     if converter.periods_a_row > 1:
         raise BadInput(
-            f"[drive] pwm_frequency = {converter.pwm_frequency:g} Hz is that of a slow log, which only recordings may "
-            f"be; to simulate the drive itself give sampling_period = {converter.update_period:g}"
+            f"[drive] pwm_frequency = {converter.pwm_frequency:g} Hz is {converter.periods_a_row} times "
+            "1 / sampling_period, that of a slow log; a simulated drive samples in every PWM period: give "
+            f"sampling_period = {converter.update_period:.9g}"
         )
 
 

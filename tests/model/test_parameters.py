@@ -162,6 +162,6 @@ def test_a_name_in_other_case_is_recognized():
 def test_a_slow_log_is_not_simulated():
     drive = load_drive("ipm_exchanged")
     slow = dataclasses.replace(drive.converter, pwm_frequency=16000.0)
-    with pytest.raises(BadInput, match=r"that of a slow log, .* give sampling_period = 6\.25e-05"):
+    with pytest.raises(BadInput, match=r"that of a slow log; .* give sampling_period = 6\.25e-05"):
         check_inside(drive.motor, slow, complete(drive.motor, slow, {}))
     check_inside(drive.motor, slow.at_full_rate(), complete(drive.motor, slow, {}))

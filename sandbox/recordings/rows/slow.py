@@ -8,7 +8,9 @@
 
 If it is not stated, the flux balance (`checks.balance`) of the recordings tells: what it leaves open with held commands
 is p times what interpolation changes, p = 0 or 1, beside errors of what the nominal model states and a voltage that
-each leg loses.  Where that does not tell, commands count as held.
+each leg loses.  The size of the voltage is one of these errors: where a share a of it does not act, a share 1 - a of
+the change is seen.  Commands do nothing where dead time holds the currents at zero (a = 1): nothing there tells what
+they are.  What stays unexplained is no white noise, see `_deviation`.  Where nothing tells, commands count as held.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from sandbox.recordings.rows.commands import HELD, INTERPOLATED
 from sandbox.recordings.stamps import MOST_SEGMENTS, SHORTEST, segment_name
 
 WORDS = {HELD: "held until the next row", INTERPOLATED: "interpolated in the rotor's frame"}
-SURE, NEAR = 0.2, 0.2  # standard deviation of the share, and distance from a whole number, up to which it is one
+SURE, NEAR = 2.0, 0.2  # standard deviations of the share to 0.5, and distance from a whole number: it counts as one
+EXACT = 0.01  # deviation of a share: none counts as better known
 SETTLED = 3.0  # times L/R
 JUMP, SEEN = 8.0, 10.0  # times the usual change of a step, and times the sensors' noise: a command that jumps
 WINDOW, FEWEST = 4, 16  # rows, of the balance that tells; windows that a recording needs
@@ -43,7 +46,7 @@ def with_slow_rows(campaign: Campaign) -> Campaign:
     way, told = c.between_rows, "as [drive] between_rows says"
     if way is None:
         share, deviation = interpolated(campaign)
-        sure = deviation < SURE and min(abs(share), abs(share - 1.0)) < NEAR + deviation
+        sure = abs(share - 0.5) > SURE * deviation and min(abs(share), abs(share - 1.0)) < NEAR + deviation
         way = INTERPOLATED if sure and share > 0.5 else HELD
         told = f'as the recordings show; write between_rows = "{way}" in [drive] to state it'
         if not sure:
@@ -83,17 +86,21 @@ def with_slow_rows(campaign: Campaign) -> Campaign:
 def _unseen(recordings: Sequence[CampaignRecording], drive: Drive) -> float:
     """Return the current (A rms of a phase) that commands leave open which scatter about straight lines.
 
-    Second differences of white values have six times their variance.  A row's mean voltage is off by half of what both
-    ends are off, and the next one shares one of them: of such a voltage's variance v, R and L that keep a share x of
-    the current from row to row gather 0.5 v (period / L)^2 / (1 - x).
+    Second differences of white values have six times their variance v.  A row's mean voltage is off by half of what
+    both ends are off, and the next one shares one of them: its variance is v/2, and v/4 with the next one's.  R and L
+    keep a share x = exp(-R T / L) of the current through a row of T and add (1 - x) / R of the voltage; so
+
+        i' = x i + (1 - x) / R u,  <i^2> = ((1 - x) / R)^2 (v/2 + 2 x v/4) / (1 - x^2) = v (1 - x) / (2 R^2).
     """
     squares = rows = 0.0
     for r in recordings:
         bend = np.abs(np.diff((r.u_alpha + 1j * r.u_beta) * np.exp(-1j * r.theta), 2))
         squares, rows = squares + 0.5 * float(bend @ bend) / 6.0, rows + len(bend)
+    if not rows:
+        return 0.0
     m, period = drive.motor, drive.converter.sampling_period
     gathered = [
-        0.5 * squares / rows * (period / inductance) ** 2 / -math.expm1(-m.resistance * period / inductance)
+        0.5 * squares / rows * -math.expm1(-m.resistance * period / inductance) / m.resistance**2
         for inductance in (m.inductance_d, m.inductance_q)
     ]
     return math.sqrt(0.5 * sum(gathered))
@@ -152,24 +159,45 @@ def _part(r: CampaignRecording, number: int, first: int, last: int, settle: int)
 
 
 def interpolated(campaign: Campaign) -> tuple[float, float]:
-    """Return p of all recordings together and its standard deviation (infinite where commands never change)."""
-    top = bottom = 0.0
-    held, other = (_drive(campaign.drive, way) for way in (HELD, INTERPOLATED))
-    for r in campaign.recordings:
-        b, more = balance(r.columns, held, WINDOW), balance(r.columns, other, WINDOW)
-        if len(b.rows) < FEWEST or (b.doubtful and more.doubtful):
-            continue
-        change, rest = _parts(more.voltage - b.voltage), _parts(b.rest)
-        known = _beside(r, b.rows, b.voltage)
-        change = change - known @ np.linalg.lstsq(known, change, rcond=1e-9)[0]
-        left = rest - known @ np.linalg.lstsq(known, rest, rcond=1e-9)[0]
-        own = float(change @ change)
-        if own <= 1e-12 * float(_parts(b.voltage) @ _parts(b.voltage)):
-            continue
-        left -= change * (float(change @ left) / own)
-        noise = max(float(left @ left) / len(left), 1e-12)
-        top, bottom = top - float(change @ rest) / noise, bottom + own / noise
-    return (top / bottom, bottom**-0.5) if bottom > 0.0 else (0.0, math.inf)
+    """Return p of all recordings together and its standard deviation (infinite where nothing tells).
+
+    Recordings count by their own deviations; these do not shrink with their number, as the same gap is in all of them.
+    """
+    found = [x for r in campaign.recordings if (x := _share(r, campaign.drive)) is not None]
+    if not found:
+        return 0.0, math.inf
+    share, deviation = np.array(found).T
+    return float(np.average(share, weights=deviation**-2)), float(np.average(deviation, weights=deviation**-2))
+
+
+def _share(r: CampaignRecording, drive: Drive) -> tuple[float, float] | None:
+    """Return p of a recording and its standard deviation; None where what is open is not about it."""
+    b, more = (balance(r.columns, _drive(drive, way), WINDOW) for way in (HELD, INTERPOLATED))
+    if len(b.rows) < FEWEST or (b.doubtful and more.doubtful):
+        return None
+    change, rest = _parts(more.voltage - b.voltage), _parts(b.rest)
+    known = _beside(r, b.rows, b.voltage)
+    own = change - known @ np.linalg.lstsq(known, change, rcond=1e-9)[0]
+    if own @ own <= 1e-12 * float(_parts(b.voltage) @ _parts(b.voltage)):
+        return None
+    shapes = np.column_stack([known, change])
+    sizes = np.linalg.lstsq(shapes, rest, rcond=1e-9)[0]
+    left, acts = rest - shapes @ sizes, 1.0 - float(sizes[0])
+    if acts <= 0.0 or left @ left > acts**2 * float(own @ own):
+        return None
+    return -float(sizes[-1]) / acts, max(_deviation(own, left) / acts, EXACT)
+
+
+def _deviation(own: NDArray[np.float64], left: NDArray[np.float64]) -> float:
+    """Return the standard deviation of the size of a shape that was fitted and left a misfit; `_parts` of both.
+
+    It is that of their product's sum, for a misfit of the spectrum that it shows (Bartlett's formula, by transforms),
+    or up to sqrt(2) more, as phases may agree: the square is left^2 / (own^2 n) for white noise, and some
+    left^2 / own^2 where both are one slow wave.
+    """
+    n = len(own) // 2
+    shape, misfit = (np.abs(np.fft.fft(x[:n] + 1j * x[n:], 2 * n)) ** 2 for x in (own, left))
+    return math.sqrt(float(shape @ misfit) / (2 * n * n)) / float(own @ own)
 
 
 def _beside(r: CampaignRecording, rows: NDArray[np.int64], voltage: NDArray[np.complex128]) -> NDArray[np.float64]:
