@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
-from sandbox.recordings.checks.balance import balance
+from sandbox.recordings.checks.balance import Complex, balance
 from sandbox.recordings.rows.commands import HELD, INTERPOLATED
 from sandbox.recordings.stamps import MOST_SEGMENTS, SHORTEST, segment_name
 
@@ -178,12 +178,12 @@ def _share(r: CampaignRecording, drive: Drive) -> tuple[float, float] | None:
     change, rest = _parts(more.voltage - b.voltage), _parts(b.rest)
     known = _beside(r, b.rows, b.voltage)
     own = change - known @ np.linalg.lstsq(known, change, rcond=1e-9)[0]
-    if own @ own <= 1e-12 * float(_parts(b.voltage) @ _parts(b.voltage)):
+    if float(own @ own) <= 1e-12 * float(_parts(b.voltage) @ _parts(b.voltage)):
         return None
     shapes = np.column_stack([known, change])
     sizes = np.linalg.lstsq(shapes, rest, rcond=1e-9)[0]
     left, acts = rest - shapes @ sizes, 1.0 - float(sizes[0])
-    if acts <= 0.0 or left @ left > acts**2 * float(own @ own):
+    if acts <= 0.0 or float(left @ left) > acts**2 * float(own @ own):
         return None
     return -float(sizes[-1]) / acts, max(_deviation(own, left) / acts, EXACT)
 
@@ -200,7 +200,7 @@ def _deviation(own: NDArray[np.float64], left: NDArray[np.float64]) -> float:
     return math.sqrt(float(shape @ misfit) / (2 * n * n)) / float(own @ own)
 
 
-def _beside(r: CampaignRecording, rows: NDArray[np.int64], voltage: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _beside(r: CampaignRecording, rows: NDArray[np.int64], voltage: Complex) -> NDArray[np.float64]:
     """Return what else may be open in a balance, a column each: link, resistance, flux, a voltage that legs lose."""
     turn = np.exp(1j * r.theta)
     phases = np.stack([r.i_a, r.i_b, r.i_c])
@@ -216,7 +216,7 @@ def _beside(r: CampaignRecording, rows: NDArray[np.int64], voltage: NDArray[np.c
     return np.stack([_parts(x) for x in columns], axis=1)
 
 
-def _parts(x: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _parts(x: Complex) -> NDArray[np.float64]:
     return np.concatenate([x.real, x.imag])
 
 
