@@ -6,8 +6,8 @@ has at a current, Gamma its Hessian there, J a quarter turn:
   d omega / dt = noise,   d theta / dt = omega.
 With a linear belief this is the usual filter of a salient motor with constant L_d and L_q.  Mean by Heun's step, the
 transition by differences at its start.  The flux is not a state: what the voltage lacks is noise of the currents alone,
-Gamma times that of the flux, and is forgotten with them; `ekf` remembers it as flux.  Injection makes theta observable
-at standstill: Gamma u turns with theta.
+that of the flux times the mean of gamma_d^2 and gamma_q^2, alike in both axes, and is forgotten with them; `ekf`
+remembers it as flux.  Injection makes theta observable at standstill: Gamma u turns with theta.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from model.drive_files import load_drive
 from sandbox.evaluation.protocol import protocol
-from sandbox.evaluation.protocol_modulation import ENOUGH, PAUSE, SHORT, cases, highest, low_link
+from sandbox.evaluation.protocol_modulation import BEYOND, PAUSE, SHORT, beyond, cases, highest
 from sandbox.output.files import plain, version
 
 RESULTS = Path(__file__).parent / "results"
@@ -30,18 +30,22 @@ def main() -> None:
         f"`{MOTOR}` driven at standstill and at {100 * speed:g} % of rated speed under rated load; the protocol's test "
         "`modulation`. The worse of the two mean errors, electrical degrees; **lost**: lock was lost.",
         "",
-        "- `dpwm_...`: discontinuous PWM; *short pulses*: pulses and gaps below "
-        f"{1e6 * SHORT * drive.converter.sampling_period:g} µs are dropped.",
-        f"- `nearest`, `shortened`, `six_step`: overmodulation, with a link of {low_link(drive, speed):.0f} V instead "
-        f"of {drive.converter.dc_bus_voltage:g} V: {100 * ENOUGH:g} % of it is needed at speed, 57.7 % is the circle "
-        "inside the hexagon.",
+        "- `dpwm_...`: discontinuous PWM; *short pulses*: `dpwm_min`, pulses and gaps below "
+        f"{1e6 * SHORT * drive.converter.update_period:g} µs are dropped.",
+        "- `nearest`, `shortened`, `six_step`: overmodulation, with a link and an injection of "
+        + ", ".join(
+            f"{link:.0f} and {amplitude:.1f} V" for link, amplitude in (beyond(drive, speed, n) for n in BEYOND)
+        )
+        + f" instead of {drive.converter.dc_bus_voltage:g} and {drive.injection.amplitude:g} V. With the injection the "
+        "first two leave the circle inside the hexagon, without (`active_flux`) they do not; `six_step` needs more "
+        "than the hexagon gives on average.",
+        "- *less injection*, *little injection*: these amplitudes on the usual link, never beyond the circle.",
         f"- *flying start*: gates blocked for {PAUSE:g} s at that speed, half load before and after; *slower*: the "
         "rotor has lost a fifth of its speed meanwhile.",
         "",
         "What reads the voltage that the magnets induce (`active_flux`, `hybrid`, the Kalman filters) follows the "
         "rotor while gates are blocked. Injection alone has no ripple then: it goes on at its last speed, and ends at "
-        "either pole. Discontinuous PWM changes the mean error by less than 0.3 degrees, but `pwm_ripple` needs legs "
-        "that switch.",
+        "either pole.",
         "",
         f"Made by `python -m experiments.modulated_drives`, {datetime.date.today()}, {version()}.",
         "",

@@ -1,10 +1,14 @@
 """The protocol's test of drives as they modulate: discontinuous PWM, short pulses, overmodulation, blocked gates.
 
-The drive's injection and gains stay; only what its modulator makes of the voltage changes, and estimators are told what
-that was.  Overmodulation is met with a link so low that rated load at the highest speed allowed needs, with the
-injection, ENOUGH of it: more than the circle inside the hexagon (0.577), less than the hexagon gives on average
-(0.606).  At a flying start gates have been blocked for PAUSE while the rotor turned, at its speed or down to a fifth
-less; of what follows only the last part is judged.
+Estimators are told what the modulator made of the voltage asked for.  Short pulses are met with discontinuous PWM: the
+two legs that switch make them whenever the voltage lies near a third of a turn's border.  Overmodulation is met with a
+low link, of which rated load at the highest speed allowed needs a share without the injection (BEYOND), and with less
+injection: it takes its amplitude off what control may ask for.  `nearest`, `shortened`: the injection, along d, takes
+the voltage beyond the circle inside the hexagon (0.577 of the link); without injection it stays inside.  `six_step`:
+more is needed than the hexagon gives on average (0.606), so control asks for six steps (from 0.637 on) again and again.
+The same injections on the usual link (`less injection`, `little injection`) tell what they cost alone.  At a flying
+start gates have been blocked for PAUSE while the rotor turned, at its speed or down to a fifth less; of what follows
+only the last part is judged.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ from sandbox.drive.scenario import Scenario, Segment
 from sandbox.evaluation.protocol_tests import Case, Outcome, Point, points_of, summary
 
 SPEEDS = (0.3, 0.2, 0.15, 0.1, 0.05)  # of rated: the highest that the current loop allows
-ENOUGH = 0.6  # of the link
+BEYOND = {"nearest": (0.55, 0.05), "shortened": (0.55, 0.05), "six_step": (0.615, 0.02)}  # of the link: need, injection
 PAUSE = 0.1  # s
 SHORT = 0.01  # of the period: 2.5 us at 4 kHz
 PATTERNS: dict[str, dict[str, Any]] = {
@@ -55,28 +59,40 @@ def flying(speed: float, then: float) -> Scenario:
     return Scenario("flying", segments, "driven", start_up=False, start_angle=0.5)
 
 
-def low_link(drive: Drive, speed: float) -> float:
-    """Return the link's voltage (V) of which rated load at a speed (of rated) and the injection need ENOUGH."""
+def needed(drive: Drive, speed: float) -> complex:
+    """Return the voltage (V, d + j q) that rated load at a speed (of rated) needs, without injection."""
     motor = drive.motor
     i_q, omega = motor.rated_current, speed * motor.rated_omega
     d, q = flux_from_current(motor.energy, 0.0, i_q)
-    u = abs(complex(-omega * float(q), motor.resistance * i_q + omega * (float(d) + motor.magnet_flux)))
-    return (u + drive.injection.amplitude) / ENOUGH
+    return complex(-omega * float(q), motor.resistance * i_q + omega * (float(d) + motor.magnet_flux))
+
+
+def beyond(drive: Drive, speed: float, name: str) -> tuple[float, float]:
+    """Return the link's voltage and the injection's amplitude (V) of a case of overmodulation, see BEYOND."""
+    share, injected = BEYOND[name]
+    link = abs(needed(drive, speed)) / share
+    return link, min(injected * link, drive.injection.amplitude)
 
 
 def cases(drive: Drive) -> list[tuple[Case, Drive]]:
     """Return what is run: a case, and the drive it is run on."""
     c, speed = drive.converter, highest(drive)
 
-    def made(**keys: Any) -> Drive:
-        """Return the drive with other keys of its converter."""
-        return dataclasses.replace(drive, converter=dataclasses.replace(c, **keys))
+    def made(injection: float = drive.injection.amplitude, **keys: Any) -> Drive:
+        """Return the drive with another amplitude (V) of its injection and other keys of its converter."""
+        return dataclasses.replace(
+            drive,
+            converter=dataclasses.replace(c, **keys),
+            injection=dataclasses.replace(drive.injection, amplitude=injection),
+        )
 
-    found = [(Case(loaded(speed), name), made(**keys)) for name, keys in PATTERNS.items()]
-    found.append((Case(loaded(speed), "short pulses"), made(least_pulse=SHORT * c.sampling_period)))
-    low = low_link(drive, speed)
-    for name in ("nearest", "shortened", "six_step"):
-        found.append((Case(loaded(speed), name), made(overmodulation=name, dc_bus_voltage=low)))
+    short = {"modulation": "dpwm_min", "least_pulse": SHORT * c.update_period}
+    found = [(Case(loaded(speed), name), made(**keys)) for name, keys in (PATTERNS | {"short pulses": short}).items()]
+    for name in BEYOND:
+        link, injection = beyond(drive, speed, name)
+        found.append((Case(loaded(speed), name), made(injection, overmodulation=name, dc_bus_voltage=link)))
+    for name, of in (("less injection", "nearest"), ("little injection", "six_step")):
+        found.append((Case(loaded(speed), name), made(beyond(drive, speed, of)[1])))
     found.append((Case(flying(speed, speed), "flying start"), drive))
     found.append((Case(flying(speed, 0.8 * speed), "flying start, slower"), drive))
     return found
