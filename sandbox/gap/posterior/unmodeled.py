@@ -25,9 +25,8 @@ from sandbox.gap.posterior.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
 GRID = 400  # values of an excess, evenly in its logarithm: a tenth of a decade and less
-SHARES = (
-    np.sin(0.5 * np.pi * (np.arange(100) + 0.5) / 100.0) ** 2
-)  # of recordings in which an outside cause shows: Jeffreys
+# of recordings in which an outside cause shows: Jeffreys
+SHARES = np.sin(0.5 * np.pi * (np.arange(100) + 0.5) / 100.0) ** 2
 
 
 def unmodeled(before: Fit, after: Fit, noise: float = 0.0, settings: Settings = USUAL) -> float:
@@ -67,14 +66,18 @@ def excess(n: Normal) -> tuple[Array, Array]:
 
 
 def _log_densities(e: float, scatter: float, mean: float, settings: Settings) -> tuple[float, float]:
-    """Return the log density of an excess that is a miss of the replay, and of one that a cause outside makes."""
-    z = np.linspace(math.log(1e-3 * mean), math.log(settings.farthest), GRID)
+    """Return the log density of an excess that is a miss of the replay, and of one that a cause outside makes.
+
+    Of a gap so large that the replay may miss more than that, a cause outside has a decade beyond it.
+    """
+    farthest = max(settings.farthest, 10.0 * mean)
+    z = np.linspace(math.log(1e-3 * mean), math.log(farthest), GRID)
     size, step = np.exp(z), z[1] - z[0]
     wide = np.hypot(scatter, 0.5 * step * size)  # no gaps between the grid's values
     told = -0.5 * ((e - size) / wide) ** 2 - np.log(wide * math.sqrt(math.tau))
     scale = mean * (settings.tail - 1.0)
     misses = math.log(settings.tail / scale) - (settings.tail + 1.0) * np.log1p(size / scale) + z + math.log(step)
-    outside = np.where(size >= mean, math.log(step / math.log(settings.farthest / mean)), -np.inf)
+    outside = np.where(size >= mean, math.log(step / math.log(farthest / mean)), -np.inf)
     return float(np.logaddexp.reduce(told + misses)), float(np.logaddexp.reduce(told + outside))
 
 

@@ -76,3 +76,12 @@ def test_an_ordinary_deviation_that_goes_far_speaks_for_it(monkeypatch):
     assert np.exp(module.log_stretched(None)) == pytest.approx(0.25 * (np.exp(7.5) + 3.0) / 4.0)
     monkeypatch.setattr(module, "stray", lambda f: {0: (None, 0.0)})
     assert module.log_stretched(None) == 0.0
+
+
+@pytest.mark.parametrize("gap", [3e8, 4e8, 1e12])
+def test_a_gap_beyond_all_bounds_has_an_answer(gap):
+    """J of 17 000 and more, as with units mistaken: a replay that leaves nothing of it speaks against a cause outside,
+    one that leaves a tenth of it for one."""
+    before = left([gap] * 12)
+    assert log_bayes_factor(before, left([0.0] * 12), 0.0) < -1.0
+    assert log_bayes_factor(before, left([0.1 * gap] * 12), 0.0) > 1.0
