@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from sandbox.gap.evidence.algebra import prior_of
-from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, objective, rms_of
+from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
 from sandbox.gap.evidence.normal import Normal, Point, part_of
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates, further
@@ -93,6 +93,7 @@ class _Run:
         self.null = fit(problem.start, (), problem.fitted, workers=problem.workers)
         self.trace = problem.settings.trace_at(rms_of(self.null))
         self.linear: LinearModel | None = None  # the last equations of all candidates
+        self.met: Weights = {}  # of segments, at their point
         self.chosen: dict[str, Candidate] = {}
         self.stand_ins: dict[Set, list[Set]] = {}  # by set
         self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
@@ -148,15 +149,15 @@ class _Run:
         here: where the first round begins; whole: the last fit is one, else its first part is enough.
         """
         known, rough = None, bool(here.effects)
-        seen = {_parts(here.effects), ()}
+        seen: set[Parts] = {_parts(here.effects), ()}
+        tried: set[Parts] = set()
         self.problem.report("weighing all sets of effects")
         self.found = candidates(here.point, self.problem.exclude, left=rms_of(here))
         wide = 1 if here.effects else 2  # rounds that look at all candidates
         for turn in range(self.problem.settings.rounds):
             sets = self.linearised(here, self.found if turn < wide else self.candidates())
             known, self.linear = sets.model.normal, replace(sets.model, normal=sets.model.normal.bare())
-            self.choose(sets, sets.best())
-            new = self.better(here, known, sets, seen)
+            new = self.better(here, known, sets, seen, tried)
             if new is None:
                 if not rough or not whole:
                     break
@@ -170,25 +171,37 @@ class _Run:
             return self.fit_of(here.effects, here, known) or here, None
         return here, known
 
-    def better(self, here: Fit, known: Normal, sets: SetPosterior, seen: set[Parts]) -> Fit | None:
+    def better(self, here: Fit, known: Normal, sets: SetPosterior, seen: set[Parts], tried: set[Parts]) -> Fit | None:
         """Return the fit, its first part, of a more probable set than the one that is fitted here; None where there is
-        none.  seen: sets that need not be tried; those tried here join them.
+        none.  seen: sets that were fitted here before; tried: those that were none better since the last one was.
 
         Near the floor slopes are right, and the most probable set is taken.  Far from it they say little of sets far
-        from here: the most probable ones are tried, and the first whose own residual makes it better, weighed as the
-        one here is, is taken.
+        from here: the most probable ones are tried, and the first whose own residual makes it more probable, weighed
+        as the one here is, is taken.
         """
         settings, far = self.problem.settings, rms_of(here) > NEAR
-        own = max((v for k, v in sets.known.items() if sets.parts(k) == _parts(here.effects)), default=-math.inf)
-        least = own - settings.near if far else max(own, sets.weigh(sets.best()))
-        near = sorted((k for k, v in sets.known.items() if v >= least), key=lambda k: (-sets.known[k], k))
-        met = weights(misfit(here.point))
-        for k in [k for k in near if sets.parts(k) not in seen][: settings.tries if far else 1]:
-            seen.add(sets.parts(k))
-            new = self.fit_of(sets.names(k), here, known, sets, k)
-            if new is not None and (not far or log_posterior(new, met, settings) > log_posterior(here, met, settings)):
+        own = max((k for k in sets.known if sets.parts(k) == _parts(here.effects)), key=sets.known.__getitem__)
+        least = sets.known[own] - settings.near if far else sets.known[sets.best()]
+        near: dict[Parts, Chosen] = {}
+        for k in sorted((k for k, v in sets.known.items() if v >= least), key=lambda k: (-sets.known[k], k)):
+            near.setdefault(sets.parts(k), k)
+        barred = seen | tried if far else seen
+        level = self.weighed(here, sets, own) if far else -math.inf
+        for parts in [x for x in near if x not in barred][: settings.tries if far else 1]:
+            self.choose(sets, near[parts])
+            new = self.fit_of(sets.names(near[parts]), here, known, sets, near[parts])
+            if new is not None and (not far or self.weighed(new, sets, near[parts]) > level):
+                seen.add(parts)
+                tried.clear()
                 return new
+            tried.add(parts)
+        self.choose(sets, sets.best())
         return None
+
+    def weighed(self, found: Fit, sets: SetPosterior, chosen: Chosen) -> float:
+        """Return the log posterior of a fitted set, up to a constant: at its own point, with the weights and the price
+        of its candidates in `sets`."""
+        return log_posterior(found, self.met, self.problem.settings) - sum(sets.price[k] for k in chosen)
 
     def linearised(self, here: Fit, found: Sequence[Candidate]) -> SetPosterior:
         """Return the posterior over sets at a fit's point.
@@ -207,7 +220,7 @@ class _Run:
             workers=p.workers,
         )
         own = tuple(k for k, c in enumerate(model.candidates) if c.effect in here.effects and c.part == 1)
-        best, sets = own, SetPosterior(model)
+        best, sets, self.met = own, SetPosterior(model), weights(variance)
         sets.enumerate(own)
         for _ in range(REWEIGHTED):
             if sets.best() == best:
@@ -220,7 +233,7 @@ class _Run:
         return sets
 
     def choose(self, sets: SetPosterior, best: Chosen) -> None:
-        """Choose for every effect the candidate that is most probable beside the best set, or in it."""
+        """Choose for every effect the candidate that is most probable beside a set, or in it."""
         levels: dict[str, float] = {}
         for k, c in enumerate(sets.model.candidates):
             if c.part > 1:
@@ -322,8 +335,11 @@ class _Run:
 
 
 def log_posterior(f: Fit, met: Weights, settings: Settings) -> float:
-    """Return the log posterior density of a fitted set at its point, up to a constant; met: weights of segments."""
-    return log_prior(f.effects, settings) - 0.5 * objective(f.normal, prior_of(f.normal.coordinates), met)
+    """Return the log posterior of a fitted set, up to a constant: Laplace's approximation at its point, which need not
+    be the most probable one; met: weights of segments."""
+    prior, own = prior_of(f.normal.coordinates), equations(f.normal, met)
+    short = own.objective(own.x, prior) - own.most_probable(prior).objective
+    return log_prior(f.effects, settings) + own.log_evidence(prior) - 0.5 * short
 
 
 def _parts(effects: Sequence[str]) -> Parts:

@@ -24,6 +24,7 @@ from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.posterior.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
+DECADES = 1e3  # times the mean miss: as far as the grid goes to either side of it at least
 GRID = 400  # values of an excess, evenly in its logarithm: a tenth of a decade and less
 # of recordings in which an outside cause shows: Jeffreys
 SHARES = np.sin(0.5 * np.pi * (np.arange(100) + 0.5) / 100.0) ** 2
@@ -68,10 +69,11 @@ def excess(n: Normal) -> tuple[Array, Array]:
 def _log_densities(e: float, scatter: float, mean: float, settings: Settings) -> tuple[float, float]:
     """Return the log density of an excess that is a miss of the replay, and of one that a cause outside makes.
 
-    Of a gap so large that the replay may miss more than that, a cause outside has a decade beyond it.
+    A cause outside leaves what the replay misses in the mean, or more: up to `Settings.farthest`, at least DECADES
+    times as much.
     """
-    farthest = max(settings.farthest, 10.0 * mean)
-    z = np.linspace(math.log(1e-3 * mean), math.log(farthest), GRID)
+    farthest = max(settings.farthest, DECADES * mean)
+    z = np.linspace(math.log(mean / DECADES), math.log(farthest), GRID)
     size, step = np.exp(z), z[1] - z[0]
     wide = np.hypot(scatter, 0.5 * step * size)  # no gaps between the grid's values
     told = -0.5 * ((e - size) / wide) ** 2 - np.log(wide * math.sqrt(math.tau))

@@ -8,14 +8,14 @@ import dataclasses
 import pytest
 
 from sandbox.gap.diagnose import in_order
-from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.normal import Point
-from sandbox.gap.posterior.candidates import Candidate
+from sandbox.gap.evidence.algebra import prior_of
+from sandbox.gap.evidence.fit import NEAR, fit, objective, rms_of
+from sandbox.gap.evidence.normal import Point, normal, turns
+from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.gap.posterior.estimates import estimates
 from sandbox.gap.posterior.holdout import weights_of
-from sandbox.gap.posterior.inference import Problem, infer, left_by, log_posterior
+from sandbox.gap.posterior.inference import Problem, _Run, infer, left_by, log_posterior
 from sandbox.gap.posterior.linear_model import linear_model, no_weights
-from sandbox.gap.posterior.set_prior import log_prior
 from sandbox.gap.posterior.settings import USUAL
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
@@ -54,20 +54,71 @@ def test_nothing_moved_leaves_what_there_is_and_noise_counts_whole(small_folder)
     assert left_by(model, model.normal.x, variance) == pytest.approx(variance)
 
 
-def test_the_density_of_a_fitted_set_by_hand(small_folder):
-    """Half of the weighed squares of residuals and of deviations over their priors, and the set's prior."""
+def test_a_fit_that_is_not_at_its_best_point_is_less_probable_by_its_own_objective(small_folder):
+    """An offset of a current sensor moves no slope, so nothing but the objective changes: half of it, weighed."""
     own = start(small_folder)
     weights = weights_of(len(own.prepared.recordings))
-    f = fit(own, ("dead_time",), weights, rough=True)
-    met = dict.fromkeys(no_weights(f.normal), 0.25)
-    squares = 0.25 * sum(float(s.rr.sum()) for s in f.normal.segments)
-    away = sum(
-        ((x - c.mean) / c.deviation) ** 2
-        for x, c in zip(f.normal.x, f.normal.coordinates, strict=True)
-        if c.deviation > 0.0
-    )
-    want = log_prior(("dead_time",), USUAL) - 0.5 * (squares + away)
-    assert log_posterior(f, met, USUAL) == pytest.approx(want)
+    f = fit(own, ("current_offset",), weights, rough=True)
+    n = normal(f.point, f.coordinates[: -len(turns(f.point.prepared))])
+    (place,) = (k for k, c in enumerate(n.coordinates) if c.label == "current_offset.offset_a")
+    x = n.x.copy()
+    x[place] += 0.05
+    point = f.point.moved(n.coordinates, x)
+    met, prior = dict.fromkeys(no_weights(n), 0.25), prior_of(n.coordinates)
+    one, two = (dataclasses.replace(f, point=p, normal=m) for p, m in ((f.point, n), (point, n.at(point))))
+    fallen = log_posterior(one, met, USUAL) - log_posterior(two, met, USUAL)
+    assert fallen == pytest.approx(0.5 * (objective(two.normal, prior, met) - objective(n, prior, met)), rel=1e-6)
+    assert fallen > 1.0
+
+
+class Fits:
+    """A run whose fits are given: the residual that each set leaves, all in one recording, and what was fitted."""
+
+    def __init__(self, run, left):
+        self.run, self.left, self.asked = run, left, []
+        run.fit_of = self.fit_of
+
+    def fit_of(self, key, near, known, sets=None, best=()):
+        """Return the fit here with the residual scaled to what the set leaves."""
+        self.asked.append(key)
+        if key not in self.left:
+            return None
+        whole = sum(float(s.rr.sum()) for s in near.normal.segments)
+        scaled = [dataclasses.replace(s, rr=s.rr * self.left[key] / whole) for s in near.normal.segments]
+        return dataclasses.replace(near, effects=key, normal=dataclasses.replace(near.normal, segments=tuple(scaled)))
+
+
+@pytest.fixture
+def far(small_folder):
+    """A run of the search, its first fit, and the posterior there; far from the floor, as dead time is missing."""
+    own = start(small_folder)
+    run = _Run(Problem(own, weights_of(len(own.prepared.recordings))))
+    run.found = candidates(run.null.point)
+    sets = run.linearised(run.null, run.found)
+    assert rms_of(run.null) > NEAR
+    return run, sets
+
+
+def test_far_from_the_floor_a_set_whose_fit_is_worse_is_not_taken(far):
+    """All sets leave more than there is, but for one of those that are tried: it is taken, each set is tried once."""
+    run, sets = far
+    own = max((k for k in sets.known if not sets.parts(k)), key=sets.known.__getitem__)
+    near = sorted((k for k, v in sets.known.items() if v >= sets.known[own] - USUAL.near), key=lambda k: -sets.known[k])
+    keys = list(dict.fromkeys(sets.names(k) for k in near if k))
+    count, whole = float(sum(s.n.sum() for s in run.null.normal.segments)), rms_of(run.null) ** 2
+    left = dict.fromkeys(keys, 1.5 * whole * count)
+    fits = Fits(run, left)
+    seen, tried = {()}, set()
+    assert run.better(run.null, None, sets, seen, tried) is None
+    assert fits.asked == keys[: USUAL.tries]
+    assert tried == {tuple((e, 1) for e in k) for k in fits.asked}
+    tried.clear()
+    last = keys[: USUAL.tries][-1]
+    left[last], fits.asked = count, []
+    taken = run.better(run.null, None, sets, seen, tried)
+    assert taken.effects == fits.asked[-1] == last
+    assert not tried
+    assert tuple((e, 1) for e in last) in seen
 
 
 def test_excerpts_only_say_where_the_search_begins(small_folder):
