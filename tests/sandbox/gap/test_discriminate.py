@@ -36,9 +36,9 @@ from sandbox.gap.posterior.evaluated import evaluate
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.settings import USUAL
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import NO_LIMITS, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording, read_campaign
 from sandbox.replay.replay import prepare, replay
-from tests.sandbox.gap.conftest import start
+from tests.sandbox.gap.conftest import DRIVE, start
 
 stationary = stationary_kernel.py_func
 PAGE = Path(__file__).parents[3] / "sandbox" / "recordings" / "RECORDING.md"
@@ -298,7 +298,7 @@ def chosen(monkeypatch, rivals, table, *, rotor="driven", turned=False, rated_fr
     monkeypatch.setattr(discriminate, "usual_seconds", lambda drive: 1.0)
     monkeypatch.setattr(discriminate, "_tried", lambda c, e, r, t, w: table.get((e.name, e.seconds)))
     recordings = (SimpleNamespace(rotor="free" if turned else "locked"),)
-    campaign = SimpleNamespace(drive=None, rated_from_data=rated_from_data, recordings=recordings, limits=NO_LIMITS)
+    campaign = Campaign("own", DRIVE, recordings, {}, {}, rated_from_data)
     return recommend(campaign, rivals, 1.0)
 
 

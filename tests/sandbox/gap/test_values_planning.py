@@ -11,7 +11,7 @@ from model.errors import BadInput
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.planning import next_recording as following
 from sandbox.gap.planning.next_recording import Tried, power
-from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from tests.sandbox.gap.conftest import DRIVE
 from tests.sandbox.gap.entries import named
 
@@ -215,7 +215,7 @@ def recommending(monkeypatch):
         monkeypatch.setattr(following, "settings", lambda entry, drive: "")
         monkeypatch.setattr(following, "_tried", once)
         monkeypatch.setattr(following, "power", chance)
-        campaign = SimpleNamespace(drive=None, limits=NO_LIMITS, recordings=(), rated_from_data=False)
+        campaign = Campaign("own", DRIVE, (), {}, {}, False)
         return following.recommend(campaign, [(1.0 / rivals, judged(str(k))) for k in range(rivals)], 1.0)
 
     return recommend, asked

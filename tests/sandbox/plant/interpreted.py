@@ -15,7 +15,7 @@ from sandbox.plant import sets
 from sandbox.plant.batch import blank_room
 from sandbox.plant.fixed import fix
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
-from sandbox.replay.kernel import run
+from sandbox.replay.kernel import Rows, run
 from sandbox.replay.walking import start_states
 from tests.sandbox.plant.told import DRIVE, duties, told, turning
 
@@ -70,7 +70,7 @@ def bits():
     out = np.empty((SHORT, 3, 1))
     timing = timing_of(w, DRIVE.converter.sampling_period, 1)
     track, supply = [Fields(x) for x in r.track], w.supply.copy()
-    run(w, None, timing, features, room(), track, 0, True, supply, 0.0, 0, SHORT, out, np.empty((1, 1)), 0)
+    run(w, None, timing, features, room(), track, Rows(1, 0, 0, SHORT), True, supply, 0.0, out, np.empty((1, 1)), 0)
     return [float(x).hex() for x in out.ravel()]
 
 
@@ -145,7 +145,21 @@ def energy(steps, turns=8):
     prepared = told(DRIVE, duty, *turning(n, speed))
     timing = timing_of(w, period, steps)
     track, out, moved = [Fields(x) for x in prepared.recordings[0].track], np.empty((n, 3, 1)), np.zeros((n, 1))
-    run(w, None, timing, features | add.MOTION, room(), track, 0, True, w.supply.copy(), 0.0, 0, n, out, moved, 0)
+    run(
+        w,
+        None,
+        timing,
+        features | add.MOTION,
+        room(),
+        track,
+        Rows(1, 0, 0, n),
+        True,
+        w.supply.copy(),
+        0.0,
+        out,
+        moved,
+        0,
+    )
     plant.at_start, plant.in_middle = start, mid
     return meter.total
 
