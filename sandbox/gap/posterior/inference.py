@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 Parts = tuple[tuple[str, int], ...]
 Report = Callable[[str], None]
 STRAIGHT = 0.1  # of an effect's wide prior: a move on which slopes hold (the curvature of a delay makes 5 % of it)
-REWEIGHTED = 8  # times at most that sets are weighed anew by what the best of them leaves; three or four are usual
+REWEIGHTED = 8  # times at most that sets are weighed anew by what the best of them leaves; chosen, to end circles
 SMALL = 1e-6  # probability below which a set is not listed
 
 
@@ -207,7 +207,7 @@ class _Run:
         """Return the posterior over sets at a fit's point.
 
         What a set leaves tells how far the data count: it is weighed anew by what the best set leaves, as slopes say,
-        until that is the best one.  So what is behind a large gap is named in one round.
+        until that is the best one, REWEIGHTED times at most.  So what is behind a large gap is named in one round.
         """
         p, more, variance = self.problem, further(here.point, here.effects), misfit(here.point)
         model = linear_model(

@@ -36,8 +36,8 @@ class Settings:
     stretch: standard deviations of an ordinary deviation that makes up for a cause outside the library.
 
     rounds, rivals, near: fits of the most probable set at most; sets that are fitted beside it at most; nats behind it
-    up to which they are.  tries: sets that are fitted roughly in a round far from the floor, until one is better: of
-    two campaigns that stay there the second was.  bend: of what an effect moves, how far slopes err on the way to none
+    up to which they are.  tries: sets that are fitted roughly in a round far from the floor, until one is better;
+    chosen.  bend: of what an effect moves, how far slopes err on the way to none
     of it: two effects that are closer than that are both fitted.
 
     samples, gap: of a campaign of twice as many samples and more, whose ordinary deviations alone leave a J above
