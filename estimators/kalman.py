@@ -20,7 +20,8 @@ X = FREE
 P = X + 4
 F = P + 16  # scratch: transition, later I - K H
 W = F + 16  # scratch: a product
-SIZE = 4 + 3 * 16
+K = W + 16  # gains, column a, then column b
+SIZE = 4 + 3 * 16 + 8
 START_ANGLE = 0.1  # rad, standard deviation after starting up
 START_SPEED = 1.0  # rad/s
 START_FLUX = 0.02  # of the magnet's
@@ -96,6 +97,15 @@ def predict(s, u_a, u_b, belief, tuning):
 
 
 @kernel
+def shrink(s, v):
+    """Correct the covariance (Joseph form) with I - K H in F and the gains in K; v (A^2): variance of a reading."""
+    sandwich(s, F, P, P)
+    for i in range(4):
+        for j in range(4):
+            s[P + 4 * i + j] += v * (s[K + i] * s[K + j] + s[K + 4 + i] * s[K + 4 + j])
+
+
+@kernel
 def update(s, i_a, i_b, belief, tuning):
     """Correct with one current sample (Joseph form)."""
     g_aa, g_ab, g_bb, j_a, j_b = current_jacobian(s[X], s[X + 1], s[X + 3], belief)
@@ -111,23 +121,27 @@ def update(s, i_a, i_b, belief, tuning):
     s_ab = g_aa * s[W + 4] + g_ab * s[W + 5] + j_a * s[W + 7]
     s_bb = g_ab * s[W + 4] + g_bb * s[W + 5] + j_b * s[W + 7] + v
     det = s_aa * s_bb - s_ab * s_ab
-    for k in range(4):  # I - K H into F, K into the scratch behind it
+    for k in range(4):  # I - K H into F
         k_a = (s[W + k] * s_bb - s[W + 4 + k] * s_ab) / det
         k_b = (s[W + 4 + k] * s_aa - s[W + k] * s_ab) / det
-        s[W + 8 + k], s[W + 12 + k] = k_a, k_b
+        s[K + k], s[K + 4 + k] = k_a, k_b
         s[X + k] += k_a * e_a + k_b * e_b
         s[F + 4 * k] = -(k_a * g_aa + k_b * g_ab)
         s[F + 4 * k + 1] = -(k_a * g_ab + k_b * g_bb)
         s[F + 4 * k + 2] = 0.0
         s[F + 4 * k + 3] = -(k_a * j_a + k_b * j_b)
         s[F + 5 * k] += 1.0
-    k0, k1, k2, k3 = s[W + 8], s[W + 9], s[W + 10], s[W + 11]
-    l0, l1, l2, l3 = s[W + 12], s[W + 13], s[W + 14], s[W + 15]
-    sandwich(s, F, P, P)
-    gains_a, gains_b = (k0, k1, k2, k3), (l0, l1, l2, l3)
-    for i in range(4):
-        for j in range(4):
-            s[P + 4 * i + j] += v * (gains_a[i] * gains_a[j] + gains_b[i] * gains_b[j])
+    shrink(s, v)
+
+
+@kernel
+def doubt(s, variance):
+    """Set the covariance from starting up: a variance of the first two states, those of speed and angle."""
+    for k in range(16):
+        s[P + k] = 0.0
+    s[P] = s[P + 5] = variance
+    s[P + 10] = START_SPEED**2
+    s[P + 15] = START_ANGLE**2
 
 
 @kernel
@@ -140,11 +154,7 @@ def begin(s, sample, belief):
     s[X] = x + (g_bb * sample.i_alpha - g_ab * sample.i_beta) / det
     s[X + 1] = y + (g_aa * sample.i_beta - g_ab * sample.i_alpha) / det
     s[X + 2], s[X + 3] = 0.0, theta
-    for k in range(16):
-        s[P + k] = 0.0
-    s[P] = s[P + 5] = (START_FLUX * belief.magnet_flux) ** 2
-    s[P + 10] = START_SPEED**2
-    s[P + 15] = START_ANGLE**2
+    doubt(s, (START_FLUX * belief.magnet_flux) ** 2)
 
 
 @kernel

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from estimators.believed import believed_flux
 from estimators.contract import STEP, Estimator
-from estimators.demodulation import AXIS, PHASE, blank
-from estimators.kalman import SIZE, START_ANGLE, START_SPEED, F, P, X, sandwich, told
-from estimators.startup import TRACKING, start, tell
+from estimators.demodulation import AXIS, PHASE
+from estimators.kalman import F, K, P, X, doubt, init, sandwich, shrink, told
+from estimators.startup import TRACKING, start
 from model.compiled import kernel, kernel_as
 from model.energy import hessian
 from model.frames import rotate
@@ -80,26 +80,17 @@ def update(s, i_a, i_b, tuning):
         s[F + 4 * k + 2] = s[F + 4 * k + 3] = 0.0
     for k in range(4):
         s[X + k] -= s[F + 4 * k] * e_a + s[F + 4 * k + 1] * e_b
-    k0, k1, k2, k3 = s[F], s[F + 4], s[F + 8], s[F + 12]
-    l0, l1, l2, l3 = s[F + 1], s[F + 5], s[F + 9], s[F + 13]
+        s[K + k], s[K + 4 + k] = s[F + 4 * k], s[F + 4 * k + 1]  # minus K: the sign goes out in squares
     for k in range(4):
         s[F + 5 * k] += 1.0
-    sandwich(s, F, P, P)
-    gains_a, gains_b = (k0, k1, k2, k3), (l0, l1, l2, l3)
-    for i in range(4):
-        for j in range(4):
-            s[P + 4 * i + j] += v * (gains_a[i] * gains_a[j] + gains_b[i] * gains_b[j])
+    shrink(s, v)
 
 
 @kernel
 def begin(s, sample, tuning):
     """Set mean and covariance from the position found by starting up."""
     s[X], s[X + 1], s[X + 2], s[X + 3] = sample.i_alpha, sample.i_beta, 0.0, s[AXIS]
-    for k in range(16):
-        s[P + k] = 0.0
-    s[P] = s[P + 5] = tuning.current_variance
-    s[P + 10] = START_SPEED**2
-    s[P + 15] = START_ANGLE**2
+    doubt(s, tuning.current_variance)
 
 
 @kernel_as(STEP)
@@ -113,11 +104,6 @@ def step(state, sample, belief, tuning):
     predict(state, sample.u_alpha, sample.u_beta, belief, tuning)
     update(state, sample.i_alpha, sample.i_beta, tuning)
     return told(state, sample, tuning)
-
-
-def init(belief, tuning, angle=None):
-    """Return the state before starting up, or ready to track from a known angle (rad)."""
-    return tell(blank(SIZE), angle)
 
 
 ESTIMATOR = Estimator(

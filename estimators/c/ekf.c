@@ -12,7 +12,7 @@
  * Source: Bolognani, Tubiana, Zigliotto, IEEE Trans. Ind. Appl. 39 (2003), with the energy of IEMDC 2011.
  * Cost of a step, tracking: 898 mul, 657 add, 11 div, 0 sqrt, 32 trig, 0 compare (mean of 120 steps at rated
  * load, 8 samples a period).
- * Memory: 552 numbers of state, and the setup.  Of libm it calls sin, cos, sqrt and atan2, in float or double. */
+ * Memory: 560 numbers of state, and the setup.  Of libm it calls sin, cos, sqrt and atan2, in float or double. */
 #include "sensorless_estimator.h"
 
 #include <math.h>
@@ -68,7 +68,8 @@ enum {
     X = 500,
     P = 504,
     F = 520,
-    W = 536
+    W = 536,
+    K = 552
 };
 
 #define TOLERANCE EITHER(4e-15, 2e-6)
@@ -210,6 +211,16 @@ static void predict(real *s, real u_a, real u_b, const sensorless_belief *belief
     blur(s, tuning);
 }
 
+/* Correct the covariance (Joseph form) with I - K H in F and the gains in K; v (A^2): variance of a reading. */
+static void shrink(real *s, real v) {
+    sandwich(s, F, P, P);
+    for (int32_t i = 0; i < 4; i++) {
+        for (int32_t j = 0; j < 4; j++) {
+            s[P + 4 * i + j] += v * (s[K + i] * s[K + j] + s[K + 4 + i] * s[K + 4 + j]);
+        }
+    }
+}
+
 /* Correct with one current sample (Joseph form). */
 static void update(real *s, real i_a, real i_b, const sensorless_belief *belief, const sensorless_tuning *tuning) {
     real g_aa, g_ab, g_bb, j_a, j_b;
@@ -232,12 +243,12 @@ static void update(real *s, real i_a, real i_b, const sensorless_belief *belief,
     s_ab = g_aa * s[W + 4] + g_ab * s[W + 5] + j_a * s[W + 7];
     s_bb = g_ab * s[W + 4] + g_bb * s[W + 5] + j_b * s[W + 7] + v;
     real det = s_aa * s_bb - s_ab * s_ab;
-    /* I - K H into F, K into the scratch behind it */
+    /* I - K H into F */
     for (int32_t k = 0; k < 4; k++) {
         real k_a = (s[W + k] * s_bb - s[W + 4 + k] * s_ab) / det;
         real k_b = (s[W + 4 + k] * s_aa - s[W + k] * s_ab) / det;
-        s[W + 8 + k] = k_a;
-        s[W + 12 + k] = k_b;
+        s[K + k] = k_a;
+        s[K + 4 + k] = k_b;
         s[X + k] += k_a * e_a + k_b * e_b;
         s[F + 4 * k] = -(k_a * g_aa + k_b * g_ab);
         s[F + 4 * k + 1] = -(k_a * g_ab + k_b * g_bb);
@@ -245,22 +256,7 @@ static void update(real *s, real i_a, real i_b, const sensorless_belief *belief,
         s[F + 4 * k + 3] = -(k_a * j_a + k_b * j_b);
         s[F + 5 * k] += R(1.0);
     }
-    real k0 = s[W + 8];
-    real k1 = s[W + 9];
-    real k2 = s[W + 10];
-    real k3 = s[W + 11];
-    real l0 = s[W + 12];
-    real l1 = s[W + 13];
-    real l2 = s[W + 14];
-    real l3 = s[W + 15];
-    sandwich(s, F, P, P);
-    const real gains_a[4] = {k0, k1, k2, k3};
-    const real gains_b[4] = {l0, l1, l2, l3};
-    for (int32_t i = 0; i < 4; i++) {
-        for (int32_t j = 0; j < 4; j++) {
-            s[P + 4 * i + j] += v * (gains_a[i] * gains_a[j] + gains_b[i] * gains_b[j]);
-        }
-    }
+    shrink(s, v);
 }
 
 /* Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) in the axis' frame.
@@ -506,6 +502,17 @@ static sensorless_estimate start(real *state, const sensorless_sample *sample, c
         R(1.0)};
 }
 
+/* Set the covariance from starting up: a variance of the first two states, those of speed and angle. */
+static void doubt(real *s, real variance) {
+    for (int32_t k = 0; k < 16; k++) {
+        s[P + k] = R(0.0);
+    }
+    s[P] = variance;
+    s[P + 5] = variance;
+    s[P + 10] = square(START_SPEED);
+    s[P + 15] = square(START_ANGLE);
+}
+
 /* Set mean and covariance from the position found by starting up. */
 static void begin(real *s, const sensorless_sample *sample, const sensorless_belief *belief) {
     real unused_r;
@@ -519,13 +526,7 @@ static void begin(real *s, const sensorless_sample *sample, const sensorless_bel
     s[X + 1] = y + (g_aa * sample->i_beta - g_ab * sample->i_alpha) / det;
     s[X + 2] = R(0.0);
     s[X + 3] = theta;
-    for (int32_t k = 0; k < 16; k++) {
-        s[P + k] = R(0.0);
-    }
-    s[P] = square(START_FLUX * belief->magnet_flux);
-    s[P + 5] = square(START_FLUX * belief->magnet_flux);
-    s[P + 10] = square(START_SPEED);
-    s[P + 15] = square(START_ANGLE);
+    doubt(s, square(START_FLUX * belief->magnet_flux));
 }
 
 /* Take one sample while starting up; begin the filter at the position found. */
@@ -552,7 +553,7 @@ static sensorless_estimate step(real *state, const sensorless_sample *sample, co
 typedef struct {
     sensorless_belief belief;
     sensorless_tuning tuning;
-    real state[552];
+    real state[560];
 } ekf;
 
 /* Return the angle (rad) within a turn: a float keeps its digits. */
@@ -574,7 +575,7 @@ int32_t sensorless_init(void *state, const sensorless_setup *setup) {
     }
     own->belief = setup->belief;
     own->tuning = setup->tuning;
-    for (int32_t k = 0; k < 552; k++) {
+    for (int32_t k = 0; k < 560; k++) {
         own->state[k] = R(0.0);
     }
     if (setup->angle_known) {
