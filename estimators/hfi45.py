@@ -3,6 +3,7 @@
 Where other methods ask for the direction of the ripple, one number, |Gamma u| (`beside`), is compared with the one that
 the belief expects; so the inductances have to be known to a part of the saliency: if both are x percent off, the angle
 is (S^2 + D^2)/(2 S D) x percent of a rad off.  Half of the injection's power is along q, where it makes torque.
+The gains of MESC's own loop are an option of the drive, `[injection] tracking = "mesc"` (`published`).
 """
 
 from __future__ import annotations

@@ -8,8 +8,8 @@ inductances have to be known to a part of the saliency: both x percent off turn 
 
 What of the family is elsewhere: its first version turns the injection and reads the second harmonic of the answers over
 a turn (`rotating`); its fourth and fifth inject along d and read the q ripple (`qnull`, at half the sampling rate).
-Left out: its own loop (in the published defaults a proportional gain of 4000 and an integral one of 10 a sample, times
-0.3), limits by another observer's speed, the change of the axis' side with the sign of the current.
+Left out: limits by another observer's speed, the change of the axis' side with the sign of the current.  Its own loop's
+gains are an option of the drive, `[injection] tracking = "vesc"` (`published`).
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ from model.names import check_name
 
 LARGEST = 1e300
 WAVEFORMS = ("square", "sine", "random")
+TRACKINGS = ("designed", "vesc", "mesc")  # gains of the tracking loop: from margins, or see `estimators.published`
 LINKS = ("steady", "measured")  # what the true link voltage does, beside effects
 COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
 MODULATIONS = ("centred", "dpwm_min", "dpwm_max", "dpwm_60")  # which legs switch, see `sandbox.plant.gates.modulation`
@@ -28,7 +29,7 @@ MOST_PERIODS = 400  # of the PWM, from row to row of a slow log
 ROTORS = ("locked", "driven", "free")  # what is done with a rotor while something is recorded
 TEXTS = (
     "description", "waveform", "transformation", "rotor", "reference", "dc_link", "command", "modulation",
-    "overmodulation", "between_rows",
+    "overmodulation", "between_rows", "tracking",
 )  # fmt: skip
 OVERLOAD = 2.5  # of rated current: the most that a scenario may ask for, and the worst point of every loop
 
@@ -297,16 +298,21 @@ class Injection:
     """Pulsating voltage added along the estimated d axis.
 
     waveform: `square`, `sine`, or `random`: pseudo-random signs for half a period, then the same negated.
+    tracking: gains of the estimators' tracking loop, `designed` from its margins, or the defaults that VESC or MESC
+    publish for their injection 45 degrees beside d (`vesc`, `mesc`).
     """
 
     frequency: float = quantity("Hz", 0.1, 1e6)  # of the injected voltage
     amplitude: float = quantity("V", 1e-3, 1e5)  # of the injected voltage
     waveform: str = "square"  # `square`, `sine` or `random`
+    tracking: str = "designed"  # gains of the tracking loop: `designed`, or those published by `vesc` or `mesc`
 
     def __post_init__(self) -> None:
         check(self, "injection")
         if self.waveform not in WAVEFORMS:
             raise unknown("injection waveform", self.waveform, WAVEFORMS)
+        if self.tracking not in TRACKINGS:
+            raise unknown("[injection] tracking", self.tracking, TRACKINGS)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.contract import Belief, Tuning
+from estimators.published import PUBLISHED, Gains
 from model.energy import AnyEnergy, flux_newton, hessian, min_eigenvalue
 from model.errors import BadInput
 from model.kernels.folders import cache_home
@@ -57,7 +58,8 @@ class SampledMotor(NamedTuple):
     low: float  # H, smallest incremental inductance
     high: float  # H, largest
     torque_gain: float  # electrical acceleration per q current, rad/s^2 per A
-    share: float  # see `tracking_loop`
+    share: float  # see `tracking_response`
+    published: Gains | None = None  # of the tracking loop, in place of designed ones
 
 
 @dataclass(frozen=True)
@@ -120,10 +122,12 @@ def design(drive: Drive, start_up: bool = True) -> Design:
     power = float(np.dot(wave.primitive, wave.primitive))
     largest = OVERLOAD * motor.rated_current
     saliency = injection.amplitude * abs(1.0 / motor.inductance_d - 1.0 / motor.inductance_q)
+    law = PUBLISHED.get(injection.tracking)
     loops = _remembered(SampledMotor(
         n, h, motor.resistance, *extreme_inductances(motor.energy, largest),
         torque_gain=1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
         share=motor.inductance_q / (motor.inductance_q - motor.inductance_d),
+        published=None if law is None else law(n * h, 1.0 / motor.inductance_d, 1.0 / motor.inductance_q),
     ))  # fmt: skip
     current, track, speed = loops["current"], loops["tracking"], loops["speed"]
     control = Control(
@@ -173,9 +177,13 @@ def design_loops(plant: SampledMotor) -> dict[str, Loop]:
     highest = 2.0 * math.pi / (plant.n * h) / INJECTION_RATIO
     inner = _tuned([partial(current_loop, plant)], h, PHASE_MARGIN, highest)
     inner = replace(inner, highest=top_speed(plant, inner))
-    tracking = _tuned([partial(tracking_loop, plant)], h, TRACKING_MARGIN, highest)
+    if plant.published is None:
+        tracking = _tuned([partial(tracking_loop, plant)], h, TRACKING_MARGIN, highest)
+    else:
+        tracking = published_loop(plant, plant.published)
+    gains = Gains(tracking.kp, tracking.ki)
     followed = [partial(_closed_current, plant, inner, inductance) for inductance in (plant.low, plant.high)]
-    ends = [partial(speed_loop, plant, follow, tracking.bandwidth) for follow in followed]
+    ends = [partial(speed_loop, plant, follow, gains) for follow in followed]
     speed = _tuned(ends, h, PHASE_MARGIN, highest)
     return {"current": inner, "tracking": tracking, "speed": speed}
 
@@ -230,7 +238,26 @@ def top_speed(plant: SampledMotor, loop: Loop) -> float:
 
 
 def tracking_loop(plant: SampledMotor, w: NDArray[np.float64], bandwidth: float) -> tuple[Complex, float, float]:
-    """Return open loop and gains of the type-2 loop around demodulation.
+    """Return open loop and gains of the type-2 loop around demodulation."""
+    gains = Gains(2.0 * DAMPING * bandwidth, bandwidth**2)
+    return tracking_response(plant, w, gains), *gains
+
+
+def published_loop(plant: SampledMotor, gains: Gains) -> Loop:
+    """Return the tracking loop with gains that a firmware publishes; BadInput where it would not be stable."""
+    w = _grid(plant.h)
+    response = tracking_response(plant, w, gains)
+    gain, phase, disk, crossover = _margins(response, w)
+    if not (phase > 0.0 and gain > 1.0):
+        raise BadInput(
+            f"[injection] tracking: published gains of {gains.kp:.4g} 1/s and {gains.ki:.4g} 1/s^2 leave this loop no "
+            f"margin at an injection of {1.0 / (plant.n * plant.h):.4g} Hz; inject faster, or leave tracking out"
+        )
+    return Loop(math.sqrt(gains.ki), *gains, phase, gain, disk, crossover)
+
+
+def tracking_response(plant: SampledMotor, w: NDArray[np.float64], gains: Gains) -> Complex:
+    """Return the open loop of the type-2 loop around demodulation.
 
     An error of the estimate makes q ripple in two ways, y_q = (Gamma_dd - Gamma_qq) e: the frame it is looked at
     from is turned (`share` = Gamma_dd over the difference), and so is the axis of injection (1 - share).  The
@@ -238,13 +265,12 @@ def tracking_loop(plant: SampledMotor, w: NDArray[np.float64], bandwidth: float)
     from its own axis (share < 0, L_d > L_q); looked at from the present frame it acts at once, except that the
     frame is turned back with the estimated speed, d samples on average.
     """
-    n, h, share = plant.n, plant.h, plant.share
-    z = np.exp(1j * w * h)
-    kp, ki, d = 2.0 * DAMPING * bandwidth, bandwidth**2, 0.75 * n - 0.5
+    n, h, share, (kp, ki) = plant.n, plant.h, plant.share, gains
+    z, d = np.exp(1j * w * h), 0.75 * n - 0.5
     angle = (kp * h + ki * h * h * z / (z - 1)) / (z - 1)
     window = _demodulation(n, z)
     frame = angle * window if share < 0.0 else angle - ki * h * h * d / (z - 1)
-    return share * frame + (1.0 - share) * angle * window / z, kp, ki
+    return np.asarray(share * frame + (1.0 - share) * angle * window / z)
 
 
 def _demodulation(n: int, z: Complex) -> Complex:
@@ -260,14 +286,14 @@ def _closed_current(plant: SampledMotor, tuned: Loop, inductance: float, w: NDAr
 
 
 def speed_loop(
-    plant: SampledMotor, inner: Callable[..., Complex], tracking: float, w: NDArray[np.float64], bandwidth: float
+    plant: SampledMotor, inner: Callable[..., Complex], tracking: Gains, w: NDArray[np.float64], bandwidth: float
 ) -> tuple[Complex, float, float]:
     """Return open loop and PI gains of the speed controller around current loop and the tracking loop's speed."""
     n, h, torque_gain = plant.n, plant.h, plant.torque_gain
     z = np.exp(1j * w * h)
-    loop, _, t_ki = tracking_loop(plant, w, tracking)
+    loop = tracking_response(plant, w, tracking)
     # Angle to speed estimate: what the window lets through, then the loop's integral path.
-    estimate = _demodulation(n, z) / (1.0 + loop) * t_ki * h * z / (z - 1)
+    estimate = _demodulation(n, z) / (1.0 + loop) * tracking.ki * h * z / (z - 1)
     kp = bandwidth / torque_gain
     ki = kp * bandwidth / INTEGRAL_SPLIT
     return (kp + ki * h / (z - 1)) * inner(w) * torque_gain / (1j * w) ** 2 * estimate, kp, ki

@@ -168,7 +168,8 @@ def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str 
     made: dict[str, str | float] = {
         "version": version(), "seed": seed, "scenario": scenario.name,
         "sampling_period_s": converter.sampling_period, "dc_bus_voltage_V": converter.dc_bus_voltage,
-        "injection": f"{injection.waveform}, {injection.frequency:g} Hz, {injection.amplitude:g} V",
+        "injection": f"{injection.waveform}, {injection.frequency:g} Hz, {injection.amplitude:g} V"
+        + ("" if injection.tracking == "designed" else f", tracking loop as {injection.tracking} publishes it"),
         "source": drive.provenance.get("source", "user's file"),
     }  # fmt: skip
     motor = {f.name: getattr(drive.motor, f.name) for f in fields(drive.motor)}
