@@ -5,8 +5,8 @@ Where each key comes from: VESC firmware (`datatypes.h`, `mcpwm_foc.c`: L is the
 constant 8.27 / Kv), moteus' reference (`v_per_hz`: phase peak V per mechanical Hz), SimpleFOC's documentation
 (BLDCMotor(pole pairs, phase resistance, Kv, phase inductance)).  Gains: VESC foc_current_kp, foc_current_ki (V/A,
 V/(A s)), and foc_dt_us, which corrects the voltage that its observer sees and that it reports, not the switching;
-ODrive current_control_bandwidth (rad/s); moteus servo.pid_dq; SimpleFOC PID_current_q.  Not checked on the drives
-themselves.
+ODrive current_control_bandwidth (rad/s); moteus servo.pid_dq, in newer firmware servo.pid_dq_hz (Hz, of both axes:
+docs/reference/configuration.md); SimpleFOC PID_current_q.  Not checked on the drives themselves.
 """
 
 from __future__ import annotations
@@ -31,12 +31,15 @@ ASSIGNED = re.compile(
 SIMPLE = re.compile(rf"BLDCMotor\s*\w*\s*(?:=\s*BLDCMotor\s*)?\(\s*({NUMBER})((?:\s*,\s*(?:{NUMBER}|NOT_SET)f?)*)\s*\)")
 OF_ODRIVE = ("phase_resistance", "phase_inductance", "torque_constant")
 VECTOR = 1.0 / (2.0 * math.pi)
+# Seconds that a leg loses, for each of VESC's foc_dt_us: update_valpha_vbeta takes foc_dt_us foc_f_zv times 2/3 of the
+# link off a leg; a leg that loses t once a PWM period, of 2 / foc_f_zv, loses t foc_f_zv / 2 of the link.
+VESC_DEAD_TIME = 4.0 / 3.0
 
 
 class Configuration(NamedTuple):
     """What program wrote it; statements: key of `model.tools.statements`, quantity as text; control: the current loop's
-    current_kp (V/A), current_ki (V/(A s)), bandwidth (rad/s), and dead_time (s) taken off the voltage that is reported,
-    as far as stated."""
+    current_kp (V/A), current_ki (V/(A s)), bandwidth (rad/s), and dead_time (s) of legs, taken off the voltage that is
+    reported, as far as stated."""
 
     program: str
     stated: dict[str, str]
@@ -184,7 +187,7 @@ def _vesc_control(n: Mapping[str, float]) -> dict[str, float | None]:
     lost = _last(n, "foc_dt_us")
     return {
         "current_kp": _last(n, "foc_current_kp"), "current_ki": _last(n, "foc_current_ki"),
-        "dead_time": None if lost is None else 1e-6 * lost,
+        "dead_time": None if lost is None else VESC_DEAD_TIME * 1e-6 * lost,
     }  # fmt: skip
 
 
@@ -193,7 +196,11 @@ def _odrive_control(n: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def _moteus_control(n: Mapping[str, float]) -> dict[str, float | None]:
-    return {"current_kp": _last(n, "pid_dq.kp"), "current_ki": _last(n, "pid_dq.ki")}
+    rate = _last(n, "pid_dq_hz")
+    return {
+        "current_kp": _last(n, "pid_dq.kp"), "current_ki": _last(n, "pid_dq.ki"),
+        "bandwidth": None if rate is None else math.tau * rate,
+    }  # fmt: skip
 
 
 def _simplefoc_control(n: Mapping[str, float]) -> dict[str, float | None]:

@@ -3,11 +3,17 @@ time.
 
 Gains cancel the winding's pole by the controller's zero: kp = omega L, ki = omega R, with the loop's bandwidth omega
 (Harnefors, Nee, Model-based current control of AC machines using the internal model control method, IEEE Trans.
-Industry Applications 34(1), 1998; so do VESC, ODrive, moteus and SimpleFOC work them out).  L is the mean of both axes
-where one gain serves both.  The bandwidth is the one that the configuration means: stated, or kp over its own L.  The
-time that dead-time compensation should make up for is what recordings show that legs lose; a device's drop is made up
-for by threshold/link of a period.  Only VESC states one (`foc_dt_us`).  Its firmware takes it off the voltage that the
-observer sees and that is reported, not off the switching times: currents show the whole loss beside the duties.
+Industry Applications 34(1), 1998).  Looked up on 2026-11-28, the tools work them out alike: VESC from a time constant
+of 1 ms (bldc, conf_general.c, conf_general_calc_apply_foc_cc_kp_ki_gain), ODrive from current_control_bandwidth (v0.5,
+MotorControl/motor.cpp, update_current_controller_gains), moteus from --cal-bw-hz (moteus_tool.py, calculate_bandwidth),
+in newer firmware from servo.pid_dq_hz and with L_d and L_q for their own axes (fw/bldc_servo_control.h), SimpleFOC from
+a bandwidth, also with both L (docs.simplefoc.com/tuning_current_loop).  Here L is the mean of both axes, as one gain is
+stated.  The bandwidth is the one that the configuration means: stated, or kp over its own L.
+
+The time that dead-time compensation should make up for is what recordings show that legs lose; a device's drop is made
+up for by threshold/link of a period.  Only VESC states one (`foc_dt_us`).  Its firmware takes it off the voltage that
+the observer sees and that is reported, not off the switching times (motor/mcpwm_foc.c, update_valpha_vbeta): currents
+show the whole loss beside the duties.  A microsecond of it makes up for 4/3 us of a leg (`VESC_DEAD_TIME`).
 """
 
 from __future__ import annotations
@@ -15,6 +21,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from model.tools.configurations import VESC_DEAD_TIME
 
 COPPER = 0.00393  # 1/K of its resistance at 20 degrees
 NEAR = 0.05  # of a factor that explains a difference
@@ -211,9 +219,15 @@ def _dead_time(stated: Mapping[str, float], found: Mapping[str, Found], untold: 
     said = f"legs lose {1e6 * lost.value:.3g} us"
     if lost.value < 0.0:
         said = f"what legs lose is made up for by {-1e6 * lost.value:.3g} us too much"
-    said += "" if row.verdict == "agrees" else f"; set {1e6 * value:.3g} us"
+    if own is None:
+        return Setting("dead_time", own, value, ends, f"{said}; make up for {1e6 * value:.3g} us")
+    said += "" if row.verdict == "agrees" else f"; set foc_dt_us = {_vesc_number(value):.3g}"
     if own:
-        whole = 1e6 * max(0.0, own + lost.value)
-        said += f"; if the log holds VESC's reported d/q voltage, add the {1e6 * own:.3g} us stated: "
-        said += f"it was taken off there ({whole:.3g} us)"
+        said += "; if the log holds VESC's reported d/q voltage, what is stated was taken off there: set foc_dt_us = "
+        said += f"{_vesc_number(max(0.0, own + lost.value)):.3g}"
     return Setting("dead_time", own, value, ends, said)
+
+
+def _vesc_number(time: float) -> float:
+    """Return what foc_dt_us has to be to make up for a time (s) that legs lose."""
+    return 1e6 * time / VESC_DEAD_TIME

@@ -68,22 +68,37 @@ def test_effects_of_the_voltage_are_named():
 
 
 def test_dead_time_is_what_legs_lose():
-    """VESC's own time did not act on the switching: it is not added, but told for logs of its reported voltage."""
+    """VESC's own time did not act on the switching: it is not added, but told for logs of its reported voltage.
+
+    A microsecond of foc_dt_us makes up for 4/3 us of a leg: 0.5 us of legs are 0.375, 0.5 + 0.2 us 0.525.
+    """
     row = rows(RIGHT | {"dead_time": 2e-7})["dead_time"]
     assert row.found == pytest.approx(5e-7)
     assert row.ci95 == pytest.approx((4e-7, 6e-7))
-    assert row.said.startswith("legs lose 0.5 us; set 0.5 us; ")
-    assert "reported d/q voltage, add the 0.2 us stated: it was taken off there (0.7 us)" in row.said
-    assert rows(RIGHT)["dead_time"].said == "legs lose 0.5 us; set 0.5 us"
+    assert row.said.startswith("legs lose 0.5 us; set foc_dt_us = 0.375; if the log holds VESC's reported d/q voltage")
+    assert row.said.endswith("set foc_dt_us = 0.525")
+    assert rows(RIGHT)["dead_time"].said == "legs lose 0.5 us; set foc_dt_us = 0.375"
     assert rows(RIGHT | {"dead_time": 5e-7})["dead_time"].said.startswith("legs lose 0.5 us; if the log")
+    others = {k: v for k, v in RIGHT.items() if k != "dead_time"}
+    assert rows(others)["dead_time"].said == "legs lose 0.5 us; make up for 0.5 us"
+
+
+def test_time_that_vesc_takes_off_is_what_legs_would_lose(tmp_path):
+    """Its equations at 24 V, 40 kHz of zero vectors, 0.6 us: modulation times 2/3 of the link, and a leg's own loss."""
+    link, zero, dt, i = 24.0, 40e3, 0.6e-6, (1.0, -1.0, -1.0)  # signs of the phase currents
+    modulation = (2.0 * i[0] - i[1] - i[2]) / 3.0 * dt * zero
+    (tmp_path / "vesc").write_text("<a><foc_motor_r>0.1</foc_motor_r><foc_dt_us>0.6</foc_dt_us></a>")
+    time = read_configuration(tmp_path / "vesc").control["dead_time"]
+    lost = [link * time * 0.5 * zero * sign for sign in i]  # each leg, over its PWM period of 2 / zero
+    assert (2.0 * lost[0] - lost[1] - lost[2]) / 3.0 == pytest.approx(2.0 / 3.0 * link * modulation)
 
 
 def test_too_much_made_up_for():
     found = FOUND | {"dead_time": Found(-3e-7, (-4e-7, -2e-7))}
     row = rows(RIGHT | {"dead_time": 5e-7}, found)["dead_time"]
     assert (row.found, row.ci95, row.verdict, row.off) == (0.0, (0.0, 0.0), "differs", None)
-    assert row.said.startswith("what legs lose is made up for by 0.3 us too much; set 0 us; ")
-    assert row.said.endswith("(0.2 us)")
+    assert row.said.startswith("what legs lose is made up for by 0.3 us too much; set foc_dt_us = 0; ")
+    assert row.said.endswith("set foc_dt_us = 0.15")
     assert "lose -" not in row.said
 
 
@@ -145,6 +160,8 @@ def test_gains_of_four_tools(tmp_path):
                 "current_kp": 0.03,
                 "current_ki": 50.0,
             }
+    (tmp_path / "new").write_text("motor.resistance_ohm 0.05\nservo.pid_dq_hz 200\n")
+    assert read_configuration(tmp_path / "new").control == {"bandwidth": pytest.approx(400.0 * math.pi)}
     odrive = {"bandwidth": 1000.0, "inductance_d": 3e-5, "inductance_q": 3e-5, "resistance": 0.05}
     row = rows(odrive)["current_kp"]
     assert row.stated == pytest.approx(0.03)
