@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from model.effects.library import checked, effect_names, parse
-from model.errors import BadInput, brief, unknown
+from model.errors import BadInput, as_toml, brief, unknown
 from model.given import read_toml
 from model.parameters import finite, table_of
 
@@ -79,5 +79,5 @@ def _numbers(data: dict[str, Any], table: str) -> Iterator[tuple[str, float]]:
 def _number(table: str, name: str, value: Any) -> float:
     number = finite(value)
     if number is None:
-        raise BadInput(f"[{table}] {name} = {brief(value)} is no finite number; give one in SI units")
+        raise BadInput(f"[{table}] {name} = {as_toml(value)} is no finite number; give one in SI units")
     return number

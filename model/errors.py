@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
 LONGEST_SENTENCE = 400  # characters; more is a user's text inside it
@@ -34,6 +34,11 @@ def brief(value: object, longest: int = 40) -> str:
         return repr(value)[:longest]
     except (ValueError, RecursionError):  # an integer of more digits than Python writes, lists without an end
         return f"a {type(value).__name__} too long to write"
+
+
+def as_toml(value: object) -> str:
+    """Return what a file's key was given, as the file writes it: true where Python says True; otherwise as `brief`."""
+    return str(value).lower() if isinstance(value, bool) else brief(value)
 
 
 def raised(error: BaseException) -> str:
@@ -80,11 +85,12 @@ class Diverged(PhysicsError):
     """A run broke off: its fluxes left the model's domain, or it is no longer finite.  So a rotor that is lost ends."""
 
 
-def unknown(kind: str, name: object, known: Iterable[str]) -> BadInput:
-    """Return the error for an unknown name, with the nearest known one."""
+def unknown(kind: str, name: object, known: Iterable[str], also: Mapping[str, str] | None = None) -> BadInput:
+    """Return the error for an unknown name, with the nearest known one; also: known ones by other names in use."""
     names = [n[:LONGEST_NAME] for n in sorted(known)]
     name = str(name)[:LONGEST_NAME] if isinstance(name, (str, PurePath)) else brief(name, LONGEST_NAME)
     alike = {n.casefold(): n for n in reversed(names[:COMPARED])}
+    alike |= also or {}
     near = [alike[n] for n in difflib.get_close_matches(name.casefold(), alike, n=1, cutoff=0.5)]
     listed = ", ".join(names)
     if len(listed) > LONGEST_LIST:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, brief
+from model.errors import BadInput, as_toml
 from model.given import given_bytes
 from model.names import check_file
 
@@ -83,7 +83,7 @@ def checked(points: Any) -> Points:
     try:
         table = np.array(points, dtype=float)
     except (TypeError, ValueError):
-        raise BadInput(f"{KEY} = {brief(points)} is no list of pairs; give [[0, 0], [A, V], ...] or a file") from None
+        raise BadInput(f"{KEY} = {as_toml(points)} is no list of pairs; give [[0, 0], [A, V], ...] or a file") from None
     if table.ndim != 2 or table.shape[1] != 2 or not 2 <= len(table) <= MOST_POINTS:
         raise BadInput(f"{KEY} holds {table.shape} numbers; give 2 to {MOST_POINTS} pairs of current and voltage error")
     if not (np.isfinite(table).all() and np.all(np.diff(table[:, 0]) > 0.0) and np.abs(table).max() < 1e5):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import read_arrays
-from model.errors import BadInput, brief
+from model.errors import BadInput, as_toml
 from model.fluxmap import MOST_POINTS, MOST_VALUES, SIZES, TURNS, FluxMap, check_axis
 from model.map_names import NAMES, OF_BOTH, Column, columns_of
 from model.parameters import finite
@@ -109,7 +109,7 @@ def check_angle(angle: object) -> float:
     """Return the `angle` of [flux_map] in rad; BadInput where it is none."""
     value = finite(angle)
     if value is None or abs(value) > math.pi:
-        raise BadInput(f"[flux_map] angle = {brief(angle)} is no angle; give electrical rad in [-3.1416, 3.1416]")
+        raise BadInput(f"[flux_map] angle = {as_toml(angle)} is no angle; give electrical rad in [-3.1416, 3.1416]")
     return value
 
 

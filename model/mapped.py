@@ -23,7 +23,7 @@ from scipy.spatial import ConvexHull, QhullError
 from model.arrays import MOST_BYTES
 from model.datasets import dataset, fetch
 from model.energy import AnyEnergy
-from model.errors import BadInput, PhysicsError, brief, unknown
+from model.errors import BadInput, PhysicsError, as_toml, unknown
 from model.fluxmap import check_axis, check_physical
 from model.given import given_bytes
 from model.kernels.folders import cache_home
@@ -135,7 +135,7 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
     check_angle(table.get("angle", 0.0))
     for key in STATED:
         if not isinstance(table.get(key, ""), str):
-            raise BadInput(f"[flux_map] {key} = {brief(table[key])} is no name of an array; put it in quotes")
+            raise BadInput(f"[flux_map] {key} = {as_toml(table[key])} is no name of an array; put it in quotes")
     _choice(table)
     return build(Motor, {**values, "inductance_d": 10.0, "inductance_q": 10.0, "magnet_flux": 1.0}, "motor")
 
@@ -174,8 +174,8 @@ def _choice(table: Mapping[str, Any]) -> Choice | None:
     two = isinstance(cells, list) and len(cells) == 2 and all(type(n) is int and 2 <= n <= 60 for n in cells)
     if not two or not isinstance(smooth, float) or not 0.0 < smooth < 1.0:
         raise BadInput(
-            f"[flux_map] cells = {brief(cells)}, smooth = {brief(smooth)}; give both, cells = [14, 12] (2 to 60 each) "
-            "and smooth in (0, 1), or neither"
+            f"[flux_map] cells = {as_toml(cells)}, smooth = {as_toml(smooth)}; give both, cells = [14, 12] (2 to 60 "
+            "each) and smooth in (0, 1), or neither"
         )
     return (cells[0], cells[1]), smooth  # type: ignore[index]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from model.energy import AnyEnergy, Energy
-from model.errors import BadInput, brief, unknown
+from model.errors import BadInput, as_toml, brief, unknown
 from model.inverter_table import Points, checked
 from model.names import check_name
 
@@ -23,6 +23,7 @@ TRACKINGS = ("designed", "vesc", "mesc")  # gains of the tracking loop: from mar
 LINKS = ("steady", "measured")  # what the true link voltage does, beside effects
 COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
 MODULATIONS = ("centred", "dpwm_min", "dpwm_max", "dpwm_60")  # which legs switch, see `sandbox.plant.gates.modulation`
+CENTRED = dict.fromkeys(("svpwm", "svm", "space_vector", "space vector"), "centred")  # as others call it
 OVERMODULATIONS = ("nearest", "shortened", "six_step")  # what is made of a voltage that the legs cannot give
 BETWEEN = ("held", "interpolated")  # what commands do between the rows of a slow log
 MOST_PERIODS = 400  # of the PWM, from row to row of a slow log
@@ -50,14 +51,16 @@ def check(thing: Any, table: str) -> None:
             continue
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             unit = f.metadata["unit"] or "no unit"
-            raise BadInput(f"[{table}] {f.name} = {brief(value)} is not a number; give one ({unit})")
+            raise BadInput(f"[{table}] {f.name} = {as_toml(value)} is not a number; give one ({unit})")
         if not low <= value <= high:  # NaN lands here too
             bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
             hint = _meant(float(value), f.metadata) if abs(value) <= LARGEST else ""
-            raise BadInput(f"[{table}] {f.name} = {brief(value)} is out of range; give a finite value in {bound}{hint}")
+            raise BadInput(
+                f"[{table}] {f.name} = {as_toml(value)} is out of range; give a finite value in {bound}{hint}"
+            )
     for name in TEXTS:
         if not isinstance(getattr(thing, name, "") or "", str):
-            raise BadInput(f"[{table}] {name} = {brief(getattr(thing, name))} is not a text; put it in quotes")
+            raise BadInput(f"[{table}] {name} = {as_toml(getattr(thing, name))} is not a text; put it in quotes")
     if hasattr(thing, "name"):
         check_name(thing.name, f"[{table}] name")
 
@@ -228,6 +231,11 @@ class Converter:
             )
         if self.between_rows is not None and self.between_rows not in BETWEEN:
             raise unknown("[drive] between_rows", self.between_rows, BETWEEN)
+        if self.between_rows is not None and rows == 1:
+            raise BadInput(
+                f"[drive] between_rows = '{self.between_rows}' is of logs whose rows are several PWM periods apart, as "
+                "pwm_frequency says; leave it out where a row is one period"
+            )
         if self.dc_link is not None and self.dc_link not in LINKS:
             raise unknown("[drive] dc_link", self.dc_link, LINKS)
         if self.command not in COMMANDS:
@@ -237,7 +245,7 @@ class Converter:
         if self.readings is not None and self.readings != int(self.readings):
             raise BadInput(f"[drive] readings = {self.readings} is not whole; give a number of readings a period")
         if self.modulation not in MODULATIONS:
-            raise unknown("[drive] modulation", self.modulation, MODULATIONS)
+            raise unknown("[drive] modulation", self.modulation, MODULATIONS, CENTRED)
         if self.overmodulation is not None and self.overmodulation not in OVERMODULATIONS:
             raise unknown("[drive] overmodulation", self.overmodulation, OVERMODULATIONS)
         if not self.least_pulse < 0.25 * self.update_period:
@@ -329,9 +337,9 @@ class Limits:
     def __post_init__(self) -> None:
         check(self, "limits")
         if not isinstance(self.fixed_link, bool):
-            raise BadInput(f"[limits] fixed_link = {brief(self.fixed_link)} must be true or false")
+            raise BadInput(f"[limits] fixed_link = {as_toml(self.fixed_link)} must be true or false")
         if not isinstance(self.can, (list, tuple)) or not self.can:
-            raise BadInput(f"[limits] can = {brief(self.can)} is no list; give some of {', '.join(ROTORS)}")
+            raise BadInput(f"[limits] can = {as_toml(self.can)} is no list; give some of {', '.join(ROTORS)}")
         for kind in self.can:
             if kind not in ROTORS:
                 raise unknown("kind of rotor", kind, ROTORS)

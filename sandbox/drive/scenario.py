@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from model.drive_files import is_file_name
-from model.errors import BadInput, brief, unknown
+from model.errors import BadInput, as_toml, brief, unknown
 from model.given import read_toml
 from model.names import fitting
 from model.parameters import build, check, finite, quantity
@@ -73,10 +73,10 @@ class Segment:
         settle = self.settle
         wait = finite(settle)
         if settle is not None and (wait is None or not 0.0 <= wait < self.duration):
-            raise BadInput(f"[[segment]] settle = {brief(settle)} must lie in [0, duration = {self.duration:g}) s")
+            raise BadInput(f"[[segment]] settle = {as_toml(settle)} must lie in [0, duration = {self.duration:g}) s")
         for name in ("score", "blocked"):
             if not isinstance(getattr(self, name), bool):
-                raise BadInput(f"[[segment]] {name} = {brief(getattr(self, name))} is neither true nor false")
+                raise BadInput(f"[[segment]] {name} = {as_toml(getattr(self, name))} is neither true nor false")
         if self.blocked and self.current_d:
             raise BadInput("[[segment]] current_d needs gates that switch; leave it or blocked = true away")
 
@@ -147,7 +147,7 @@ class Scenario:
         if self.start_error and self.start_up:
             raise BadInput("start_error needs start_up = false: what starting up finds cannot be told wrong")
         if not isinstance(self.start_up, bool):
-            raise BadInput(f"[scenario] start_up = {brief(self.start_up)} is neither true nor false")
+            raise BadInput(f"[scenario] start_up = {as_toml(self.start_up)} is neither true nor false")
         if not any(s.score for s in self.segments) and self.segments:
             raise BadInput(f"scenario '{self.name}' scores no segment; leave score = false away in at least one")
         if not self.segments:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.drive_files import injection_defaults
-from model.errors import BadInput, brief, shown, unknown
+from model.errors import BadInput, as_toml, brief, shown, unknown
 from model.given import read_toml
 from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
@@ -370,7 +370,7 @@ def _entry(entry: Any, source: str) -> tuple[str, str, str, float | None]:
             raise BadInput(f"{source}: {unknown('key in [[recording]]', key, OF_RECORDING)}")
     for key in OF_RECORDING[:3]:
         if not isinstance(entry.get(key, ""), str):
-            raise BadInput(f"{source}: {key} = {brief(entry[key])} in [[recording]] is not a text; put it in quotes")
+            raise BadInput(f"{source}: {key} = {as_toml(entry[key])} in [[recording]] is not a text; put it in quotes")
     try:
         file = check_file(entry["file"], "file in [[recording]]")
     except BadInput as error:
@@ -422,7 +422,7 @@ def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
         number, (least, largest) = finite(value), STATED[table][key]
         if number is None or not (number == 0.0 or least <= number <= largest):
             raise BadInput(
-                f"[{table}] {key} = {brief(value)} is no standard deviation; give one from {least:g} to {largest:.4g}"
+                f"[{table}] {key} = {as_toml(value)} is no standard deviation; give one from {least:g} to {largest:.4g}"
                 f"{OWN_UNITS.get(key, '')}, or 0"
             )
     return {k: float(v) for k, v in values.items()}

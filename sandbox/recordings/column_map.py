@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, brief, unknown
+from model.errors import BadInput, as_toml, unknown
 from model.frames import phases
 from model.number_table import Table
 from model.parameters import finite
@@ -96,24 +96,24 @@ def _parse(name: str, entry: Any) -> Column:
         entry = {"column": entry}
     if not isinstance(entry, dict):
         raise BadInput(
-            f'[columns] {name} = {brief(entry)} is no entry; write {name} = {{column = "...", unit = "..."}}'
+            f'[columns] {name} = {as_toml(entry)} is no entry; write {name} = {{column = "...", unit = "..."}}'
         )
     for key in entry:
         if key not in KEYS:
             raise unknown(f"key in [columns] {name}", key, KEYS)
     for key in ("scale", "offset", "value"):
         if finite(entry.get(key, 0.0)) is None:
-            raise BadInput(f"[columns] {name}: {key} = {brief(entry[key])} is no finite number; give one")
+            raise BadInput(f"[columns] {name}: {key} = {as_toml(entry[key])} is no finite number; give one")
     if not SMALLEST <= abs(entry.get("scale", 1.0)) <= 1.0 / SMALLEST:
         raise BadInput(
-            f"[columns] {name}: scale = {brief(entry['scale'])} would erase the column; leave it out or give "
+            f"[columns] {name}: scale = {as_toml(entry['scale'])} would erase the column; leave it out or give "
             f"a factor of size {SMALLEST:g} to {1.0 / SMALLEST:g}"
         )
     for key in ("column", "unit"):
         if not isinstance(entry.get(key, ""), str):
-            raise BadInput(f"[columns] {name}: {key} = {brief(entry[key])} is no text; put it in quotes")
+            raise BadInput(f"[columns] {name}: {key} = {as_toml(entry[key])} is no text; put it in quotes")
     if not isinstance(entry.get("mechanical", False), bool):
-        raise BadInput(f"[columns] {name}: mechanical = {brief(entry['mechanical'])} must be true or false")
+        raise BadInput(f"[columns] {name}: mechanical = {as_toml(entry['mechanical'])} must be true or false")
     if entry.get("mechanical") and KIND[name] not in TURNING:
         raise BadInput(f"[columns] {name}: mechanical = true is for theta, theta_hat and speed only; remove it")
     if "value" in entry and "column" in entry:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, brief, unknown
+from model.errors import BadInput, as_toml, unknown
 from model.given import read_toml
 from model.inverter_table import with_points
 from model.number_table import Table
@@ -240,7 +240,7 @@ def _pole_pairs(data: Mapping[str, Any], mapped: Mapping[str, Column], source: s
     pairs = finite(stated)
     if pairs is None or not 1.0 <= pairs <= 100.0:
         raise BadInput(
-            f"{source}: [motor] pole_pairs = {brief(stated)} cannot turn a mechanical angle; give it in [1, 100]"
+            f"{source}: [motor] pole_pairs = {as_toml(stated)} cannot turn a mechanical angle; give it in [1, 100]"
         )
     return pairs
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, brief
+from model.errors import BadInput, as_toml, brief
 from model.names import fitting
 from model.number_table import Table
 from model.parameters import finite
@@ -267,5 +267,5 @@ def _stated(table: Mapping[str, Any], key: str, source: str, low: float, high: f
         return None
     value = finite(table[key])
     if value is None or not low <= value <= high:
-        raise BadInput(f"{source}: {key} = {brief(table[key])} is out of range; give a number in [{low:g}, {high:g}]")
+        raise BadInput(f"{source}: {key} = {as_toml(table[key])} is out of range; give a number in [{low:g}, {high:g}]")
     return value

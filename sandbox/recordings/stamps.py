@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, brief, unknown
+from model.errors import BadInput, as_toml, brief, unknown
 from sandbox.recordings.campaign import Finding
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ def parse_log(table: Mapping[str, Any], source: str) -> Log:
         isinstance(v, list) and v and all(isinstance(x, str) for x in v) for v in matrix.values()
     )
     if not good:
-        raise BadInput(f'{source}: [log] matrix = {brief(matrix)}; write matrix = {{data = ["t", "i_a", ...]}}')
+        raise BadInput(f'{source}: [log] matrix = {as_toml(matrix)}; write matrix = {{data = ["t", "i_a", ...]}}')
     return Log(stamps, matrix)
 
 

@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 from estimators.registry import MODULES
-from model.errors import BadInput, brief, unknown
+from model.errors import BadInput, as_toml, unknown
 from model.parameters import Converter, Injection, Motor
 
 Value = str | bool | int | float
@@ -98,7 +98,7 @@ def check_key(name: str, table: str) -> Key:
 def check_value(name: str, value: object, table: str) -> Value:
     """Return a value in its key's type; BadInput says what is wrong with it."""
     key = check_key(name, table)
-    said = f"[{table}] {name} = {brief(value)}"
+    said = f"[{table}] {name} = {as_toml(value)}"
     if key.kind is str:
         if not isinstance(value, str):
             raise BadInput(f"{said} is not a text; put it in quotes")

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, brief, unknown
+from model.errors import BadInput, as_toml, brief, unknown
 from model.given import named_by, read_toml
 from model.names import check_name, fitting
 from sandbox.output.provenance import digest_of as digest_of_file
@@ -256,7 +256,9 @@ def _table(tables: Mapping[str, Any], name: str, known: tuple[str, ...] = ()) ->
 
 def _list(name: str, values: object) -> tuple[Value, ...]:
     if not isinstance(values, (list, tuple)) or not values:
-        raise BadInput(f"[grid] {name} = {brief(values)} is no list of values; write {name} = [1.0, 2.0], or see [run]")
+        raise BadInput(
+            f"[grid] {name} = {as_toml(values)} is no list of values; write {name} = [1.0, 2.0], or see [run]"
+        )
     if len(values) > MOST_VALUES:
         raise BadInput(f"[grid] {name} has {len(values)} values; at most {MOST_VALUES} are taken, draw them instead")
     found = tuple(check_value(name, v, "grid") for v in values)
@@ -271,7 +273,7 @@ def _is_draw(value: Mapping[str, Any]) -> bool:
 
 def _draw(name: str, value: object) -> Draw:
     key, table = check_key(name, "random.draw"), "random.draw"
-    said = f"[{table}] {name} = {brief(value)}"
+    said = f"[{table}] {name} = {as_toml(value)}"
     if not isinstance(value, Mapping) or len(value) != 1:
         raise BadInput(f"{said} is no distribution; write {name} = {{uniform = [0.9, 1.1]}} ({', '.join(DRAWS)})")
     kind, ends = next(iter(value.items()))
@@ -300,7 +302,9 @@ def _random(table: Mapping[str, Any], draws: Mapping[str, Draw]) -> tuple[str, i
         raise unknown("random design", design, DESIGNS)
     for name, value, low, high in (("points", points, 1, MOST_POINTS), ("seed", seed, 0, 10**18)):
         if type(value) is not int or not low <= value <= high:
-            raise BadInput(f"[random] {name} = {brief(value)} is out of range; give a whole number in [{low}, {high}]")
+            raise BadInput(
+                f"[random] {name} = {as_toml(value)} is out of range; give a whole number in [{low}, {high}]"
+            )
     if table and not draws:
         raise BadInput("[random] draws nothing; add [random.draw] with a distribution, or leave [random] away")
     return design, points, seed
@@ -317,12 +321,12 @@ def _traces(tables: Mapping[str, Any], draws: Mapping[str, Draw]) -> Traces | No
     table, known = _table(tables, "traces", ("channels", "stride")), (*CHANNELS, "error")
     channels, stride = table.get("channels", ["error"]), table.get("stride", 1)
     if not isinstance(channels, (list, tuple)) or not channels:
-        raise BadInput(f'[traces] channels = {brief(channels)} is no list of channels; write channels = ["error"]')
+        raise BadInput(f'[traces] channels = {as_toml(channels)} is no list of channels; write channels = ["error"]')
     for channel in channels:
         if channel not in known:
             raise unknown("channel", channel, known)
     if type(stride) is not int or stride < 1:
-        raise BadInput(f"[traces] stride = {brief(stride)} is out of range; keep every stride-th sample, at least 1")
+        raise BadInput(f"[traces] stride = {as_toml(stride)} is out of range; keep every stride-th sample, at least 1")
     return Traces(tuple(dict.fromkeys(channels)), stride)
 
 

@@ -111,6 +111,12 @@ def test_user_motor_with_defaults(tmp_path):
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nsampling_period = 0.25", ("ms? write 0.00025",)),
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 'squar'", ("mean 'square'",)),
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\ntracking = 'vesk'", ("mean 'vesc'",)),
+        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nmodulation = 'SVPWM'", ("mean 'centred'",)),
+        ("resistance = 1.0|resistance = true", ("resistance = true is not a number",)),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nbetween_rows = 'held'",
+            ("between_rows = 'held'", "several PWM periods apart", "leave it out"),
+        ),
     ],
 )
 def test_wrong_file_is_told_value_bound_and_remedy(tmp_path, change, words):

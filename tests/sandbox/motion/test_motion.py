@@ -227,7 +227,7 @@ def test_what_a_motion_lacks_is_named(tmp_path):
         ("torque_constant = 0.05\n", "", "says no torque of a current; add torque_constant"),
         ('i_q = "iq"\n', "", "neither voltages nor i_q nor torque"),
         ('t = "t"\n', 't = {column = "t", scale = 0.0}\n', "scale = 0.0 would erase"),
-        ("torque_constant = 0.05", "torque_constant = true", "torque_constant = True is out of range"),
+        ("torque_constant = 0.05", "torque_constant = true", "torque_constant = true is out of range"),
         ('rotor = "free"', 'rotor = "locked"', "no recording has rotor = 'free'"),
         (", mechanical = true", "", r"\[motor\] lacks 'pole_pairs'"),
     ]:
