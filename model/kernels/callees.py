@@ -10,21 +10,16 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
 import llvmlite.binding as llvm
 from numba.core import types
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, CompileResult, DefaultPassBuilder, Flags
+from numba.core.compiler import Compiler, CompileResult, DefaultPassBuilder
 from numba.core.registry import CPUDispatcher
-from numba.core.targetconfig import TargetConfig
-from numba.core.types import npytypes
 
-# numba writes a record's type out, field by field, before each pass over a function that takes one and for each field
-# that is read: 5900 times 0.3 ms for a replay
-npytypes.Record.__repr__ = cache(npytypes.Record.__repr__)  # type: ignore[method-assign]
+from model.kernels.repeated import Options
 
 
 @contextmanager
@@ -44,6 +39,13 @@ class Linked(JITCodeLibrary):
     """Optimised code that callers link in; the engine that makes machine code never sees it."""
 
     codegen = SimpleNamespace(set_env=lambda name, env: None)  # the caller's code holds the place (`Kernel`)
+
+    def _optimize_final_module(self) -> None:
+        """Place callees inside and no more: what runs is optimised in the function that holds it."""
+        passes, builder = self._codegen._module_pass_manager(
+            loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
+        )
+        passes.run(self._final_module, builder)
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -65,20 +67,6 @@ class Linked(JITCodeLibrary):
         library._final_module = llvm.parse_bitcode(code)
         library._finalize_final_module()
         return library
-
-
-class Options(Flags):
-    """numba's flags of one compilation, which it compares ten thousand times: what is set first, then all fifty."""
-
-    __slots__ = ()
-    _HASH = hash(Flags())  # numba's, too, is the same for all
-
-    def __eq__(self, other: object) -> bool:
-        same = isinstance(other, TargetConfig) and self._values == other._values
-        return True if same else super().__eq__(other)
-
-    def __hash__(self) -> int:
-        return self._HASH
 
 
 class KernelCompiler(Compiler):
