@@ -37,12 +37,22 @@ def test_a_newcomer_finds_the_core_in_two_steps():
     room = ROOT / "sandbox"
     rows = (room / "README.md").read_text().partition("## Where to find what")[2].splitlines()
     named = [found for row in rows for found in re.findall(r"`(\w+)` in \[\w+\.py\]\(([^)]+)\)", row)]
-    assert {"late", "halfway", "hessian", "floor_of", "hypotheses", "unmodeled", "share_closed", "which"} == {
-        name for name, _ in named
+    wanted = {
+        "late",
+        "halfway",
+        "hessian",
+        "_voltages",
+        "with_volts",
+        "floor_of",
+        "evaluate",
+        "_evidence",
+        "hypotheses",
     }
+    assert wanted | {"hypotheses", "unmodeled", "share_closed", "which"} == {name for name, _ in named}
     for name, target in named:
-        assert f"\ndef {name}(" in (room / target).read_text(), (name, target)
-    for told in ("dead time's volt-seconds", "Hessian", "noise floor", "P(unknown)", "`closed`", "effect added"):
+        assert re.search(rf"^ *def {name}\(", (room / target).read_text(), re.M), (name, target)
+    asked = ("dead time's volt-seconds", "Hessian", "become volts", "noise floor", "evidence of a set", "P(unknown)")
+    for told in (*asked, "`closed`", "effect added"):
         assert any(told in row for row in rows), told
 
 
