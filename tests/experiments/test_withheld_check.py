@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from experiments import drawing, shares_truth, withheld_check
+from experiments import drawing, screens, shares_truth, withheld_check
 from experiments.withheld_check import CHECKS, OWN, RESULTS, if_chances_held, keep, recompute
 from model.errors import BadInput
 from sandbox.output.tables import many
@@ -21,7 +21,9 @@ SEALED = {"kind": "mixed", "seed": 3, "style": "scored", "sizes": "published"}
 
 @pytest.fixture
 def results(tmp_path, monkeypatch):
-    """Rows of twelve campaigns, of the project's method and a simple one, beside their seal; checks of that size."""
+    """Rows of twelve campaigns, of the project's method and a simple one, beside their seal; checks of that size.
+    Figures are left out: what is committed has them all (below)."""
+    monkeypatch.setattr(screens, "write", lambda drawn, path: None)
     for name, check in CHECKS.items():
         monkeypatch.setitem(CHECKS, name, check._replace(count=12, seed=3, kind="mixed"))
     rows = twelve()

@@ -109,7 +109,7 @@ def test_an_escape_is_seen():
     assert wrong_sentence("5\xa0%") == ""
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.text(max_size=40))
 def test_words_are_numbers_or_refused(text):
     for kind in (number, positive_int, seed_number):

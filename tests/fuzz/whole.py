@@ -330,5 +330,7 @@ COSTLY = {
     "map_npz": 0.5,
     "map_mat": 0.5,
     **dict.fromkeys((door.name for door in KEPT_DOORS if door.name != "call"), 0.1),
+    "exchanged": 0.05,
+    "forged_design": 0.05,
     **dict.fromkeys((door.name for door in DOORS if door.name.startswith("large_")), 0.1),
 }  # share of the inputs of a usual door

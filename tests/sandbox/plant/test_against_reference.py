@@ -147,7 +147,7 @@ def test_iron_beside_what_else_drops_is_of_second_order(name):
     assert many < 0.1 * CLOSE
 
 
-STEP = 50  # periods until a load comes
+STEP = 30  # periods until a load comes
 MOVED = {name: typical(name) for name in library.effect_names() if name != "encoder_offset"}
 MOVED |= {
     "nothing": {},
@@ -165,7 +165,7 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
     slope of the acceleration a period, T^2/12 times its change in all; friction is taken at the middle of the period.
     A delayed pattern sees the angle at the period's mean speed: the sample then reads off by G psi a d T/2.
     """
-    n, pairs, values = 120, DRIVE.motor.pole_pairs, MOVED[name]
+    n, pairs, values = 70, DRIVE.motor.pole_pairs, MOVED[name]
     u = 0.06 * np.exp(1j * (1.9 + 0.5 * np.sin(np.arange(n) / 40.0)))
     legs = np.stack([u.real, u.imag], axis=1) @ LEGS.T
     duty = 0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None]

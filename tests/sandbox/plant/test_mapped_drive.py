@@ -65,11 +65,12 @@ def test_linear_belief_is_the_map_at_zero_current(mapped):
     assert motor.linear_energy[:2] == pytest.approx((motor.energy.gamma_d, motor.energy.gamma_q), rel=1e-12)
 
 
-def test_commands_know_the_name(mapped, tmp_path):
-    command = "maps" if mapped.name == "baldor_pmsyrm" else "audit"
-    assert main([command, mapped.name, "--out", str(tmp_path), "--quiet"]) == 0
+@pytest.mark.parametrize(("command", "name"), [("maps", "baldor_pmsyrm"), ("audit", "thor_fea")])
+def test_commands_know_the_name(command, name, tmp_path):
+    real_data()
+    assert main([command, name, "--out", str(tmp_path), "--quiet"]) == 0
     content = json.loads((tmp_path / f"{command}.json").read_text())
-    assert content["motor"] == mapped.name
+    assert content["motor"] == name
     if command == "maps":
         assert content["first_order_error_l_dd"] is None  # first order needs alphas
     else:
