@@ -24,6 +24,7 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
         "turns": (math.tau, 0),
     },
     "duty": {"1": (1, 0), "%": (0.01, 0), "-": (1, 0)},
+    "state": {"1": (1, 0), "-": (1, 0)},
     "torque": {
         "N m": (1, 0), "Nm": (1, 0), "N.m": (1, 0), "N·m": (1, 0), "mNm": (1e-3, 0), "mN m": (1e-3, 0),
         "kNm": (1e3, 0),

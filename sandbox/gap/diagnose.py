@@ -37,6 +37,7 @@ from sandbox.replay.memory import USUAL, spare
 from sandbox.replay.replay import prepare
 
 CREDIBLE = 0.95
+OF_ENCODER = {"angle", "offset"}  # ports of the plant through which it reads
 NINE_IN_TEN = 600  # simulations within which nine in ten diagnoses end: what a progress bar expects
 
 
@@ -237,10 +238,13 @@ def content(r: CampaignRecording) -> tuple[str, str]:
 
 def out_of_sight(campaign: Campaign) -> tuple[str, ...]:
     """Return the effects that recordings cannot show however large they are: those of mechanics, where no rotor is
-    free (locked, or its speed imposed)."""
-    if any(r.rotor == "free" for r in campaign.recordings):
-        return ()
-    return tuple(e for e in library.effect_names() if library.load_effect(e).subsystem == "mechanics")
+    free (locked, or its speed imposed), and those of an encoder, where no angle was read."""
+    gone = () if any(r.rotor == "free" for r in campaign.recordings) else ("mechanics",)
+    own = [e for e in library.effect_names() if library.load_effect(e).subsystem in gone]
+    if all(r.made is not None for r in campaign.recordings):
+        cards = {e: library.load_effect(e) for e in library.effect_names()}
+        own += [e for e, card in cards.items() if {a.port for a in card.at} & OF_ENCODER]
+    return tuple(own)
 
 
 def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit:

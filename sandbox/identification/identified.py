@@ -74,12 +74,14 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
     """
     fit = fit_ordinary(campaign)
     remarks = [f.text for f in campaign.findings] + [why] * bool(why)
+    made = dict.fromkeys(r.made.of for r in campaign.recordings if r.made is not None and r.made.of)
+    angle = f", or an angle that {', '.join(made)} tells too roughly" if made else ""
     if fit.misfit > LARGE_MISFIT:
         raise PhysicsError(
             f"{campaign.name}: with the best R, L_d, L_q and magnet flux, simulated and measured currents differ "
             f"{math.sqrt(fit.misfit):.2g} times as much as the sensors' noise ({math.sqrt(LARGE_MISFIT):.2g} at most): "
-            "something else acts (saturation, iron loss, delay, a shifted log), and values would be wrong by more than "
-            "their intervals; see `sensorless check`, or `sensorless diagnose` for the cause"
+            f"something else acts (saturation, iron loss, delay, a shifted log{angle}), and values would be wrong by "
+            "more than their intervals; see `sensorless check`, or `sensorless diagnose` for the cause"
         )
     if fit.samples < fit.of_samples:
         remarks.append(f"{fit.samples} of {fit.of_samples} samples are used, the same share of each recording")

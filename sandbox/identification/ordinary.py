@@ -38,6 +38,7 @@ OF_EFFECT = {
 }  # fmt: skip
 THRESHOLD, DEAD = LOST = ("device_drop.threshold", "dead_time.time")
 OFFSETS = ("current_offset.offset_a", "current_offset.offset_b")
+ZERO = "encoder_offset.offset"  # fitted where an angle was made, whose zero is nobody's reading
 TOLD = 0.3  # relative standard deviation: beyond it an interval holds a half and twice the value
 BLOCKS = 40  # blocks of time that all recordings are cut into, for the scatter of what they say
 MOST = 60_000  # samples used: at 10 kHz six seconds of motion
@@ -117,9 +118,10 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
 def _of_both(start: _Search, known: Sequence[str]) -> _Search:
     """Return the fit with both ways to lose voltage, from the better one of the fits with either: where the current
     goes through zero they differ, and a fit of both may stick at the wrong one."""
-    either = [start.beside([*known, one, *OFFSETS]).found() for one in LOST]
+    zeros = [ZERO] * any(r.made is not None for r in start.prepared.campaign.recordings)
+    either = [start.beside([*known, one, *OFFSETS, *zeros]).found() for one in LOST]
     best = min(either, key=lambda s: s.square())
-    return best.beside([*known, *LOST, *OFFSETS]).found()
+    return best.beside([*known, *LOST, *OFFSETS, *zeros]).found()
 
 
 def _begun_at(campaign: Campaign, begin: Mapping[str, float]) -> Campaign:
@@ -153,7 +155,7 @@ def _shortened(campaign: Campaign) -> Campaign:
 
 def _part(r: CampaignRecording, share: float) -> CampaignRecording:
     rows = max(2, 2 * int(0.5 * share * len(r.t)))
-    rotor = "driven" if r.rotor == "free" else r.rotor
+    rotor = r.rotor
     columns = {n: x[:rows] for n, x in r.columns.items() if n != "load_torque"}
     return replace(r, rotor=rotor, columns=columns)
 
@@ -257,6 +259,7 @@ class _Search:
         converter = drive.converter
         own = {THRESHOLD: DROP * converter.dc_bus_voltage, DEAD: DROP * converter.update_period}
         own |= dict.fromkeys(OFFSETS, OFFSET * drive.motor.rated_current)
+        own[ZERO] = max((r.zero for r in prepared.recordings), default=0.0)
         self.prior = np.array([own.get(n, math.inf) for n in names])
         self.step = np.where(self.logs, SHARE, [SHARE * own.get(n, 1.0) for n in names])
         wide = [WIDE[n] if n in NAMES else math.inf for n in names]

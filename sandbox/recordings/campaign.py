@@ -79,6 +79,20 @@ class Doubt(Finding):
     """A finding on the way in that a person should look at before going on."""
 
 
+@dataclass(frozen=True)
+class Made:
+    """What an angle was made of that a log does not hold.
+
+    of: the log's column, or what stands in for one; count: rad electrical between which its readings lie; zero: rad,
+    standard deviation of its zero; either_way: whether its sense is unknown, too.
+    """
+
+    of: str
+    count: float
+    zero: float
+    either_way: bool = False
+
+
 @dataclass(frozen=True, repr=False)
 class CampaignRecording:
     """One table of a campaign; every column is an attribute too, float64, shape (n,).
@@ -88,6 +102,7 @@ class CampaignRecording:
     Of a part of a longer recording: of: its file; starts_at: s from its beginning to the first row here; settling: the
     rows before that, which a replay goes through first and which are no part of its residual.
     source: the log's own columns by contract name, of what the log holds; empty where the log has our names.
+    made: of what its angle was made, None where it was read.
     """
 
     file: str
@@ -99,6 +114,7 @@ class CampaignRecording:
     starts_at: float = 0.0
     settling: Mapping[str, Array] = field(default_factory=dict)
     source: Mapping[str, str] = field(default_factory=dict)
+    made: Made | None = None
 
     def __post_init__(self) -> None:
         check_file(self.file, "recording's file")

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,10 @@ from model.frames import phases
 from model.number_table import Table
 from model.parameters import finite
 from model.units import KNOWN, UNITS
-from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, table_of
+from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, Made, table_of
+from sandbox.recordings.commutation import state_names
 from sandbox.recordings.formats.log_table import MOST_VALUES, first_beyond
-from sandbox.recordings.turning import turns_between, unwrapped
+from sandbox.recordings.turning import of_log, turns_between, unwrapped, with_angle
 
 Array = NDArray[np.float64]
 KINDS = {
@@ -31,6 +32,7 @@ KINDS = {
     "current": ("i_a", "i_b", "i_c", "i_alpha", "i_beta", "i_d", "i_q"),
     "speed": ("speed",),
     "angle": ("theta", "theta_hat"),
+    "state": ("hall", "hall_a", "hall_b", "hall_c", "steps"),
     "duty": ("d_a", "d_b", "d_c"),
     "torque": ("load_torque", "torque"),
     "temperature": ("temperature",),
@@ -135,12 +137,21 @@ def _factor(name: str, unit: str, where: str) -> tuple[float, float]:
     return units[unit]
 
 
-def contract(
-    file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float, link: float
-) -> tuple[dict[str, Array], list[Finding]]:
-    """Return the contract's columns of a table, and what was changed or lost on the way.
+class Contract(NamedTuple):
+    """The contract's columns of a table, what was changed or lost on the way, and of what the angle was made."""
 
-    Names that [columns] does not mention are taken where the table has them; `link` (V) stands in for an absent u_dc.
+    values: dict[str, Array]
+    notes: list[Finding]
+    made: Made | None
+
+
+def contract(
+    file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float, link: float, *, locked: bool = False
+) -> Contract:
+    """Return the contract's columns of a table.
+
+    Names that [columns] does not mention are taken where the table has them; `link` (V) stands in for an absent u_dc,
+    speed, Hall states or counted steps for an absent angle; one that is locked needs none.
     """
     length = max((len(v) for v in table.columns.values()), default=0)
     if length > MOST_ROWS:
@@ -151,14 +162,15 @@ def contract(
         notes.append(
             _lost(file, "u_dc", f"not recorded, dc_bus_voltage = {link:g} V stands in; link sag and ripple stay unseen")
         )
+    found, made = with_angle(file, found, source_columns(table, columns), notes, length if locked else 0)
     currents, voltages = phase_currents(file, found, notes), _voltages(file, found, notes)
     if "theta" not in found:
         raise BadInput(
-            f"{file}: column 'theta' is missing; map the encoder, or give a locked rotor's angle as "
-            "theta = {value = ...}"
+            f"{file}: column 'theta' is missing; map the encoder, or what stands in for it: speed = "
+            '{column = "erpm", unit = "rpm"}, hall = {column = ...} (states 1 to 6) or steps = {column = "tachometer"}'
         )
     kept = {n: found[n] for n in ("t", "theta", "u_dc", *OPTIONAL) if n in found}
-    return {**kept, **voltages, **currents}, notes
+    return Contract({**kept, **voltages, **currents}, notes, made)
 
 
 def measured(
@@ -218,6 +230,15 @@ def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
     """Tell whether a table holds anything of which commanded voltages can be made."""
     names = {*available(table, columns), *table.names}
     return any(names.issuperset(kind) for kind in VOLTAGES)
+
+
+def by_states(table: Table, columns: Mapping[str, Column]) -> str:
+    """Return the columns of Hall states or counted steps, in the log's words, where these alone tell an angle."""
+    own = source_columns(table, columns)
+    names = state_names(own)
+    return (
+        "" if names is None or "theta" in {*own, *available(table, columns)} or "speed" in own else of_log(own, names)
+    )
 
 
 def _values(

@@ -39,6 +39,7 @@ from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
 from sandbox.recordings.rows.slow import with_slow_rows
 from sandbox.recordings.stamps import Log, by_arrival, cut_at_gaps, parse_log, polled, stamp_jitter
+from sandbox.recordings.zero import with_zeros
 
 Array = NDArray[np.float64]
 SILENT = 0.01  # of the sampling period: jitter that the format allows
@@ -155,13 +156,13 @@ def unchecked(source: Source) -> Campaign:
     for file, rotor, axis, link in source.entries:
         table = source.table(file)
         nominal = link or converter.dc_bus_voltage
-        values, notes = contract(file, table, source.mapped, source.pole_pairs, nominal)
+        values, notes, made = contract(file, table, source.mapped, source.pole_pairs, nominal, locked=rotor == "locked")
         held = source_columns(table, source.mapped)
         del table  # what is not used of it takes memory
         findings += notes
         for name, own, noise, starts_at in _timed(file, values, converter, source, findings):
             of = "" if name == file else file
-            recordings.append(CampaignRecording(name, rotor, axis, own, link, of, starts_at, source=held))
+            recordings.append(CampaignRecording(name, rotor, axis, own, link, of, starts_at, source=held, made=made))
             noises.append(noise)
     data = dict(source.data)
     if source.map_folder != source.folder and "drive" in data:
@@ -170,7 +171,8 @@ def unchecked(source: Source) -> Campaign:
         stated = table_of(data, "drive")
         data["drive"] = {**stated, "current_noise": math.hypot(converter.current_noise, max(noises))}
     campaign = assemble(data, tuple(recordings), source.folder.resolve().name, source.name, source.map_folder)
-    return with_slow_rows(counted_once(dataclasses.replace(campaign, findings=(*findings, *campaign.findings))))
+    campaign = with_zeros(dataclasses.replace(campaign, findings=(*findings, *campaign.findings)))
+    return with_slow_rows(counted_once(campaign))
 
 
 def _timed(

@@ -20,7 +20,15 @@ from model.number_table import Table
 from model.parameters import finite
 from sandbox.recordings.campaign import Campaign, Finding, table_of
 from sandbox.recordings.checks.motion_clock import stretches
-from sandbox.recordings.column_map import Column, has_voltages, measured, phase_currents, source_columns, source_units
+from sandbox.recordings.column_map import (
+    Column,
+    by_states,
+    has_voltages,
+    measured,
+    phase_currents,
+    source_columns,
+    source_units,
+)
 from sandbox.recordings.copies import copied, copy_finding, own_rows
 from sandbox.recordings.importing import Source
 from sandbox.recordings.stamps import segment_name
@@ -30,6 +38,10 @@ Array = NDArray[np.float64]
 OF_LAG = ("resistance", "inductance_d", "inductance_q")
 BESIDE = ("speed", "i_d", "i_q", "u_d", "u_q")
 OR_SPEED = ', or the log\'s speed (speed = {column = ..., unit = "rpm"})'
+SIXTHS = (
+    "tell the angle to a sixth of an electrical turn: between them a current moves for the angle's error as for "
+    "electrical effects, which are no candidates; the motion alone is judged (log the speed, too, and all is)"
+)
 NO_VOLTAGES = "no voltages were recorded, so electrical effects are no candidates; the motion alone is judged"
 
 
@@ -79,7 +91,8 @@ class MotionCampaign:
 def motion_only(source: Source) -> str | None:
     """Return why a source can be judged by its motion alone, one sentence; None where it can be replayed.
 
-    No voltages in its first recording, or samples further apart than the currents take to settle.
+    No voltages in its first recording, an angle known to sixths of a turn alone, or samples further apart than the
+    currents take to settle.
     """
     drive, motor = table_of(source.data, "drive"), table_of(source.data, "motor")
     if not source.entries:
@@ -88,6 +101,8 @@ def motion_only(source: Source) -> str | None:
     table = source.table(file)
     if not has_voltages(table, source.mapped):
         return NO_VOLTAGES
+    if source.entries[0][1] == "free" and (sixths := by_states(table, source.mapped)):
+        return f"{sixths} {SIXTHS}"
     period = finite(drive.get("sampling_period")) or _step(file, table, source)
     resistance, *inductances = (finite(motor.get(k)) or 0.0 for k in OF_LAG)
     if min(period, resistance, *inductances) > 0.0:
@@ -164,7 +179,7 @@ def _read(
     found, notes = measured(file, table, mapped, pairs or 1.0)
     findings += notes
     own = source_columns(table, mapped)
-    found = with_angle(file, found, own, findings)
+    found, _ = with_angle(file, found, own, findings)
     for name, why in (("theta", "without voltages the angle shows the motion"), ("t", "log each row's time stamp")):
         if name not in found:
             raise BadInput(f"{file}: column '{name}' is missing; {why}: map it{OR_SPEED if name == 'theta' else ''}")

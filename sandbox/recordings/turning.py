@@ -7,13 +7,14 @@ of the stamps does that, so such an angle is followed by the log's own speed, or
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from sandbox.recordings.campaign import Doubt, Finding
+from sandbox.recordings.campaign import Doubt, Finding, Made
+from sandbox.recordings.commutation import STEP, state_names, states_angle
 
 Array = NDArray[np.float64]
 WRAP = 1.01  # turns within which a wrapped angle stays
@@ -24,6 +25,7 @@ BACK = 0.9  # of the range: a jump back that wraps
 LEVELS = 16  # different readings of an angle that turns
 QUARTER = 1e-4  # turns: how near to a quarter the step from alpha to beta is
 ALIKE = 0.03  # relative, of a range and a turn
+ZERO = 0.15  # rad: deviation of a zero that nominal inductances tell; L_q i_q is some 0.3 of the flux, and 20 % off
 
 
 def unwrapped(
@@ -145,18 +147,42 @@ def _angle(t: Array, speed: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
 
 
-def with_angle(file: str, found: dict[str, Array], own: Mapping[str, str], notes: list[Finding]) -> dict[str, Array]:
-    """Return a log's columns with an angle made from its speed, where it holds none or one that never moves.
+def with_angle(
+    file: str, found: dict[str, Array], own: Mapping[str, str], notes: list[Finding], locked: int = 0
+) -> tuple[dict[str, Array], Made | None]:
+    """Return a log's columns with an angle (rad electrical) made of what stands in for it, and of what: where the log
+    holds none, or one that never moves while that does.
 
-    own: the log's column names by ours.  The angle counts from zero at the first row (rad electrical).
+    own: the log's column names by ours; locked: rows of a rotor that stands, whose angle is zero then.  Hall states and
+    counted steps come before the speed, but not where signals of the drive's own frame have to be turned.
     """
-    speed, theta = found.get("speed"), found.get("theta")
-    if speed is None or "t" not in found or not np.any(speed) or (theta is not None and np.ptp(theta) > 0.0):
-        return found
-    name = own.get("speed", "speed")
-    said = "no angle is mapped"
-    if theta is not None:
-        said = f"column '{own.get('theta', 'theta')}' never changes while '{name}' moves"
-    text = f"{file}: {said}; the angle is made from '{name}': its zero is unknown, and what is bound to a place drifts"
+    theta, turned = found.get("theta"), ("i_d" in found or "u_d" in found) and "speed" in found
+    if theta is not None and (locked or not theta.size or np.ptp(theta) > 0.0):
+        return found, None
+    name = None if turned or locked else state_names(found)
+    if name:
+        if "i_d" in found or "u_d" in found:
+            raise BadInput(
+                f"{file}: i_d, i_q, u_d, u_q are turned by the drive's own angle, which {of_log(own, name)} shows to "
+                "60 degrees only; log phase currents, or map the log's speed, too"
+            )
+        angle, count, states = states_angle(file, found, own), STEP, True
+    elif not locked and "t" in found and np.any(found.get("speed", 0.0)):
+        name, angle, count, states = ("speed",), _angle(found["t"], found["speed"]), 0.0, False
+    elif locked and theta is None:
+        return {**found, "theta": np.zeros(locked)}, Made("", 0.0, ZERO)
+    if not name or (theta is not None and np.ptp(angle) == 0.0):
+        return found, None
+    said = "no angle is mapped" if theta is None else f"column '{own.get('theta', 'theta')}' never changes while "
+    said += "" if theta is None else f"{of_log(own, name)} moves"
+    text = f"{file}: {said}; the angle is made from {of_log(own, name)}: its zero is unknown, and " + (
+        "it is known to a sixth of an electrical turn, smooth between two changes"
+        if states else "what is bound to a place drifts"
+    )  # fmt: skip
     notes.append((Finding if theta is None else Doubt)(file, "theta", None, text))
-    return {**found, "theta": _angle(found["t"], speed)}
+    return {**found, "theta": angle}, Made(of_log(own, name), count, ZERO, either_way=states)
+
+
+def of_log(own: Mapping[str, str], names: Sequence[str]) -> str:
+    """Return columns in the log's words."""
+    return ", ".join(f"'{own.get(n, n)}'" for n in names)

@@ -51,6 +51,7 @@ class Inputs:
     first: int = 0  # samples from that recording's beginning to the first one here
     held: int = 1  # PWM periods a sample: more than one in a slow log
     settling: Inputs | None = None  # of the samples before: states settle in them, they are no part of the residual
+    zero: float = 0.0  # rad: standard deviation of the angle's zero, of one that was made
 
     @property
     def samples(self) -> int:
@@ -160,6 +161,7 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
         k = int(np.argmax(r.u_dc <= 0.0))
         raise BadInput(f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V; duties need a positive link voltage")
     count = math.tau * motor.pole_pairs / converter.encoder_counts if converter.encoder_counts else 1e-4
+    count = r.made.count if r.made is not None and r.made.count else count
     variance = max(count, 1e-9) ** 2 / 12.0
     load = np.array(r.columns.get("load_torque", np.zeros(n)), dtype=float)
     motion = _motion(campaign, r, base, load, count)
@@ -186,7 +188,7 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
     return Inputs(
         r.file, r.rotor, track, read_currents, motion, math.sqrt(variance), float(motor.pole_pairs),
         current > AT_REST * motor.rated_current, abs(float(motion.speed[0])) > count / period, r.origin,
-        round(r.starts_at / period), held,
+        round(r.starts_at / period), held, zero=0.0 if r.made is None else r.made.zero,
     )  # fmt: skip
 
 

@@ -231,8 +231,12 @@ class Point:
 
 
 def turns(prepared: Prepared) -> list[Coordinate]:
-    """Return one coordinate for each of `Prepared.angles`: known to a count, or to what counts leave of a motion."""
-    own = {r.angle_name: (1.0 if r.rotor == "locked" else MOVING) * r.angle_floor for r in prepared.recordings}
+    """Return one coordinate for each of `Prepared.angles`: known to a count, or to what counts leave of a motion, and
+    to the zero of one that was made."""
+    own = {
+        r.angle_name: math.hypot((1.0 if r.rotor == "locked" else MOVING) * r.angle_floor, r.zero)
+        for r in prepared.recordings
+    }
     return [Coordinate(f"turn:{name}", 0.0, size, "turn", (name,), within=FARTHEST) for name, size in own.items()]
 
 

@@ -91,15 +91,18 @@ def _suits(d: Diagnosis, k: int) -> bool:
 
 
 def _injected(d: Diagnosis, k: int) -> bool:
-    """Return whether a recording has injection and a rotor that is not locked."""
+    """Return whether a recording has injection, a rotor that is not locked, and its angle as an encoder read it."""
     r = d.start.prepared.recordings[k]
-    return r.rotor != "locked" and d.campaign[r.file].injection_axis != "none"
+    own = d.campaign[r.file]
+    return r.rotor != "locked" and own.injection_axis != "none" and own.made is None
 
 
 def _none_suits(d: Diagnosis) -> str:
     """Return why no recording shows a position error."""
     if any(_injected(d, k) for k in range(len(d.start.prepared.recordings))):
         return f"no recording with injection turns by more than {TURNS:g} electrical turns"
+    if all(r.made is not None for r in d.campaign.recordings):
+        return "no angle was read"
     return "no turning recording has injection"
 
 

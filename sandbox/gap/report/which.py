@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.location.where import percent
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
@@ -39,9 +40,15 @@ def which_text(
 
     shares: of the gap, by effect of the best hypothesis; chances: of effects, as the list of all of them has them.
     """
-    hidden = d.out_of_sight
-    text = "" if not hidden else f" No rotor turned freely: {', '.join(words(e) for e in hidden)} were no candidates."
-    return _which(d, shares or {}, chances or {}) + text
+    return _which(d, shares or {}, chances or {}) + _hidden(d.out_of_sight)
+
+
+def _hidden(hidden: Sequence[str]) -> str:
+    """Return which effects were no candidates, and why, with a blank before each sentence."""
+    motion = [e for e in hidden if library.load_effect(e).subsystem == "mechanics"]
+    angle = [e for e in hidden if e not in motion]
+    text = f" No rotor turned freely: {', '.join(map(words, motion))} were no candidates." if motion else ""
+    return text + (f" No angle was read: {', '.join(map(words, angle))} were no candidates." if angle else "")
 
 
 def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, float]) -> str:

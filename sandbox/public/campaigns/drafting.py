@@ -16,6 +16,8 @@ MOST_TABLES, MOST_COLUMNS = 24, 40
 GUESSES = {  # names as programs write them, without case, blanks and underscores
     "t": ("t", "time", "timestamp", "times", "zeit"),
     "theta": ("theta", "position", "pos", "angle", "posestimate", "rotorposition", "phi"),
+    "speed": ("erpm", "rpm"),
+    "hall": ("hall", "hallstate", "hallstates"), "steps": ("tachometer", "tacho"),
     "i_a": ("ia", "iu", "currenta"), "i_b": ("ib", "iv", "currentb"), "i_c": ("ic", "iw", "currentc"),
     "i_d": ("id", "idmeasured"), "i_q": ("iq", "iqmeasured", "current"),
     "u_alpha": ("ualpha", "valpha"), "u_beta": ("ubeta", "vbeta"), "u_d": ("ud", "vd"), "u_q": ("uq", "vq"),
@@ -24,6 +26,9 @@ GUESSES = {  # names as programs write them, without case, blanks and underscore
 SECONDS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 HINTS = {
     "t": 'unit = "ms" where it is not s',
+    "speed": 'unit = "rpm"; mechanical = true for the shaft\'s; stands in for an angle',
+    "hall": "stands in for an angle",
+    "steps": "stands in for an angle: commutation steps, six an electrical turn",
     "theta": 'electrical rad; else unit = "deg" or "rev", mechanical = true for the shaft\'s, scale = 2 pi / counts',
 }
 TAIL = """

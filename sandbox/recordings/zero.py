@@ -1,0 +1,112 @@
+"""The zero of an angle that was made of a speed, of Hall states, or of nothing at a locked rotor.
+
+It is where the flux balance of the nominal model (`checks.mistakes`) leaves least, its sense with it where that is
+unknown; of a speed also the drift, as a clock or a filter that is a little off gives it: zeros of parts of a recording
+lie on a straight line over time.  Resistance and magnet flux do not turn the voltage of a current on q, L_q does: so
+the zero stays open by `Made.zero` in whatever is made of the recording, and an offset of the angle cannot be told.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.parameters import Drive
+from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
+from sandbox.recordings.checks.mistakes import ZEROS, Products
+
+Array = NDArray[np.float64]
+PARTS, FEWEST = 8, 64  # of a recording whose zero may drift; rows of one
+SHARP = 0.05  # of the sharpest part: one below says nothing
+DRIFTS = 0.1  # rad over a recording, a drift below is none
+WELL = 0.35  # of the voltage that stays open: beyond it the zero is in doubt
+OPEN = 0.002  # of the voltage that the zero moves: below it no zero is told (no rotor turns, no saliency)
+STRAY = 0.01  # rad, at least, of an angle made of a speed
+TWICE = 2.0  # times less must stay open the other way round, or with a drift
+
+
+def with_zeros(campaign: Campaign) -> Campaign:
+    """Return a campaign whose angles that were made have the zero that its recordings show, with a finding each."""
+    if all(r.made is None for r in campaign.recordings):
+        return campaign
+    done = [with_zero(r, campaign.drive) for r in campaign.recordings]
+    findings = (*campaign.findings, *(f for _, f in done if f is not None))
+    return dataclasses.replace(campaign, recordings=tuple(r for r, _ in done), findings=findings)
+
+
+def with_zero(r: CampaignRecording, drive: Drive) -> tuple[CampaignRecording, Finding | None]:
+    """Return a recording whose made angle begins at the zero that fits best."""
+    if r.made is None:
+        return r, None
+    ways = [_Turned(r, drive, sense) for sense in ((1.0, -1.0) if r.made.either_way else (1.0,))]
+    best = ways[1] if len(ways) > 1 and ways[1].least * TWICE < ways[0].least else ways[0]
+    said = r.made.of or "a locked rotor without an angle"
+    if best.moved < OPEN:
+        text = f"{r.file}: {said}: the zero of the angle makes no difference to its voltages, 0 stands for it"
+        return r, Finding(r.file, "theta", None, text)
+    theta, drift, stray = best.angle()
+    count = r.made.count or (math.sqrt(12.0) * max(stray, STRAY) if r.made.of else 0.0)
+    made = dataclasses.replace(r.made, count=count)
+    back = ", counted backwards" if best.sense < 0.0 else ""
+    slow = f", and it drifts by {drift:.2g} rad" if drift else ""
+    text = (
+        f"{r.file}: {said}: the angle's zero, {math.degrees(best.zero):.0f} degrees{back}{slow}, is where its voltages "
+        f"fit the nominal model best ({100.0 * best.least:.2g} % stay open): an offset of the angle cannot be told, "
+        "and L_q and all that turns the voltage only beside it"
+    )
+    kind = Doubt if best.least > WELL else Finding
+    return dataclasses.replace(r, columns={**r.columns, "theta": theta}, made=made), kind(r.file, "theta", None, text)
+
+
+class _Turned:
+    """A recording read one way round: what stays open of its voltages over the zero of its angle, part by part."""
+
+    def __init__(self, r: CampaignRecording, drive: Drive, sense: float) -> None:
+        self.r, self.sense = r, sense
+        self.theta = sense * r.theta
+        n = len(r.t)
+        parts = PARTS if r.made is not None and r.made.of and n >= PARTS * FEWEST else 1
+        bounds = np.linspace(0, n, parts + 1).astype(int)
+        self.middle = 0.5 * (bounds[:-1] + bounds[1:])
+        self.products = []
+        for a, b in itertools.pairwise(bounds):
+            columns = {name: x[a:b] for name, x in {**r.columns, "theta": self.theta}.items()}
+            self.products.append(Products(dataclasses.replace(r, columns=columns, source={}), drive, 0.0, 0.0))
+        self.energy = np.array([max(float(p.of(None, None, 1.0)[0, 0].real), 0.0) for p in self.products])
+        self.curves = self._open(ZEROS)
+        self.zero = self._fine()
+        total = max(float(self.energy.sum()), 1e-300)
+        self.least = float(self._open(np.array([self.zero])).sum()) / total
+        self.moved = float(np.ptp(self.curves.sum(axis=0))) / total
+
+    def _open(self, zeros: Array) -> Array:
+        """Return the squares that stay open in each part (parts, zeros)."""
+        return np.stack([e * p.shares((), zeros) for e, p in zip(self.energy, self.products, strict=True)])
+
+    def _fine(self) -> float:
+        """Return the zero of all parts together, between those of the grid."""
+        near = float(ZEROS[int(np.argmin(self.curves.sum(axis=0)))])
+        around = near + np.linspace(-1.0, 1.0, 41) * (ZEROS[1] - ZEROS[0])
+        return float(around[int(np.argmin(self._open(around).sum(axis=0)))])
+
+    def angle(self) -> tuple[Array, float, float]:
+        """Return the angle (n,) with its zero and its drift, the drift (rad over the recording), and how far parts
+        stray from it (rad rms)."""
+        sharp = np.ptp(self.curves, axis=1)
+        told = np.flatnonzero(sharp > SHARP * sharp.max())
+        if len(told) < 3:
+            return self.theta + self.zero, 0.0, 0.0
+        own = np.unwrap(ZEROS[np.argmin(self.curves[told], axis=1)])
+        place = self.middle[told] / len(self.theta)
+        rate, at = np.polyfit(place, own, 1, w=np.sqrt(sharp[told]))
+        stray = float(np.sqrt(np.average((own - at - rate * place) ** 2, weights=sharp[told])))
+        line = at + rate * self.middle / len(self.theta)
+        own_open = sum(float(self._open(np.array([z]))[k, 0]) for k, z in enumerate(line))
+        if abs(rate) < DRIFTS or own_open * TWICE > self.least * float(self.energy.sum()):
+            return self.theta + self.zero, 0.0, stray
+        self.zero = float(math.remainder(at + 0.5 * rate, math.tau))
+        return self.theta + at + rate * np.arange(len(self.theta)) / len(self.theta), float(rate), stray

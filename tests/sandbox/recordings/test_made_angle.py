@@ -1,0 +1,198 @@
+"""Logs without an encoder: an angle of a speed, of Hall states, of counted steps, of nothing at a locked rotor."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import sandbox
+from model.drive_files import load_drive
+from model.errors import BadInput
+from sandbox import Scenario, Segment, read_campaign
+from sandbox.identification.ordinary import fit_ordinary
+from sandbox.recordings.campaign import CampaignRecording, Made
+from sandbox.recordings.commutation import APART_60, APART_120, STEP, between, states_angle
+from sandbox.recordings.importing import read_recordings, source_of
+from sandbox.recordings.motion_log import motion_only
+from sandbox.recordings.zero import with_zero
+
+DRIVE = load_drive("ipm_exchanged")
+H = DRIVE.converter.sampling_period
+N = 2000
+ZERO = 1.1  # rad, of the rotor at the first row
+RPM = 60.0 / math.tau
+
+
+def turning(speed):
+    """Return columns of the linear motor in closed form at speeds (n,), rad/s electrical: i_d = 0, i_q = 1 A."""
+    m, t = DRIVE.motor, np.arange(len(speed)) * H
+    theta = ZERO + np.concatenate([[0.0], np.cumsum(0.5 * H * (speed[1:] + speed[:-1]))])
+    turn = np.exp(1j * theta)
+    flux = (1j * m.inductance_q + m.magnet_flux) * turn
+    u = np.append(np.diff(flux), 0.0) / H + m.resistance * 1j * 0.5 * (turn + np.append(turn[1:], turn[-1]))
+    a, b, c = ((1j * turn * np.exp(-2j * math.pi / 3 * k)).real for k in range(3))
+    own = {"t": t, "u_alpha": u.real, "u_beta": u.imag, "i_a": a, "i_b": b, "i_c": c, "u_dc": np.full(len(t), 400.0)}
+    return own, theta
+
+
+def written(folder, columns, mapping="", rotor="free"):
+    """Write a log and its map; return the map's path."""
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(folder / "run.csv", rows, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+    motor = ("pole_pairs", "resistance", "magnet_flux", "inductance_d", "inductance_q", "inertia")
+    text = f'[[recording]]\nfile = "run.csv"\nrotor = "{rotor}"\n[motor]\nrated_current = 1.2\n'
+    text += "".join(f"{k} = {getattr(DRIVE.motor, k)}\n" for k in motor)
+    text += f"[drive]\nsampling_period = {H}\ndc_bus_voltage = 400.0\ncurrent_noise = 0.002\n"
+    (folder / "m.toml").write_text(text + mapping)
+    return folder / "m.toml"
+
+
+def read(folder, *args, **more):
+    return read_recordings(folder, written(folder, *args, **more))
+
+
+def off(angle, theta):
+    """Return how far angles are from true ones (n,), degrees."""
+    return np.degrees(np.angle(np.exp(1j * (angle - theta))))
+
+
+SWING = 300.0 + 60.0 * np.sin(np.arange(N) / 200.0)
+
+
+def test_the_angle_of_a_speed_has_the_zero_that_voltages_show(tmp_path):
+    columns, theta = turning(SWING)
+    found = read(tmp_path, {**columns, "erpm": np.round(SWING * RPM)}, '[columns]\nspeed = {column="erpm", unit="rpm"}')
+    assert np.abs(off(found["run"].theta, theta)).max() < 1.0
+    text = " ".join(f.text for f in found.findings)
+    assert "the angle is made from 'erpm'" in text
+    assert f"zero, {math.degrees(ZERO):.0f} degrees" in text
+    assert "an offset of the angle cannot be told" in text
+    assert found["run"].made.zero > 0.1
+
+
+def test_a_speed_that_is_a_little_off_is_followed(tmp_path):
+    """0.2 % of 150 rad in 0.5 s are 0.3 rad."""
+    columns, theta = turning(SWING)
+    found = read(tmp_path, {**columns, "erpm": 1.002 * SWING * RPM}, '[columns]\nspeed = {column="erpm", unit="rpm"}')
+    assert np.abs(off(found["run"].theta, theta)).max() < 1.5
+    assert "it drifts by -0.3" in " ".join(f.text for f in found.findings)
+
+
+@pytest.mark.parametrize("order", [APART_120, APART_120[::-1], APART_60])
+def test_hall_states_tell_a_sixth_of_a_turn(tmp_path, order):
+    columns, theta = turning(SWING)
+    hall = np.array(order)[np.floor(theta / STEP + 0.3).astype(int) % 6]
+    found = read(tmp_path, {**columns, "h": hall}, '[columns]\nhall = {column="h"}', rotor="driven")
+    assert (
+        np.abs(off(found["run"].theta, theta)).max() < 5.2
+    )  # a change lies anywhere within a row of 4.3 to 5.2 degrees
+    assert found["run"].made.count == STEP
+    assert "known to a sixth of an electrical turn" in " ".join(f.text for f in found.findings)
+
+
+def test_three_sensors_and_counted_steps_are_states_too(tmp_path):
+    columns, theta = turning(SWING)
+    sixth = np.floor(theta / STEP + 0.3)
+    code = np.array(APART_120)[sixth.astype(int) % 6]
+    own = {"hall_a": code & 1, "hall_b": code >> 1 & 1, "hall_c": code >> 2}
+    three = read(tmp_path, {**columns, **own}, rotor="driven")["run"].theta
+    counted = read(tmp_path, {**columns, "tacho": sixth + 77}, '[columns]\nsteps = {column = "tacho"}', rotor="driven")
+    np.testing.assert_allclose(three, counted["run"].theta + three[0] - counted["run"].theta[0], atol=1e-9)
+    assert np.abs(off(three, theta)).max() < 5.2
+
+
+def test_an_angle_passes_half_way_at_a_change_and_stays_in_its_sixth():
+    sectors = np.array([0.0, 0, 0, 1, 1, 1, 2, 2, 1, 1])
+    angle = between(sectors)
+    assert np.all((angle >= STEP * sectors - 1e-12) & (angle <= STEP * (sectors + 1.0) + 1e-12))
+    assert 0.5 * (angle[2] + angle[3]) == pytest.approx(STEP, rel=0.06)
+    np.testing.assert_array_equal(between(np.full(5, 3.0)), np.full(5, 3.5 * STEP))
+
+
+@pytest.mark.parametrize(
+    ("codes", "message"),
+    [
+        ([1, 3, 9, 6, 4, 5], "row 2 of column 'h' is 9, no state of three Hall sensors"),
+        ([1, 3, 4, 5, 1, 3], "row 2 of column 'h' is half a turn from the row before"),
+        ([1, 3, 2.5, 6, 4, 5], "row 2 of column 'h' is no whole number"),
+    ],
+)
+def test_states_that_cannot_be_are_refused(codes, message):
+    with pytest.raises(BadInput, match=message):
+        states_angle("f", {"hall": np.array(codes, dtype=float)}, {"hall": "h"})
+
+
+def test_a_disturbed_reading_repeats_the_one_before():
+    codes = np.repeat(APART_120, 100).astype(float)
+    angle = states_angle("f", {"hall": codes}, {})
+    codes[250] = 7.0
+    np.testing.assert_allclose(states_angle("f", {"hall": codes}, {}), angle)
+
+
+def test_signals_of_the_drives_frame_need_more_than_states(tmp_path):
+    columns, theta = turning(SWING)
+    own = {n: columns[n] for n in ("t", "u_dc", "i_a", "i_b")} | {"u_d": 0.0 * theta, "u_q": 30.0 + 0.0 * theta}
+    hall = np.array(APART_120)[np.floor(theta / STEP).astype(int) % 6]
+    with pytest.raises(BadInput, match="'hall' shows to 60 degrees only; log phase currents, or map the log's speed"):
+        read(tmp_path, {**own, "hall": hall})
+
+
+def test_a_free_rotor_with_states_alone_is_judged_by_its_motion(tmp_path):
+    columns, theta = turning(SWING)
+    hall = np.array(APART_120)[np.floor(theta / STEP).astype(int) % 6]
+    why = motion_only(source_of(tmp_path, written(tmp_path, {**columns, "hall": hall})))
+    assert why.startswith("'hall' tell the angle to a sixth of an electrical turn")
+    assert motion_only(source_of(tmp_path, written(tmp_path, {**columns, "theta": theta, "hall": hall}))) is None
+
+
+LOCKED = Scenario(
+    "step", (Segment(0.02), Segment(0.1, load=0.5), Segment(0.1, load=-0.3, current_d=0.3)), rotor="locked",
+    start_up=False, reference="current",
+)  # fmt: skip
+SPIN = Scenario(
+    "spin", (Segment(0.05), Segment(0.2, load=0.4, speed=0.3, ramp=0.1), Segment(0.2, load=-0.3, speed=0.5, ramp=0.1)),
+    rotor="driven", start_up=False,
+)  # fmt: skip
+
+
+def simulated(folder, scenario, effects=None):
+    sandbox.simulate(DRIVE, scenario, "qnull", closed_loop=False, effects=effects, record=folder, seed=2)
+    return read_campaign(folder).recordings[0]
+
+
+def test_a_locked_rotor_without_an_angle_shows_its_axis(tmp_path):
+    r = simulated(tmp_path / "record", LOCKED)
+    own = {n: x for n, x in r.columns.items() if n not in ("theta", "load_torque")}
+    found = read(tmp_path, own, rotor="locked")["run"]
+    away = math.remainder(float(found.theta[0] - r.theta[0]), math.pi)  # an ellipse has two ends
+    assert abs(math.degrees(away)) < 3.0
+    assert np.ptp(found.theta) == 0.0
+
+
+def test_resistance_and_flux_are_identified_without_an_encoder(tmp_path):
+    """R 20 % and flux 10 % off, by a log that holds erpm in whole revolutions a minute."""
+    m = DRIVE.motor
+    planted = {"resistance": 1.2 * m.resistance, "magnet_flux": 0.9 * m.magnet_flux}
+    r = simulated(
+        tmp_path / "record", SPIN,
+        {"stator_resistance.resistance": planted["resistance"], "magnet_flux.magnet_flux": planted["magnet_flux"]},
+    )  # fmt: skip
+    own = {n: x for n, x in r.columns.items() if n not in ("theta", "load_torque")}
+    own["erpm"] = np.round(np.gradient(r.theta, r.t) * RPM)
+    mapping = '[columns]\nspeed = {column = "erpm", unit = "rpm"}'
+    alphas = {n: getattr(m, n) for n in ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")}
+    campaign = read(tmp_path, own, mapping, rotor="driven")
+    motor = dataclasses.replace(campaign.drive.motor, **alphas)
+    found = fit_ordinary(dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, motor=motor)))
+    for name, value in planted.items():
+        assert found.values[name] == pytest.approx(value, abs=max(4.0 * found.deviations[name], 0.01 * value))
+
+
+def test_a_zero_that_no_voltage_shows_stays_as_it_is():
+    """At standstill under a constant current all is R i."""
+    columns, _ = turning(np.zeros(200))
+    r = CampaignRecording("run.csv", "locked", "none", {**columns, "theta": np.zeros(200)}, made=Made("", 0.0, 0.15))
+    same, told = with_zero(r, DRIVE)
+    assert "makes no difference" in told.text
+    assert same is r
