@@ -20,10 +20,10 @@ from model.frames import phases
 from model.number_table import Table
 from model.parameters import finite
 from model.units import KNOWN, UNITS
+from sandbox.recordings.angle.commutation import state_names
+from sandbox.recordings.angle.turning import of_log, turns_between, unwrapped, with_angle
 from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, Made, table_of
-from sandbox.recordings.commutation import state_names
 from sandbox.recordings.formats.log_table import MOST_VALUES, first_beyond
-from sandbox.recordings.turning import of_log, turns_between, unwrapped, with_angle
 
 Array = NDArray[np.float64]
 KINDS = {

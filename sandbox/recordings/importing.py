@@ -20,6 +20,7 @@ from model.given import read_toml
 from model.inverter_table import with_points
 from model.number_table import Table
 from model.parameters import Converter, finite
+from sandbox.recordings.angle.zero import with_zeros
 from sandbox.recordings.campaign import (
     ROTORS,
     Campaign,
@@ -39,7 +40,6 @@ from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
 from sandbox.recordings.rows.slow import with_slow_rows
 from sandbox.recordings.stamps import Log, by_arrival, cut_at_gaps, parse_log, polled, stamp_jitter
-from sandbox.recordings.zero import with_zeros
 
 Array = NDArray[np.float64]
 SILENT = 0.01  # of the sampling period: jitter that the format allows

@@ -18,6 +18,7 @@ from model.errors import BadInput, as_toml, brief
 from model.names import fitting
 from model.number_table import Table
 from model.parameters import finite
+from sandbox.recordings.angle.turning import with_angle
 from sandbox.recordings.campaign import Campaign, Finding, table_of
 from sandbox.recordings.checks.motion_clock import stretches
 from sandbox.recordings.column_map import (
@@ -32,7 +33,6 @@ from sandbox.recordings.column_map import (
 from sandbox.recordings.copies import copied, copy_finding, own_rows
 from sandbox.recordings.importing import Source
 from sandbox.recordings.stamps import segment_name
-from sandbox.recordings.turning import with_angle
 
 Array = NDArray[np.float64]
 OF_LAG = ("resistance", "inductance_d", "inductance_q")

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
+from sandbox.recordings.angle.commutation import STEP, state_names, states_angle
 from sandbox.recordings.campaign import Doubt, Finding, Made
-from sandbox.recordings.commutation import STEP, state_names, states_angle
 
 Array = NDArray[np.float64]
 WRAP = 1.01  # turns within which a wrapped angle stays

@@ -11,11 +11,11 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox import Scenario, Segment, read_campaign
 from sandbox.identification.ordinary import fit_ordinary
+from sandbox.recordings.angle.commutation import APART_60, APART_120, STEP, between, states_angle
+from sandbox.recordings.angle.zero import with_zero
 from sandbox.recordings.campaign import CampaignRecording, Made
-from sandbox.recordings.commutation import APART_60, APART_120, STEP, between, states_angle
 from sandbox.recordings.importing import read_recordings, source_of
 from sandbox.recordings.motion_log import motion_only
-from sandbox.recordings.zero import with_zero
 
 DRIVE = load_drive("ipm_exchanged")
 H = DRIVE.converter.sampling_period
