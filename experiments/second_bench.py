@@ -27,7 +27,7 @@ from sandbox.testbench.make import make
 from sandbox.testbench.seal import unpack
 from sandbox.withheld.scoring.running import code_digest
 
-SEED = 20261128
+SEED = 20261129
 GROUPS = {"none": 40, "one": 60, "several": 40, "many": 30, "outside": 30}
 AT_ONCE = 5  # campaigns of a kind that are drawn together
 RESULTS = Path(__file__).parent / "results" / "second_bench"

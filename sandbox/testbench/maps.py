@@ -1,11 +1,17 @@
 """Measured and finite-element flux maps: read, scattered, inverted onto a table of currents over fluxes."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
+from scipy.interpolate import BSpline, RectBivariateSpline
+from scipy.sparse import csr_array, eye_array, kron, vstack
+from scipy.sparse.linalg import spsolve
+from scipy.spatial import cKDTree
+
+KNOT = 2.0  # points of a published map for a knot of the co-energy
 
 
 class FluxMap(NamedTuple):
@@ -28,6 +34,11 @@ def maps_folder(folder: str | os.PathLike | None = None) -> Path | None:
 
 
 def read_map(folder: Path, file: str) -> FluxMap:
+    """A published map as a bench's machine has it: magnet on +d, q ahead, with an energy."""
+    return reciprocal(published(folder, file))
+
+
+def published(folder: Path, file: str) -> FluxMap:
     """A published map in the convention of this bench: magnet on +d, q ahead."""
     data = np.load(folder / file)
     if "thor" in file:  # magnet on -q there: turned by a quarter, and mirrored about the d axis
@@ -51,22 +62,52 @@ def read_map(folder: Path, file: str) -> FluxMap:
     return _mend_middle(m, 18.0, 50.0) if "brusa" in file else m
 
 
+def reciprocal(m: FluxMap, refined: int = 2) -> FluxMap:
+    """The nearest map of a machine that has an energy: psi = grad W(i), W the co-energy that fits best.
+
+    A measured map and one of finite elements miss that by what was measured or meshed (L_dq and L_qd of the Brusa map
+    differ by 4 % of L_d): a machine of such a map would make energy out of nothing.  W is a spline of degree 4 with a
+    knot for KNOT points: one for each would leave a checkerboard of W that no flux shows.  The answer is at `refined`
+    times as many points, so that splines through them are reciprocal, too.
+    """
+    one, two = (_basis(x) for x in (m.i_d, m.i_q))
+    rows = vstack([kron(one(m.i_d, 1), two(m.i_q, 0)), kron(one(m.i_d, 0), two(m.i_q, 1))]).tocsr()
+    normal = (rows.T @ rows).tocsc()
+    ridge = 1e-12 * normal.diagonal().max()  # a constant in W moves no flux
+    w = spsolve(
+        normal + ridge * eye_array(normal.shape[0]), rows.T @ np.concatenate([m.psi_d.ravel(), m.psi_q.ravel()])
+    )
+    i_d, i_q = (np.interp(np.arange(refined * (x.size - 1) + 1) / refined, np.arange(x.size), x) for x in m[:2])
+    shape = i_d.size, i_q.size
+    psi_d, psi_q = (kron(one(i_d, a), two(i_q, 1 - a)) @ w for a in (1, 0))
+    return FluxMap(i_d, i_q, psi_d.reshape(shape), psi_q.reshape(shape))
+
+
+def _basis(x: np.ndarray, degree: int = 4) -> Callable[[np.ndarray, int], csr_array]:
+    """Rows of the B-splines with a knot for KNOT points, or of their slopes, at points."""
+    inner = np.linspace(x[0], x[-1], 1 + round((x.size - 1) / KNOT))
+    knots = np.concatenate([[x[0]] * degree, inner, [x[-1]] * degree])
+    spline = BSpline(knots, np.eye(inner.size + degree - 1), degree)
+    return lambda at, order: csr_array(spline(at, nu=order))
+
+
 def _mend_middle(m: FluxMap, inner: float, outer: float) -> FluxMap:
     """Fluxes below `inner` A anew, by the polynomial of degree 4 that fits the ring up to `outer` A.
+
+    Over the ring the polynomial gives way to what was measured, without a seam.
 
     The Brusa map is not monotone at its middle (psi_d falls from -5 to 5 A): near zero current a flux measured from
     voltages hangs on the inverter's error.  That part is no property of the machine.
     """
     a, b = np.meshgrid(m.i_d, m.i_q, indexing="ij")
     size = np.hypot(a, b)
-    ring, hole = (size >= inner) & (size <= outer), size < inner
+    ring = (size >= inner) & (size <= outer)
+    share = 0.5 + 0.5 * np.cos(np.pi * np.clip((size - inner) / (outer - inner), 0.0, 1.0))  # of the polynomial
     powers = [(j, k) for j in range(5) for k in range(5 - j)]
     done = []
     for psi, parity in ((m.psi_d, 0), (m.psi_q, 1)):
         base = np.stack([(a / outer) ** j * (b / outer) ** k for j, k in powers if k % 2 == parity], -1)
-        psi = psi.copy()
-        psi[hole] = base[hole] @ np.linalg.lstsq(base[ring], psi[ring], rcond=None)[0]
-        done.append(psi)
+        done.append(psi + share * (base @ np.linalg.lstsq(base[ring], psi[ring], rcond=None)[0] - psi))
     spread = (1.5e-3 * np.ptp(done[0])) ** 2 * done[0].size  # the map's scatter: 0.15 % of its span
     smooth = [RectBivariateSpline(m.i_d, m.i_q, psi, s=spread)(m.i_d, m.i_q) for psi in done]
     return FluxMap(m.i_d, m.i_q, smooth[0], smooth[1])
@@ -104,7 +145,7 @@ def flux(m: FluxMap, i_d: np.ndarray, i_q: np.ndarray) -> tuple[np.ndarray, np.n
     return psi_d, psi_q, jac
 
 
-def invert(m: FluxMap, n: int = 61) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def invert(m: FluxMap, n: int = 121) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Grid (4,) and tables i_d, i_q (n, n) over psi_d, psi_q of a map, by damped Newton steps.
 
     Raises ArithmeticError where the map does not fall to one current (not monotone).
@@ -113,9 +154,8 @@ def invert(m: FluxMap, n: int = 61) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     axis_d = np.linspace(m.psi_d.min() - margin_d, m.psi_d.max() + margin_d, n)
     axis_q = np.linspace(m.psi_q.min() - margin_q, m.psi_q.max() + margin_q, n)
     want_d, want_q = np.meshgrid(axis_d, axis_q, indexing="ij")
-    near = np.argmin(
-        (m.psi_d.ravel() - want_d.ravel()[:, None]) ** 2 + (m.psi_q.ravel() - want_q.ravel()[:, None]) ** 2, 1
-    )
+    points = cKDTree(np.column_stack([m.psi_d.ravel(), m.psi_q.ravel()]))
+    near = points.query(np.column_stack([want_d.ravel(), want_q.ravel()]))[1]
     a, b = np.meshgrid(m.i_d, m.i_q, indexing="ij")
     i_d, i_q = a.ravel()[near].reshape(n, n), b.ravel()[near].reshape(n, n)
     scale = max(np.ptp(m.i_d), np.ptp(m.i_q))
