@@ -60,6 +60,20 @@ def tracking_sign(m: AnyEnergy) -> float:
     return 1.0 if m.gamma_d > m.gamma_q else -1.0
 
 
+def without_saliency(m: AnyEnergy, i_d: float, i_q: float, points: int = 60) -> float | None:
+    """Return the current (A) on the straight way from zero to (i_d, i_q) at which L_qq - L_dd loses the sign it has at
+    zero current, so that q-null injection has nothing to stand on; None where it keeps it, or the model ends before."""
+    sign, d, q = math.copysign(1.0, m.gamma_d - m.gamma_q), 0.0, 0.0
+    for share in np.linspace(0.0, 1.0, points + 1)[1:]:
+        d, q, status = flux_newton(m, float(share * i_d), float(share * i_q), d, q)
+        if status or not is_convex_to(m, d, q):
+            return None
+        dd, _, qq = hessian(m, d, q)
+        if sign * (dd - qq) <= 0.0:
+            return float(share * math.hypot(i_d, i_q))
+    return None
+
+
 def local_angle(m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike) -> Array:
     """Return the cross-saturation angle e (rad) for actual rotor-frame currents in A (encoder controls)."""
     dd, dq, qq = hessian.py_func(m, *flux_from_current(m, i_d, i_q))

@@ -21,6 +21,7 @@ from sandbox.drive.scenario import Scenario
 from sandbox.drive.simulate import EXACT, MOST_SAMPLES, Simulation, plant_named, simulate
 from sandbox.evaluation.choice import ANY, Limits, best, standings
 from sandbox.evaluation.injection_cost import injection_cost
+from sandbox.evaluation.lost import why_lost
 from sandbox.evaluation.score import Row, rows_of
 from sandbox.output.files import version
 from sandbox.plant.sets import BENCH, complete
@@ -140,10 +141,12 @@ def judged(
     found = []
     for row in rows:
         cost = None
+        why = why_lost(row, drive, true, estimator) if row.lost_lock else None
         if not row.lost_lock:
             part = run.recording.between(row.t_start, row.t_end)
             cost = injection_cost(drive, part, true, values, estimator.inside)
-        found.append(replace(row, cost=cost, predicted_mean_deg=None if effects else row.predicted_mean_deg))
+        predicted = None if effects else row.predicted_mean_deg
+        found.append(replace(row, cost=cost, predicted_mean_deg=predicted, why_lost=why))
     return tuple(found)
 
 

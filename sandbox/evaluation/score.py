@@ -40,7 +40,8 @@ class Row:
 
     speed_rpm: asked for, or imposed; true_speed_rpm: the rotor's own, the mean over the window's second half;
     predicted_mean_deg: for small ripple, see `predicted_mean`; reference_held: whether a speed asked for was reached,
-    see `speed_held`; cost: of the injection, None where lock was lost or the samples cannot tell.
+    see `speed_held`; cost: of the injection, None where lock was lost or the samples cannot tell; why_lost: one
+    sentence where lock was lost and something simple says why.
     """
 
     estimator: str
@@ -57,6 +58,7 @@ class Row:
     t_end: float
     true_speed_rpm: float | None = None
     cost: InjectionCost | None = None
+    why_lost: str | None = None
 
 
 def is_lost(recording: Recording) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from model.errors import PhysicsError
 from model.ratings import cautions
 from sandbox.evaluation.choice import ANY, standings, which
+from sandbox.evaluation.lost import reasons
 from sandbox.evaluation.pages.compare_figure import NO_THEORY
 from sandbox.evaluation.pages.compare_tables import THEORY, comparison_tables, number_text, rpm_text, theory_of
 from sandbox.evaluation.pages.cost_figure import cost_table
@@ -42,6 +43,8 @@ def print_comparison(c: Comparison) -> None:
         theory += f" It is not made for {', '.join(without)}, {NO_THEORY}."
     if all(row.predicted_mean_deg is None for row in c.rows):
         theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
+    for text in reasons(c.rows):
+        print_prose(text)
     found = standings(c.rows)
     if any(s.loss_w is not None for s in found):
         print_table("what the injection costs (largest of all segments, the estimate in control)", *cost_table(found))
@@ -65,6 +68,8 @@ def print_run(c: Comparison, gains: Design) -> None:
         rpm = [f"{row.speed_rpm:+.4g}", rpm_text(row.true_speed_rpm)][: len(speeds)]
         lines.append([f"{100 * row.load:+.0f}", *rpm, *theory[k : k + 1], *values])
     print_table(f"{c.drive.name}, {c.scenario.name}, {run.name}: position error", heads, lines)
+    for text in reasons(run.rows):
+        print_prose(text)
     print_cautions(c.drive)
     heads = ["loop", "bandwidth\nrad/s", "phase margin\n°", "gain\nmargin", "disk\nmargin"]
     loops = [

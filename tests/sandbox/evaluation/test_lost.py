@@ -1,0 +1,63 @@
+"""Why lock was lost: the current at which a motor's saliency ends, and a back-EMF that is too small."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from estimators.registry import load_estimator
+from model.drive_files import load_drive
+from model.energy import flux_from_current, hessian
+from model.saliency import without_saliency
+from sandbox import simulate
+from sandbox.evaluation.lost import reasons, why_lost
+
+DRIVE = load_drive("ipm_exchanged")
+ROUND = dataclasses.replace(DRIVE.motor, alpha_04=66.2, alpha_22=0.0, alpha_12=0.0)  # its q axis saturates early
+DRIVE_ROUND = dataclasses.replace(DRIVE, motor=ROUND)
+
+
+def closed_form_end():
+    """Return the current on q at which 1/L_qq = gamma_q + 12 alpha_04 (L_q psi / psi_ref)^2 reaches gamma_d, A.
+
+    Along q alone the quartic's slope is that of one variable: both sides are asked of the model at two fluxes and the
+    parabola through them is solved.
+    """
+    m = ROUND.energy
+    _, _, first = hessian.py_func(m, 0.0, 0.0)
+    _, _, second = hessian.py_func(m, 0.0, 0.1)
+    wanted = hessian.py_func(m, 0.0, 0.0)[0]
+    flux = 0.1 * math.sqrt((wanted - first) / (second - first))
+    slope = (second - first) / 0.01
+    return first * flux + slope * flux**3 / 3.0  # the integral of the slope
+
+
+def test_saliency_ends_where_both_inductances_meet():
+    end = without_saliency(ROUND.energy, 0.0, 2.0, 2000)
+    assert end == pytest.approx(closed_form_end(), rel=2e-3)  # a step is 1e-3 of 2 A
+    d, q = flux_from_current(ROUND.energy, 0.0, end)
+    dd, _, qq = hessian.py_func(ROUND.energy, float(d), float(q))
+    assert dd == pytest.approx(qq, rel=0.01)
+    assert without_saliency(DRIVE.motor.energy, 0.0, 1.8 * DRIVE.motor.rated_current) is None
+
+
+def test_a_run_that_loses_its_saliency_says_so(capsys):
+    run = simulate(DRIVE_ROUND, "staircase", "qnull", belief="linear")
+    lost = [r for r in run.rows if r.lost_lock]
+    assert lost
+    assert all("q-null has no saliency beyond 1." in r.why_lost for r in lost)
+    assert all(r.why_lost is None for r in run.rows if not r.lost_lock)
+    assert reasons(run.rows)[0].startswith("lost lock (qnull, linear, ")
+    run.report()
+    assert "no saliency beyond" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_method_without_injection_needs_speed():
+    row = simulate(DRIVE, "staircase", "qnull", duration=0.4).rows[0]
+    slow = dataclasses.replace(row, estimator="active_flux", speed_rpm=18.0, lost_lock=True)
+    told = why_lost(slow, DRIVE, DRIVE.motor, load_estimator("active_flux"))
+    back = 2.0 * np.pi / 60.0 * 18.0 * 6 * 0.0981
+    assert f"the back-EMF is {back:.2g} V" in told
+    fast = dataclasses.replace(slow, speed_rpm=900.0)
+    assert why_lost(fast, DRIVE, DRIVE.motor, load_estimator("active_flux")) is None
