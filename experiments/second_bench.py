@@ -3,9 +3,11 @@
 The plan stands here, and is committed before the first campaign is drawn: the seed, how many campaigns of which kind,
 and the goals (`second_bench_scores.GOALS`).  Campaigns of all kinds are made and diagnosed in turn, so that a run which
 ends early has seen each kind.  Rows (answer and truth of a campaign) are added to results/second_bench/rows.jsonl one
-by one, and a run goes on where it was interrupted; a diagnosis that fails counts as wrong.
+by one, and a run goes on where it was interrupted; a diagnosis that fails counts as wrong.  What rivals answer on the
+same campaigns stands in rivals.jsonl beside it (`sandbox/withheld/baselines`).
 
 Run: python -m experiments.second_bench WORK [--hours H]     (two minutes a campaign on one core)
+     python -m experiments.second_bench WORK --rivals susie,stepwise [--hours H]   (of campaigns that have a row)
      python -m experiments.second_bench --recompute          (the page from the rows)
 """
 
@@ -18,13 +20,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from experiments.second_bench_scores import page
+from experiments.second_bench_scores import UNKNOWN, page
 from sandbox.gap.diagnose import Diagnosis, diagnose
 from sandbox.gap.excerpts import excerpted
 from sandbox.gap.report.ranking import ranking
 from sandbox.recordings.campaign import read_campaign
 from sandbox.testbench.make import make
 from sandbox.testbench.seal import unpack
+from sandbox.withheld.baselines.methods import BASELINES
 from sandbox.withheld.scoring.running import code_digest
 
 SEED = 20261129
@@ -32,6 +35,7 @@ GROUPS = {"none": 40, "one": 60, "several": 40, "many": 30, "outside": 30}
 AT_ONCE = 5  # campaigns of a kind that are drawn together
 RESULTS = Path(__file__).parent / "results" / "second_bench"
 ROWS = RESULTS / "rows.jsonl"
+RIVALS = RESULTS / "rivals.jsonl"
 
 
 def batches() -> Iterator[tuple[str, int]]:
@@ -70,7 +74,7 @@ def one_row(folder: Path, name: str, kind: str, truth: dict[str, Any]) -> dict[s
 def run(work: Path, hours: float) -> None:
     """Make, diagnose and score until all is done or the time is over."""
     end = time.monotonic() + 3600.0 * hours
-    known = {row["name"] for row in rows()}
+    known = {row["name"] for row in lines(ROWS)}
     RESULTS.mkdir(parents=True, exist_ok=True)
     for kind, k in batches():
         folder = work / f"{kind}-{k}"
@@ -82,8 +86,7 @@ def run(work: Path, hours: float) -> None:
             if time.monotonic() > end:
                 return
             row = one_row(folder / name, own, kind, truth)
-            with ROWS.open("a", encoding="utf-8") as out:
-                out.write(json.dumps(row, default=float) + "\n")
+            kept(ROWS, row)
             first = (row["found"].get("sets") or [{"effects": row["found"].get("failed")}])[0]
             print(
                 own,
@@ -95,9 +98,47 @@ def run(work: Path, hours: float) -> None:
             )
 
 
-def rows() -> list[dict[str, Any]]:
-    """Return the rows so far."""
-    return [json.loads(line) for line in ROWS.read_text().splitlines()] if ROWS.exists() else []
+def rival_row(folder: Path, row: dict[str, Any], method: str) -> dict[str, Any]:
+    """Return what a rival answers on the campaign of a row, in that row's form."""
+    began = time.process_time()
+    try:
+        told = BASELINES[method](folder, ()).json["hypotheses"]
+        found: dict[str, Any] = {"sets": [{k: h[k] for k in ("effects", "probability")} for h in told]}
+        named = sorted({e for h in told for e in h["effects"]} - {UNKNOWN})
+        found["chances"] = {e: sum(h["probability"] for h in told if e in h["effects"]) for e in named}
+    except Exception as error:  # whatever it is, it counts as wrong
+        found = {"failed": repr(error)}
+    cpu = time.process_time() - began
+    return {k: row[k] for k in ("name", "kind", "truth")} | {
+        "code": code_digest(),
+        "cpu": cpu,
+        "found": found,
+        "method": method,
+    }
+
+
+def run_rivals(work: Path, methods: list[str], hours: float) -> None:
+    """Let rivals answer on all campaigns that have a row, until the time is over."""
+    end, known = time.monotonic() + 3600.0 * hours, {(r["name"], r["method"]) for r in lines(RIVALS)}
+    for row in lines(ROWS):
+        kind, k, name = row["name"].split("-")
+        make(work / f"{kind}-{k}", kind, AT_ONCE, SEED + int(k), quiet=True)
+        for method in methods:
+            if time.monotonic() > end:
+                return
+            if (row["name"], method) not in known:
+                kept(RIVALS, rival_row(work / f"{kind}-{k}" / name, row, method))
+
+
+def kept(file: Path, row: dict[str, Any]) -> None:
+    """Add a row to a file."""
+    with file.open("a", encoding="utf-8") as out:
+        out.write(json.dumps(row, default=float) + "\n")
+
+
+def lines(file: Path) -> list[dict[str, Any]]:
+    """Return the rows of a file so far."""
+    return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 
 
 def main() -> None:
@@ -105,13 +146,19 @@ def main() -> None:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("work", type=Path, nargs="?")
     p.add_argument("--hours", type=float, default=24.0)
+    p.add_argument("--rivals", default="", help=f"of {', '.join(BASELINES)}; only these answer")
     p.add_argument("--recompute", action="store_true")
     a = p.parse_args()
     if a.work is None and not a.recompute:
         p.error("give a folder to work in, or --recompute")
-    if not a.recompute:
+    methods = [m for m in a.rivals.split(",") if m]
+    if not set(methods) <= set(BASELINES):
+        p.error(f"--rivals {a.rivals}: give some of {', '.join(BASELINES)}")
+    if methods and not a.recompute:
+        run_rivals(a.work, methods, a.hours)
+    elif not a.recompute:
         run(a.work, a.hours)
-    (RESULTS / "README.md").write_text(page(rows(), GROUPS, SEED), encoding="utf-8")
+    (RESULTS / "README.md").write_text(page(lines(ROWS), GROUPS, SEED, lines(RIVALS)), encoding="utf-8")
     print(RESULTS / "README.md")
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 from sandbox.withheld.scoring.limits import Figure, mean, quantile, ratio, share
 
@@ -196,7 +197,34 @@ def fifths(rows: Sequence[Row]) -> list[str]:
     return out
 
 
-def page(rows: Sequence[Row], planned: Mapping[str, int], seed: int) -> str:
+def beside(rows: Sequence[Row], rivals: Sequence[Row]) -> list[str]:
+    """Return the lines of a table: each rival and the diagnosis on the campaigns that both answered.
+
+    The sign test says how probable so uneven a split of campaigns is, of which one alone is right, if both were alike.
+    """
+    out = [
+        "| rival | campaigns | first set right | diagnosis | only it | only the diagnosis | sign test "
+        "| mean log chance of the truth | diagnosis | CPU s |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    mine = {r["name"]: r for r in rows}
+    for method in dict.fromkeys(r["method"] for r in rivals):
+        own = [r for r in rivals if r["method"] == method and r["name"] in mine]
+        pairs = [(right(r), right(mine[r["name"]])) for r in own]
+        it, we = sum(a and not b for a, b in pairs), sum(b and not a for a, b in pairs)
+        p = binomtest(it, it + we).pvalue if it + we else 1.0
+        logs = [
+            float(np.mean([math.log(max(LEAST, listed(r))) for r in each]))
+            for each in (own, [mine[r["name"]] for r in own])
+        ]
+        hits = [sum(x) for x in zip(*pairs, strict=True)]
+        cpu = float(np.median([r["cpu"] for r in own]))
+        counts = f"| {method} | {len(own)} | {hits[0]} | {hits[1]} | {it} | {we} | {p:.2g} "
+        out.append(f"{counts}| {logs[0]:.2f} | {logs[1]:.2f} | {cpu:.0f} |")
+    return out
+
+
+def page(rows: Sequence[Row], planned: Mapping[str, int], seed: int, rivals: Sequence[Row] = ()) -> str:
     """Return the page: what was run, every goal with its figure and verdict, chances against what is right."""
     lines = ["# The diagnosis on the second bench", ""]
     count = {kind: sum(r["kind"] == kind for r in rows) for kind in planned}
@@ -212,4 +240,4 @@ def page(rows: Sequence[Row], planned: Mapping[str, int], seed: int) -> str:
             lines.append(
                 f"| {title} | {goal.title} | {bound(goal)} | {told(f.value)} | {limits} | {f.n} | {goal.verdict(f)} |"
             )
-    return "\n".join([*lines, "", *fifths(rows), ""])
+    return "\n".join([*lines, "", *fifths(rows), "", *(beside(rows, rivals) if rivals else []), ""])

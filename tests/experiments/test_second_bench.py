@@ -54,6 +54,15 @@ def test_f1_counts_what_is_named():
     assert scores.f1(row("many", two, chances={"inertia": 0.9, "magnet_flux": 0.6})) == 0.5
 
 
+def test_rivals_are_compared_on_the_same_campaigns():
+    """One campaign right by both, three by the rival alone: two-sided, 2 / 2^3; a campaign of the rival's own counts
+    nowhere."""
+    made = [{**row("one", [INERTIA], (e, 0.9)), "name": str(k)} for k, e in enumerate((["inertia"], [], [], []))]
+    told = [{**row("one", [INERTIA], (["inertia"], 1.0)), "name": str(k), "method": "bic"} for k in range(5)]
+    line = scores.beside(made, told)[-1]
+    assert line.startswith("| bic | 4 | 4 | 1 | 3 | 0 | 0.25 | 0.00 | ")
+
+
 def test_the_page_has_every_goal_and_says_what_was_not_run():
     told = scores.page([row("none", [], ([], 0.9))], {"none": 2, "one": 1}, 7)
     assert "1 of 2 none, 0 of 1 one" in told

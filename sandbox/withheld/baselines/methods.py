@@ -4,7 +4,8 @@
 - `bic`: every effect alone beside the ordinary deviations, fitted to all data, compared by Schwarz' criterion;
 - `voltage`: regression of voltage residuals on signature functions (`voltage_regression.py`);
 - `stepwise`: sets of effects, one added or dropped at a time, each refitted in full (`stepwise.py`);
-- `gp`: effects beside a Gaussian process for all that no effect explains (`gaussian_process.py`).
+- `gp`: effects beside a Gaussian process for all that no effect explains (`gaussian_process.py`);
+- `susie`: a sum of single effects on the slopes at the ordinary fit, nothing fitted anew (`single_effects.py`).
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from sandbox.withheld.baselines.answer import Answer, answer
 from sandbox.withheld.baselines.gaussian_process import by_gaussian_process
 from sandbox.withheld.baselines.refit import UNFITTED, Z95, interval
 from sandbox.withheld.baselines.screening import screened
+from sandbox.withheld.baselines.single_effects import by_single_effects
 from sandbox.withheld.baselines.stepwise import REFINED, Visited, by_stepwise, ranked, visited
 from sandbox.withheld.baselines.voltage_regression import by_voltage
 
@@ -88,4 +90,5 @@ BASELINES: dict[str, Callable[[Path, tuple[str, ...]], Answer]] = {
     "voltage": by_voltage,
     "stepwise": by_stepwise,
     "gp": by_gaussian_process,
+    "susie": by_single_effects,
 }

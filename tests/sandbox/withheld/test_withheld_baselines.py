@@ -67,7 +67,9 @@ def test_two_effects_at_once_are_found_beside_a_discrepancy(tmp_path):
         assert abs(away) < high - low
 
 
-@pytest.mark.parametrize(("method", "left_out"), [("refit", ()), *((m, LEFT_OUT) for m in ("bic", "stepwise", "gp"))])
+@pytest.mark.parametrize(
+    ("method", "left_out"), [("refit", ()), *((m, LEFT_OUT) for m in ("bic", "stepwise", "gp", "susie"))]
+)
 def test_without_effect_nothing_is_named(method, left_out, tmp_path):
     folder, truth = recorded(tmp_path)
     found = BASELINES[method](folder, left_out).json
