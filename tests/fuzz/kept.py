@@ -10,6 +10,7 @@ import inspect
 import json
 import os
 import shutil
+import tempfile
 from copy import deepcopy
 from dataclasses import astuple
 from functools import cache
@@ -72,8 +73,23 @@ def numbers_of(folder):
     return json.loads(json.dumps([loops, fluxes]))
 
 
+@cache
+def whole_cache():
+    """Return all files of `make_cache`, which takes seconds, by their names."""
+    with tempfile.TemporaryDirectory() as place:
+        make_first_cache(Path(place))
+        return {path.relative_to(place): path.read_bytes() for path in Path(place).rglob("*") if path.is_file()}
+
+
 def make_cache(folder):
     """Keep designs and maps; `places.json` says which entry is put in whose place, `body.*` what an entry holds."""
+    for name, content in whole_cache().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+
+
+def make_first_cache(folder):
+    """Make them where there are none."""
     motor, i = load_drive("ipm_exchanged").motor, np.linspace(-2.4, 2.4, 7)
     d, q = flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
     for name, scale in (("a", 1.0), ("b", 1.1)):

@@ -319,7 +319,7 @@ def rms(found):
     return np.array([r.rms()[0] for r in found]), np.array(moved)
 
 
-def fitted(recorded, values, rounds=2):
+def fitted(recorded, values, rounds):
     """Return the set with its ordinary deviations fitted (linear steps), and the residuals there."""
     own = complete(recorded.drive.motor, recorded.drive.converter, values)
     values = {**values, **{k: own[k] for k in ORDINARY}}
@@ -355,7 +355,7 @@ def test_p01_is_met_to_its_noise_floor():
 @pytest.mark.parametrize("name", [f"p{k:02d}" for k in range(2, 13)])
 def test_true_effect_brings_the_residual_to_the_noise_floor(name):
     recorded, values, effects = practice(name)
-    _, found = fitted(recorded, values)
+    _, found = fitted(recorded, values, rounds=1)  # they are nearly linear: a second step changes rms by 2e-4 (p05)
     current, motion = rms(found)
     print(name, effects, "current", np.round(current, 3), "motion", np.round(motion[motion > 0], 3))
     assert np.sqrt(np.mean(current**2)) < 1.03
