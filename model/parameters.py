@@ -51,7 +51,8 @@ def check(thing: Any, table: str) -> None:
             continue
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             unit = f.metadata["unit"] or "no unit"
-            raise BadInput(f"[{table}] {f.name} = {as_toml(value)} is not a number; give one ({unit})")
+            write = _with_unit(value, unit)
+            raise BadInput(f"[{table}] {f.name} = {as_toml(value)} is not a number; give one ({unit}){write}")
         if not low <= value <= high:  # NaN lands here too
             bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
             hint = _meant(float(value), f.metadata) if abs(value) <= LARGEST else ""
@@ -65,12 +66,28 @@ def check(thing: Any, table: str) -> None:
         check_name(thing.name, f"[{table}] name")
 
 
+MEANT = {  # units of data sheets, by ours
+    "s": {"ms": 1e-3, "us": 1e-6}, "H": {"mH": 1e-3, "uH": 1e-6}, "Wb": {"mWb": 1e-3, "uWb": 1e-6},
+    "ohm": {"mohm": 1e-3}, "kg m^2": {"g cm^2": 1e-7, "kg cm^2": 1e-4},
+}  # fmt: skip
+
+
 def _meant(value: float, stated: Mapping[str, Any]) -> str:
-    """Return a question where a time in s would be in its range had it been written in ms or us."""
-    for unit, factor in (("ms", 1e-3), ("us", 1e-6)) if stated["unit"] == "s" else ():
+    """Return a question where a value would be in its range had it been written in a data sheet's unit."""
+    for unit, factor in MEANT.get(stated["unit"], {}).items():
         if stated["low"] <= factor * value <= stated["high"]:
             return f"; is it {unit}? write {factor * value:g}"
     return ""
+
+
+def _with_unit(value: object, unit: str) -> str:
+    """Return what to write for a text of a number and a unit, such as "45.8 mH"."""
+    number, _, own = value.strip().partition(" ") if isinstance(value, str) else ("", "", "")
+    factor = {unit: 1.0, **MEANT.get(unit, {})}.get(own.strip())
+    try:
+        return "" if factor is None else f": write {factor * float(number.replace(',', '.')):g}"
+    except ValueError:
+        return ""
 
 
 def finite(value: object) -> float | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import textwrap
 from collections.abc import Mapping
 from functools import cache, lru_cache
@@ -23,6 +24,7 @@ from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 
 FOLDER = Path(__file__).parent
+DECIMAL_COMMA = re.compile(r"=\s*([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)\s*(?:,|$)")
 CARD_WIDTH = 80  # columns of a card, which fits a terminal and a page
 NOT_EFFECTS = ("__init__", "adopt", "advice", "card", "library", "own", "said")
 BEGIN, END = "<!-- table: python -m model.effects.library -->\n", "<!-- end of table -->\n"
@@ -116,6 +118,9 @@ def moved(name: str, to: float) -> dict[str, float]:
 def parse(text: str) -> dict[str, float]:
     """Return the effects written as "dead_time.time=2e-6,current_offset.offset_a=0.01"; BadInput says what is wrong."""
     found: dict[str, float] = {}
+    if comma := DECIMAL_COMMA.search(text):
+        whole, tail = comma.groups()
+        raise BadInput(f"effects '{text[:40]}' hold a decimal comma: write {whole}.{tail}, with a point")
     for item in filter(None, (part.strip() for part in text.split(","))):
         name, equals, number = (part.strip() for part in item.partition("="))
         if not equals:

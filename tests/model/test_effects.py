@@ -114,6 +114,8 @@ def test_parse():
         ("dead_time.tim=2e-6", "did you mean 'dead_time.time'"),
         ("dead_time=2e-6", "did you mean 'dead_time.time'"),
         ("dead_time.time", "has no value"),
+        ("dead_time.time=2,5e-6", r"decimal comma: write 2\.5e-6, with a point"),
+        ("device_drop.threshold=0,8,dead_time.time=1e-6", r"decimal comma: write 0\.8, with a point"),
         ("dead_time.time=two", "'two' is no number"),
         ("dead_time.time=1,dead_time.time=1", "out of range"),
         ("dead_time.time=1e-6,dead_time.time=2e-6", "given twice"),
