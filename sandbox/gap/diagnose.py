@@ -28,8 +28,9 @@ from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordi
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import held_out, weights_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis, hypotheses
-from sandbox.gap.posterior.inference import Problem, infer
+from sandbox.gap.posterior.inference import infer
 from sandbox.gap.posterior.remainder import Remainder, remainder
+from sandbox.gap.posterior.search import Problem
 from sandbox.gap.posterior.settings import USUAL as USUAL_SETTINGS
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign

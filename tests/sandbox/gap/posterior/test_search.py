@@ -14,8 +14,9 @@ from sandbox.gap.evidence.normal import Point, normal, turns
 from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.gap.posterior.estimates import estimates
 from sandbox.gap.posterior.holdout import weights_of
-from sandbox.gap.posterior.inference import Problem, _Run, infer, left_by, log_posterior
+from sandbox.gap.posterior.inference import infer
 from sandbox.gap.posterior.linear_model import linear_model, no_weights
+from sandbox.gap.posterior.search import Problem, Search, left_by, log_posterior
 from sandbox.gap.posterior.settings import USUAL
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
@@ -92,7 +93,7 @@ class Fits:
 def far(small_folder):
     """A run of the search, its first fit, and the posterior there; far from the floor, as dead time is missing."""
     own = start(small_folder)
-    run = _Run(Problem(own, weights_of(len(own.prepared.recordings))))
+    run = Search(Problem(own, weights_of(len(own.prepared.recordings))))
     run.found = candidates(run.null.point)
     sets = run.linearised(run.null, run.found)
     assert rms_of(run.null) > NEAR

@@ -1,0 +1,282 @@
+"""Search: the most probable set of effects, and its fit.
+
+    residual and slopes of all candidates at a point -> posterior over sets by algebra -> fit of the most probable set
+
+until no other set is more probable. Far from the floor the misfit (`misfit`) makes the data count for less, each
+set's own: sets are weighed by what the best of them leaves, and one is taken only where its own fit proves better. Of
+a long campaign the first rounds look at excerpts; what these name is only where the rounds on all of it begin.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.effects import library
+from sandbox.gap.evidence.algebra import prior_of
+from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
+from sandbox.gap.evidence.normal import Normal, Point, part_of
+from sandbox.gap.evidence.priors import ordinary, with_usual_sign
+from sandbox.gap.posterior.candidates import Candidate, candidates, further
+from sandbox.gap.posterior.holdout import weights_of
+from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_model
+from sandbox.gap.posterior.misfit import misfit, weights
+from sandbox.gap.posterior.set_prior import Set, log_prior
+from sandbox.gap.posterior.sets import Chosen, SetPosterior
+from sandbox.gap.posterior.settings import USUAL, Settings
+
+Array = NDArray[np.float64]
+Parts = tuple[tuple[str, int], ...]
+Report = Callable[[str], None]
+REWEIGHTED = 8  # times at most that sets are weighed anew by what the best of them leaves; chosen, to end circles
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is asked: a campaign at its nominal point, recordings that count, effects that are no candidates, sets that
+    are fitted whatever else is, settings, threads, and whom to tell; excerpts: the same of parts of a long campaign."""
+
+    start: Point
+    fitted: Weights
+    exclude: Sequence[str] = ()
+    rivals: Sequence[Set] = ()
+    settings: Settings = USUAL
+    workers: int = 1
+    report: Report = lambda _: None
+    excerpts: Point | None = None
+
+
+class Search:
+    """A run of the loop: candidates by effect with which sets are fitted, the last equations of all candidates."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        problem.report("fitting ordinary deviations")
+        self.null = fit(problem.start, (), problem.fitted, workers=problem.workers)
+        self.trace = problem.settings.trace_at(rms_of(self.null))
+        self.linear: LinearModel | None = None
+        self.met: Weights = {}  # of segments, at their point
+        self.chosen: dict[str, Candidate] = {}
+        self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
+
+    def begun(self) -> Fit:
+        """Return the fit, to a few per cent of what is left, of the set that excerpts name; without effects where there
+        are none, and where ordinary deviations leave little for them to name."""
+        p = self.problem
+        if p.excerpts is None or rms_of(self.null) <= p.settings.gap:
+            return self.null
+        parts = p.excerpts.prepared.recordings
+        short = replace(p, start=p.excerpts, fitted=weights_of(len(parts)), excerpts=None, report=lambda _: None)
+        with part_of(p.excerpts.prepared.samples / p.start.prepared.samples):
+            first = Search(short)
+            found, _ = first.grown(first.null, whole=False)
+        if not found.effects:
+            return self.null
+        self.chosen = first.chosen
+        p.report(f"fitting {' + '.join(found.effects)}")
+        at = replace(p.start, values=found.point.values)
+        return attempted(at, found.effects, p.fitted, smooth=True, rough=True, workers=p.workers) or self.null
+
+    def grown(self, here: Fit, *, whole: bool = True) -> tuple[Fit, Normal | None]:
+        """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other; and
+        the equations of all candidates at its point, where they are known.
+
+        here: where the first round begins; whole: the last fit is one, else its first part is enough.
+        """
+        known, rough = None, bool(here.effects)
+        seen: set[Parts] = {_parts(here.effects), ()}
+        tried: set[Parts] = set()
+        self.problem.report("weighing all sets of effects")
+        self.found = candidates(here.point, self.problem.exclude, left=rms_of(here))
+        wide = 1 if here.effects else 2  # rounds that look at all candidates
+        for turn in range(self.problem.settings.rounds):
+            sets = self.linearised(here, self.found if turn < wide else self.candidates())
+            known, self.linear = sets.model.normal, replace(sets.model, normal=sets.model.normal.bare())
+            new = self.better(here, known, sets, seen, tried)
+            if new is None:
+                if not rough or not whole:
+                    break
+                rough, new = False, self.fit_of(here.effects, here, known)
+                if new is None:
+                    break
+            else:
+                rough = True
+            here, known = new, None
+        if rough and whole:
+            return self.fit_of(here.effects, here, known) or here, None
+        return here, known
+
+    def better(self, here: Fit, known: Normal, sets: SetPosterior, seen: set[Parts], tried: set[Parts]) -> Fit | None:
+        """Return the fit, its first part, of a more probable set than the one that is fitted here; None where there is
+        none.  seen: sets that were fitted here before; tried: those that were none better since the last one was.
+
+        Near the floor slopes are right, and the most probable set is taken.  Far from it they say little of sets far
+        from here: the most probable ones are tried, and the first whose own residual makes it more probable, weighed
+        as the one here is, is taken.
+        """
+        settings, far = self.problem.settings, rms_of(here) > NEAR
+        own = max((k for k in sets.known if sets.parts(k) == _parts(here.effects)), key=sets.known.__getitem__)
+        least = sets.known[own] - settings.near if far else sets.known[sets.best()]
+        near: dict[Parts, Chosen] = {}
+        for k in sorted((k for k, v in sets.known.items() if v >= least), key=lambda k: (-sets.known[k], k)):
+            near.setdefault(sets.parts(k), k)
+        barred = seen | tried if far else seen
+        level = self.weighed(here, sets, own) if far else -math.inf
+        for parts in [x for x in near if x not in barred][: settings.tries if far else 1]:
+            self.choose(sets, near[parts])
+            new = self.fit_of(sets.names(near[parts]), here, known, sets, near[parts])
+            if new is not None and (not far or self.weighed(new, sets, near[parts]) > level):
+                seen.add(parts)
+                tried.clear()
+                return new
+            tried.add(parts)
+        self.choose(sets, sets.best())
+        return None
+
+    def weighed(self, found: Fit, sets: SetPosterior, chosen: Chosen) -> float:
+        """Return the log posterior of a fitted set, up to a constant: at its own point, with the weights and the price
+        of its candidates in `sets`."""
+        return log_posterior(found, self.met, self.problem.settings) - sum(sets.price[k] for k in chosen)
+
+    def linearised(self, here: Fit, found: Sequence[Candidate]) -> SetPosterior:
+        """Return the posterior over sets at a fit's point.
+
+        What a set leaves tells how far the data count: it is weighed anew by what the best set leaves, as slopes say,
+        until that is the best one, REWEIGHTED times at most.  So what is behind a large gap is named in one round.
+        """
+        p, more, variance = self.problem, further(here.point, here.effects), misfit(here.point)
+        model = linear_model(
+            here.point,
+            [*found, *more],
+            here.effects,
+            self.trace,
+            weights(variance),
+            settings=p.settings,
+            workers=p.workers,
+        )
+        own = tuple(k for k, c in enumerate(model.candidates) if c.effect in here.effects and c.part == 1)
+        best, sets, self.met = own, SetPosterior(model), weights(variance)
+        sets.enumerate(own)
+        for _ in range(REWEIGHTED):
+            if sets.best() == best:
+                break
+            best = sets.best()
+            met = left_by(model, sets.most_probable(best), variance)
+            model = replace(model, equations=equations(model.normal, weights(met)))
+            sets = SetPosterior(model)
+            sets.enumerate(own)
+        return sets
+
+    def choose(self, sets: SetPosterior, best: Chosen) -> None:
+        """Choose for every effect the candidate that is most probable beside a set, or in it."""
+        levels: dict[str, float] = {}
+        for k, c in enumerate(sets.model.candidates):
+            if c.part > 1:
+                continue
+            rest = (x for x in best if sets.effects[x] != c.effect)
+            key = tuple(sorted((*rest, k)))
+            told = sets.weigh(key) if sets.allowed(key) else -math.inf
+            if c.effect not in levels or told > levels[c.effect]:
+                levels[c.effect], self.chosen[c.effect] = told, c
+
+    def candidates(self) -> list[Candidate]:
+        """Return the chosen candidates, of those that are chords the slopes, too: which of both the truth is nearer to
+        depends on what stands in its place."""
+        own = list(self.chosen.values())
+        return [x for c in own for x in ((c.slope, c) if c.chord else (c,))]
+
+    def fit_of(
+        self, key: Set, near: Fit, known: Normal | None, sets: SetPosterior | None = None, best: Chosen = ()
+    ) -> Fit | None:
+        """Return the fit of a set that begins at another one's point; None where no drive can have it.
+
+        known: equations there; sets, best: the posterior that chose it: then its first part is enough, for the next
+        round's equations.
+        """
+        self.problem.report(f"fitting {' + '.join(key) or 'ordinary deviations'}")
+        p = self.problem
+        at = towards(near, key, [c for e, c in self.chosen.items()])
+        if sets is not None:
+            at = self.moved(at, near, sets, best)
+        rough = sets is not None
+        found = attempted(at, key, p.fitted, smooth=True, rough=rough, near=known, workers=p.workers)
+        new = set(key) - set(near.effects)
+        if found is None or (rough and not new):
+            return found
+        return self.best_form(found, [e for e in key if e in new or key == near.effects], rough)
+
+    def best_form(self, found: Fit, effects: Sequence[str], rough: bool) -> Fit:
+        """Return a fit, or that of the same set with one of these effects in its other form where that fits better."""
+        p, point = self.problem, found.point
+        drive, width = point.prepared.campaign.drive, point.values["bench.soft_current"]
+        for effect in effects:
+            card = library.load_effect(effect)
+            if card.otherwise is None:
+                continue
+            at = replace(point, values={**point.values, **card.otherwise(point.values, width, drive.converter)})
+            new = attempted(at, found.effects, p.fitted, rough=True, leader=found.objective, workers=p.workers)
+            if new is not None and new.objective < found.objective:
+                whole = None if rough else attempted(new.point, found.effects, p.fitted, smooth=True, workers=p.workers)
+                found = whole or new
+        return found
+
+    def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
+        """Return a point with chords at the size that the algebra gives them, and further parts begun."""
+        x, values = sets.most_probable(best), dict(at.values)
+        for k in best:
+            c, places = sets.model.candidates[k], sets.model.places[k]
+            if c.part > 1:
+                values |= c.begun(at)
+            elif c.chord and c.effect not in near.effects:
+                coordinate = sets.model.coordinates[places[0]]
+                values |= coordinate.changes(values, coordinate.bounded(float(x[places[0]])))
+        return replace(at, values=values)
+
+
+def log_posterior(f: Fit, met: Weights, settings: Settings) -> float:
+    """Return the log posterior of a fitted set, up to a constant: Laplace's approximation at its point, which need not
+    be the most probable one; met: weights of segments."""
+    prior, own = prior_of(f.normal.coordinates), equations(f.normal, met)
+    short = own.objective(own.x, prior) - own.most_probable(prior).objective
+    return log_prior(f.effects, settings) + own.log_evidence(prior) - 0.5 * short
+
+
+def _parts(effects: Sequence[str]) -> Parts:
+    """Return the first part of each effect."""
+    return tuple((e, 1) for e in sorted(effects))
+
+
+def left_by(model: LinearModel, x: Array, variance: Mapping[tuple[int, str], float]) -> dict[tuple[int, str], float]:
+    """Return the variance that estimates meet in every segment with coordinates at x (p,), as the equations at the
+    model's point say; variance: at that point.  Its excess falls in proportion to the squared residual's."""
+    out = {}
+    for s in model.normal.segments:
+        move, here, n = (x - model.normal.x)[s.places], float(s.rr.sum()), float(s.n.sum())
+        there = here - 2.0 * float(move @ s.g.sum(0)) + float(move @ s.a.sum(0) @ move)
+        share = min(1.0, max(0.0, there - n) / (here - n)) if here > n else 1.0
+        out[s.recording, s.channel] = 1.0 + (variance[s.recording, s.channel] - 1.0) * share
+    return out
+
+
+def towards(best: Fit, key: Sequence[str], chosen: Sequence[Candidate]) -> Point:
+    """Return a fit's point with the effects that another set lacks at neutral, and those it has more begun; without
+    effects so far, signs of currents go through zero as they usually do."""
+    campaign = best.point.prepared.campaign
+    neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
+    gone = tuple(f"{e}." for e in best.effects if e not in key)
+    first = library.same_numbers()
+    used = kept | {first.get(k, k) for k in neutral if k.partition(".")[0] in key}
+    owns = {first.get(k, k) for k in neutral if gone and k.startswith(gone)} - used
+    values = dict(best.point.values)
+    for own in owns:
+        values |= library.moved(own, neutral[own])
+    if not best.effects:
+        values = with_usual_sign(values, campaign.drive.motor)
+    for c in chosen:
+        if c.effect in key and c.effect not in best.effects:
+            values |= c.start
+    return replace(best.point, values=values)
