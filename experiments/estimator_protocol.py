@@ -27,6 +27,7 @@ from sandbox.evaluation.protocol_names import LINES
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.output.columns import write_table
 from sandbox.output.files import output_folder, version
+from sandbox.output.provenance import commit
 from sandbox.public.protocols import ProtocolResult
 
 ANCHORS = Path("../shared/anchors")
@@ -42,11 +43,11 @@ carries information. *Lost* counts the parts of the test in which lock was lost,
 reach the speed asked for in time."""
 
 
-def markdown(result: Protocol, date: str) -> str:
-    """Return the result page: every motor's table, worst figures of each test."""
+def markdown(result: Protocol, made: str) -> str:
+    """Return the result page: every motor's table, worst figures of each test; made: when, and by which code."""
     cpu = sum(row.cpu_seconds for row in result.rows)
     tests = "\n".join(fill(f"- **{name}**: {line}.", 120, subsequent_indent="  ") for name, line in LINES.items())
-    blocks = ["# Protocol of all estimators", f"{date}, {version()}: {cpu:.0f} s of processor time.", LEGEND, tests]
+    blocks = ["# Protocol of all estimators", f"{made}: {cpu:.0f} s of processor time.", LEGEND, tests]
     if result.peer:
         blocks.append(f"motulator's reversal in the same run: {result.peer[1]:.2f}° rms, {result.peer[0]:.2f} CPU s/s.")
     for motor in dict.fromkeys(row.unit.motor for row in result.rows):
@@ -66,7 +67,7 @@ def folded(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
 
 
 def kept() -> tuple[Protocol, str]:
-    """Return the protocol that the JSON keeps, without its points, and its date."""
+    """Return the protocol that the JSON keeps, without its points, and when and by which code it was made."""
     found = json.loads((RESULTS / f"{NAME}.json").read_text(encoding="utf-8"))
     rows = [
         Row(Unit(*(r[f.name] for f in fields(Unit))), Outcome((), r["metrics"], r["passed"]), r["cpu_seconds"],
@@ -74,12 +75,17 @@ def kept() -> tuple[Protocol, str]:
         for r in found["tests"]
     ]  # fmt: skip
     beside = found["peer"] and (found["peer"]["cpu_s_per_s"], found["peer"]["rms_deg"])
-    return Protocol(tuple(rows), found["seed"], beside), found["date"]
+    return Protocol(tuple(rows), found["seed"], beside), stamp(found["date"], found["version"], found["commit"])
 
 
-def draw(result: Protocol, date: str) -> None:
+def stamp(date: str, release: str, state: str | None) -> str:
+    """Return when and by which code a protocol was made, in words."""
+    return f"{date}, {release}, commit {(state or 'unknown')[:8]}"
+
+
+def draw(result: Protocol, made: str) -> None:
     """Write page and figure, and print the page."""
-    text = markdown(result, date)
+    text = markdown(result, made)
     (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
     protocol_figure(tables(result), reading(result), RESULTS / f"{NAME}.png")
     print(text)
@@ -100,9 +106,9 @@ def main() -> None:
     result = protocol(jobs=options.jobs, keep=folder, cluster=options.dask)
     if options.peer_python:
         result = result.beside(*peer(ANCHORS, options.peer_python, "lin", 4.0))
-    draw(result, time.strftime("%Y-%m-%d"))
+    draw(result, stamp(time.strftime("%Y-%m-%d"), version(), commit()))
     write_table(folder / f"{NAME}.parquet", ProtocolResult(result).to_table())
-    save(NAME, {"version": version(), **result.as_json()})
+    save(NAME, {"version": version(), "commit": commit(), **result.as_json()})
     forget(folder)
 
 

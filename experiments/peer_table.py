@@ -21,10 +21,12 @@ from typing import Any, NamedTuple
 
 from estimators.registry import load_estimator
 from experiments.drawing import RESULTS, save, shared
+from experiments.lane_cost import driven, times
 from sandbox.drive.simulate import simulate
 from sandbox.evaluation.bench import C_STEP, c_reference, plant_second
 from sandbox.evaluation.protocol_motion import reversal_case
 from sandbox.evaluation.score import error_of
+from sandbox.replay.grouping import ROOMS
 
 SCRIPTS = Path(__file__).parent / "peers"
 ALONE = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
@@ -37,6 +39,7 @@ WHAT = {  # name: what is run, what it has, what it leaves out
     "motulator-export, native, constant speed": (LOOP, "the same without asking Python for references", "the same"),
     "motulator": (LOOP, "Python, adaptive RK45, averaged voltage", "PWM edges here (it has them)"),
     "sensorless-sandbox": (PLANT, "4 kHz, every PWM edge exact, saturated, rotor free", ""),
+    "sensorless-sandbox, 1000 at once": (PLANT, "the same, sets side by side in blocks, rotor driven", ""),
     "C reference": (PLANT, "RK4 of 10 us, saturated, rotor free", "PWM edges, effects, events"),
     "exciting-environments": (PLANT, "JAX, one Euler step of 100 us", "PWM edges, saturation here, mechanics, effects"),
     "exciting-environments, 1000 at once": (PLANT, "the same, a thousand side by side", "the same"),
@@ -62,6 +65,13 @@ def ours() -> Iterator[Peer]:
         rms = error_of(runs[0].recording.between(scenario.duration / 8.0, scenario.duration)).rms
         yield Peer(f"sensorless-sandbox, {name}", cost, rms)
     yield Peer("sensorless-sandbox", plant_second())
+    prepared = driven()
+    block = 1e-9 * times(prepared, {})[-1]  # s a period, of as many sets as fit; a thousand are such blocks in turn
+    blocks = -(-1000 // ROOMS[-1])
+    yield Peer(
+        "sensorless-sandbox, 1000 at once",
+        blocks * block / 1000.0 / prepared.campaign.drive.converter.sampling_period,
+    )
     yield Peer("C reference", c_reference(shared("SENSORLESS_ANCHORS", "anchors")) * 1e-9 / C_STEP)
 
 
