@@ -81,15 +81,24 @@ def test_the_effect_library_takes_the_fitted_skin_effect():
         assert record["checks"][f"{state}.R1_tau2_ohm_s2"] == pytest.approx(r_1 * tau**2, rel=1e-3)
 
 
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory):
+    """Run every script whose data are here, one after the other in a process of its own; return where they wrote."""
+    folder, here = tmp_path_factory.mktemp("results"), ROOT / "experiments"
+    path = os.pathsep.join(map(str, (ROOT, here)))
+    each = "import runpy, sys\nfor path in sys.argv[1:]: runpy.run_path(path, run_name='__main__')"
+    scripts = [str(here / f"{name}.py") for name, data in SCRIPTS.items() if locate(data) is not None]
+    around = {**os.environ, "SENSORLESS_RESULTS": str(folder), "PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", each, *scripts], env=around, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_script_repeats_the_kept_values(name, tmp_path):
+def test_script_repeats_the_kept_values(name, fresh):
     if locate(SCRIPTS[name]) is None:
         pytest.skip(f"data set {SCRIPTS[name]} is not here; set SENSORLESS_DATA")
-    environment = {**os.environ, "SENSORLESS_RESULTS": str(tmp_path), "PYTHONPATH": str(ROOT)}
-    script = ROOT / "experiments" / f"{name}.py"
-    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    fresh = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))["values"]
+    found = json.loads((fresh / f"{name}.json").read_text(encoding="utf-8"))["values"]
     kept = json.loads((ROOT / "experiments" / "results" / f"{name}.json").read_text(encoding="utf-8"))["values"]
-    for key, value in fresh.items():
+    for key, value in found.items():
         assert value["value"] == pytest.approx(kept[key]["value"], rel=1e-3)

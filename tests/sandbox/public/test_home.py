@@ -73,12 +73,12 @@ def test_the_version_is_that_of_the_installation(capsys):
 
 
 CASES = {
+    "several": (["sensorless", "compare", "--estimators", "qnull,inv"], {"qnull,inversion"}),
     "commands": (["sensorless", "com"], {"compare", "completion"}),
     "options": (["sensorless", "simulate", "--sce"], {"--scenario"}),
     "choices": (["sensorless", "simulate", "--belief", "l"], {"linear"}),
     "motors": (["sensorless", "simulate", "--motor", "spm_"], {"spm_exchanged"}),
     "estimators": (["sensorless", "compare", "--estimator", "qn"], {"qnull"}),
-    "several": (["sensorless", "compare", "--estimators", "qnull,inv"], {"qnull,inversion"}),
     "cards": (["sensorless", "list", "effects", "dead"], {"dead_time"}),
 }
 START = {  # what makes a shell complete: evaluated, or installed for every new shell, also where a file leaves it off
@@ -120,7 +120,7 @@ def test_a_shell_completes(kind, how, shell, tmp_path):
             subprocess.run(install, env=around, check=True, capture_output=True)
         assert file.read_text().count("completion of sensorless" if kind == "zsh" else "# Load sensorless") == 1
     file.write_text(file.read_text() + REPORT[kind].format(tmp_path) + f"touch {tmp_path}/ready\n")
-    cases = list(CASES.values())[: None if how == "evaluated" else 2]
+    cases = list(CASES.values())[: None if (kind, how) == ("bash", "evaluated") else 2]  # all answers in one shell
     lines = typed(kind, around, tmp_path, [" ".join(words) for words, _ in cases])
     for (words, wanted), line in zip(cases, lines, strict=True):
         assert line.split()[:-1] == words[:-1]
