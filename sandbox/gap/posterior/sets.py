@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from model.compiled import kernel
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.linear_model import LinearModel
-from sandbox.gap.posterior.set_prior import Set, log_prior, possible
+from sandbox.gap.posterior.set_prior import Set, contained, log_prior
 
 Array = NDArray[np.float64]
 Chosen = tuple[int, ...]  # places of candidates
@@ -55,6 +55,7 @@ class SetPosterior:
         one_sided = (m.wide.low == m.wide.mean) | (m.wide.high == m.wide.mean)
         self.sign = np.where(one_sided & (wide > self.narrow), np.where(m.wide.low == m.wide.mean, 1.0, -1.0), 0.0)
         self.effects = [c.effect for c in m.candidates]
+        self.contained = {e: contained(e) for e in self.effects}
         self.price = [math.log(c.tried) + math.log(sum(_rival(c, d) for d in m.candidates)) for c in m.candidates]
 
     def weigh(self, chosen: Iterable[int]) -> float:
@@ -97,7 +98,8 @@ class SetPosterior:
         """Return whether a set holds each effect (and part) once, and none that is part of another."""
         own = [self.model.candidates[k] for k in chosen]
         parts = [(c.effect, c.part > 1) for c in own]
-        return len(set(parts)) == len(parts) and possible({c.effect for c in own})
+        names = {c.effect for c in own}
+        return len(set(parts)) == len(parts) and not any(self.contained[e] & names for e in names)
 
     def names(self, chosen: Iterable[int]) -> Set:
         """Return the effects of a set."""
