@@ -160,7 +160,9 @@ Dask = Annotated[
 ]
 Peer = Annotated[Flag, Parameter(help="measure the reference programs in the same run, too")]
 Anchors = Annotated[Path, Parameter(help="folder of the reference programs")]
-PeerPython = Annotated[str, Parameter(show_default="this one", help="Python >= 3.12 that has motulator 0.18")]
+PeerPython = Annotated[
+    str | None, Parameter(help="Python >= 3.12 that has motulator 0.18; left out: one is made, in the cache")
+]
 Jobs = Annotated[Count | None, Parameter(show=True, show_default="all cores", help="threads or processes")]
 Threads = Annotated[Count, Parameter(show=True, help="threads")]
 

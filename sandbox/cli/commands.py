@@ -5,7 +5,6 @@ Their signatures and texts are the options and the help of the command line.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -206,7 +205,7 @@ def protocol(
     dask: take.Dask = None,
     peer: take.Peer = False,
     anchors: take.Anchors = ANCHORS,
-    peer_python: take.PeerPython = sys.executable,
+    peer_python: take.PeerPython = None,
     output: take.NoisyParallel = take.NoisyParallel(),
 ) -> None:
     """The standard evaluation: the same tests for every estimator and belief, on several motors.
@@ -241,7 +240,7 @@ def bench(
     *,
     peer: take.Peer = False,
     anchors: take.Anchors = ANCHORS,
-    peer_python: take.PeerPython = sys.executable,
+    peer_python: take.PeerPython = None,
     output: take.Output = take.Output(),
 ) -> None:
     """What a step of the plant and a simulated second in closed loop cost on this machine."""

@@ -303,10 +303,14 @@ def tidy(result: Protocol) -> list[dict[str, Any]]:
     return rows
 
 
-def with_motulator(result: Protocol, anchors: Path, python: str) -> Protocol:
-    """Return the protocol with motulator's reversal beside ours, measured now; BadInput where it is not at hand."""
+def with_motulator(result: Protocol, anchors: Path, python: str | None) -> Protocol:
+    """Return the protocol with motulator's reversal beside ours, measured now; BadInput where it is not at hand.
+
+    python: one that has motulator; None: this one, or one in an environment that is made for it.
+    """
     if not any(row.unit.test == "reversal" for row in result.rows):
         return result
     from sandbox.evaluation.bench import peer
+    from sandbox.evaluation.peer_python import peer_python
 
-    return result.beside(*peer(anchors, python, "lin", 4.0))
+    return result.beside(*peer(anchors, peer_python(python), "lin", 4.0))

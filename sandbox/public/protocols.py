@@ -239,7 +239,7 @@ def bench(anchors: str | Path | None = None, python: str | None = None) -> Bench
     anchors : str or Path, optional
         Folder of the reference programs (C reference, motulator's script), to be measured in the same run.
     python : str, optional
-        A Python >= 3.12 that has motulator 0.18; this one by default.
+        A Python >= 3.12 that has motulator 0.18; by default this one, or one in an environment that is made for it.
 
     Returns
     -------
@@ -257,9 +257,8 @@ def bench(anchors: str | Path | None = None, python: str | None = None) -> Bench
     >>> bench().ratios["all_effects_to_none_cpu"]  # doctest: +SKIP
     3.2
     """
-    import sys
-
     from sandbox.evaluation.bench import bench as measure
+    from sandbox.evaluation.peer_python import peer_python
 
-    found = measure(None if anchors is None else Path(anchors), python or sys.executable)
+    found = measure(None if anchors is None else Path(anchors), "" if anchors is None else peer_python(python))
     return BenchResult(found["measured"], found["ratios"])
