@@ -8,6 +8,9 @@ inductances have to be known to a part of the saliency: both x percent off turn 
 
 What of the family is elsewhere: its first version turns the injection and reads the second harmonic of the answers over
 a turn (`rotating`); its fourth and fifth inject along d and read the q ripple (`qnull`, at half the sampling rate).
+Saturation: the firmware injects more volts with more current and keeps both inductances; its saturation compensation
+(foc_sat_comp) scales the one inductance of its flux observer by the current, or by the flux estimated, and is not in
+the HFI.  Here a saturated belief takes its place.
 Left out: limits by another observer's speed, the change of the axis' side with the sign of the current.  Its own loop's
 gains are an option of the drive, `[injection] tracking = "vesc"` (`published`).
 """
