@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from model.effects.said import quantity
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.location.decompose import whole_turns
+from sandbox.plant.sets import batch_of
+from sandbox.replay.inputs import at_rest_reading
 from sandbox.replay.replay import Residual
 
 Array = NDArray[np.float64]
@@ -67,10 +69,11 @@ def drifting(point: Point, shown: Sequence[Residual]) -> Drifting | None:
     error = math.sqrt(2.0 / float(counts.min()))
     if total <= 0.0 or taken < MOST * total or np.ptp(means[:, sensor]) < SURE * error:
         return None
-    v = point.values
-    a, b = (v[f"current_offset.offset_{x}"] for x in "ab")
-    common = (a, b, -a - b)[sensor] + v["bench.common_offset"]
-    offsets = {file: common + point.prepared.floor * float(m) for file, m in zip(own, means[:, sensor], strict=True)}
+    drive = point.prepared.campaign.drive
+    common = at_rest_reading(batch_of(drive.motor, drive.converter, [dict(point.values)], 1))[sensor]
+    offsets = {
+        file: float(common) + point.prepared.floor * float(m) for file, m in zip(own, means[:, sensor], strict=True)
+    }
     return Drifting(sensor, offsets, min(1.0, taken / total))
 
 

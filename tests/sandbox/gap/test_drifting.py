@@ -5,9 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from model.drive_files import load_drive
 from sandbox.gap.location.drifting import drifting
+from sandbox.plant.sets import complete
 from sandbox.replay.replay import Residual
 
+DRIVE = load_drive("ipm_exchanged")
 FLOOR = 0.002  # A
 N = 4000
 
@@ -21,8 +24,11 @@ def at(offsets, *, along=0.0, turns=20, rotor="free", seed=1):
     read = [rng.standard_normal((N, 3)) + x * one + along * star for x in offsets]
     shown = [Residual(f"r{k}", rotor, x[:, :, None], None, None) for k, x in enumerate(read)]
     own = [SimpleNamespace(file=r.file, rotor=rotor, motion=SimpleNamespace(angle=angle)) for r in shown]
-    values = {"current_offset.offset_a": 1e-3, "current_offset.offset_b": 0.0, "bench.common_offset": 0.0}
-    return SimpleNamespace(prepared=SimpleNamespace(recordings=own, floor=FLOOR), values=values), shown
+    values = complete(DRIVE.motor, DRIVE.converter, {"current_offset.offset_a": 1e-3})
+    campaign = SimpleNamespace(drive=DRIVE)
+    return SimpleNamespace(
+        prepared=SimpleNamespace(recordings=own, floor=FLOOR, campaign=campaign), values=values
+    ), shown
 
 
 def test_offsets_of_two_recordings_are_told():
