@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from sandbox.gap.posterior.beside import beside
 from sandbox.gap.posterior.evaluated import EvaluatedModel, by_algebra
 from sandbox.gap.posterior.inference import Inference
-from sandbox.gap.posterior.set_prior import Set
-from sandbox.gap.posterior.sets import SetPosterior
+from sandbox.gap.posterior.sets import Set, SetPosterior
 from sandbox.gap.posterior.unmodeled import unmodeled
 from sandbox.gap.shortened import shortened
 

@@ -18,8 +18,7 @@ from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
 from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.gap.posterior.misfit import misfit, weights
 from sandbox.gap.posterior.search import Problem, Search
-from sandbox.gap.posterior.set_prior import Set, log_prior, possible
-from sandbox.gap.posterior.sets import SetPosterior
+from sandbox.gap.posterior.sets import Set, SetPosterior, log_prior, possible
 
 STRAIGHT = 0.1  # of an effect's wide prior: a move on which slopes hold (the curvature of a delay makes 5 % of it)
 SMALL = 1e-6  # probability below which a set is not listed

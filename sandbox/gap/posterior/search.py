@@ -25,8 +25,7 @@ from sandbox.gap.posterior.candidates import Candidate, candidates, further
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_model
 from sandbox.gap.posterior.misfit import misfit, weights
-from sandbox.gap.posterior.set_prior import Set, log_prior
-from sandbox.gap.posterior.sets import Chosen, SetPosterior
+from sandbox.gap.posterior.sets import Chosen, Set, SetPosterior, log_prior
 from sandbox.gap.posterior.settings import USUAL, Settings
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Posterior over sets of candidates, by algebra on one point's equations.
+"""Prior over sets of effects, and posterior over sets of candidates by algebra on one point's equations.
 
 A set is a choice of priors on the same equations: wide for its candidates (slab), narrow for all others (spike).  With
 M = A + P^-1 for no candidate, b = g at the priors' means, C = M^-1 and c = C b, a set S whose k coordinates get the
@@ -22,15 +22,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
+from model.effects import library
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.linear_model import LinearModel
-from sandbox.gap.posterior.set_prior import Set, contained, log_prior
+from sandbox.gap.posterior.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
+Set = tuple[str, ...]  # of effects
 Chosen = tuple[int, ...]  # places of candidates
 REACH = 12.0  # nats behind the best set within which sets are enumerated: beyond, a thousand of them make 1 %
 PARENTS = 80  # sets whose neighbours are looked at; the best first
 KEPT = 24  # neighbours of each that are weighed with sizes averaged over
+
+
+def log_prior(effects: Sequence[str], settings: Settings = USUAL) -> float:
+    """Return the log prior of a set: its number of effects is geometric, all sets of one size are alike."""
+    n, whole = len(effects), len(library.effect_names())
+    return math.log((1.0 - settings.more) * settings.more**n / math.comb(whole, n))
+
+
+def contained(effect: str) -> frozenset[str]:
+    """Return the effects whose parameters are part of an effect's own: never claimed together with it."""
+    whole = {own.partition(".")[0]: double.partition(".")[0] for double, own in library.same_numbers().items()}
+    return frozenset({whole[effect]} if effect in whole else ())
+
+
+def possible(effects: Iterable[str]) -> bool:
+    """Return whether no effect of a set is part of another of it."""
+    chosen = set(effects)
+    return not any(contained(e) & chosen for e in chosen)
 
 
 @dataclass

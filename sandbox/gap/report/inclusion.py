@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from model.effects import library
 from sandbox.gap.posterior.hypotheses import Hypothesis, sets_of
 from sandbox.gap.posterior.linear_model import LinearModel
-from sandbox.gap.posterior.set_prior import Set, log_prior, possible
+from sandbox.gap.posterior.sets import Set, log_prior, possible
 
 APART = 0.2  # of the less probable of two effects: chance of both together, below which they stand for each other
 SURE = 0.9  # chance that one of a group is there: less, and they are no group but each a doubt of its own

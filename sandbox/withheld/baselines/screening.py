@@ -12,7 +12,7 @@ from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.posterior.candidates import Candidate
-from sandbox.gap.posterior.set_prior import contained
+from sandbox.gap.posterior.sets import contained
 from sandbox.withheld.baselines.refit import readings
 
 

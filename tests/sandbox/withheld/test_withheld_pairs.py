@@ -7,7 +7,7 @@ import pytest
 from model.effects.library import load_effect
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.posterior.candidates import Candidate
-from sandbox.gap.posterior.set_prior import possible
+from sandbox.gap.posterior.sets import possible
 from sandbox.withheld.baselines import screening, stepwise
 from sandbox.withheld.baselines.screening import Columns, Promise, barred, lesser, screened, staying
 from sandbox.withheld.baselines.stepwise import Visited, Walk, walked

@@ -13,8 +13,7 @@ from model.effects import library
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.linear_model import LinearModel
-from sandbox.gap.posterior.set_prior import log_prior, possible
-from sandbox.gap.posterior.sets import SetPosterior
+from sandbox.gap.posterior.sets import SetPosterior, log_prior, possible
 from sandbox.gap.posterior.settings import Settings
 
 NAMES = [e for e in library.effect_names() if not possible([e, "saturation"]) or e == "saturation"]
