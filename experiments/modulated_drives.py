@@ -64,12 +64,18 @@ def markdown(result: Mapping[str, Any]) -> str:
         f"Made by `python -m experiments.{NAME}`, {result['date']}, {result['version']}, commit "
         f"{(result['commit'] or 'unknown')[:8]}.",
     ]
-    table = [f"| estimator | {' | '.join(names)} |", "|---|" + "--:|" * len(names)]
+    text = "\n\n".join(fill(x, 120, subsequent_indent="  " if x.startswith("- ") else "") for x in said)
+    half = next(k for k, name in enumerate(names) if name in BEYOND)  # before: within the hexagon
+    return "\n\n".join([text, table(rows, names[:half]), table(rows, names[half:])]) + "\n"
+
+
+def table(rows: Sequence[Row], names: Sequence[str]) -> str:
+    """Return the table of some cases, a line for each estimator and belief."""
+    lines = [f"| estimator | {' | '.join(names)} |", "|---|" + "--:|" * len(names)]
     for row in rows:
         cells = ["**lost**" if x is None else f"{x:.2f}" for x in (mean(row, name) for name in names)]
-        table.append(f"| `{row['estimator']}` {row['belief'][:3]}. | {' | '.join(cells)} |")
-    text = "\n\n".join(fill(x, 120, subsequent_indent="  " if x.startswith("- ") else "") for x in said)
-    return text + "\n\n" + "\n".join(table) + "\n"
+        lines.append(f"| `{row['estimator']}` {row['belief'][:3]}. | {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def main() -> None:
