@@ -42,10 +42,11 @@ class Linked(JITCodeLibrary):
 
     def _optimize_final_module(self) -> None:
         """Place callees inside and no more: what runs is optimised in the function that holds it."""
-        passes, builder = self._codegen._module_pass_manager(
+        made = self._codegen._module_pass_manager(
             loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
         )
-        passes.run(self._final_module, builder)
+        passes, *builder = made if isinstance(made, tuple) else (made,)  # before numba 0.62 without a builder
+        passes.run(self._final_module, *builder)
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
