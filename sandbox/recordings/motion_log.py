@@ -31,11 +31,12 @@ from sandbox.recordings.column_map import (
     source_units,
 )
 from sandbox.recordings.copies import copied, copy_finding, own_rows
-from sandbox.recordings.importing import Source
+from sandbox.recordings.importing import Source, unchecked
 from sandbox.recordings.stamps import segment_name
 
 Array = NDArray[np.float64]
 OF_LAG = ("resistance", "inductance_d", "inductance_q")
+OF_TORQUE = {"i_q", "torque"}  # columns that tell a torque whatever the zero of the angle
 BESIDE = ("speed", "i_d", "i_q", "u_d", "u_q")
 OR_SPEED = ', or the log\'s speed (speed = {column = ..., unit = "rpm"})'
 SIXTHS = (
@@ -123,6 +124,8 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
 
     why: only the motion is judged (see `motion_only`).
     """
+    if _zero_by_voltages(source):
+        return motion_of(unchecked(source), why)
     motor, drive = table_of(source.data, "motor"), table_of(source.data, "drive")
     pairs = _stated(motor, "pole_pairs", source.name, 1.0, 100.0)
     constant = _stated(motor, "torque_constant", source.name, 1e-9, 1e5)
@@ -154,6 +157,15 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
     )  # fmt: skip
 
 
+def _zero_by_voltages(source: Source) -> bool:
+    """Tell whether phase currents beside states become a torque only by the zero that voltages show."""
+    if not source.entries:
+        return False
+    table = source.table(source.entries[0][0])
+    told = OF_TORQUE & set(source_columns(table, source.mapped))
+    return not told and bool(by_states(table, source.mapped)) and has_voltages(table, source.mapped)
+
+
 def _counted_once(recordings: list[MotionRecording], findings: list[Finding]) -> list[MotionRecording]:
     """Return recordings without rows that stand in two of them, each with a finding."""
     copies = {c.at: c for c in copied([[r.angle, r.torque] for r in recordings])}
@@ -179,13 +191,18 @@ def _read(
     found, notes = measured(file, table, mapped, pairs or 1.0)
     findings += notes
     own = source_columns(table, mapped)
-    found, _ = with_angle(file, found, own, findings)
+    found, made = with_angle(file, found, own, findings)
     for name, why in (("theta", "without voltages the angle shows the motion"), ("t", "log each row's time stamp")):
         if name not in found:
             raise BadInput(f"{file}: column '{name}' is missing; {why}: map it{OR_SPEED if name == 'theta' else ''}")
     if pairs is None and not mapped.get("theta", mapped.get("speed", Column("", ""))).mechanical:
         raise BadInput(f"{source.name}: [motor] lacks 'pole_pairs'; add it, or map theta with mechanical = true")
-    torque = _torque(file, found, found["theta"], constant, source.name, findings)
+    if made is not None and not OF_TORQUE & set(found) and {"i_a", "i_b", "i_alpha"} & set(found):
+        raise BadInput(
+            f"{file}: phase currents tell no torque at an angle made from {made.of}, whose zero is unknown; map "
+            "i_q, a torque, or the rotor's angle (theta)"
+        )
+    torque = _torque(file, found, made is None, constant, source.name, findings)
     load = found.get("load_torque", np.zeros(len(torque)))
     beside = {n: found[n] for n in BESIDE if n in found}
     if "speed" in beside:
@@ -237,10 +254,12 @@ def _too_slow(period: float, resistance: float, inductance: float) -> str | None
 
 
 def _torque(
-    file: str, found: Mapping[str, Array], theta: Array, constant: float | None, source: str, findings: list[Finding]
-) -> Array:
-    """Return the torque (N m): as measured, or of i_q."""
-    if "i_q" not in found and not {"i_a", "i_b"} <= set(found) and "i_alpha" not in found:
+    file: str, found: Mapping[str, Array], zero_known: bool, constant: float | None, source: str,
+    findings: list[Finding],
+) -> Array:  # fmt: skip
+    """Return the torque (N m): as measured, or of i_q; of phase currents where the angle's zero is known."""
+    phase = zero_known and ({"i_a", "i_b"} <= set(found) or "i_alpha" in found)
+    if "i_q" not in found and not phase:
         if "torque" in found:
             return found["torque"]
         raise BadInput(f"{file}: neither voltages nor i_q nor torque; map i_q, phase currents or a torque")
@@ -252,10 +271,10 @@ def _torque(
     if "i_q" in found:
         return constant * found["i_q"]
     notes: list[Finding] = []
-    i_a, i_b, i_c = phase_currents(file, {**found, "theta": theta}, notes).values()
+    i_a, i_b, i_c = phase_currents(file, found, notes).values()
     findings += notes
     i = (2.0 * i_a - i_b - i_c) / 3.0 + 1j * (i_b - i_c) / math.sqrt(3.0)
-    return np.asarray(constant * (i * np.exp(-1j * theta)).imag)
+    return np.asarray(constant * (i * np.exp(-1j * found["theta"])).imag)
 
 
 def _pieces(
