@@ -208,7 +208,7 @@ def beside(rows: Sequence[Row], rivals: Sequence[Row]) -> list[str]:
         "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]
     mine = {r["name"]: r for r in rows}
-    for method in dict.fromkeys(r["method"] for r in rivals):
+    for method in dict.fromkeys(r["method"] for r in rivals if r["name"] in mine):
         own = [r for r in rivals if r["method"] == method and r["name"] in mine]
         pairs = [(right(r), right(mine[r["name"]])) for r in own]
         it, we = sum(a and not b for a, b in pairs), sum(b and not a for a, b in pairs)

@@ -59,6 +59,7 @@ def test_rivals_are_compared_on_the_same_campaigns():
     nowhere."""
     made = [{**row("one", [INERTIA], (e, 0.9)), "name": str(k)} for k, e in enumerate((["inertia"], [], [], []))]
     told = [{**row("one", [INERTIA], (["inertia"], 1.0)), "name": str(k), "method": "bic"} for k in range(5)]
+    told.append({**told[0], "name": "elsewhere", "method": "gp"})  # of no campaign of ours: no line
     line = scores.beside(made, told)[-1]
     assert line.startswith("| bic | 4 | 4 | 1 | 3 | 0 | 0.25 | 0.00 | ")
 

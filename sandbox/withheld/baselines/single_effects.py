@@ -8,13 +8,16 @@ weighed against what the others leave,
 
 until the mean effects stand still.  None of the candidates has log BF 0 and what chance is left.  Ordinary deviations
 are integrated out first, the noise's variance is what the sum leaves.
+
+Slopes are what limits it: a large effect bends the ordinary fit, at which they are taken (at the nominal model it was
+worse: ordinary deviations alone then made it name three effects).
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -56,23 +59,24 @@ def by_single_effects(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     started, campaign, spent = time.perf_counter(), read_campaign(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
-        probes = columns(null.point, ordinary(campaign), candidates(null.point, exclude, left=0.0))
+        usual = ordinary(campaign)
+        probes = columns(null.point, usual, candidates(null.point, exclude, left=0.0))
         n = normal(null.point, probes.every).bare()
-    found = summed(equations(n, [list(more.values()) for _, more in probes.own]))
+    found = summed(equations(n, {c.label for c in usual}, [list(more.values()) for _, more in probes.own]))
     ranked = [(s, p, {}) for s, p in likely_sets(found.chances, [probe.effect for probe, _ in probes.own])]
     after = min(null.rms, math.sqrt(max(0.0, found.rr / fit.readings(n))))
     return answer(campaign, ranked, (raw, null.rms, after), started, round(sum(spent)))
 
 
-def equations(n: Normal, own: Sequence[Sequence[Coordinate]]) -> Equations:
-    """Return the equations of candidates' columns, all other coordinates integrated out.
+def equations(n: Normal, usual: Collection[str], own: Sequence[Sequence[Coordinate]]) -> Equations:
+    """Return the equations of candidates' columns, ordinary deviations (labels) and turns integrated out.
 
-    A column may be an ordinary deviation, which then goes as far as its candidate does.
+    A column may be an ordinary deviation, too: that stays, and the candidate comes on top of it.
     """
-    place, whole = {c.label: k for k, c in enumerate(n.coordinates)}, algebra(n)
+    place, whole, prior = {c.label: k for k, c in enumerate(n.coordinates)}, algebra(n), prior_of(n.coordinates)
     wide = {place[c.label]: c.deviation for more in own for c in more}
-    prior, asked = prior_of(n.coordinates), sorted(wide)
-    rest = [k for k in range(len(n.x)) if k not in wide and prior.deviation[k] > 0.0]
+    asked = sorted(wide)
+    rest = [k for k, c in enumerate(n.coordinates) if (c.label in usual or c.form == "turn") and c.deviation > 0.0]
     held = prior.deviation[rest] ** -2.0
     pull = whole.g[rest] + held * (prior.mean - n.x)[rest]
     across = whole.a[np.ix_(rest, asked)]

@@ -5,7 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from sandbox.withheld.baselines.single_effects import ONE, Equations, likely_sets, single, summed
+from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.priors import Coordinate
+from sandbox.replay.segments import Segment
+from sandbox.withheld.baselines.single_effects import ONE, Equations, equations, likely_sets, single, summed
 
 
 def problem(x, y, variance):
@@ -26,6 +29,29 @@ def test_chances_of_one_effect_are_those_of_marginal_likelihoods():
     told.append(log_marginal(x[:, :0], y, v[:0]) + np.log(1 - ONE))
     chances, _ = single(problem(x, y, v), x.T @ y, 1.0)
     assert chances == pytest.approx(np.exp(told) / np.sum(np.exp(told)), rel=1e-9)
+
+
+def test_ordinary_deviations_are_integrated_out():
+    """Two ordinary deviations, the second of them a candidate, too, at a point x beside their means, and one candidate
+    of its own: the odds of the candidates are those of y + J x in the covariance of all that may move."""
+    rng = np.random.default_rng(4)
+    j, y, x = rng.standard_normal((50, 3)), rng.standard_normal(50), np.array([0.3, -0.2, 0.0])
+    y = y + 0.8 * j[:, 1]
+    sizes = [0.4, 0.5, 1.0]
+    told = [Coordinate(c, 0.1 if c == "a" else 0.0, s, "linear", (c,)) for c, s in zip("abc", sizes, strict=True)]
+    segment = Segment(0, "current", np.arange(3), (j.T @ j)[None], (j.T @ y)[None], np.array([y @ y]), np.array([50.0]))
+    n = Normal(tuple(told), x, (segment,), 0.0)
+    wide = Coordinate("b", 0.0, 2.0, "linear", ("b",))
+    e = equations(n, {"a", "b"}, [[wide], [told[2]]])
+    at_means = y + j[:, :2] @ (x[:2] - np.array([0.1, 0.0]))
+    own, v = j[:, :2], np.array([0.16, 0.25])
+    log = [
+        log_marginal(np.column_stack([own, more]), at_means, np.append(v, s))
+        for more, s in ((j[:, 1], 4.0), (j[:, 2], 1.0))
+    ]
+    log = [x + np.log(ONE / 2) for x in log] + [log_marginal(own, at_means, v) + np.log(1 - ONE)]
+    chances, _ = single(e, e.g, 1.0)
+    assert chances == pytest.approx(np.exp(log) / np.sum(np.exp(log)), rel=1e-9)
 
 
 def test_effects_that_are_orthogonal_are_found_as_by_enumeration():
