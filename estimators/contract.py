@@ -246,6 +246,9 @@ class Estimator:
         In words: where it may be used.
     source : str, default ''
         Where it is published.
+    type_2 : bool, default True
+        Whether `Tuning.kp` and `Tuning.ki` are the gains of a type 2 loop around the injection's ripple, and nothing
+        else. Gains that a firmware publishes (`[injection] tracking`) act on such a loop only.
 
     Examples
     --------
@@ -269,9 +272,15 @@ class Estimator:
     delay: str = ""
     speeds: str = ""
     source: str = ""
+    type_2: bool = True
 
     def __repr__(self) -> str:
         return f"<Estimator: {self.name}, {self.summary}>"
+
+    @property
+    def takes_published(self) -> bool:
+        """Whether gains that a firmware publishes for its tracking loop have a loop to act on."""
+        return self.type_2 and self.injection not in (NONE, PWM)
 
     @property
     def inside(self) -> bool:

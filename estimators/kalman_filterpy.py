@@ -121,6 +121,7 @@ ESTIMATOR = Estimator(
     init,
     step,
     compiled=False,
+    type_2=False,
     delay="as ekf",
     speeds="as ekf",
     source="as ekf; filterpy.kalman.ExtendedKalmanFilter",

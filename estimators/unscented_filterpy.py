@@ -36,5 +36,5 @@ def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estima
 
 ESTIMATOR = Estimator(
     "ukf_filterpy", "the unscented filter on filterpy, in Python (slow path)", init, step, compiled=False,
-    delay="as ukf", speeds="as ukf", source="as ukf; filterpy.kalman.UnscentedKalmanFilter",
+    type_2=False, delay="as ukf", speeds="as ukf", source="as ukf; filterpy.kalman.UnscentedKalmanFilter",
 )  # fmt: skip

@@ -83,6 +83,7 @@ class Design:
     control: Control
     tuning: Tuning
     loops: dict[str, Loop]
+    published: bool = False  # whether the tracking loop has a firmware's gains
 
     @property
     def top_omega(self) -> float:
@@ -109,8 +110,13 @@ def extreme_inductances(m: AnyEnergy, radius: float) -> tuple[float, float]:
     return min(values), max(values)
 
 
-def design(drive: Drive, start_up: bool = True) -> Design:
-    """Return gains for a drive; without starting up the estimator is told the first position."""
+def design(drive: Drive, start_up: bool = True, published: bool = False) -> Design:
+    """Return gains for a drive; without starting up the estimator is told the first position.
+
+    published: whether the estimator's tracking loop takes the gains that `[injection] tracking` names
+    (`Estimator.takes_published`); the speed loop is then designed around them.  What a Kalman filter is told
+    (`speed_variance`) follows the designed bandwidth in any case.
+    """
     motor, converter, injection = drive.motor, drive.converter, drive.injection
     n, h = samples_per_period(injection, converter), converter.sampling_period
     tracking_sign(motor.energy)
@@ -122,13 +128,17 @@ def design(drive: Drive, start_up: bool = True) -> Design:
     power = float(np.dot(wave.primitive, wave.primitive))
     largest = OVERLOAD * motor.rated_current
     saliency = injection.amplitude * abs(1.0 / motor.inductance_d - 1.0 / motor.inductance_q)
-    law = PUBLISHED.get(injection.tracking)
-    loops = _remembered(SampledMotor(
+    plant = SampledMotor(
         n, h, motor.resistance, *extreme_inductances(motor.energy, largest),
         torque_gain=1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
         share=motor.inductance_q / (motor.inductance_q - motor.inductance_d),
-        published=None if law is None else law(n * h, 1.0 / motor.inductance_d, 1.0 / motor.inductance_q),
-    ))  # fmt: skip
+    )  # fmt: skip
+    loops = _remembered(plant)
+    bandwidth = loops["tracking"].bandwidth
+    law = PUBLISHED.get(injection.tracking) if published else None
+    if law is not None:
+        gains = law(n * h, 1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
+        loops = _remembered(plant._replace(published=gains))
     current, track, speed = loops["current"], loops["tracking"], loops["speed"]
     control = Control(
         n, h, current.kp, current.kp, current.ki, current.ki, motor.magnet_flux,
@@ -146,9 +156,9 @@ def design(drive: Drive, start_up: bool = True) -> Design:
         math.ceil(AVERAGE_TIME / (n * h)) if start_up else 0,
         h, injection.amplitude, power, float(np.max(np.abs(wave.primitive))), wave.lag, track.kp, track.ki,
         motor.rated_current, variance, flux_variance,
-        track.bandwidth**4 * angle_variance * h**2,
+        bandwidth**4 * angle_variance * h**2,
     )  # fmt: skip
-    return Design(control, tuning, loops)
+    return Design(control, tuning, loops, law is not None)
 
 
 def _remembered(plant: SampledMotor) -> dict[str, Loop]:
@@ -244,7 +254,10 @@ def tracking_loop(plant: SampledMotor, w: NDArray[np.float64], bandwidth: float)
 
 
 def published_loop(plant: SampledMotor, gains: Gains) -> Loop:
-    """Return the tracking loop with gains that a firmware publishes; BadInput where it would not be stable."""
+    """Return the tracking loop with gains that a firmware publishes, its crossover as bandwidth.
+
+    BadInput where it would not be stable.
+    """
     w = _grid(plant.h)
     response = tracking_response(plant, w, gains)
     gain, phase, disk, crossover = _margins(response, w)
@@ -253,7 +266,7 @@ def published_loop(plant: SampledMotor, gains: Gains) -> Loop:
             f"[injection] tracking: published gains of {gains.kp:.4g} 1/s and {gains.ki:.4g} 1/s^2 leave this loop no "
             f"margin at an injection of {1.0 / (plant.n * plant.h):.4g} Hz; inject faster, or leave tracking out"
         )
-    return Loop(math.sqrt(gains.ki), *gains, phase, gain, disk, crossover)
+    return Loop(crossover, *gains, phase, gain, disk, crossover)
 
 
 def tracking_response(plant: SampledMotor, w: NDArray[np.float64], gains: Gains) -> Complex:

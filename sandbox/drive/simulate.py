@@ -133,7 +133,7 @@ def set_up(drive: Drive, scenario: Scenario, estimator: Estimator, belief: str, 
     """Return a run made ready: gains designed, the belief formed; arguments and errors as `simulate`."""
     plant = plant_named(plant)
     check_injection(estimator, drive)
-    gains = design(drive, scenario.start_up)
+    gains = design(drive, scenario.start_up, estimator.takes_published)
     tuning = gains.tuning
     start_time = start_periods(tuning.settle, tuning.average) * tuning.period * tuning.sampling_period
     return Setup(

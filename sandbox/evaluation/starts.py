@@ -50,7 +50,7 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
     if count < ANGLES:
         raise BadInput(f"{count} starts do not cover {ANGLES} angles; give at least {ANGLES}")
     scenario = Scenario("starts", (Segment(AFTER),))
-    gains, believed = design(drive), belief_of(drive, belief)
+    gains, believed = design(drive, published=estimator.takes_published), belief_of(drive, belief)
     check_feasible(drive, scenario, gains)
     tuning, h = gains.tuning, gains.tuning.sampling_period
     wave, profile = carrier(drive.injection, drive.converter), profile_of(drive, scenario)

@@ -88,7 +88,8 @@ def readings_like(drive: Drive, samples: np.ndarray) -> np.ndarray:
 
 def step_ns(drive: Drive, name: AnyEstimator, belief: Belief, samples: np.ndarray) -> float:
     """Return the cost of one step in ns on samples (n, 5: i_alpha, i_beta, u_alpha, u_beta, carrier)."""
-    estimator, tuning = load_estimator(name), design(drive, start_up=False).tuning
+    estimator = load_estimator(name)
+    tuning = design(drive, start_up=False, published=estimator.takes_published).tuning
     run: Any = _compiled(numba.typeof(belief), estimator.inside) if estimator.compiled else _through
     inside = [readings_like(drive, samples)] if estimator.inside else []
     step, best = step_of(estimator, belief), np.inf

@@ -81,6 +81,14 @@ def print_run(c: Comparison, gains: Design) -> None:
         loops = [row for row in loops if row[0] != "tracking"]
     said = "" if own in KALMAN else f"; tracking loop: at zero load{', ' + TRIPLE if own in TYPE_3 else ''}"
     print_table(f"designed loops{said}", heads, loops)
+    law, track = c.drive.injection.tracking, gains.loops.get("tracking")
+    if gains.published and track:
+        print_prose(
+            f"The tracking loop has the gains that '{law}' publishes, with an integral time of kp/ki = "
+            f"{track.kp / track.ki:.3g} s; its bandwidth here is its crossover. The speed loop is designed around it."
+        )
+    elif law != "designed":
+        print_prose(f"tracking = '{law}' is for type 2 loops around the ripple: `{own}` keeps its designed gains.")
     if own in KALMAN:
         print_prose(
             f"`{own}` has no tracking loop: its gain follows at each sample from the noise that it assumes, so it has "

@@ -137,7 +137,8 @@ def errors(drive: Drive, r: CampaignRecording, current: Array | None, estimator:
     """
     own, before = load_estimator(estimator), len(r.settling.get("t", ()))
     r = r.with_settling()
-    tuning, belief = design(drive, start_up=False).tuning, belief_of(drive, "saturated")
+    belief = belief_of(drive, "saturated")
+    tuning = design(drive, start_up=False, published=own.takes_published).tuning
     primitive = carrier_at(drive, r)
     i = np.stack(r.current, axis=1)
     if current is not None:

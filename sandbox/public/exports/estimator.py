@@ -83,10 +83,12 @@ def golden_of(drive: Drive, names: Iterable[str], belief: str = "saturated") -> 
     whole = len(every) // WINDOW
     starts = WINDOW * np.unique(np.linspace(0, whole - 1, MOST_WINDOWS).astype(int))
     samples = np.vstack([every[k : k + WINDOW] for k in starts])
-    believed, tuning = belief_of(drive, belief), design(drive).tuning
+    own = {name: load_estimator(name) for name in names}
+    tuning = design(drive, published=all(one.takes_published for one in own.values())).tuning
+    believed = belief_of(drive, belief)
     angles = tuple(float(f"{angle:.6g}") for angle in run.recording.theta[starts])
     bare = Golden(drive.name, believed, tuning, angles, samples, {})
-    return replace(bare, told={name: in_windows(load_estimator(name), bare) for name in names})
+    return replace(bare, told={name: in_windows(one, bare) for name, one in own.items()})
 
 
 def in_windows(estimator: Estimator, golden: Golden) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from estimators.published import PUBLISHED
-from estimators.registry import load_estimator
+from estimators.registry import estimator_names, load_estimator
 from model.drive_files import load_drive, motor_names
 from model.errors import BadInput
 from model.mapped import ALPHAS
@@ -83,10 +83,44 @@ def test_published_gains_are_taken_or_refused_as_the_poles_say(name, tracking):
     assert (worst > 1.0) == ((name, tracking) == ("ipm", "vesc"))
     if worst > 1.0:
         with pytest.raises(BadInput, match="no margin at an injection of 500 Hz; inject faster, or leave tracking out"):
-            ds.design(drive)
+            ds.design(drive, published=True)
         return
-    made = ds.design(drive)
+    made = ds.design(drive, published=True)
+    assert made.loops["tracking"].bandwidth == made.loops["tracking"].crossover
     assert (made.tuning.kp, made.tuning.ki) == (made.loops["tracking"].kp, made.loops["tracking"].ki) == gains
+
+
+@pytest.mark.parametrize("tracking", sorted(PUBLISHED))
+def test_published_gains_act_on_type_2_loops_only(tracking):
+    """All others, and what Kalman filters are told of the speed, stay as designed to the bit."""
+    plain = load_drive("ipm_exchanged")
+    drive = dataclasses.replace(plain, injection=dataclasses.replace(plain.injection, tracking=tracking))
+    designed, published = ds.design(plain), ds.design(drive, published=True)
+    assert ds.design(drive) == designed
+    assert published.tuning == designed.tuning._replace(kp=published.tuning.kp, ki=published.tuning.ki)
+    scene = Scenario("s", (Segment(0.05, 0.5),), start_up=False)
+    runs = [simulate(each, scene, load_estimator("ekf")).recording.theta_hat for each in (plain, drive)]
+    assert np.array_equal(*runs)
+    own = {name for name in estimator_names() if load_estimator(name).takes_published}
+    assert own == {
+        "qnull", "inversion", "rotating", "hfi45", "vesc_hfi", "random_frequency", "table", "arbitrary", "fluxdemod",
+        "monitor",
+    }  # fmt: skip
+
+
+def test_a_ramp_of_speed_lags_as_published_gains_say():
+    """Acceleration over VESC's ki (10 x 0.3 over the injection's period) behind the rotor, 250 times the designed lag.
+
+    Without load, ten integral times (40 ms) after the ramp began; the noise of this mean is below 2 mrad.
+    """
+    drive, h = load_drive("ipm_exchanged"), 50e-6
+    converter = dataclasses.replace(drive.converter, sampling_period=h, pwm_frequency=1.0 / h)
+    injection = dataclasses.replace(drive.injection, frequency=0.5 / h, amplitude=100.0, tracking="vesc")
+    drive = dataclasses.replace(drive, converter=converter, injection=injection)
+    scene = Scenario("s", (Segment(0.8, 0.0, 0.5, ramp=0.8),), "driven", start_up=False)
+    run = simulate(drive, scene, load_estimator("vesc_hfi"))
+    lag = 0.5 * drive.motor.rated_omega / 0.8 / (10.0 * 0.3 / (2.0 * h))
+    assert run.recording.between(0.4, 0.79).error.mean() == pytest.approx(lag, abs=4e-3)
 
 
 def test_estimators_hold_with_published_gains():

@@ -93,7 +93,7 @@ def test_a_column_of_theory_is_there_where_theory_predicts_something(small_compa
         """Return heads, printed text and page, of a comparison and of its first run."""
         alone = dataclasses.replace(c, runs=c.runs[:1])
         print_comparison(c)
-        print_run(alone, SimpleNamespace(loops={}))
+        print_run(alone, SimpleNamespace(loops={}, published=False))
         write_run(tmp_path / "run.html", alone)
         return capsys.readouterr().out, (tmp_path / "run.html").read_text(encoding="utf-8")
 
