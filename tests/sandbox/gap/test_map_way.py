@@ -22,6 +22,10 @@ MAP = {  # file, [flux_map], [motor], [drive] as printed in model/motors/mapped;
         "baldor_pmsyrm/ABB_400rpm_map.mat", "cells = [20, 16]\nsmooth = 0.0003",
         (2, 0.63, 0.05, 12.4, 29.7, 1800.0), (125e-6, 540.0), 2e-6,
     ),
+    "brusa": (
+        "brusa_hsm1/brusa_meas.npz", "cells = [20, 16]\nsmooth = 0.0003",
+        (5, 0.03, 0.02, 72.5, 35.0, 4896.0), (1e-4, 400.0), 1e-6,
+    ),
     "thor": (
         "thor_fea/thor_fea.npz", 'magnet = "-q"\ncells = [20, 16]\nsmooth = 0.0003',
         (2, 0.2, 0.0084, 22.0, 19.0, 2550.0), (125e-6, 310.0), 2e-6,

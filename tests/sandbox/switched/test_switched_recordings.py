@@ -156,12 +156,14 @@ def test_free_rotor_follows_to_the_encoders_counts(file):
     assert counts.std() == pytest.approx(1 / np.sqrt(12), abs=0.04)
 
 
-# p06, p07, p10: their offsets are fitted, nothing is left to the bench that p01 does not show
+# p10, without an effect: nothing is left to the bench that p01 does not show
 EFFECTS = {  # campaign: residual that must remain without the true effect; 0: a nuisance of the fit stands in for it
     "p02": 0.0,  # dead time (a residual dead time is fitted)
     "p03": 10.0,  # resistance
     "p04": 3.0,  # cross-saturation
     "p05": 10.0,  # flux harmonics
+    "p06": 0.0,  # encoder offset (fitted)
+    "p07": 0.0,  # current offset (fitted)
     "p09": 2.0,  # PWM delay
     "p11": 3.0,  # iron loss
     "p12": 10.0,  # dead time and magnet flux
