@@ -25,7 +25,6 @@ BACK = 0.9  # of the range: a jump back that wraps
 LEVELS = 16  # different readings of an angle that turns
 QUARTER = 1e-4  # turns: how near to a quarter the step from alpha to beta is
 ALIKE = 0.03  # relative, of a range and a turn
-ZERO = 0.15  # rad: deviation of a zero that nominal inductances tell; L_q i_q is some 0.3 of the flux, and 20 % off
 
 
 def unwrapped(
@@ -170,7 +169,7 @@ def with_angle(
     elif not locked and "t" in found and np.any(found.get("speed", 0.0)):
         name, angle, count, states = ("speed",), _angle(found["t"], found["speed"]), 0.0, False
     elif locked and theta is None:
-        return {**found, "theta": np.zeros(locked)}, Made("", 0.0, ZERO)
+        return {**found, "theta": np.zeros(locked)}, Made("", 0.0)
     if not name or (theta is not None and np.ptp(angle) == 0.0):
         return found, None
     said = "no angle is mapped" if theta is None else f"column '{own.get('theta', 'theta')}' never changes while "
@@ -180,7 +179,7 @@ def with_angle(
         if states else "what is bound to a place drifts"
     )  # fmt: skip
     notes.append((Finding if theta is None else Doubt)(file, "theta", None, text))
-    return {**found, "theta": angle}, Made(of_log(own, name), count, ZERO, either_way=states)
+    return {**found, "theta": angle}, Made(of_log(own, name), count, either_way=states)
 
 
 def of_log(own: Mapping[str, str], names: Sequence[str]) -> str:

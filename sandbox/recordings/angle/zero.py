@@ -2,8 +2,9 @@
 
 It is where the flux balance of the nominal model (`checks.mistakes`) leaves least, its sense with it where that is
 unknown; of a speed also the drift, as a clock or a filter that is a little off gives it: zeros of parts of a recording
-lie on a straight line over time.  Resistance and magnet flux do not turn the voltage of a current on q, L_q does: so
-the zero stays open by `Made.zero` in whatever is made of the recording, and an offset of the angle cannot be told.
+lie on a straight line over time.  Resistance and magnet flux do not turn the voltage of a current on q, L_q does: as
+voltage turns with the rotor, an error dL_q moves the zero by dL_q i_q over the flux that shows it.  So the zero stays
+open by `Made.zero` in whatever is made of the recording, and an offset of the angle cannot be told.
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ from sandbox.recordings.checks.mistakes import ZEROS, Products
 
 Array = NDArray[np.float64]
 PARTS, FEWEST = 8, 64  # of a recording whose zero may drift; rows of one
-SHARP = 0.05  # of the sharpest part: one below says nothing
-DRIFTS = 0.1  # rad over a recording, a drift below is none
-WELL = 0.35  # of the voltage that stays open: beyond it the zero is in doubt
-OPEN = 0.002  # of the voltage that the zero moves: below it no zero is told (no rotor turns, no saliency)
-STRAY = 0.01  # rad, at least, of an angle made of a speed
+SHARP = 0.05  # of the sharpest part: one below says nothing (chosen: its zero is 4 to 5 times as uncertain)
+DRIFTS = 0.1  # rad over a recording, a drift below is none (chosen: left in, it opens 0.1^2 / 12 of the voltage)
+WELL = 0.35  # of the voltage that stays open: beyond it the zero is in doubt (chosen)
+OPEN = 0.002  # of the voltage that the zero moves: below it no zero is told (no rotor turns, no saliency; chosen)
+STRAY = 0.01  # rad, at least, of an angle made of a speed, and of any zero (chosen: a step of the zeros tried is 0.009)
+UNSTATED = 0.2  # of L_q, its deviation where a campaign states none: what saturation takes on common motors
+UNTOLD = 0.5  # rad: most that a zero is left open by, as far as a slope in it holds (sin 0.5 = 0.48)
 TWICE = 2.0  # times less must stay open the other way round, or with a drift
 
 
@@ -33,13 +36,14 @@ def with_zeros(campaign: Campaign) -> Campaign:
     """Return a campaign whose angles that were made have the zero that its recordings show, with a finding each."""
     if all(r.made is None for r in campaign.recordings):
         return campaign
-    done = [with_zero(r, campaign.drive) for r in campaign.recordings]
+    share = campaign.uncertainty.get("inductance_q", UNSTATED)
+    done = [with_zero(r, campaign.drive, share) for r in campaign.recordings]
     findings = (*campaign.findings, *(f for _, f in done if f is not None))
     return dataclasses.replace(campaign, recordings=tuple(r for r, _ in done), findings=findings)
 
 
-def with_zero(r: CampaignRecording, drive: Drive) -> tuple[CampaignRecording, Finding | None]:
-    """Return a recording whose made angle begins at the zero that fits best."""
+def with_zero(r: CampaignRecording, drive: Drive, share: float) -> tuple[CampaignRecording, Finding | None]:
+    """Return a recording whose made angle begins at the zero that fits best; share: relative deviation of L_q."""
     if r.made is None:
         return r, None
     ways = [_Turned(r, drive, sense) for sense in ((1.0, -1.0) if r.made.either_way else (1.0,))]
@@ -47,10 +51,11 @@ def with_zero(r: CampaignRecording, drive: Drive) -> tuple[CampaignRecording, Fi
     said = r.made.of or "a locked rotor without an angle"
     if best.moved < OPEN:
         text = f"{r.file}: {said}: the zero of the angle makes no difference to its voltages, 0 stands for it"
+        r = dataclasses.replace(r, made=dataclasses.replace(r.made, zero=UNTOLD))
         return r, Finding(r.file, "theta", None, text)
     theta, drift, stray = best.angle()
     count = r.made.count or (math.sqrt(12.0) * max(stray, STRAY) if r.made.of else 0.0)
-    made = dataclasses.replace(r.made, count=count)
+    made = dataclasses.replace(r.made, count=count, zero=_left_open(r, drive, share, stray))
     back = ", counted backwards" if best.sense < 0.0 else ""
     slow = f", and it drifts by {drift:.2g} rad" if drift else ""
     text = (
@@ -60,6 +65,17 @@ def with_zero(r: CampaignRecording, drive: Drive) -> tuple[CampaignRecording, Fi
     )
     kind = Doubt if best.least > WELL else Finding
     return dataclasses.replace(r, columns={**r.columns, "theta": theta}, made=made), kind(r.file, "theta", None, text)
+
+
+def _left_open(r: CampaignRecording, drive: Drive, share: float, stray: float) -> float:
+    """Return the standard deviation (rad) of a zero: what L_q moves it by, and how far parts stray from it.
+
+    The magnets' flux shows it where a rotor turns, saliency elsewhere; |i| stands for i_q, which the zero itself tells.
+    """
+    m, current = drive.motor, float(np.sqrt(np.mean(r.current[0] ** 2 + r.current[1] ** 2)))
+    magnets = m.magnet_flux if np.ptp(r.theta) > 0.0 else 0.0
+    flux = max(magnets, abs(m.inductance_d - m.inductance_q) * current, 1e-12)
+    return min(math.hypot(share * m.inductance_q * current / flux, max(stray, STRAY)), UNTOLD)
 
 
 class _Turned:
@@ -108,5 +124,6 @@ class _Turned:
         own_open = sum(float(self._open(np.array([z]))[k, 0]) for k, z in enumerate(line))
         if abs(rate) < DRIFTS or own_open * TWICE > self.least * float(self.energy.sum()):
             return self.theta + self.zero, 0.0, stray
+        self.least = own_open / max(float(self.energy.sum()), 1e-300)
         self.zero = float(math.remainder(at + 0.5 * rate, math.tau))
         return self.theta + at + rate * np.arange(len(self.theta)) / len(self.theta), float(rate), stray

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from model.errors import BadInput
 from sandbox import Scenario, Segment, read_campaign
 from sandbox.identification.ordinary import fit_ordinary
 from sandbox.recordings.angle.commutation import APART_60, APART_120, STEP, between, states_angle
-from sandbox.recordings.angle.zero import with_zero
+from sandbox.recordings.angle.zero import UNSTATED, UNTOLD, with_zero
 from sandbox.recordings.campaign import CampaignRecording, Made
 from sandbox.recordings.importing import read_recordings, source_of
 from sandbox.recordings.motion_log import motion_only, read_motion
@@ -68,7 +69,22 @@ def test_the_angle_of_a_speed_has_the_zero_that_voltages_show(tmp_path):
     assert "the angle is made from 'erpm'" in text
     assert f"zero, {math.degrees(ZERO):.0f} degrees" in text
     assert "an offset of the angle cannot be told" in text
-    assert found["run"].made.zero > 0.1
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.3])
+def test_a_zero_stays_open_by_what_the_inductance_may_be_off(tmp_path, share):
+    """dL_q i_q over the flux, on the voltages of a motor whose L_q is off by so much, with 1 A and i_d = 0."""
+    m = DRIVE.motor
+    columns, theta = turning(SWING)
+    mapping = f'[columns]\nspeed = {{column="erpm", unit="rpm"}}\n'
+    mapping += f"[uncertainty]\ninductance_q = {share}\n" if share != UNSTATED else ""
+    path = written(tmp_path, {**columns, "erpm": SWING * RPM}, mapping)
+    left = read_recordings(tmp_path, path)["run"].made.zero
+    assert left == pytest.approx(math.hypot(share * m.inductance_q / m.magnet_flux, 0.01), rel=1e-3)
+    text, stated = path.read_text(), f"inductance_q = {m.inductance_q}"
+    path.write_text(text.replace(stated, f"inductance_q = {(1.0 + share) * m.inductance_q}"))
+    moved = np.radians(np.abs(off(read_recordings(tmp_path, path)["run"].theta, theta)).mean())
+    assert 0.6 * left < moved < 1.1 * left
 
 
 def test_a_speed_that_is_a_little_off_is_followed(tmp_path):
@@ -76,7 +92,9 @@ def test_a_speed_that_is_a_little_off_is_followed(tmp_path):
     columns, theta = turning(SWING)
     found = read(tmp_path, {**columns, "erpm": 1.002 * SWING * RPM}, '[columns]\nspeed = {column="erpm", unit="rpm"}')
     assert np.abs(off(found["run"].theta, theta)).max() < 1.5
-    assert "it drifts by -0.3" in " ".join(f.text for f in found.findings)
+    text = " ".join(f.text for f in found.findings)
+    assert "it drifts by -0.3" in text
+    assert float(re.search(r"\(([\d.e-]+) % stay open\)", text)[1]) < 0.05  # with the drift in: 0.3^2 / 12, 0.75 %
 
 
 @pytest.mark.parametrize("order", [APART_120, APART_120[::-1], APART_60])
@@ -214,7 +232,8 @@ def test_resistance_and_flux_are_identified_without_an_encoder(tmp_path):
 def test_a_zero_that_no_voltage_shows_stays_as_it_is():
     """At standstill under a constant current all is R i."""
     columns, _ = turning(np.zeros(200))
-    r = CampaignRecording("run.csv", "locked", "none", {**columns, "theta": np.zeros(200)}, made=Made("", 0.0, 0.15))
-    same, told = with_zero(r, DRIVE)
+    r = CampaignRecording("run.csv", "locked", "none", {**columns, "theta": np.zeros(200)}, made=Made("", 0.0))
+    same, told = with_zero(r, DRIVE, 0.1)
     assert "makes no difference" in told.text
-    assert same is r
+    np.testing.assert_array_equal(same.theta, r.theta)
+    assert same.made.zero == UNTOLD
