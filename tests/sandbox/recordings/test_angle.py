@@ -76,7 +76,7 @@ def test_a_zero_stays_open_by_what_the_inductance_may_be_off(tmp_path, share):
     """dL_q i_q over the flux, on the voltages of a motor whose L_q is off by so much, with 1 A and i_d = 0."""
     m = DRIVE.motor
     columns, theta = turning(SWING)
-    mapping = f'[columns]\nspeed = {{column="erpm", unit="rpm"}}\n'
+    mapping = '[columns]\nspeed = {column="erpm", unit="rpm"}\n'
     mapping += f"[uncertainty]\ninductance_q = {share}\n" if share != UNSTATED else ""
     path = written(tmp_path, {**columns, "erpm": SWING * RPM}, mapping)
     left = read_recordings(tmp_path, path)["run"].made.zero
