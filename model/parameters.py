@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -51,7 +52,7 @@ def check(thing: Any, table: str) -> None:
             continue
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             unit = f.metadata["unit"] or "no unit"
-            write = _with_unit(value, unit)
+            write = _with_unit(value, f.metadata)
             raise BadInput(f"[{table}] {f.name} = {as_toml(value)} is not a number; give one ({unit}){write}")
         if not low <= value <= high:  # NaN lands here too
             bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
@@ -80,14 +81,22 @@ def _meant(value: float, stated: Mapping[str, Any]) -> str:
     return ""
 
 
-def _with_unit(value: object, unit: str) -> str:
-    """Return what to write for a text of a number and a unit, such as "45.8 mH"."""
+THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # or three places after a decimal comma: nobody can say which
+
+
+def _with_unit(value: object, stated: Mapping[str, Any]) -> str:
+    """Return what to write for a text of a number and a unit, such as "45.8 mH"; nothing where that is not clear or out
+    of range."""
     number, _, own = value.strip().partition(" ") if isinstance(value, str) else ("", "", "")
+    unit = stated["unit"] or "no unit"
     factor = {unit: 1.0, **MEANT.get(unit, {})}.get(own.strip())
+    if factor is None or THOUSAND.fullmatch(number):
+        return ""
     try:
-        return "" if factor is None else f": write {factor * float(number.replace(',', '.')):g}"
+        meant = factor * float(number.replace(",", "."))
     except ValueError:
         return ""
+    return f": write {meant:g}" if stated["low"] <= meant <= stated["high"] else ""  # NaN is in no range
 
 
 def finite(value: object) -> float | None:

@@ -146,12 +146,14 @@ class Contract(NamedTuple):
 
 
 def contract(
-    file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float, link: float, *, locked: bool = False
-) -> Contract:
+    file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float, link: float, *, locked: bool = False,
+    period: float = 0.0,
+) -> Contract:  # fmt: skip
     """Return the contract's columns of a table.
 
     Names that [columns] does not mention are taken where the table has them; `link` (V) stands in for an absent u_dc,
     speed, Hall states or counted steps for an absent angle; one that is locked needs none.
+    period: s from row to row where a table has no stamps.
     """
     length = max((len(v) for v in table.columns.values()), default=0)
     if length > MOST_ROWS:
@@ -162,7 +164,7 @@ def contract(
         notes.append(
             _lost(file, "u_dc", f"not recorded, dc_bus_voltage = {link:g} V stands in; link sag and ripple stay unseen")
         )
-    found, made = with_angle(file, found, source_columns(table, columns), notes, length if locked else 0)
+    found, made = with_angle(file, found, source_columns(table, columns), notes, length if locked else 0, period)
     currents, voltages = phase_currents(file, found, notes), _voltages(file, found, notes)
     if "theta" not in found:
         raise BadInput(

@@ -156,7 +156,10 @@ def unchecked(source: Source) -> Campaign:
     for file, rotor, axis, link in source.entries:
         table = source.table(file)
         nominal = link or converter.dc_bus_voltage
-        values, notes, made = contract(file, table, source.mapped, source.pole_pairs, nominal, locked=rotor == "locked")
+        values, notes, made = contract(
+            file, table, source.mapped, source.pole_pairs, nominal, locked=rotor == "locked",
+            period=converter.sampling_period,
+        )  # fmt: skip
         held = source_columns(table, source.mapped)
         del table  # what is not used of it takes memory
         findings += notes

@@ -191,10 +191,12 @@ def _read(
     found, notes = measured(file, table, mapped, pairs or 1.0)
     findings += notes
     own = source_columns(table, mapped)
+    if "t" not in found:
+        raise BadInput(f"{file}: column 't' is missing; log each row's time stamp: map it")
     found, made = with_angle(file, found, own, findings)
-    for name, why in (("theta", "without voltages the angle shows the motion"), ("t", "log each row's time stamp")):
-        if name not in found:
-            raise BadInput(f"{file}: column '{name}' is missing; {why}: map it{OR_SPEED if name == 'theta' else ''}")
+    if "theta" not in found:
+        why = "without voltages the angle shows the motion"
+        raise BadInput(f"{file}: column 'theta' is missing; {why}: map it{OR_SPEED}")
     if pairs is None and not mapped.get("theta", mapped.get("speed", Column("", ""))).mechanical:
         raise BadInput(f"{source.name}: [motor] lacks 'pole_pairs'; add it, or map theta with mechanical = true")
     if made is not None and not OF_TORQUE & set(found) and {"i_a", "i_b", "i_alpha"} & set(found):

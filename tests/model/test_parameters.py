@@ -84,6 +84,14 @@ def test_user_motor_with_defaults(tmp_path):
     assert isinstance(drive.motor.rated_speed_rpm, float)
 
 
+@pytest.mark.parametrize("text", ["nan H", "inf mH", "1e400 mH", "1,000 H", "-1,250 mH", "45.8 H", "-1 mH"])
+def test_nothing_is_suggested_that_is_no_value_or_not_clear(tmp_path, text):
+    """45.8 H is beyond the bound; 1,000 may be one or a thousand."""
+    with pytest.raises(BadInput, match="is not a number") as told:
+        load_drive(drive_file(tmp_path, GOOD.replace("inductance_d = 0.01", f"inductance_d = '{text}'")))
+    assert "write" not in str(told.value)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -95,6 +103,7 @@ def test_user_motor_with_defaults(tmp_path):
         ("resistance = 1.0|resistance = true", ("not a number", "ohm")),
         ("resistance = 1.0|resistance = '50 mohm'", ("not a number", "(ohm): write 0.05")),
         ("inductance_d = 0.01|inductance_d = '45,8 mH'", ("not a number", "(H): write 0.0458")),
+        ("inductance_d = 0.01|inductance_d = '0,060 H'", ("(H): write 0.06",)),
         ("inductance_d = 0.01|inductance_d = 45.8", ("H; is it mH? write 0.0458",)),
         ("resistance = 1.0|", ("lacks 'resistance'", "ohm")),
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\npwm_frequency = '4000'", ("pwm_frequency", "number")),

@@ -147,29 +147,38 @@ def _angle(t: Array, speed: Array) -> Array:
 
 
 def with_angle(
-    file: str, found: dict[str, Array], own: Mapping[str, str], notes: list[Finding], locked: int = 0
-) -> tuple[dict[str, Array], Made | None]:
+    file: str, found: dict[str, Array], own: Mapping[str, str], notes: list[Finding], locked: int = 0,
+    period: float = 0.0,
+) -> tuple[dict[str, Array], Made | None]:  # fmt: skip
     """Return a log's columns with an angle (rad electrical) made of what stands in for it, and of what: where the log
     holds none, or one that never moves while that does.
 
-    own: the log's column names by ours; locked: rows of a rotor that stands, whose angle is zero then.  Hall states and
-    counted steps come before the speed, but not where signals of the drive's own frame have to be turned.
+    own: the log's column names by ours; locked: rows of a rotor that stands, whose angle is zero then; period: s from
+    row to row where the log has no stamps.  Hall states and counted steps come before the speed, but not where signals
+    of the drive's own frame have to be turned.
     """
     theta, turned = found.get("theta"), ("i_d" in found or "u_d" in found) and "speed" in found
     if theta is not None and (locked or not theta.size or np.ptp(theta) > 0.0):
         return found, None
     name = None if turned or locked else state_names(found)
+    speed = found.get("speed", np.zeros(0))
+    t = found["t"] if "t" in found else np.arange(len(speed)) * period
     if name:
-        if "i_d" in found or "u_d" in found:
+        angle, count, states = states_angle(file, found, own), STEP, True
+        if (theta is None or np.ptp(angle) > 0.0) and ("i_d" in found or "u_d" in found):
             raise BadInput(
                 f"{file}: i_d, i_q, u_d, u_q are turned by the drive's own angle, which {of_log(own, name)} shows to "
                 "60 degrees only; log phase currents, or map the log's speed, too"
             )
-        angle, count, states = states_angle(file, found, own), STEP, True
-    elif not locked and "t" in found and np.any(found.get("speed", 0.0)):
-        name, angle, count, states = ("speed",), _angle(found["t"], found["speed"]), 0.0, False
+    elif not locked and np.any(t) and np.any(speed):
+        name, angle, count, states = ("speed",), _angle(t, speed), 0.0, False
     elif locked and theta is None:
         return {**found, "theta": np.zeros(locked)}, Made("", 0.0)
+    elif theta is None and speed.size and not np.any(speed):
+        raise BadInput(
+            f"{file}: column {of_log(own, ('speed',))} is zero throughout, so the rotor stands still; give it rotor = "
+            '"locked", or map the angle'
+        )
     if not name or (theta is not None and np.ptp(angle) == 0.0):
         return found, None
     said = "no angle is mapped" if theta is None else f"column '{own.get('theta', 'theta')}' never changes while "

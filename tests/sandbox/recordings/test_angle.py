@@ -156,6 +156,32 @@ def test_signals_of_the_drives_frame_need_more_than_states(tmp_path):
         read(tmp_path, {**own, "hall": hall})
 
 
+def test_rows_without_stamps_are_counted_by_the_sampling_period(tmp_path):
+    columns, theta = turning(SWING)
+    own = {n: x for n, x in columns.items() if n != "t"} | {"erpm": SWING * RPM}
+    found = read(tmp_path, own, '[columns]\nspeed = {column="erpm", unit="rpm"}', rotor="driven")
+    assert np.abs(off(found["run"].theta, theta)).max() < 1.0
+
+
+def test_a_speed_of_zero_throughout_is_a_locked_rotor(tmp_path):
+    columns, _ = turning(np.zeros(N))
+    mapping = '[columns]\nspeed = {column="erpm", unit="rpm"}'
+    with pytest.raises(
+        BadInput, match="'erpm' is zero throughout, so the rotor stands still; give it rotor = \"locked"
+    ):
+        read(tmp_path, {**columns, "erpm": np.zeros(N)}, mapping, rotor="driven")
+
+
+def test_an_angle_that_stands_as_its_states_do_is_taken_as_read(tmp_path):
+    """Signals of the drive's frame need no states then."""
+    m, one = DRIVE.motor, np.ones(N)
+    i = {"i_d": 0.0 * one, "i_q": one, "u_d": 0.0 * one, "u_q": m.resistance * one}
+    own = {"t": np.arange(N) * H, "theta": ZERO * one, "hall": 3 * one, **i, "u_dc": 400.0 * one}
+    found = read(tmp_path, own, rotor="driven")["run"]
+    np.testing.assert_allclose(found.theta, ZERO)
+    assert found.made is None
+
+
 def test_a_free_rotor_with_states_alone_is_judged_by_its_motion(tmp_path):
     columns, theta = turning(SWING)
     hall = np.array(APART_120)[np.floor(theta / STEP).astype(int) % 6]
