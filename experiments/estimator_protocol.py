@@ -1,7 +1,8 @@
 """Which estimator for which motor: the whole protocol, every family with both beliefs on four motors.
 
 python -m experiments.estimator_protocol [--peer-python PYTHON] [--jobs N | --dask ADDRESS | --page]
-    writes results/estimator_protocol.{json,md,png}; --page: nothing is run, page and figure anew from the JSON
+    writes results/estimator_protocol.{json,md,png} and the table of estimators/LIMITS.md; --page: nothing is run, page,
+    table and figure anew from the JSON
 
 The table of README.md and the account in estimators/LIMITS.md quote these files.  An interrupted run goes on where it
 stopped.  With a Python that has motulator 0.18 the reversal is measured beside it in the same run.
@@ -24,7 +25,7 @@ from sandbox.evaluation.pages.protocol_cells import reading, table, tables
 from sandbox.evaluation.pages.protocol_figure import protocol_figure
 from sandbox.evaluation.protocol import Protocol, Row, Unit, forget, protocol
 from sandbox.evaluation.protocol_names import LINES
-from sandbox.evaluation.protocol_tests import Outcome
+from sandbox.evaluation.protocol_tests import MEAN_GOAL, P95_GOAL, Outcome
 from sandbox.output.columns import write_table
 from sandbox.output.files import output_folder, version
 from sandbox.output.provenance import commit
@@ -32,6 +33,11 @@ from sandbox.public.protocols import ProtocolResult
 
 ANCHORS = Path("../shared/anchors")
 NAME = "estimator_protocol"
+LIMITS = Path(__file__).resolve().parents[1] / "estimators" / "LIMITS.md"
+TOLD = {
+    "static_map": "static map", "load_step": "load step", "creep": "creep", "hand_over": "hand-over",
+    "mission": "mission",
+}  # fmt: skip
 WIDEST = 5  # tests side by side
 LEGEND = """\
 Each line is an estimator with its belief, saturated or linear. ✓ and ✗ say whether the goal beside them is met. ○ says
@@ -66,6 +72,40 @@ def folded(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
     return out
 
 
+def failing(row: Row) -> str:
+    """Return a failed test's name with its worst mean (else p95) where it is beyond the goal, and the parts lost."""
+    m = row.outcome.metrics
+    mean, p95, lost = m.get("mean_deg"), m.get("p95_deg"), m.get("lost")
+    said = []
+    if mean is not None and abs(mean) > MEAN_GOAL:
+        said.append(f"{abs(mean):.1f}")
+    elif p95 is not None and p95 > P95_GOAL:
+        said.append(f"p95 {p95:.1f}")
+    said += [f"{lost:.0f} lost"] * bool(lost)
+    return TOLD[row.unit.test] + (f" ({', '.join(said)})" if said else "")
+
+
+def verdicts(result: Protocol) -> str:
+    """Return the table of what fails with a saturated belief (tests of TOLD), estimators of one verdict together."""
+    rows = [r for r in result.rows if r.unit.belief == "saturated" and r.unit.test in TOLD]
+    motors = list(dict.fromkeys(r.unit.motor for r in rows))
+    same: dict[tuple[str, ...], list[str]] = {}
+    for name in dict.fromkeys(r.unit.estimator for r in rows):
+        own = [r for r in rows if r.unit.estimator == name and not r.outcome.passed]
+        failed = ("; ".join(failing(r) for r in own if r.unit.motor == motor) for motor in motors)
+        same.setdefault(tuple(cell or "all passed" for cell in failed), []).append(f"`{name}`")
+    order = sorted(same.items(), key=lambda item: -item[0].count("all passed"))
+    lines = [["estimator", *(f"`{motor}`" for motor in motors)], ["---"] * (1 + len(motors))]
+    lines += [[", ".join(names), *cells] for cells, names in order]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def with_table(text: str, table: str) -> str:
+    """Return a page with a table in place of the one that has the same heads."""
+    begin = text.index(table.split("\n", 1)[0])
+    return text[:begin] + table + text[text.index("\n\n", begin) :]
+
+
 def kept() -> tuple[Protocol, str]:
     """Return the protocol that the JSON keeps, without its points, and when and by which code it was made."""
     found = json.loads((RESULTS / f"{NAME}.json").read_text(encoding="utf-8"))
@@ -87,6 +127,7 @@ def draw(result: Protocol, made: str) -> None:
     """Write page and figure, and print the page."""
     text = markdown(result, made)
     (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
+    LIMITS.write_text(with_table(LIMITS.read_text(encoding="utf-8"), verdicts(result)), encoding="utf-8")
     protocol_figure(tables(result), reading(result), RESULTS / f"{NAME}.png")
     print(text)
 
