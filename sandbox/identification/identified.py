@@ -11,7 +11,7 @@ from model.effects.library import parameters
 from model.errors import PhysicsError
 from model.levels import UNITS
 from model.mapped import MappedMotor
-from sandbox.identification.ordinary import NAMES, OF_EFFECT, OrdinaryFit, fit_ordinary
+from sandbox.identification.ordinary import ANGLE, NAMES, OF_EFFECT, OrdinaryFit, fit_ordinary
 from sandbox.output.refitted import Refitted
 from sandbox.recordings.campaign import Campaign
 
@@ -41,7 +41,7 @@ class OrdinaryIdentification:
         fit, own = self.fit, self.campaign.drive
         units = {name: p.unit for name, p in parameters().items()}
         said = f"Identified from ordinary recordings of '{self.campaign.name}' by identify"
-        effects = {name: value for name, value in fit.nuisance.items() if value}
+        effects = {name: value for name, value in fit.nuisance.items() if value and not name.startswith(ANGLE)}
         if isinstance(own.motor, MappedMotor):
             scales = {n: v / getattr(own.motor, n) for n, v in fit.values.items() if n.startswith("inductance")}
             effects |= {OF_EFFECT[n]: v for n, v in scales.items()}

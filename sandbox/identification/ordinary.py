@@ -15,6 +15,7 @@ leave open by more than TOLD of itself is not told: its start stands, and a sent
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,6 +29,7 @@ from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.rows.commands import mean_command
+from sandbox.replay.inputs import Inputs
 from sandbox.replay.replay import Prepared, prepare, replay, residuals
 
 Array = NDArray[np.float64]
@@ -38,7 +40,7 @@ OF_EFFECT = {
 }  # fmt: skip
 THRESHOLD, DEAD = LOST = ("device_drop.threshold", "dead_time.time")
 OFFSETS = ("current_offset.offset_a", "current_offset.offset_b")
-ZERO = "encoder_offset.offset"  # fitted where an angle was made, whose zero is nobody's reading
+OFFSET_OF, ANGLE = "encoder_offset.offset", "angles."  # of each angle that was made: its zero is nobody's reading
 TOLD = 0.3  # relative standard deviation: beyond it an interval holds a half and twice the value
 BLOCKS = 40  # blocks of time that all recordings are cut into, for the scatter of what they say
 MOST = 60_000  # samples used: at 10 kHz six seconds of motion
@@ -57,9 +59,10 @@ WIDE = {  # logarithm of the factor from the start within which one is looked fo
 class OrdinaryFit:
     """What ordinary recordings say of a motor.
 
-    values, deviations: of what was told, by name of [motor]; untold: why the others are not; start: by the linear least
-    squares (nominal where it says nothing); nuisance: by public name of effects; residual_rms: A; misfit: the
-    residual's square over the noise's; files: of the recordings used; samples: used, of `of_samples`.
+    values, deviations: of what was told, by name of [motor]; untold: why the others are not; start: by the linear
+    least squares (nominal where it says nothing); nuisance: by public name of effects, and angles.FILE (rad) of a
+    zero that was made; residual_rms: A; misfit: the residual's square over the noise's; files: of the recordings
+    used; samples: used, of `of_samples`.
     """
 
     motor: Motor
@@ -118,7 +121,7 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
 def _of_both(start: _Search, known: Sequence[str]) -> _Search:
     """Return the fit with both ways to lose voltage, from the better one of the fits with either: where the current
     goes through zero they differ, and a fit of both may stick at the wrong one."""
-    zeros = [ZERO] * any(r.made is not None for r in start.prepared.campaign.recordings)
+    zeros = list(dict.fromkeys(ANGLE + r.angle_name for r in start.prepared.recordings if r.zero > 0.0))
     either = [start.beside([*known, one, *OFFSETS, *zeros]).found() for one in LOST]
     best = min(either, key=lambda s: s.square())
     return best.beside([*known, *LOST, *OFFSETS, *zeros]).found()
@@ -146,8 +149,8 @@ def complete_neutral(motor: Motor) -> dict[str, float]:
 
 
 def _shortened(campaign: Campaign) -> Campaign:
-    """Return a campaign of at most MOST samples, of each recording the same share from its beginning on; a rotor that
-    is free counts as driven: its angle was measured, its torque is not asked."""
+    """Return a campaign of at most MOST samples, of each recording the same share from its beginning on, the load's
+    torque left out: it is not asked."""
     whole = sum(len(r.t) for r in campaign.recordings)
     share = min(1.0, MOST / whole)
     return replace(campaign, recordings=tuple(_part(r, share) for r in campaign.recordings))
@@ -155,9 +158,8 @@ def _shortened(campaign: Campaign) -> Campaign:
 
 def _part(r: CampaignRecording, share: float) -> CampaignRecording:
     rows = max(2, 2 * int(0.5 * share * len(r.t)))
-    rotor = r.rotor
     columns = {n: x[:rows] for n, x in r.columns.items() if n != "load_torque"}
-    return replace(r, rotor=rotor, columns=columns)
+    return replace(r, columns=columns)
 
 
 def linear(campaign: Campaign) -> tuple[dict[str, float], dict[str, str]]:
@@ -259,7 +261,7 @@ class _Search:
         converter = drive.converter
         own = {THRESHOLD: DROP * converter.dc_bus_voltage, DEAD: DROP * converter.update_period}
         own |= dict.fromkeys(OFFSETS, OFFSET * drive.motor.rated_current)
-        own[ZERO] = max((r.zero for r in prepared.recordings), default=0.0)
+        own |= {ANGLE + r.angle_name: r.zero for r in prepared.recordings}
         self.prior = np.array([own.get(n, math.inf) for n in names])
         self.step = np.where(self.logs, SHARE, [SHARE * own.get(n, 1.0) for n in names])
         wide = [WIDE[n] if n in NAMES else math.inf for n in names]
@@ -279,18 +281,28 @@ class _Search:
         at = self.x if x is None else x
         return {n: float(math.exp(v) if log else v) for n, v, log in zip(self.names, at, self.logs, strict=True)}
 
-    def as_set(self, x: Array) -> dict[str, float]:
-        """Return a place as the replay takes it."""
+    def as_set(self, x: Array, angle: str) -> dict[str, float]:
+        """Return a place as the replay takes it for the recordings of one angle."""
         out = {}
         for n, v in self.values(x).items():
+            if n.startswith(ANGLE):
+                out |= {OFFSET_OF: v} if n == ANGLE + angle else {}
+                continue
             scale = getattr(self.motor, n) if n.startswith("inductance") else 1.0
             out[OF_EFFECT.get(n, n)] = v / scale
         return out
 
     def residuals(self, places: Sequence[Array]) -> Array:
         """Return residuals (n, places) of all currents over the noise floor."""
-        told = residuals(self.prepared, replay(self.prepared, [self.as_set(x) for x in places], workers=self.workers))
+        told = []
+        for angle, own in itertools.groupby(self.prepared.recordings, self._own_angle):
+            part = replace(self.prepared, recordings=tuple(own))
+            told += residuals(part, replay(part, [self.as_set(x, angle) for x in places], workers=self.workers))
         return np.concatenate([t.current.reshape(-1, len(places)) for t in told])
+
+    def _own_angle(self, r: Inputs) -> str:
+        """Return the name of a recording's angle where its zero is fitted, empty where it was read."""
+        return r.angle_name if ANGLE + r.angle_name in self.names else ""
 
     def cost(self, r: Array, x: Array) -> float:
         """Return half the squares, those of nuisances' priors with them."""

@@ -255,6 +255,21 @@ def test_resistance_and_flux_are_identified_without_an_encoder(tmp_path):
         assert found.values[name] == pytest.approx(value, abs=max(4.0 * found.deviations[name], 0.01 * value))
 
 
+def test_each_angle_that_was_made_has_a_zero_of_its_own(tmp_path):
+    """One recording read, two made with zeros 0.06 rad and -0.04 rad off."""
+    simulated(tmp_path / "record", SPIN)
+    campaign = read_campaign(tmp_path / "record")
+    r = campaign.recordings[0]
+    more = [
+        dataclasses.replace(r, file=f, columns={**r.columns, "theta": r.theta + z}, made=Made("erpm", 0.0, 0.1))
+        for f, z in (("second", 0.06), ("third", -0.04))
+    ]
+    found = fit_ordinary(dataclasses.replace(campaign, recordings=(r, *more)))
+    zeros = {n: v for n, v in found.nuisance.items() if n.startswith(("angles.", "encoder"))}
+    assert zeros == {"angles.second": pytest.approx(0.06, abs=0.006), "angles.third": pytest.approx(-0.04, abs=0.006)}
+    assert found.values["magnet_flux"] == pytest.approx(DRIVE.motor.magnet_flux, rel=0.01)
+
+
 def test_a_zero_that_no_voltage_shows_stays_as_it_is():
     """At standstill under a constant current all is R i."""
     columns, _ = turning(np.zeros(200))
