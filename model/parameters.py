@@ -25,6 +25,7 @@ LINKS = ("steady", "measured")  # what the true link voltage does, beside effect
 COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
 MODULATIONS = ("centred", "dpwm_min", "dpwm_max", "dpwm_60")  # which legs switch, see `sandbox.plant.gates.modulation`
 CENTRED = dict.fromkeys(("svpwm", "svm", "space_vector", "space vector"), "centred")  # as others call it
+SINUSOIDAL = ("spwm", "sinusoidal", "sine")  # none of MODULATIONS: nothing is added to all legs
 OVERMODULATIONS = ("nearest", "shortened", "six_step")  # what is made of a voltage that the legs cannot give
 BETWEEN = ("held", "interpolated")  # what commands do between the rows of a slow log
 MOST_PERIODS = 400  # of the PWM, from row to row of a slow log
@@ -271,6 +272,12 @@ class Converter:
         if self.readings is not None and self.readings != int(self.readings):
             raise BadInput(f"[drive] readings = {self.readings} is not whole; give a number of readings a period")
         if self.modulation not in MODULATIONS:
+            if str(self.modulation).casefold() in SINUSOIDAL:
+                raise BadInput(
+                    f"[drive] modulation = '{self.modulation}': sinusoidal PWM, without a part common to all legs, is "
+                    "not simulated; 'centred' gives the same voltage between the terminals, up to link/sqrt(3) in "
+                    "place of link/2"
+                )
             raise unknown("[drive] modulation", self.modulation, MODULATIONS, CENTRED)
         if self.overmodulation is not None and self.overmodulation not in OVERMODULATIONS:
             raise unknown("[drive] overmodulation", self.overmodulation, OVERMODULATIONS)

@@ -60,17 +60,21 @@ def tracking_sign(m: AnyEnergy) -> float:
     return 1.0 if m.gamma_d > m.gamma_q else -1.0
 
 
-def without_saliency(m: AnyEnergy, i_d: float, i_q: float, points: int = 60) -> float | None:
+def null_turned(m: AnyEnergy, i_d: float, i_q: float, points: int = 60) -> tuple[float, float] | None:
     """Return the current (A) on the straight way from zero to (i_d, i_q) at which L_qq - L_dd loses the sign it has at
-    zero current, so that q-null injection has nothing to stand on; None where it keeps it, or the model ends before."""
+    zero current, and the saliency left there, sqrt((G_dd - G_qq)^2 + 4 G_dq^2) over that at zero current.
+
+    The null of the q ripple stands 45 degrees beside d there.  None where the sign is kept, or the model ends before.
+    """
     sign, d, q = math.copysign(1.0, m.gamma_d - m.gamma_q), 0.0, 0.0
     for share in np.linspace(0.0, 1.0, points + 1)[1:]:
         d, q, status = flux_newton(m, float(share * i_d), float(share * i_q), d, q)
         if status or not is_convex_to(m, d, q):
             return None
-        dd, _, qq = hessian(m, d, q)
+        dd, dq, qq = hessian(m, d, q)
         if sign * (dd - qq) <= 0.0:
-            return float(share * math.hypot(i_d, i_q))
+            left = math.hypot(dd - qq, 2.0 * dq) / abs(m.gamma_d - m.gamma_q)
+            return float(share * math.hypot(i_d, i_q)), left
     return None
 
 

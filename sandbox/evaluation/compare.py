@@ -139,9 +139,10 @@ def judged(
     values = complete(drive.motor, drive.converter, effects)
     true = true_motor(drive.motor, values, keep_map=True)
     found = []
-    for row in rows:
+    asked = [s.current_d for s in scenario.segments if s.score]
+    for row, load_d in zip(rows, asked, strict=True):
         cost = None
-        why = why_lost(row, drive, true, estimator) if row.lost_lock else None
+        why = why_lost(row, drive, true, estimator, load_d) if row.lost_lock else None
         if not row.lost_lock:
             part = run.recording.between(row.t_start, row.t_end)
             cost = injection_cost(drive, part, true, values, estimator.inside)

@@ -7,32 +7,25 @@ from collections.abc import Iterable
 
 from estimators.contract import Estimator
 from model.parameters import Drive, Motor
-from model.saliency import self_consistent_angle, without_saliency
-from sandbox.evaluation.score import Row
+from model.saliency import null_turned, self_consistent_angle
+from sandbox.evaluation.score import WITH_THEORY, Row
 
 POINTS = 40  # currents up to the load's at which a place to stand is looked for
 SLOW = 0.1  # of rated speed: below it a back-EMF is a few per cent of the link
-BY_RIPPLE = ("pulsating", "rotating", "random")
+BY_NULL = ("qnull", "table", "random_frequency")  # what they track is the null of the q ripple, whatever they believe
+LITTLE = 0.1  # of the saliency at zero current: below it the protocol asks for no angle either
 
 
-def why_lost(row: Row, drive: Drive, true: Motor, estimator: Estimator) -> str | None:
+def why_lost(row: Row, drive: Drive, true: Motor, estimator: Estimator, load_d: float = 0.0) -> str | None:
     """Return why a row has lost lock, None where nothing simple says it.
 
-    true: the plant's motor; currents on q up to the row's load are asked.
+    true: the plant's motor; load_d: the row's current along d, of rated current.  Currents from zero up to the row's
+    are asked.
     """
-    load, rated = row.load * true.rated_current, drive.motor.rated_current
-    if estimator.injection in BY_RIPPLE:
-        end = without_saliency(true.energy, 0.0, load)
-        if end is not None:
-            return (
-                f"q-null has no saliency beyond {end:.3g} A on q ({100.0 * end / rated:.0f} % of rated current; the "
-                f"load takes {abs(load):.3g} A)"
-            )
-        if row.belief == "linear" and row.closed_loop and (end := _no_null(true, load)) is not None:
-            return (
-                f"beyond {end:.3g} A on q ({100.0 * end / rated:.0f} % of rated current) cross-saturation leaves a "
-                "linear belief no angle at which the ripple across it is zero; believe the saturated model"
-            )
+    rated = true.rated_current
+    by_ripple = _of_null(row, true, load_d * rated, row.load * rated, drive.motor.rated_current)
+    if by_ripple is not None:
+        return by_ripple
     speed = abs(row.speed_rpm / drive.motor.rated_speed_rpm)
     if estimator.injection == "none" and speed < SLOW:
         back = true.magnet_flux * speed * drive.motor.rated_omega
@@ -43,11 +36,37 @@ def why_lost(row: Row, drive: Drive, true: Motor, estimator: Estimator) -> str |
     return None
 
 
-def _no_null(motor: Motor, load: float) -> float | None:
-    """Return the current (A) on the estimated q axis from which no self-consistent angle exists up to a load's (A)."""
+def _of_null(row: Row, true: Motor, i_d: float, i_q: float, rated: float) -> str | None:
+    """Return what of the q ripple's null ends on the way to a row's current (A), None where nothing does."""
+
+    def beyond(end: float) -> str:
+        return (
+            f"beyond {end:.3g} A ({100.0 * end / rated:.0f} % of rated current; asked for are i_d = {i_d:.3g} A and "
+            f"i_q = {i_q:.3g} A)"
+        )
+
+    turned = null_turned(true.energy, i_d, i_q) if row.estimator in BY_NULL else None
+    if turned is not None and turned[1] < LITTLE:
+        return f"{beyond(turned[0])} no saliency is left that turns the q ripple"
+    if turned is not None and row.belief == "linear":
+        return (
+            f"{beyond(turned[0])} the null of the q ripple stands 45 degrees or more beside d, where a linear belief "
+            f"takes it for d; {100.0 * turned[1]:.0f} % of the saliency is left: believe the saturated model"
+        )
+    by_theory = row.belief == "linear" and row.closed_loop and row.estimator in WITH_THEORY
+    if by_theory and (end := _no_null(true, i_d, i_q)) is not None:
+        return (
+            f"{beyond(end)} cross-saturation leaves a linear belief no angle at which the ripple across it is zero; "
+            "believe the saturated model"
+        )
+    return None
+
+
+def _no_null(motor: Motor, i_d: float, i_q: float) -> float | None:
+    """Return the current (A) on the way to an estimated (i_d, i_q) from which no self-consistent angle exists."""
     for k in range(1, POINTS + 1):
-        if math.isnan(self_consistent_angle(motor.energy, 0.0, load * k / POINTS)):
-            return abs(load) * k / POINTS
+        if math.isnan(self_consistent_angle(motor.energy, i_d * k / POINTS, i_q * k / POINTS)):
+            return math.hypot(i_d, i_q) * k / POINTS
     return None
 
 

@@ -124,6 +124,7 @@ def test_nothing_is_suggested_that_is_no_value_or_not_clear(tmp_path, text):
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 'squar'", ("mean 'square'",)),
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\ntracking = 'vesk'", ("mean 'vesc'",)),
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nmodulation = 'SVPWM'", ("mean 'centred'",)),
+        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nmodulation = 'SPWM'", ("'SPWM': sinusoidal PWM",)),
         ("resistance = 1.0|resistance = true", ("resistance = true is not a number",)),
         (
             "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nbetween_rows = 'held'",

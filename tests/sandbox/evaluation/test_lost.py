@@ -9,7 +9,7 @@ import pytest
 from estimators.registry import load_estimator
 from model.drive_files import load_drive
 from model.energy import flux_from_current, hessian
-from model.saliency import without_saliency
+from model.saliency import null_turned
 from sandbox import simulate
 from sandbox.evaluation.lost import reasons, why_lost
 
@@ -34,23 +34,24 @@ def closed_form_end():
 
 
 def test_saliency_ends_where_both_inductances_meet():
-    end = without_saliency(ROUND.energy, 0.0, 2.0, 2000)
+    end, left = null_turned(ROUND.energy, 0.0, 2.0, 2000)
+    assert left < 0.01
     assert end == pytest.approx(closed_form_end(), rel=2e-3)  # a step is 1e-3 of 2 A
     d, q = flux_from_current(ROUND.energy, 0.0, end)
     dd, _, qq = hessian.py_func(ROUND.energy, float(d), float(q))
     assert dd == pytest.approx(qq, rel=0.01)
-    assert without_saliency(DRIVE.motor.energy, 0.0, 1.8 * DRIVE.motor.rated_current) is None
+    assert null_turned(DRIVE.motor.energy, 0.0, 1.8 * DRIVE.motor.rated_current) is None
 
 
 def test_a_run_that_loses_its_saliency_says_so(capsys):
     run = simulate(DRIVE_ROUND, "staircase", "qnull", belief="linear")
     lost = [r for r in run.rows if r.lost_lock]
     assert lost
-    assert all("q-null has no saliency beyond 1." in r.why_lost for r in lost)
+    assert all(r.why_lost.startswith("beyond 1.") and "no saliency is left" in r.why_lost for r in lost)
     assert all(r.why_lost is None for r in run.rows if not r.lost_lock)
     assert reasons(run.rows)[0].startswith("lost lock (qnull, linear, ")
     run.report()
-    assert "no saliency beyond" in " ".join(capsys.readouterr().out.split())
+    assert "no saliency is left" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_method_without_injection_needs_speed():
@@ -61,3 +62,23 @@ def test_a_method_without_injection_needs_speed():
     assert f"the back-EMF is {back:.2g} V" in told
     fast = dataclasses.replace(slow, speed_rpm=900.0)
     assert why_lost(fast, DRIVE, DRIVE.motor, load_estimator("active_flux")) is None
+
+
+def test_a_turned_null_is_not_a_lost_saliency():
+    """With cross-saturation L_dd = L_qq leaves 2 |L_dq|: the axis stands at 45 degrees, a null alone is lost."""
+    crossed = dataclasses.replace(ROUND, alpha_12=DRIVE.motor.alpha_12)
+    end, left = null_turned(crossed.energy, 0.0, 2.0, 2000)
+    dd, dq, qq = hessian.py_func(crossed.energy, *(float(x) for x in flux_from_current(crossed.energy, 0.0, end)))
+    assert abs(dd - qq) < 0.05 * abs(dq)
+    assert left == pytest.approx(2.0 * abs(dq) / abs(1.0 / crossed.inductance_d - 1.0 / crossed.inductance_q), rel=0.01)
+    row = dataclasses.replace(simulate(DRIVE, "staircase", "qnull", duration=0.4).rows[0], lost_lock=True, load=1.8)
+
+    def told(estimator, belief, load_d=0.0):
+        own = dataclasses.replace(row, estimator=estimator, belief=belief, speed_rpm=900.0, closed_loop=False)
+        return why_lost(own, DRIVE, crossed, load_estimator(estimator), load_d)
+
+    assert "45 degrees or more beside d" in told("qnull", "linear")
+    assert "% of the saliency is left" in told("qnull", "linear")
+    assert "i_d = -0.5" in told("qnull", "linear", -0.5 / crossed.rated_current)
+    assert told("qnull", "saturated") is None
+    assert told("arbitrary", "linear") is told("ekf", "linear") is told("ukf", "saturated") is None
