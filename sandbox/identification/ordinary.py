@@ -283,7 +283,7 @@ class _Search:
 
     def as_set(self, x: Array, angle: str) -> dict[str, float]:
         """Return a place as the replay takes it for the recordings of one angle."""
-        out = {}
+        out: dict[str, float] = {}
         for n, v in self.values(x).items():
             if n.startswith(ANGLE):
                 out |= {OFFSET_OF: v} if n == ANGLE + angle else {}

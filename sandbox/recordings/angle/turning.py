@@ -162,7 +162,7 @@ def with_angle(
         return found, None
     name = None if turned or locked else state_names(found)
     speed = found.get("speed", np.zeros(0))
-    t = found["t"] if "t" in found else np.arange(len(speed)) * period
+    t: Array = found["t"] if "t" in found else np.asarray(np.arange(len(speed)) * period, dtype=np.float64)
     if name:
         angle, count, states = states_angle(file, found, own), STEP, True
         if (theta is None or np.ptp(angle) > 0.0) and ("i_d" in found or "u_d" in found):

@@ -51,8 +51,8 @@ def with_zero(r: CampaignRecording, drive: Drive, share: float) -> tuple[Campaig
     said = r.made.of or "a locked rotor without an angle"
     if best.moved < OPEN:
         text = f"{r.file}: {said}: the zero of the angle makes no difference to its voltages, 0 stands for it"
-        r = dataclasses.replace(r, made=dataclasses.replace(r.made, zero=UNTOLD))
-        return r, Finding(r.file, "theta", None, text)
+        same = dataclasses.replace(r, made=dataclasses.replace(r.made, zero=UNTOLD))
+        return same, Finding(r.file, "theta", None, text)
     theta, drift, stray = best.angle()
     count = r.made.count or (math.sqrt(12.0) * max(stray, STRAY) if r.made.of else 0.0)
     made = dataclasses.replace(r.made, count=count, zero=_left_open(r, drive, share, stray))
