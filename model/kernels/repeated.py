@@ -31,6 +31,8 @@ def get_call_type(self: Any, context: Any, args: Any, kws: Mapping[str, Any]) ->
     key = self, context, args, tuple(kws.items())
     if key not in _known:
         found = _resolve(self, context, args, kws)
+        if found is None:  # there is no such form: numba says so
+            return None
         _known[key] = found, self._impl_keys[found.args]
     found, implementation = _known[key]
     self._impl_keys[found.args] = implementation
@@ -52,8 +54,8 @@ def variables(self: ir.Inst, value: Any) -> list[ir.Var]:
     return [found for part in value for found in variables(self, part)]
 
 
-BaseFunction.get_call_type = get_call_type
-ir.Inst._rec_list_vars = variables
+BaseFunction.get_call_type = get_call_type  # type: ignore[method-assign]
+ir.Inst._rec_list_vars = variables  # type: ignore[method-assign]
 
 
 class Options(Flags):

@@ -48,11 +48,11 @@ def unwrapped(
     if steps is not None:
         return _by_speed(file, column, raw, step, turn, notes, steps)
     moved = np.mod(step + 0.5 * turn, turn) - 0.5 * turn
-    jumps, far = np.abs(step) > 0.5 * turn, np.abs(moved) > FOLLOWED * turn
-    jumps = np.flatnonzero(jumps & ~far if estimate else jumps)
+    whole, beyond = np.abs(step) > 0.5 * turn, np.abs(moved) > FOLLOWED * turn
+    jumps = np.flatnonzero(whole & ~beyond if estimate else whole)
     if not jumps.size:
         return raw
-    far = np.flatnonzero(far)
+    far = np.flatnonzero(beyond)
     if far.size and not estimate:
         k = int(far[0])
         raise BadInput(

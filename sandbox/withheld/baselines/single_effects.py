@@ -19,7 +19,7 @@ import math
 import time
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,7 @@ def by_single_effects(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
         probes = columns(null.point, usual, candidates(null.point, exclude, left=0.0))
         n = normal(null.point, probes.every).bare()
     found = summed(equations(n, {c.label for c in usual}, [list(more.values()) for _, more in probes.own]))
+    ranked: list[tuple[tuple[str, ...], float, dict[str, Any]]]
     ranked = [(s, p, {}) for s, p in likely_sets(found.chances, [probe.effect for probe, _ in probes.own])]
     after = min(null.rms, math.sqrt(max(0.0, found.rr / fit.readings(n))))
     return answer(campaign, ranked, (raw, null.rms, after), started, round(sum(spent)))
@@ -138,9 +139,9 @@ def likely_sets(chances: Array, effects: Sequence[str]) -> list[tuple[tuple[str,
             each[name] = each.get(name, 0.0) + float(p)
         new: dict[frozenset[str], float] = {}
         for s, p in sets.items():
-            for name, q in each.items():
+            for more, q in each.items():
                 if p * q > NEGLIGIBLE:
-                    key = s if name is None else s | {name}
+                    key = s if more is None else s | {more}
                     new[key] = new.get(key, 0.0) + p * q
         sets = new
     return sorted(((tuple(sorted(s)), p) for s, p in sets.items()), key=lambda x: (-x[1], x[0]))
