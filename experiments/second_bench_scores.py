@@ -30,7 +30,7 @@ class Goal:
 
     def verdict(self, f: Figure) -> str:
         """Return a tick where the figure meets the goal, a cross where it does not, a dash where there is none."""
-        if f.value is None:
+        if f.value is None or (self.least is None and self.most is None):
             return "–"
         low = self.least is None or f.value >= self.least
         return "✓" if low and (self.most is None or f.value <= self.most) else "✗"
