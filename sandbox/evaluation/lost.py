@@ -72,8 +72,15 @@ def _no_null(motor: Motor, i_d: float, i_q: float) -> float | None:
 
 def reasons(rows: Iterable[Row]) -> list[str]:
     """Return a sentence for each reason why rows have lost lock, with the runs it is of."""
-    told: dict[str, list[str]] = {}
-    for row in rows:
-        if row.lost_lock and row.why_lost:
-            told.setdefault(row.why_lost, []).append(f"{row.estimator}, {row.belief}, {100.0 * row.load:+.0f} % load")
-    return [f"lost lock ({'; '.join(dict.fromkeys(own))}): {why}" for why, own in told.items()]
+    return grouped(
+        (r.why_lost, f"{r.estimator}, {r.belief}, {100.0 * r.load:+.0f} % load") for r in rows if r.lost_lock
+    )
+
+
+def grouped(told: Iterable[tuple[str | None, str]]) -> list[str]:
+    """Return a sentence for each reason, with the runs it is of; told: reason (None: nothing simple) and run."""
+    runs: dict[str, list[str]] = {}
+    for why, run in told:
+        if why:
+            runs.setdefault(why, []).append(run)
+    return [f"lost lock ({'; '.join(dict.fromkeys(own))}): {why}" for why, own in runs.items()]

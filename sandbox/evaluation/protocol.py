@@ -91,7 +91,7 @@ class Row:
         """Return what `protocol.json` says of it."""
         return {
             **asdict(self.unit), "metrics": dict(self.outcome.metrics), "passed": self.outcome.passed,
-            "cpu_seconds": self.cpu_seconds, "failure": self.failure,
+            "cpu_seconds": self.cpu_seconds, "failure": self.failure, "why_lost": self.outcome.why_lost,
         }  # fmt: skip
 
 

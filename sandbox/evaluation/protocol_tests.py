@@ -16,13 +16,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.registry import AnyEstimator, load_estimator
+from model.effects.library import true_motor
 from model.energy import flux_newton, hessian, torque
 from model.errors import BadInput, PhysicsError
 from model.parameters import Drive
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
+from sandbox.evaluation.lost import why_lost
 from sandbox.evaluation.score import rows_of
+from sandbox.plant.sets import complete
 
 MEAN_GOAL, P95_GOAL, THEORY_GOAL, POLARITY_GOAL = 1.0, 3.0, 0.3, 0.999  # degrees; share
 GOAL_LOAD = 1.8  # of rated current: up to here the goals hold
@@ -51,6 +54,7 @@ class Point:
     informative: bool
     torque_deficit: float | None  # 1 - torque / torque of the reference current
     speed_held: bool = True  # whether the speed loop reached what was asked for
+    why_lost: str | None = None  # one sentence, where something simple says it
 
 
 @dataclass(frozen=True, repr=False)
@@ -63,6 +67,12 @@ class Outcome:
 
     def __repr__(self) -> str:
         return f"<Outcome: {self.said()}, {len(self.points)} points, {len(self.metrics)} metrics>"
+
+    @property
+    def why_lost(self) -> str | None:
+        """Why lock was lost, at the smallest current at which something simple says it; None where nothing does."""
+        told = [(math.hypot(p.load, p.load_d), p.why_lost) for p in self.points if p.lost_lock and p.why_lost]
+        return min(told)[1] if told else None
 
     def said(self) -> str:
         """Return the verdict in a word or two."""
@@ -98,6 +108,7 @@ def points_of(case: Case, drive: Drive, estimator: AnyEstimator, belief: str, se
     )  # fmt: skip
     rows = rows_of(drive, scenario, run.recording, run.start_time, own.name, belief, closed)
     rated, found = drive.motor.rated_current, []
+    true = true_motor(drive.motor, complete(drive.motor, drive.converter, effects), keep_map=True)
     for row, s in zip(rows, (s for s in scenario.segments if s.score), strict=True):
         e = row.error_deg
         clear = informative(drive, s.current_d * rated, s.load * rated)
@@ -105,9 +116,10 @@ def points_of(case: Case, drive: Drive, estimator: AnyEstimator, belief: str, se
         predicted = None if effects or belief == "saturated" else row.predicted_mean_deg
         deficit = torque_deficit(drive, part, s) if scenario.reference == "current" else None
         values = (e.mean, e.rms, e.p95, e.max)
+        why = why_lost(row, drive, true, own, s.current_d) if row.lost_lock else None
         found.append(
             Point(case.name, closed, s.load, s.current_d, s.speed, *values, row.lost_lock, predicted, clear, deficit,
-                  row.reference_held)
+                  row.reference_held, why)
         )  # fmt: skip
     return found
 

@@ -13,6 +13,7 @@ from model.effects.library import parameters
 from model.ratings import cautions
 from sandbox.evaluation.choice import Standing, best, far_off, gained, standings, theory_held, which
 from sandbox.evaluation.compare import Comparison, Run
+from sandbox.evaluation.lost import reasons
 from sandbox.evaluation.pages import planes
 from sandbox.evaluation.pages.compare_figure import reading
 from sandbox.evaluation.pages.compare_sheets import most_current, over_angle, spectra, working
@@ -21,7 +22,7 @@ from sandbox.evaluation.pages.cost_figure import READING as COSTS
 from sandbox.evaluation.pages.cost_figure import cost_svg, cost_table
 from sandbox.evaluation.pages.loci import angle_svg, estimator_svg, hodograph_svg, loci_svg
 from sandbox.output import looks
-from sandbox.output.document import answer, figure, fold, pairs, prose, table, write_page
+from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, table, write_page
 from sandbox.output.plots import colour_of
 from sandbox.output.vector import lines_svg
 from sandbox.plant.sets import BENCH
@@ -68,6 +69,7 @@ def _run_parts(c: Comparison, run: Run, title: str) -> Iterator[str]:
     """Yield the parts of a single run's page."""
     yield f"<h1>{prose(title)}</h1>"
     yield answer("How far is it off?", far_off(standings(run.rows)[0]))
+    yield from _lost(c)
     yield from _cautioned(c)
     yield answer("What is not in it?", _effects_said(c))
     yield figure(estimator_svg([run]), reading(c.runs))
@@ -86,6 +88,7 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
     yield f"<h1>{prose(title)}</h1>"
     yield answer("Which estimator for this motor?", which(found, c.limits))
     yield answer("What does believing the saturated model bring?", f"{gained(found)} {theory_held(c.rows)}")
+    yield from _lost(c)
     yield from _cautioned(c)
     then = f"see '{KNOWN}' below." if known else ASK
     yield answer("What is not in it?", f"{_effects_said(c)} {NOT_IN_IT[1]}{then}")
@@ -130,6 +133,12 @@ def _effects_said(c: Comparison) -> str:
         "It is a simulation: nothing that the drive has beside this model (see `sensorless list effects`) is in it but "
         f"what was added, {effects}."
     )
+
+
+def _lost(c: Comparison) -> Iterator[str]:
+    """Yield why lock was lost, where motor, load or speed says it."""
+    if told := reasons(c.rows):
+        yield "<h2>Why lock was lost</h2>" + bullets(told)
 
 
 def _cautioned(c: Comparison) -> Iterator[str]:

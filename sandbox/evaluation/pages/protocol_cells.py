@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 
+from sandbox.evaluation.lost import grouped
 from sandbox.evaluation.protocol import Protocol, Row
 from sandbox.evaluation.protocol_tests import MEAN_GOAL, P95_GOAL, POLARITY_GOAL, THEORY_GOAL
 from sandbox.output.tables import print_prose, print_table
@@ -131,11 +132,19 @@ def cell(row: Row | None) -> str:
     return f"{abs(mean):.2f} ({m['p95_deg']:.1f}){lost}{mark}"
 
 
+def why_lost(result: Protocol, motor: str) -> list[str]:
+    """Return a sentence for each reason why tests on a motor lost lock, with their estimators and beliefs."""
+    own = [r for r in result.rows if r.unit.motor == motor]
+    return grouped((r.outcome.why_lost, f"{r.unit.estimator}, {r.unit.belief}, {r.unit.test}") for r in own)
+
+
 def show(result: Protocol) -> None:
     """Print a table per motor, how to read it, and the cost."""
     for motor in dict.fromkeys(row.unit.motor for row in result.rows):
         heads, lines = table(result, motor)
         lines = [[re.sub(f" ([{''.join(MARKS)}]) ", r" \1\n", text) for text in line] for line in lines]
         print_table(f"{motor}: worst mean ° (worst 95 %)", heads, lines)
+        for text in why_lost(result, motor):
+            print_prose(text)
     print_prose(reading(result))
     print_prose(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sandbox.evaluation.choice import ANY, MANY, Limits, either, few
-from sandbox.evaluation.pages.protocol_cells import BAD, CHECKS, GOOD, HOLDS, reading, table, tables
+from sandbox.evaluation.pages.protocol_cells import BAD, CHECKS, GOOD, HOLDS, reading, table, tables, why_lost
 from sandbox.evaluation.protocol import PEER, SHARED, TESTS, Protocol, Row
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
 from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
@@ -239,6 +239,8 @@ def parts(result: Protocol, title: str) -> Iterator[str]:
         told = broken(result.rows, motor)
         if told:
             yield "<h3>What breaks them</h3>" + bullets(told)
+        if lost := why_lost(result, motor):
+            yield "<h3>Why lock was lost</h3>" + bullets(lost)
         cases = _cases(result.rows, motor)
         if cases:
             yield fold(f"{motor}: one thing at a time other than believed", cases)

@@ -11,7 +11,14 @@ from model.drive_files import load_drive
 from model.energy import flux_from_current, hessian
 from model.saliency import null_turned
 from sandbox import simulate
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.evaluation.compare import compare
 from sandbox.evaluation.lost import reasons, why_lost
+from sandbox.evaluation.pages.compare_page import write_comparison
+from sandbox.evaluation.pages.protocol_cells import why_lost as protocol_reasons
+from sandbox.evaluation.pages.protocol_page import write_protocol
+from sandbox.evaluation.protocol import Protocol, Row, Unit
+from sandbox.evaluation.protocol_tests import Case, points_of, verdict
 
 DRIVE = load_drive("ipm_exchanged")
 ROUND = dataclasses.replace(DRIVE.motor, alpha_04=66.2, alpha_22=0.0, alpha_12=0.0)  # its q axis saturates early
@@ -52,6 +59,22 @@ def test_a_run_that_loses_its_saliency_says_so(capsys):
     assert reasons(run.rows)[0].startswith("lost lock (qnull, linear, ")
     run.report()
     assert "no saliency is left" in " ".join(capsys.readouterr().out.split())
+
+
+def test_page_and_protocol_say_why_too(tmp_path):
+    """The comparison's page, and of the protocol page, terminal text and JSON, hold the sentence of a lost lock."""
+    scene = Scenario("load", (Segment(0.2), Segment(0.3, 1.8, ramp=0.1, settle=0.2)))
+    write_comparison(tmp_path / "compare.html", compare(DRIVE_ROUND, scene, ["qnull"]))
+    assert "no saliency is left that turns the q ripple" in (tmp_path / "compare.html").read_text()
+    case = Case(scene, "load", closed=False)
+    points = points_of(case, DRIVE_ROUND, "qnull", "linear", 0)
+    assert [p.lost_lock for p in points] == [p.why_lost is not None for p in points]
+    row = Row(Unit("round", "load_step", "qnull", "linear"), verdict(points, "linear"), 0.0)
+    (told,) = protocol_reasons(done := Protocol((row,), 0), "round")
+    assert told.startswith("lost lock (qnull, linear, load_step): beyond 1.")
+    assert row.as_json()["why_lost"] in told
+    write_protocol(tmp_path / "protocol.html", done)
+    assert "no saliency is left" in (tmp_path / "protocol.html").read_text()
 
 
 def test_a_method_without_injection_needs_speed():
