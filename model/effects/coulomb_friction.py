@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Limit, Parameter, flux_scale
+from model.effects.card import At, Effect, Limit, Parameter
 from model.effects.said import quantity
 from model.effects.shaft_compliance import motor_inertia
 from model.lanes import fading
@@ -40,9 +40,11 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     torque = v["coulomb_friction.torque"]
-    current = torque / (1.5 * motor.pole_pairs * flux_scale(motor))
+    at = ""
+    if motor.magnet_flux:
+        at = f" (about {quantity(torque / (1.5 * motor.pole_pairs * motor.magnet_flux), 'A')} on q)"
     return (
-        f"feed {quantity(torque, 'N m')} forward against the sense of rotation (about {quantity(current, 'A')} on q); "
+        f"feed {quantity(torque, 'N m')} forward against the sense of rotation{at}; "
         "much more than on the first day: look at bearings, brake and seals"
     )
 

@@ -22,7 +22,7 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     torque = found * motor.rated_omega / motor.pole_pairs
     return (
         f"set viscous_friction = {quantity(found, 'N m s/rad')} in the motor's file ({quantity(torque, 'N m')} at "
-        "rated speed); far more than stated: look at lubrication and fan"
+        f"{motor.rated_speed_rpm:.4g} rpm); far more than stated: look at lubrication and fan"
     )
 
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from model.effects import library
 from sandbox.gap.posterior.estimates import Estimate
-from sandbox.gap.posterior.hypotheses import Hypothesis
 
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H")  # not 1/H: nobody reads m1/H
@@ -62,11 +61,6 @@ def names(effects: Sequence[str]) -> str:
 def listing(told: Sequence[str]) -> str:
     """Return names as a sentence lists them: "a, b and c"."""
     return " and ".join(x for x in (", ".join(told[:-1]), *told[-1:]) if x)
-
-
-def label(h: Hypothesis) -> str:
-    """Return a hypothesis for a table."""
-    return names(h.effects)
 
 
 def sizes(parameters: dict[str, Estimate]) -> str:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from model.drive_files import load_drive
+from model.effects.advice import what_to_do
 from model.effects.library import parameters as library_parameters
 from model.effects.library import title as title_of
 from sandbox.motion.judging import Motion, Weighed
@@ -15,6 +20,7 @@ from sandbox.output.document import answer, bullets, figure, prose, table
 from sandbox.output.refitted import Refitted
 
 UNKNOWN = "unknown"
+PAIRS = 100  # of the stand-in for a motor: its torque constant alone is asked for
 TITLES = {"no_gap": "No gap", "explained": "Explained", "ambiguous": "Ambiguous", "unknown": "Unknown"}
 
 
@@ -114,7 +120,8 @@ def contract(m: Motion) -> dict[str, Any]:
         ],
         "effects": [
             {"name": e, "probability": m.inclusion(e), "share": {"value": m.shares.get(e, 0.0), "ci95": None},
-             "parameters": {k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")}, "group": None}
+             "parameters": {k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")}, "group": None,
+             "do": todo(m).get(e)}
             for e in sorted((e for e in numbers() if m.looked_for(e)), key=m.inclusion, reverse=True)
         ],
         "unknown": {"probability": m.unknown, "share": None, "where": "torque"},
@@ -157,6 +164,23 @@ def following(m: Motion) -> dict[str, Any] | None:
     return {"description": why.rpartition("; ")[2], "separates": [[effect], []], "gain": None}
 
 
+def todo(m: Motion) -> dict[str, str]:
+    """Return what to do about each effect of the best set, the largest share of the gap first, by its card."""
+    drive = load_drive("ipm_exchanged")  # stands in for what a motion does not say and no card of the shaft asks for
+    constant, stated = m.campaign.torque_constant, m.campaign.stated
+    if stated and not {"torque_constant", "magnet_flux"} & set(stated):
+        constant = 0.0  # the torque itself was recorded: which current makes it is unknown
+    found = {k: v["value"] for k, v in parameters(m, m.best).items()}
+    found |= {k: x for k, x in refitted(m).effects.items() if k.startswith(f"{COGGING.effect}.")}
+    motor = replace(
+        drive.motor, pole_pairs=PAIRS, magnet_flux=min(constant / (1.5 * PAIRS), 100.0),
+        inertia=m.campaign.inertia or m.best.shaft.value(INERTIA.size),
+        rated_speed_rpm=max(float(np.max(np.abs(a.speed))) for a in m.design.averages) * 30.0 / math.pi,
+    )  # fmt: skip
+    ranked = sorted(m.best.effects, key=lambda e: -m.shares.get(e, 0.0))
+    return what_to_do(ranked, found, motor, drive.converter)
+
+
 def sentences(m: Motion) -> list[tuple[str, str]]:
     """Return the answers, each with its question."""
     w, p = m.best, parameters(m, m.best)
@@ -171,6 +195,7 @@ def sentences(m: Motion) -> list[tuple[str, str]]:
          f"{m.after:.3g} after, on rows held out"),
         ("Electrical?", m.campaign.why),
     ]  # fmt: skip
+    out += [("Do?", f"{e.replace('_', ' ')}: {text}") for e, text in todo(m).items()]
     if m.cannot:
         out.append(("Not told?", "; ".join(f"{e.replace('_', ' ')}: {why}" for e, why in m.cannot.items())))
     return out

@@ -112,6 +112,16 @@ class OddPhase:
             "sensor, its leg and its winding first."
         )
 
+    @property
+    def exchange(self) -> str:
+        """Return what to record next: the same with the odd phase's sensor exchanged."""
+        own, other = self.phase, "a" if self.phase != "a" else "b"
+        return (
+            f"Exchange the current sensors of phases {own} and {other}, their channels included, keep the names of the "
+            f"phases in the log, and record again. Where phase {other} then misses more, it is that sensor's fault; "
+            f"where phase {own} still does, its leg's or its winding's."
+        )
+
 
 def odd_phase(point: Point, shown: Sequence[Residual]) -> OddPhase | None:
     """Return the phase that misses more than both others, at least ONE_PHASE of all; None where none surely does.

@@ -13,8 +13,8 @@ from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.position_moved import Moved
 from sandbox.gap.report.ranking import Ranking, ordered, parted_by
 from sandbox.gap.report.told_apart import SURE, Confused
-from sandbox.gap.report.which import FEW
-from sandbox.gap.words import capital, interval, label, listing, names, quantity, tenths, words
+from sandbox.gap.report.which import FEW, by_share
+from sandbox.gap.words import capital, interval, listing, names, quantity, tenths, words
 
 POSITION_NOTE = (
     "Mean position error under rated load, in electrical degrees, that each effect alone adds in the closed loop: low "
@@ -169,11 +169,12 @@ def short(h: Hypothesis, all_of_them: Sequence[Hypothesis]) -> str:
     return f"the {len(named)} effects{row} above{' + unknown' if UNKNOWN in h.effects else ''}"
 
 
-def beside_first(h: Hypothesis, first: Hypothesis) -> str:
-    """Return a hypothesis for the table of all: one of many effects by what it has more and fewer than the first."""
+def beside_first(h: Hypothesis, first: Hypothesis, shares: Mapping[str, float] | None = None) -> str:
+    """Return a hypothesis for the table of all, the largest share of the gap first: one of many effects by what it has
+    more and fewer than the first."""
     more, fewer = ([e for e in x.effects if e not in y.effects] for x, y in ((h, first), (first, h)))
     if not more + fewer or len(more + fewer) > FEW or min(len(h.effects), len(first.effects)) <= FEW:
-        return label(h)
+        return names(by_share(h.effects, shares or {}))
     told = [f"{word} {listing([words(e) for e in own])}" for word, own in (("with", more), ("without", fewer)) if own]
     return f"as row 1, {', '.join(told)}"
 

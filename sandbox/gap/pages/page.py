@@ -41,8 +41,13 @@ def print_answers(a: Answers) -> None:
     print_prose(f"{d.campaign.name}: {BADGES[a.badge].lower()}")
     for head, text in _three(a):
         print_prose(text, f"{head:<10} ")
+    for text in answers.todo_texts(a):
+        print_prose(text, f"{'Do?':<10} ")
     print_prose(left.remains_text(a), f"{'Left?':<10} ")
-    rows = [[listed.beside_first(h, d.best), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
+    rows = [
+        [listed.beside_first(h, d.best, a.shares), f"{h.probability:.3f}", _share(closed_by(d, h))]
+        for h in d.hypotheses[:6]
+    ]
     print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if own := [] if a.ranking is None else listed.rows(a.ranking):
         print_table("effects that may be there", ["effect", "probability", "share of the gap"], [r[:3] for r in own])
@@ -80,9 +85,11 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     }  # fmt: skip
     for head, text in _three(a):
         yield answered(heads[head], text)
+    if told := answers.todo_texts(a):
+        yield "<h2>What to do</h2>" + bullets(told)
     yield "<h2>Hypotheses</h2>" + _hypotheses(a, [h for h in d.hypotheses if h.probability >= FEWEST])
-    told = ", or ".join(listed.short(h, d.hypotheses) for h in d.ambiguity_set)
-    yield f'<p class="soft">With at least 95 % probability it is {prose(told)}.</p>'
+    likely = ", or ".join(listed.short(h, d.hypotheses) for h in d.ambiguity_set)
+    yield f'<p class="soft">With at least 95 % probability it is {prose(likely)}.</p>'
     yield f'<p class="soft">{prose(f"{GAP} {FLOOR}")}</p>'
     yield from _listed(a)
     if a.alike is not None:
@@ -114,7 +121,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
 
 def _hypotheses(a: Answers, chosen: Sequence) -> str:
     rows = [
-        f"<tr><td>{prose(listed.beside_first(h, a.diagnosis.best))}"
+        f"<tr><td>{prose(listed.beside_first(h, a.diagnosis.best, a.shares))}"
         f"<div class='bar' style='width:{100.0 * h.probability:.1f}%'></div></td>"
         f"<td class='n'>{100.0 * h.probability:.1f}&nbsp;%</td>"
         f"<td class='n'>{prose(_share(closed_by(a.diagnosis, h)))}</td></tr>"

@@ -26,8 +26,9 @@ from sandbox.gap.report.bounds import sentence
 from sandbox.gap.report.distinguishability import Alike, alike
 from sandbox.gap.report.position import PositionError, compared
 from sandbox.gap.report.ranking import Ranking, ranking
+from sandbox.gap.report.todo import todo
 from sandbox.gap.shortened import share, shortened
-from sandbox.gap.words import capital, likely, names, percent_fine, stopped, times, words
+from sandbox.gap.words import capital, likely, listing, names, percent_fine, stopped, times, words
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
 from sandbox.recordings.checks.mistakes import Unanswered
 from sandbox.replay.memory import USUAL
@@ -58,6 +59,11 @@ class Answers:
     def verdict(self) -> str:
         """Return the contract's verdict."""
         return verdict(self.diagnosis)
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Return effects' shares of the gap, as far as they are known."""
+        return {} if self.ranking is None else {e: s.value for e, s in self.ranking.shares.of.items()}
 
     @property
     def badge(self) -> str:
@@ -143,10 +149,12 @@ def where_text(a: Answers) -> str:
 
 def which_text(a: Answers) -> str:
     """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates."""
-    if a.ranking is None:
-        return which.which_text(a.diagnosis)
-    shares = {e: s.value for e, s in a.ranking.shares.of.items()}
-    return which.which_text(a.diagnosis, shares, a.ranking.inclusion.chances)
+    return which.which_text(a.diagnosis, a.shares, {} if a.ranking is None else a.ranking.inclusion.chances)
+
+
+def todo_texts(a: Answers) -> list[str]:
+    """Return what to do about the named effects, a sentence each."""
+    return todo(a.diagnosis, a.ranking)
 
 
 def far_text(a: Answers) -> str:
@@ -178,6 +186,15 @@ def far_text(a: Answers) -> str:
             "gap is what squared residuals have above the noise."
         )
     return f"{capital(text)} {position_text(a)}".strip()
+
+
+def _recording(a: Answers) -> str:
+    """Return the recording that is recommended, and what it will tell."""
+    if a.following is None:
+        return ""
+    told, chance = "; ".join(names(s) for s in a.following.separates), likely(a.following.power)
+    text = f"Record: {a.following.description}, for {a.following.seconds:g} s."
+    return f"{text} That it leaves only the true one of these is {chance}: {told}."
 
 
 def _unforetold(a: Answers) -> float | None:
@@ -218,10 +235,10 @@ def position_text(a: Answers) -> str:
 
 def next_text(a: Answers) -> str:
     """Return what to record or do next."""
+    if a.odd_phase is not None and which.chance_of_unknown(a.diagnosis) >= which.HALF:
+        return f"{a.odd_phase.exchange} {'' if a.following is None else _recording(a)}".rstrip()
     if a.following is not None:
-        told, chance = "; ".join(names(s) for s in a.following.separates), likely(a.following.power)
-        text = f"Record: {a.following.description}, for {a.following.seconds:g} s."
-        return f"{text} That it leaves only the true one of these is {chance}: {told}."
+        return _recording(a)
     if _unforetold(a) is not None:
         return (
             "Record more operating points (`sensorless plan` says which): these recordings do not foretell each other, "
@@ -241,6 +258,12 @@ def next_text(a: Answers) -> str:
         )
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
     disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
+    if a.verdict == "ambiguous" and sets[0] and all(s == sets[0] for s in sets):
+        named = listing([words(e) for e in which.by_share(sorted(sets[0]), a.shares)])
+        return (
+            f"Nothing is needed to name {named}. Whether something outside the library acts beside, no recording of a "
+            "known effect tells: record operating points that are not in the campaign yet."
+        )
     told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
     if not told:
         return "No effect is known that a recording could confirm."

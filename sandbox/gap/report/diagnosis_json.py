@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from model.effects.advice import what_to_do
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.gap_size import rms, share_closed
@@ -20,7 +19,7 @@ from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.position import PositionError
-from sandbox.gap.report.ranking import Ranking, parameter, ranking
+from sandbox.gap.report.ranking import Ranking, advised, parameter, ranking
 from sandbox.gap.report.which import badge
 from sandbox.recordings.campaign import Excerpts
 
@@ -38,7 +37,7 @@ def contract(
 
     whole: the list of all effects; worked out here where it is not given.
     """
-    named = verdict(d)
+    named, r = verdict(d), whole or ranking(d)
     size = d.size
     closed = None if named == "no_gap" else size.closed
     return {
@@ -67,7 +66,7 @@ def contract(
             }
             for h, own in zip(d.hypotheses, d.parameters, strict=True)
         ],
-        **with_advice(d, (whole or ranking(d)).as_json(following)),
+        **with_advice(d, r, r.as_json(following)),
         "at_bound": [{"name": h.name, **parameter(h.estimate), "deviations": h.deviations} for h in d.at_bound],
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
         "alike": None if alike is None else asdict(alike),
@@ -79,13 +78,11 @@ def contract(
     }  # fmt: skip
 
 
-def with_advice(d: Diagnosis, listed: dict[str, Any]) -> dict[str, Any]:
+def with_advice(d: Diagnosis, r: Ranking, listed: dict[str, Any]) -> dict[str, Any]:
     """Return the list of all effects, each that has a size with what to do about it (`do`, else null)."""
-    drive = d.campaign.drive
+    said = advised(d, r)
     for effect in listed["effects"]:
-        found = {name: p["value"] for name, p in effect["parameters"].items()}
-        said = what_to_do([effect["name"]], found, drive.motor, drive.converter)
-        effect["do"] = said[effect["name"]] if found else None
+        effect["do"] = said.get(effect["name"])
     return listed
 
 

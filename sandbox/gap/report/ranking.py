@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from model.effects import library
+from model.effects.advice import what_to_do
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.posterior.estimates import Estimate, estimates
@@ -100,6 +101,15 @@ def beside_unknown(part: OpenPart, name: str) -> dict[str, Any]:
 def parameter(e: Estimate) -> dict[str, Any]:
     """Return one parameter as the contract has it."""
     return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} | ({"at_bound": True} if e.at_bound else {})
+
+
+def advised(d: Diagnosis, r: Ranking) -> dict[str, str]:
+    """Return what to do about each effect that has a size, by its card."""
+    drive, out = d.campaign.drive, dict[str, str]()
+    for e, own in r.parameters.items():
+        if own:
+            out |= what_to_do([e], {k: p.value for k, p in own.items()}, drive.motor, drive.converter)
+    return out
 
 
 def parted_by(group: tuple[str, ...], following: Next | None) -> dict[str, str]:

@@ -56,33 +56,42 @@ def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, floa
     if named == "no_gap":
         others = [h for h in d.ambiguity_set if _named(h) and UNKNOWN not in h.effects]
         text = f"None: ordinary deviations alone are {likely(best.probability)}."
-        text += f" Too slight to exclude: {_listed(others, ', ')}." if others else ""
+        text += f" Too slight to exclude: {_listed(others, ', ', shares)}." if others else ""
         outside = chance_of_unknown(d)
         return f"{text} Something outside the library is {likely(outside)}." if outside >= OPEN else text
     if named == UNKNOWN and chance_of_unknown(d) >= HALF:
-        return _outside(d)
+        return _outside(d, shares)
     if named in (UNKNOWN, "ambiguous"):
         sure = sorted(set.intersection(*(set(h.effects) for h in d.ambiguity_set)) - {UNKNOWN})
         if len(sure) >= FEW:
             first = f"{len(sure)} effects are in every likely set. {_by_share(sure, shares)}"
             return f"{first} Not sure beside them: {_disputed(d, sure, chances)}."
-        return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ')}."
+        if sure and set(_named(best)) == set(sure):
+            verb, them = ("is", "it") if len(sure) == 1 else ("are", "them")
+            first = f"{capital(_with_shares(sure, shares))} {verb} in every likely set"
+            return f"{first}. Not sure beside {them}: {_disputed(d, sure, chances)}."
+        return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ', shares)}."
     if len(best.effects) > FEW:
         return f"{len(best.effects)} effects at once, {likely(best.probability)}. {_by_share(best.effects, shares)}"
     return f"{capital(_with_shares(best.effects, shares))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
 
 
-def _with_shares(effects: Sequence[str], shares: Mapping[str, float]) -> str:
-    """Return a few effects, the largest share of the gap first, each with its share where there are several."""
-    if len(effects) < 2 or not any(shares.get(e, 0.0) for e in effects):
+def by_share(effects: Sequence[str], shares: Mapping[str, float]) -> list[str]:
+    """Return effects in the order of their share of the gap, the largest first, and `unknown` last; without shares as
+    they are."""
+    return sorted(effects, key=lambda e: (e == UNKNOWN, -shares.get(e, 0.0)))
+
+
+def _with_shares(effects: Sequence[str], shares: Mapping[str, float], fewest: int = 2) -> str:
+    """Return a few effects, the largest share of the gap first, each with its share from so many on."""
+    if len(effects) < fewest or not any(shares.get(e, 0.0) for e in effects):
         return names(effects)
-    ranked = sorted(effects, key=lambda e: -shares.get(e, 0.0))
-    return " + ".join(f"{words(e)} ({tenths(shares.get(e, 0.0))} of the gap)" for e in ranked)
+    return " + ".join(f"{words(e)} ({tenths(shares.get(e, 0.0))} of the gap)" for e in by_share(effects, shares))
 
 
 def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
     """Return many effects in one sentence, the largest share of the gap first, and where their sizes are."""
-    ranked = sorted(effects, key=lambda e: -shares.get(e, 0.0))
+    ranked = by_share(effects, shares)
     large = [f"{words(e)} ({tenths(shares[e])})" for e in ranked if abs(shares.get(e, 0.0)) >= SEEN]
     small = [words(e) for e in ranked if not abs(shares.get(e, 0.0)) >= SEEN]
     first = f"By their share of the gap: {', '.join(large)}" if large else ""
@@ -100,12 +109,12 @@ def _disputed(d: Diagnosis, sure: Sequence[str], told: Mapping[str, float]) -> s
     return ", ".join(f"{said[e]} ({percent(chances[e])})" for e in ranked)
 
 
-def _outside(d: Diagnosis) -> str:
+def _outside(d: Diagnosis, shares: Mapping[str, float]) -> str:
     """Return the answer where something outside the library is more likely than not."""
     chance, named = likely(chance_of_unknown(d)), _named(d.best)
     if named:
         besides = f"Something outside the library is at work, {chance}"
-        return f"{besides}; beside it, and less surely the more there is of it: {names(named)}."
+        return f"{besides}; beside it, and less surely the more there is of it: {_with_shares(named, shares, 1)}."
     outside = f"that something outside the library is at work is {chance}"
     if _hardly_open(d):
         closed = percent_fine(d.size.closed or 0.0)
@@ -113,7 +122,7 @@ def _outside(d: Diagnosis) -> str:
     others = [h for h in d.ambiguity_set if h.effects != (UNKNOWN,)]
     if not others:
         return f"{'None for sure' if _hardly_open(d) else 'None in the library'}: {outside}."
-    return f"None for sure: {outside}. Perhaps {_listed(others, '; or ')}."
+    return f"None for sure: {outside}. Perhaps {_listed(others, '; or ', shares)}."
 
 
 def _hardly_open(d: Diagnosis) -> bool:
@@ -124,13 +133,14 @@ def _named(h: Hypothesis) -> list[str]:
     return [e for e in h.effects if e != UNKNOWN]
 
 
-def _listed(chosen: Sequence[Hypothesis], between: str) -> str:
+def _listed(chosen: Sequence[Hypothesis], between: str, shares: Mapping[str, float]) -> str:
     """Return hypotheses with their probabilities, `unknown` beside effects in words."""
-    return between.join(f"{_words(h)} ({percent(h.probability)})" for h in chosen)
+    return between.join(f"{_words(h, shares)} ({percent(h.probability)})" for h in chosen)
 
 
-def _words(h: Hypothesis) -> str:
+def _words(h: Hypothesis, shares: Mapping[str, float]) -> str:
+    told = names(by_share(_named(h), shares))
     if UNKNOWN not in h.effects:
-        return names(h.effects)
+        return told
     outside = "something outside the library"
-    return f"{names(_named(h))} with {outside}" if _named(h) else outside
+    return f"{told} with {outside}" if _named(h) else outside

@@ -134,9 +134,12 @@ class DiagnosisResult(Result):
         if self.continued is not None:
             left = "; or ".join(" + ".join(s) or "no effect" for s in self.continued["ambiguity_set"])
             print_prose(f"The earlier diagnosis said: {self.continued['verdict']} ({left}).")
-        if any(e != "unknown" for e in self.answers.diagnosis.best.effects):
+        found = self.answers.diagnosis.best.effects
+        if any(e != "unknown" for e in found):
+            but = ": what is outside the library is not in it" if "unknown" in found else ""
             print_prose(
-                "For a simulator that has what was found, give motor.toml and effects.toml to --motor and --effects."
+                "For a simulator that has what was found, give motor.toml and effects.toml to --motor and --effects"
+                f"{but}."
             )
         else:
             print_prose("Nothing was found to simulate: motor.toml holds ordinary deviations alone.")

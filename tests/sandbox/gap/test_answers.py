@@ -28,7 +28,7 @@ from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location import where as places
 from sandbox.gap.location.decompose import decompose
 from sandbox.gap.location.where import subsystems
-from sandbox.gap.pages.page import write_report
+from sandbox.gap.pages.page import print_answers, write_report
 from sandbox.gap.planning.menu import menu, settings
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.posterior.estimates import Estimate
@@ -61,6 +61,21 @@ def test_where_names_the_inverter_in_a_plain_sentence(small_answers):
     shares = [f.share for f in small_answers.where]
     assert shares == sorted(shares, reverse=True)
     assert sum(subsystems(small_answers.diagnosis).values()) == pytest.approx(1.0)
+
+
+def test_one_verdict_and_one_advice_everywhere(small_answers, tmp_path, capsys):
+    """Terminal, page and JSON: the same word, and the same sentence about the dead time (2 us)."""
+    print_answers(small_answers)
+    printed = capsys.readouterr().out
+    write_report(tmp_path / "r.html", small_answers)
+    page, c = (tmp_path / "r.html").read_text(encoding="utf-8"), content_of(small_answers)
+    assert c["verdict"] == c["badge"] == small_answers.verdict == "explained"
+    assert printed.splitlines()[0] == "small: explained"
+    assert ">Explained</span></h1>" in page
+    said = next(e["do"] for e in c["effects"] if e["name"] == "dead_time")
+    assert re.match(r"set the dead-time compensation to [12]\.\d µs", said)
+    assert f"Do?        Dead time: {said}." in printed
+    assert f"<h2>What to do</h2><ul><li>Dead time: {said}.</li>" in page
 
 
 def test_contract_has_the_keys_of_the_contract(small_answers):

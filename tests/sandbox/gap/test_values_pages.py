@@ -81,7 +81,8 @@ def test_hypotheses_below_one_in_a_thousand_are_folded(monkeypatch):
     seen = []
     monkeypatch.setattr(page, "_three", lambda a: [])
     monkeypatch.setattr(page, "_hypotheses", lambda a, chosen: seen.append([h.probability for h in chosen]) or "")
-    a = SimpleNamespace(badge="no_gap", diagnosis=SimpleNamespace(hypotheses=hypotheses(0.9, 0.0011, 0.0009)))
+    own = SimpleNamespace(hypotheses=hypotheses(0.9, 0.0011, 0.0009))
+    a = SimpleNamespace(badge="no_gap", ranking=None, diagnosis=own)
     body, detail = page._body(a, "x"), page._detail(a)
     assert "No gap" in next(body)
     assert next(body) == "<h2>Hypotheses</h2>"
@@ -92,7 +93,7 @@ def test_hypotheses_below_one_in_a_thousand_are_folded(monkeypatch):
 def test_a_probability_is_a_number_and_a_bar(monkeypatch):
     monkeypatch.setattr(page, "closed_by", lambda d, h: 0.25)
     own = hypotheses(0.9)
-    told = page._hypotheses(SimpleNamespace(diagnosis=SimpleNamespace(best=own[0])), own)
+    told = page._hypotheses(SimpleNamespace(shares={}, diagnosis=SimpleNamespace(best=own[0])), own)
     assert "width:90.0%" in told
     assert ">90.0&nbsp;%<" in told
     assert ">25.0&nbsp;%<" in told
@@ -112,7 +113,7 @@ def test_six_hypotheses_are_printed(monkeypatch, capsys):
         size=SimpleNamespace(recordings=[("r", 2.0, 1.0, True)]), simulations=7, seconds=1.0,
     )  # fmt: skip
     monkeypatch.setattr(page, "_parameters", lambda a, own: list(own))
-    page.print_answers(SimpleNamespace(diagnosis=d, badge="explained", ranking=None))
+    page.print_answers(SimpleNamespace(diagnosis=d, badge="explained", ranking=None, shares={}))
     assert tables["hypotheses"] == [["inertia", "0.100", "–"]] * 6
     assert tables["parameters"] == ["a.b"]
     assert tables["residual over its noise floor (rms)"] == [["r (held out)", "2.00", "1.00"]]

@@ -5,11 +5,15 @@ from types import SimpleNamespace
 import pytest
 
 from sandbox.gap.diagnose import Diagnosis, verdict
+from sandbox.gap.location.outside import OddPhase
 from sandbox.gap.pages import listed
+from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.report import answers
 from sandbox.gap.report.position_moved import Moved
+from sandbox.gap.report.todo import todo
 from sandbox.gap.report.which import BADGES, badge, which_text
 from sandbox.gap.words import tenths
+from tests.sandbox.gap.conftest import DRIVE
 
 
 def diagnosis(*told, closed=0.5):
@@ -60,12 +64,12 @@ def test_the_answer_agrees_with_what_is_recommended():
     assert badge(d) == "unknown"
     assert said.startswith("None for sure: that something outside the library is at work is 98 % probable.")
     assert said.endswith("Perhaps DC link ripple + dead time with something outside the library (10 %).")
-    a = SimpleNamespace(diagnosis=d, following=None, verdict="unknown")
+    a = SimpleNamespace(diagnosis=d, following=None, verdict="unknown", odd_phase=None)
     assert answers.next_text(a).startswith("Recordings that show more, for DC link ripple:")
     alone = diagnosis((U, 0.98))
     assert badge(alone) == "unknown"
     assert which_text(alone).startswith("None in the library")
-    assert answers.next_text(SimpleNamespace(diagnosis=alone, following=None, verdict="unknown")) == (
+    assert answers.next_text(SimpleNamespace(diagnosis=alone, following=None, verdict="unknown", odd_phase=None)) == (
         "No effect is known that a recording could confirm."
     )
 
@@ -112,6 +116,75 @@ def test_a_few_effects_stand_in_the_order_of_their_share():
     assert which_text(diagnosis((MANY[:3], 0.97)), shares).startswith(
         "Device drop (60.0 % of the gap) + dead time (30.0 % of the gap) + current filter (10.0 % of the gap), 97 %"
     )
+
+
+def test_shares_stand_beside_something_outside_too():
+    """In the order of their share, with it; one effect's, too, as the rest of the gap is nobody's."""
+    both, shares = ("current_gain", "iron_loss", "unknown"), {"current_gain": 0.021, "iron_loss": 0.197}
+    assert which_text(diagnosis((both, 0.99)), shares).endswith(
+        "of it: iron loss (19.7 % of the gap) + current gain (2.1 % of the gap)."
+    )
+    assert which_text(diagnosis((AU, 0.99)), {"dead_time": 0.4}).endswith("of it: dead time (40.0 % of the gap).")
+    told = which_text(diagnosis((MANY[:3], 0.5), (MANY[1:], 0.5)), {"device_drop": 0.6, "dead_time": 0.3})
+    assert told.startswith("These recordings cannot tell apart: device drop + dead time + current filter (50 %); or")
+
+
+def test_effects_of_every_likely_set_are_told_as_sure():
+    two = ("dead_time", "magnet_flux")
+    d = diagnosis((two, 0.945), ((*two, "unknown"), 0.055))
+    assert which_text(d, {"dead_time": 0.172, "magnet_flux": 0.828}) == (
+        "Magnet flux (82.8 % of the gap) + dead time (17.2 % of the gap) are in every likely set. Not sure beside "
+        "them: something outside the library (6 %)."
+    )
+    a = SimpleNamespace(diagnosis=d, following=None, verdict="ambiguous", odd_phase=None, shares={"magnet_flux": 0.8})
+    assert answers.next_text(a).startswith("Nothing is needed to name magnet flux and dead time.")
+    alone = which_text(diagnosis((A, 0.9), (AU, 0.1)), {"dead_time": 0.9})
+    assert alone.startswith("Dead time is in every likely set. Not sure beside it: something")
+
+
+def test_an_odd_phase_outside_leads_to_exchanging_sensors():
+    """Not to recordings for effects of a few per cent; where nothing is outside, the effect's own recording."""
+    both = ("current_gain", "iron_loss", "unknown")
+    a = SimpleNamespace(diagnosis=diagnosis((both, 0.99)), following=None, verdict="unknown",
+                        odd_phase=OddPhase("a", 5.0), shares={})  # fmt: skip
+    told = answers.next_text(a)
+    assert told.startswith("Exchange the current sensors of phases a and b, ")
+    assert "record again" in told
+    assert "iron loss" not in told
+    assert OddPhase("b", None).exchange.startswith("Exchange the current sensors of phases b and a,")
+    a.diagnosis = diagnosis((A, 0.9), (("iron_loss",), 0.1))
+    a.verdict = "ambiguous"
+    assert "Exchange" not in answers.next_text(a)
+
+
+def ranked(parameters, shares=None):
+    """A list of effects that are all there, with these values."""
+    own = {e: {k: Estimate(v, v, v, "") for k, v in of.items()} for e, of in parameters.items()}
+    of = {e: SimpleNamespace(value=x) for e, x in (shares or {}).items()}
+    chances = dict.fromkeys(parameters, 0.9)
+    return SimpleNamespace(parameters=own, inclusion=SimpleNamespace(chances=chances), shares=SimpleNamespace(of=of))
+
+
+def test_each_named_effect_says_what_to_do():
+    """The largest share first; an effect that only some likely sets hold behind an "if"; sizes in a user's units."""
+    both = ("dead_time", "stator_resistance")
+    d = diagnosis((both, 0.97))
+    d.campaign.drive = DRIVE
+    values = {"dead_time": {"dead_time.time": 2e-6},
+              "stator_resistance": {"stator_resistance.resistance": 1.15 * DRIVE.motor.resistance}}  # fmt: skip
+    r = ranked(values, {"dead_time": 0.2, "stator_resistance": 0.8})
+    first, second = todo(d, r)
+    assert first.startswith("Stator resistance: R +15 %: winding 38 K warmer")
+    assert second.startswith("Dead time: set the dead-time compensation to 2.0 µs")
+    assert second.endswith(".")
+    assert todo(diagnosis(((), 0.97)), r) == []
+    one = diagnosis((both, 0.6), (("dead_time",), 0.4))
+    one.campaign.drive = DRIVE
+    assert [t.partition(":")[0] for t in todo(one, r)] == ["If it is stator resistance", "Dead time"]
+    out = diagnosis((AU, 0.97))
+    out.campaign.drive = DRIVE
+    (told,) = todo(out, r)
+    assert told.startswith("Find first what is outside the library: it may bend these sizes. Then, dead time: set")
 
 
 def test_half_a_percent_of_the_gap_is_told():

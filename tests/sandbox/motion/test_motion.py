@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from model.effect_files import effects_of
+from model.effects.said import quantity
 from model.errors import BadInput
 from sandbox import diagnose
 from sandbox.cli import main
 from sandbox.motion.judging import judge
-from sandbox.motion.telling import contract, parameters, refitted, verdict
+from sandbox.motion.telling import contract, parameters, refitted, sentences, todo, verdict
 from sandbox.motion.torques import numbers
 from sandbox.recordings.motion_log import MotionRecording
 from tests.sandbox.motion.shafts import CONSTANT, COUNT, INERTIA, ORDERS, both_ways, campaign, shaft
@@ -65,6 +66,24 @@ def test_the_shaft_is_a_file_for_the_simulator(planted, tmp_path):
     assert found["inertia.inertia"] == s.value("inertia")
     assert found["coulomb_friction.torque"] == s.value("dry")
     assert not [name for name in found if name.startswith("current_filter")]
+
+
+def test_each_named_effect_says_what_to_do(planted):
+    """Dry torque over torque constant is a current; the largest share first; JSON and sentences agree."""
+    said = todo(planted)
+    shares = [planted.shares[e] for e in said]
+    assert shares == sorted(shares, reverse=True)
+    assert set(said) == set(planted.best.effects)
+    s = planted.best.shaft
+    current = quantity(s.value("dry") / CONSTANT, "A")
+    assert f"forward against the sense of rotation (about {current} on q)" in said["coulomb_friction"]
+    assert all(f"of order {n}" in said["cogging_torque"] for n in ORDERS)
+    assert f"set inertia = {quantity(s.value('inertia'), 'kg m^2', 3)}" in said["inertia"]
+    assert {e["name"]: e["do"] for e in contract(planted)["effects"] if e["do"]} == said
+    assert next(t for head, t in sentences(planted) if head == "Do?").endswith(next(iter(said.values())))
+    own = dataclasses.replace(planted.campaign, torque_constant=1.0, stated={"inertia": 2e-4})
+    of_torque = dataclasses.replace(planted, campaign=own)
+    assert "on q" not in todo(of_torque)["coulomb_friction"]
 
 
 def test_the_gap_is_closed_on_runs_held_out_and_shared(planted):
