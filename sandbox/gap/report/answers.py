@@ -20,13 +20,13 @@ from sandbox.gap.location.drifting import Drifting, drifting
 from sandbox.gap.location.outside import OddPhase, odd_phase
 from sandbox.gap.location.where import Finding, Part, parts, percent, summary, where
 from sandbox.gap.planning.next_recording import Next, recommend
+from sandbox.gap.planning.todo import todo
 from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report import which
 from sandbox.gap.report.bounds import sentence
 from sandbox.gap.report.distinguishability import Alike, alike
 from sandbox.gap.report.position import PositionError, compared
 from sandbox.gap.report.ranking import Ranking, ranking
-from sandbox.gap.report.todo import todo
 from sandbox.gap.shortened import share, shortened
 from sandbox.gap.words import capital, likely, listing, names, percent_fine, stopped, times, words
 from sandbox.recordings.campaign import NO_LIMITS, Campaign

@@ -7,10 +7,10 @@ import pytest
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.location.outside import OddPhase
 from sandbox.gap.pages import listed
+from sandbox.gap.planning.todo import todo
 from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.report import answers
 from sandbox.gap.report.position_moved import Moved
-from sandbox.gap.report.todo import todo
 from sandbox.gap.report.which import BADGES, badge, which_text
 from sandbox.gap.words import tenths
 from tests.sandbox.gap.conftest import DRIVE
