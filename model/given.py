@@ -15,6 +15,9 @@ LONGEST = 20_000_000  # bytes of a TOML file: a hundred times the longest of our
 MOST_PARTS = 50  # of a dotted key in it: tomllib's time and memory grow with their square, 20 GB for 60 000
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 DECIMAL_COMMA = re.compile(r"\s*(?P<key>[\w.-]+)\s*=\s*(?P<whole>[-+]?\d+),(?P<part>\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?")
+UNIT_BEHIND = re.compile(
+    r"\s*(?P<key>[\w.-]+)\s*=\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*(?P<unit>[^\W\d_]\w*+|[°%Ω])[^#=\"']*(?:#.*)?"
+)
 TOKENS = re.compile(  # a key of too many parts, or what it cannot begin in: strings, comments, all else
     rf"(?P<key>(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}})"
     r'|"""(?:[^"\\]|\\.|"(?!""))*+"""' + r"|\'\'\'(?:[^']|'(?!''))*+\'\'\'"
@@ -70,19 +73,21 @@ def read_toml(path: Path) -> dict[str, Any]:
             raise BadInput(f"file '{path}' holds a key of more than {MOST_PARTS} parts joined by dots; shorten it")
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"file '{path}' is not valid TOML: {error}; {_comma(text) or 'mend that place'}") from None
+        raise BadInput(f"file '{path}' is not valid TOML: {error}; {_mistyped(text) or 'mend that place'}") from None
     except BadInput:
         raise
     except (ValueError, RecursionError) as error:
         raise BadInput(f"file '{path}' cannot be read as TOML: {error}; give a text file in UTF-8") from None
 
 
-def _comma(text: str) -> str:
-    """Return what to do about the first decimal comma of a TOML text, nothing where there is none."""
+def _mistyped(text: str) -> str:
+    """Return what to do about the first decimal comma of a TOML text, or unit behind a number; nothing without one."""
     for number, line in enumerate(text.split("\n"), 1):
         if found := DECIMAL_COMMA.fullmatch(line):
             right = f"{found['key']} = {found['whole']}.{found['part']}"
             return f"line {number} holds a decimal comma: write {right}, with a point"
+        if found := UNIT_BEHIND.fullmatch(line):
+            return f"line {number} holds a unit, {found['unit']}: write {found['key']} = the number alone, in SI units"
     return ""
 
 

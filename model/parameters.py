@@ -82,15 +82,17 @@ def _meant(value: float, stated: Mapping[str, Any]) -> str:
     return ""
 
 
+NUMBER_WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
 THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # or three places after a decimal comma: nobody can say which
 
 
 def _with_unit(value: object, stated: Mapping[str, Any]) -> str:
     """Return what to write for a text of a number and a unit, such as "45.8 mH"; nothing where that is not clear or out
     of range."""
-    number, _, own = value.strip().partition(" ") if isinstance(value, str) else ("", "", "")
+    found = NUMBER_WITH_UNIT.fullmatch(value.strip()) if isinstance(value, str) else None
+    number, own = found.groups() if found else ("", "")
     unit = stated["unit"] or "no unit"
-    factor = {unit: 1.0, **MEANT.get(unit, {})}.get(own.strip())
+    factor = {unit: 1.0, **MEANT.get(unit, {})}.get(own)
     if factor is None or THOUSAND.fullmatch(number):
         return ""
     try:

@@ -84,7 +84,8 @@ class Made:
     """What an angle was made of that a log does not hold.
 
     of: the log's column, or what stands in for one; count: rad electrical between which its readings lie; zero: rad,
-    standard deviation of its zero once that is looked for; either_way: whether its sense is unknown, too.
+    standard deviation of its zero once that is looked for; either_way: whether its sense is unknown, too, as of states
+    that tell a sixth of a turn.
     """
 
     of: str

@@ -234,6 +234,16 @@ def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
     return any(names.issuperset(kind) for kind in VOLTAGES)
 
 
+def lacks_voltages(table: Table, columns: Mapping[str, Column]) -> str:
+    """Return which voltages a table lacks, as a clause, where it has no kind of them whole."""
+    names = {*available(table, columns), *table.names}
+    kind = max(VOLTAGES, key=lambda k: len(names.intersection(k)) / len(k))
+    there, missing = ([n for n in kind if (n in names) == has] for has in (True, False))
+    if not there:
+        return "no voltages were recorded"
+    return f"{' and '.join(there)} without {' and '.join(missing)} tell no voltage (log or map all of them)"
+
+
 def by_states(table: Table, columns: Mapping[str, Column]) -> str:
     """Return the columns of Hall states or counted steps, in the log's words, where these alone tell an angle."""
     own = source_columns(table, columns)

@@ -32,7 +32,15 @@ from sandbox.recordings.campaign import (
     table_of,
 )
 from sandbox.recordings.checks.plausibility import check
-from sandbox.recordings.column_map import OURS, Column, contract, parse_columns, source_columns
+from sandbox.recordings.column_map import (
+    OURS,
+    Column,
+    contract,
+    has_voltages,
+    lacks_voltages,
+    parse_columns,
+    source_columns,
+)
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.copies import counted_once
 from sandbox.recordings.foreign import read_table
@@ -152,9 +160,13 @@ def unchecked(source: Source) -> Campaign:
         raise BadInput(f"{source.name}: {error}") from None
     recordings: list[CampaignRecording] = []
     findings = source.remarks
-    noises = [0.0]
+    noises, lacking = [0.0], list[Finding]()
     for file, rotor, axis, link in source.entries:
         table = source.table(file)
+        if not has_voltages(table, source.mapped) and len(lacking) + 1 < len(source.entries):
+            why = lacks_voltages(table, source.mapped)
+            lacking.append(Finding(file, "u_alpha", None, f"{file}: {why}; left out, as other recordings have them"))
+            continue
         nominal = link or converter.dc_bus_voltage
         values, notes, made = contract(
             file, table, source.mapped, source.pole_pairs, nominal, locked=rotor == "locked",
@@ -167,6 +179,7 @@ def unchecked(source: Source) -> Campaign:
             of = "" if name == file else file
             recordings.append(CampaignRecording(name, rotor, axis, own, link, of, starts_at, source=held, made=made))
             noises.append(noise)
+    findings += lacking
     data = dict(source.data)
     if source.map_folder != source.folder and "drive" in data:
         data["drive"] = with_points(table_of(data, "drive"), source.folder)

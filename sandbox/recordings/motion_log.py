@@ -25,6 +25,7 @@ from sandbox.recordings.column_map import (
     Column,
     by_states,
     has_voltages,
+    lacks_voltages,
     measured,
     phase_currents,
     source_columns,
@@ -43,7 +44,11 @@ SIXTHS = (
     "tell the angle to a sixth of an electrical turn: between them a current moves for the angle's error as for "
     "electrical effects, which are no candidates; the motion alone is judged (log the speed, too, and all is)"
 )
-NO_VOLTAGES = "no voltages were recorded, so electrical effects are no candidates; the motion alone is judged"
+BESIDE_OTHERS = (
+    "tell the angle to a sixth of an electrical turn, so beside recordings that tell more it is left out (log the "
+    "speed, too; diagnose this file alone for its motion)"
+)
+WITHOUT = "so electrical effects are no candidates; the motion alone is judged"
 
 
 @dataclass(frozen=True)
@@ -90,19 +95,27 @@ class MotionCampaign:
 
 
 def motion_only(source: Source) -> str | None:
-    """Return why a source can be judged by its motion alone, one sentence; None where it can be replayed.
+    """Return why a source can be judged by its motion alone, one sentence; None where a recording can be replayed.
 
-    No voltages in its first recording, an angle known to sixths of a turn alone, or samples further apart than the
-    currents take to settle.
+    Of each recording: no voltages, an angle known to sixths of a turn alone, or samples further apart than the currents
+    take to settle.
     """
+    first = None
+    for file, rotor, *_ in source.entries:
+        why = _motion_only(file, rotor, source)
+        if why is None:
+            return None
+        first = first or why
+    return first
+
+
+def _motion_only(file: str, rotor: str, source: Source) -> str | None:
+    """Return why one recording can be judged by its motion alone, None where it can be replayed."""
     drive, motor = table_of(source.data, "drive"), table_of(source.data, "motor")
-    if not source.entries:
-        return None
-    file = source.entries[0][0]
     table = source.table(file)
     if not has_voltages(table, source.mapped):
-        return NO_VOLTAGES
-    if source.entries[0][1] == "free" and (sixths := by_states(table, source.mapped)):
+        return f"{lacks_voltages(table, source.mapped)}, {WITHOUT}"
+    if rotor == "free" and (sixths := by_states(table, source.mapped)):
         return f"{sixths} {SIXTHS}"
     period = finite(drive.get("sampling_period")) or _step(file, table, source)
     resistance, *inductances = (finite(motor.get(k)) or 0.0 for k in OF_LAG)
@@ -237,6 +250,19 @@ def motion_of(campaign: Campaign, why: str) -> MotionCampaign:
         campaign.name, 1.5 * pairs * m.magnet_flux, m.inertia, m.viscous_friction, deviations, noise or None,
         math.tau / c.encoder_counts if c.encoder_counts else 0.0, tuple(recordings), campaign.findings, why,
     )  # fmt: skip
+
+
+def with_replayable(campaign: Campaign) -> Campaign:
+    """Return a campaign without free rotors whose angle is known to sixths alone, a finding each, where others tell
+    more."""
+    out = [
+        r for r in campaign.recordings if r.rotor == "free" and r.made and r.made.either_way and "speed" not in r.source
+    ]
+    if not out or len(out) == len(campaign.recordings):
+        return campaign
+    found = [Finding(r.file, "theta", None, f"{r.file}: {r.made.of} {BESIDE_OTHERS}") for r in out if r.made]
+    kept = tuple(r for r in campaign.recordings if r not in out)
+    return replace(campaign, recordings=kept, findings=(*campaign.findings, *found))
 
 
 def too_slow(campaign: Campaign) -> str | None:

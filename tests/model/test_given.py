@@ -18,6 +18,16 @@ def test_a_decimal_comma_is_named_with_its_line(tmp_path, line, right):
         read_toml(path)
 
 
+@pytest.mark.parametrize(
+    ("line", "unit"), [("inductance_d = 45.8mH", "mH"), ("resistance = 0.5 Ω  # phase", "Ω"), ("t = 2e-6 s", "s")]
+)
+def test_a_unit_behind_a_number_is_named_with_its_line(tmp_path, line, unit):
+    path = tmp_path / "motor.toml"
+    path.write_text(f"[motor]\n{line}\n")
+    with pytest.raises(BadInput, match=f"line 2 holds a unit, {unit}: write {line.split()[0]} = the number alone"):
+        read_toml(path)
+
+
 @pytest.mark.parametrize("line", ["a = 1,2,3", "a = [1,2", "a = x,5"])
 def test_what_is_no_decimal_comma_is_not_called_one(tmp_path, line):
     path = tmp_path / "motor.toml"

@@ -103,6 +103,7 @@ def test_nothing_is_suggested_that_is_no_value_or_not_clear(tmp_path, text):
         ("resistance = 1.0|resistance = true", ("not a number", "ohm")),
         ("resistance = 1.0|resistance = '50 mohm'", ("not a number", "(ohm): write 0.05")),
         ("inductance_d = 0.01|inductance_d = '45,8 mH'", ("not a number", "(H): write 0.0458")),
+        ("inductance_d = 0.01|inductance_d = '45.8mH'", ("not a number", "(H): write 0.0458")),
         ("inductance_d = 0.01|inductance_d = '0,060 H'", ("(H): write 0.06",)),
         ("inductance_d = 0.01|inductance_d = 45.8", ("H; is it mH? write 0.0458",)),
         ("resistance = 1.0|", ("lacks 'resistance'", "ohm")),

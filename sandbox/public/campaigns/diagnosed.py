@@ -21,7 +21,7 @@ from sandbox.public.campaigns.moved import MotionResult, diagnose_motion
 from sandbox.public.loading import motion_only, read_campaign
 from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
-from sandbox.recordings.motion_log import motion_of, too_slow
+from sandbox.recordings.motion_log import motion_of, too_slow, with_replayable
 from sandbox.recordings.preflight import further
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ def diagnose(
     motion = motion_only(campaign, columns, preset)
     if motion is not None:
         return diagnose_motion(motion, names)
-    own = read_campaign(campaign, columns, preset=preset)
+    own = with_replayable(read_campaign(campaign, columns, preset=preset))
     if slow := too_slow(own):
         return diagnose_motion(motion_of(own, slow), names)
     if not isinstance(campaign, Campaign):

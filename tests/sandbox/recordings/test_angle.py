@@ -16,7 +16,7 @@ from sandbox.recordings.angle.commutation import APART_60, APART_120, STEP, betw
 from sandbox.recordings.angle.zero import UNSTATED, UNTOLD, with_zero
 from sandbox.recordings.campaign import CampaignRecording, Made
 from sandbox.recordings.importing import read_recordings, source_of
-from sandbox.recordings.motion_log import motion_only, read_motion
+from sandbox.recordings.motion_log import motion_only, read_motion, with_replayable
 
 DRIVE = load_drive("ipm_exchanged")
 H = DRIVE.converter.sampling_period
@@ -180,6 +180,59 @@ def test_an_angle_that_stands_as_its_states_do_is_taken_as_read(tmp_path):
     found = read(tmp_path, own, rotor="driven")["run"]
     np.testing.assert_allclose(found.theta, ZERO)
     assert found.made is None
+
+
+def mixed(folder, first, then):
+    """Write a campaign of two logs that differ; return its map's path."""
+    mapping = written(folder, first)
+    (folder / "run.csv").rename(folder / "first.csv")
+    written(folder, then)
+    text = mapping.read_text()
+    mapping.write_text('[[recording]]\nfile = "first.csv"\nrotor = "free"\n' + text)
+    return mapping
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_recordings_without_voltages_are_left_out_beside_others(tmp_path, turned):
+    """Whichever is the first: it is replayed what can be, and the other one is told."""
+    columns, theta = turning(SWING)
+    whole = {**columns, "theta": theta}
+    without = {n: x for n, x in whole.items() if not n.startswith("u_")}
+    mapping = mixed(tmp_path, *((whole, without) if turned else (without, whole)))
+    assert motion_only(source_of(tmp_path, mapping)) is None
+    found = read_recordings(tmp_path, mapping)
+    assert [r.file for r in found.recordings] == ["first.csv" if turned else "run.csv"]
+    (said,) = (f.text for f in found.findings if "left out" in f.text)
+    assert said.startswith("run.csv" if turned else "first.csv")
+    both = source_of(tmp_path, mixed(tmp_path, without, without))
+    assert motion_only(both).startswith("no voltages were recorded, so electrical effects")
+    assert len(read_motion(both, motion_only(both)).recordings) >= 1
+
+
+def test_a_voltage_that_is_not_whole_is_named(tmp_path):
+    columns, theta = turning(SWING)
+    part = {n: x for n, x in columns.items() if n != "u_beta"}
+    why = motion_only(source_of(tmp_path, written(tmp_path, {**part, "theta": theta})))
+    assert why.startswith(
+        "u_alpha without u_beta tell no voltage (log or map all of them), so electrical effects are no"
+    )
+    two = {**{n: x for n, x in part.items() if n != "u_alpha"}, "theta": theta, "d_a": 0 * theta, "d_b": 0 * theta}
+    assert motion_only(source_of(tmp_path, written(tmp_path, two))).startswith(
+        "d_a and d_b without d_c tell no voltage"
+    )
+
+
+def test_states_beside_an_encoder_are_left_out_of_a_diagnosis(tmp_path):
+    columns, theta = turning(SWING)
+    hall = np.array(APART_120)[np.floor(theta / STEP).astype(int) % 6]
+    states, whole = {**columns, "hall": hall}, {**columns, "theta": theta}
+    mapping = mixed(tmp_path, states, {**whole, "i_a": columns["i_a"] + 0.001})
+    assert motion_only(source_of(tmp_path, mapping)) is None
+    found = with_replayable(read_recordings(tmp_path, mapping))
+    assert [r.file for r in found.recordings] == ["run.csv"]
+    assert any(f.text.startswith("first.csv: 'hall' tell the angle to a sixth") for f in found.findings)
+    alone = read_recordings(tmp_path / "first.csv", mapping)
+    assert with_replayable(alone) is alone
 
 
 def test_a_free_rotor_with_states_alone_is_judged_by_its_motion(tmp_path):
