@@ -46,14 +46,22 @@ def sixth(c, s):
 def multiple(c, s, order):
     """Return cos and sin of a whole multiple of the angle of cos c, sin s; |order| below 64, no branch."""
     n, b = abs(order), (s if order >= 0.0 else -s)
-    a, x, y = c, 1.0, 0.0
-    for _ in range(6):
-        half = math.floor(0.5 * n)
-        odd = n - 2.0 * half > 0.5
-        x, y = (x * a - y * b if odd else x), (x * b + y * a if odd else y)
-        a, b = a * a - b * b, 2.0 * a * b
-        n = half
+    n, x, y, a, b = binary_digit(n, 1.0, 0.0, c, b)  # written out: with a loop in it, one over lanes is no vector code
+    n, x, y, a, b = binary_digit(n, x, y, a, b)
+    n, x, y, a, b = binary_digit(n, x, y, a, b)
+    n, x, y, a, b = binary_digit(n, x, y, a, b)
+    n, x, y, a, b = binary_digit(n, x, y, a, b)
+    n, x, y, a, b = binary_digit(n, x, y, a, b)
     return x, y
+
+
+@inlined
+def binary_digit(n, x, y, a, b):
+    """Return n halved, (x, y) turned on by the angle of (a, b) where n is odd, and (a, b) at twice its angle."""
+    half = np.floor(0.5 * n)
+    odd = n - 2.0 * half > 0.5
+    x, y = (x * a - y * b if odd else x), (x * b + y * a if odd else y)
+    return half, x, y, a * a - b * b, 2.0 * a * b
 
 
 @kernel
