@@ -41,6 +41,7 @@ ALIKE = 0.05  # of a column's size: what nothing else can stand in for, least
 LARGEST = 1e12  # rad/s^2, N m, ...: beyond it a unit is wrong
 SURE, DOUBTFUL = 1.3, 3.0  # times the noise floor: left without a word, and left by something unknown
 WRONG = "a unit or a sign is wrong, angle and current are stamped apart, or something else acts"
+BY_STATES = "states that stand a little off their places repeat as it does; log an encoder's angle"
 HELD_OUT = 0.3  # of each recording, its end, where there are fewer than three
 
 
@@ -107,6 +108,8 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     )  # fmt: skip
     plain, held = design_of(parts), _held_out(parts)
     cannot = _cannot(plain, nominal, exclude)
+    if any(r.sixth for r in campaign.recordings):
+        cannot[COGGING.effect] = BY_STATES
     able = [e for e in numbers() if e not in cannot and e not in exclude]
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     design = plain

@@ -85,13 +85,14 @@ class Made:
 
     of: the log's column, or what stands in for one; count: rad electrical between which its readings lie; zero: rad,
     standard deviation of its zero once that is looked for; either_way: whether its sense is unknown, too, as of states
-    that tell a sixth of a turn.
+    that tell a sixth of a turn; turned: rad by which it was turned to that zero.
     """
 
     of: str
     count: float
     zero: float = 0.0
     either_way: bool = False
+    turned: float = 0.0
 
 
 @dataclass(frozen=True, repr=False)

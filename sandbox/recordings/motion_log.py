@@ -14,13 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, as_toml, brief
+from model.energy import flux_from_current
+from model.errors import BadInput, PhysicsError, as_toml, brief
 from model.names import fitting
 from model.number_table import Table
-from model.parameters import finite
+from model.parameters import Motor, finite
+from sandbox.recordings.angle.changes import at_changes
+from sandbox.recordings.angle.commutation import STEP
 from sandbox.recordings.angle.turning import with_angle
 from sandbox.recordings.campaign import Campaign, Finding, table_of
-from sandbox.recordings.checks.motion_clock import stretches
+from sandbox.recordings.checks.motion_clock import SHORTEST, stretches
 from sandbox.recordings.column_map import (
     Column,
     by_states,
@@ -57,7 +60,8 @@ class MotionRecording:
     motor and the load's (N m); each (n,).
 
     beside: what else the log says of the same rows, under our names (speed in mechanical rad/s); source: the log's own
-    columns by ours.
+    columns by ours; sixth: rad mechanical from change to change of an angle made of states, 0 of one that was read, and
+    zero: rad mechanical of a change.
     """
 
     file: str
@@ -67,6 +71,8 @@ class MotionRecording:
     load: Array
     beside: Mapping[str, Array] = field(default_factory=dict)
     source: Mapping[str, str] = field(default_factory=dict)
+    sixth: float = 0.0
+    zero: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -138,7 +144,7 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
     why: only the motion is judged (see `motion_only`).
     """
     if _zero_by_voltages(source):
-        return motion_of(unchecked(source), why)
+        return by_changes(motion_of(unchecked(source), why))
     motor, drive = table_of(source.data, "motor"), table_of(source.data, "drive")
     pairs = _stated(motor, "pole_pairs", source.name, 1.0, 100.0)
     constant = _stated(motor, "torque_constant", source.name, 1e-9, 1e5)
@@ -160,14 +166,39 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
         )
     counts = _stated(drive, "encoder_counts", source.name, 1.0, 1e9)
     name = table_of(source.data, "campaign").get("name") or fitting(source.folder.resolve().name, "campaign")
-    return MotionCampaign(
+    return by_changes(MotionCampaign(
         str(name), constant or 1.0, _stated(motor, "inertia", source.name, 1e-12, 1e5),
         _stated(motor, "viscous_friction", source.name, 0.0, 1e5) or 0.0, _deviations(source),
         _stated(drive, "current_noise", source.name, 0.0, 1e5), math.tau / counts if counts else 0.0,
         tuple(recordings), tuple(findings), why,
         {k: v for k, x in motor.items() if (v := finite(x)) is not None}, source.mapped,
         source_units(source.table(source.entries[0][0]), source.mapped),
-    )  # fmt: skip
+    ))  # fmt: skip
+
+
+def by_changes(campaign: MotionCampaign) -> MotionCampaign:
+    """Return a campaign whose angles of states are told at their changes alone; BadInput where these are too few.
+
+    The currents' own noise says little of a torque at such an angle: how much it scatters is left to the recordings.
+    """
+    if not any(r.sixth for r in campaign.recordings):
+        return campaign
+    out, findings = list[MotionRecording](), list(campaign.findings)
+    for r in campaign.recordings:
+        if not r.sixth:
+            out.append(r)
+            continue
+        values = {"torque": r.torque, "load": r.load, **r.beside}
+        t, angle, own = at_changes(r.t, r.angle, values, r.sixth, r.zero)
+        if len(t) >= SHORTEST:
+            torque, load = own.pop("torque"), own.pop("load")
+            out.append(replace(r, t=t, angle=angle, torque=torque, load=load, beside=own))
+            continue
+        text = f"{r.file}: the states change {len(t)} times, a motion takes {SHORTEST}; left out: let the rotor turn on"
+        findings.append(Finding(r.file, "theta", None, text))
+    if not out:
+        raise BadInput(findings[-1].text)
+    return replace(campaign, recordings=tuple(out), findings=tuple(findings), current_noise=None)
 
 
 def _zero_by_voltages(source: Source) -> bool:
@@ -223,7 +254,8 @@ def _read(
     if "speed" in beside:
         beside["speed"] = beside["speed"] / (pairs or 1.0)
     at = {"t": found["t"], "angle": found["theta"] / (pairs or 1.0), "torque": torque, "load": load}
-    return _pieces(file, at, beside, own, findings)
+    sixth = STEP / (pairs or 1.0) if made is not None and made.either_way else 0.0
+    return [replace(r, sixth=sixth) for r in _pieces(file, at, beside, own, findings)]
 
 
 def motion_of(campaign: Campaign, why: str) -> MotionCampaign:
@@ -239,9 +271,11 @@ def motion_of(campaign: Campaign, why: str) -> MotionCampaign:
             continue
         a, b = r.current
         i = (a + 1j * b) * np.exp(-1j * r.theta)
-        torque = 1.5 * pairs * (m.magnet_flux + (m.inductance_d - m.inductance_q) * i.real) * i.imag
+        torque = _air_gap(m, i)
         load = r.columns.get("load_torque", np.zeros(len(r.t)))
-        recordings.append(MotionRecording(r.file, r.t, r.theta / pairs, torque, load))
+        sixth, zero = (STEP, r.made.turned) if r.made and r.made.either_way else (0.0, 0.0)
+        own = MotionRecording(r.file, r.t, r.theta / pairs, torque, load, sixth=sixth / pairs, zero=zero / pairs)
+        recordings.append(own)
     if not recordings:
         raise BadInput(f"{why}; no rotor is free either: record faster, or let the rotor turn")
     noise = math.hypot(c.current_noise, c.current_resolution / math.sqrt(12.0))
@@ -250,6 +284,16 @@ def motion_of(campaign: Campaign, why: str) -> MotionCampaign:
         campaign.name, 1.5 * pairs * m.magnet_flux, m.inertia, m.viscous_friction, deviations, noise or None,
         math.tau / c.encoder_counts if c.encoder_counts else 0.0, tuple(recordings), campaign.findings, why,
     )  # fmt: skip
+
+
+def _air_gap(m: Motor, i: NDArray[np.complex128]) -> Array:
+    """Return the torque (N m) that a motor makes of currents (n,) in its frame (A); by its inductances at zero current
+    where the saturated model ends before them."""
+    try:
+        d, q = flux_from_current(m.energy, i.real, i.imag)
+    except PhysicsError:
+        d, q = m.inductance_d * i.real, m.inductance_q * i.imag
+    return np.asarray(1.5 * float(m.pole_pairs) * ((d + m.magnet_flux) * i.imag - q * i.real))
 
 
 def with_replayable(campaign: Campaign) -> Campaign:

@@ -55,7 +55,8 @@ def with_zero(r: CampaignRecording, drive: Drive, share: float) -> tuple[Campaig
         return same, Finding(r.file, "theta", None, text)
     theta, drift, stray = best.angle()
     count = r.made.count or (math.sqrt(12.0) * max(stray, STRAY) if r.made.of else 0.0)
-    made = dataclasses.replace(r.made, count=count, zero=_left_open(r, drive, share, stray))
+    turned = float(np.mean(theta - best.sense * r.theta))
+    made = dataclasses.replace(r.made, count=count, zero=_left_open(r, drive, share, stray), turned=turned)
     back = ", counted backwards" if best.sense < 0.0 else ""
     slow = f", and it drifts by {drift:.2g} rad" if drift else ""
     text = (

@@ -190,7 +190,8 @@ def angle(r: CampaignRecording, drive: Drive) -> list[Finding]:
         return [Finding(r.file, "theta", 0, f"{text}; correct 'rotor' if it stood, else check the encoder")]
     counts = drive.converter.encoder_counts
     count = math.tau * drive.motor.pole_pairs / counts if counts else 1e-3
-    _stuck_encoder(r, count)
+    if r.made is None:
+        _stuck_encoder(r, count)
     step = np.diff(theta)
     wild = np.flatnonzero(np.abs(step) > math.pi)
     if wild.size:
