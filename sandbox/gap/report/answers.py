@@ -188,6 +188,11 @@ def far_text(a: Answers) -> str:
     return f"{capital(text)} {position_text(a)}".strip()
 
 
+def _made(d: Diagnosis) -> list[str]:
+    """Return of what angles were made that a log does not hold."""
+    return list(dict.fromkeys(r.made.of for r in d.campaign.recordings if r.made is not None and r.made.of))
+
+
 def _recording(a: Answers) -> str:
     """Return the recording that is recommended, and what it will tell."""
     if a.following is None:
@@ -234,8 +239,13 @@ def position_text(a: Answers) -> str:
 
 
 def next_text(a: Answers) -> str:
-    """Return what to record or do next."""
-    if a.odd_phase is not None and which.chance_of_unknown(a.diagnosis) >= which.HALF:
+    """Return what to record or do next; first to read what was made up, where something outside may be due to that."""
+    outside = which.chance_of_unknown(a.diagnosis) >= which.HALF
+    if outside and (made := _made(a.diagnosis)):
+        return (
+            f"Log the rotor's angle: what one made from {listing(made)} misses counts as something outside the library."
+        )
+    if a.odd_phase is not None and outside:
         return f"{a.odd_phase.exchange} {'' if a.following is None else _recording(a)}".rstrip()
     if a.following is not None:
         return _recording(a)
@@ -285,6 +295,8 @@ def caveats(a: Answers) -> list[str]:
     motor = d.campaign.drive.motor
     if not isinstance(motor, MappedMotor) and all(getattr(motor, x) == 0.0 for x in ALPHAS):
         out.append("The nominal model has no saturation (all five alphas are 0).")
+    if made := _made(d):
+        out.append(f"The angle was made from {listing(made)}: what it misses counts as something outside the library.")
     blind = [r.origin for r in d.campaign.recordings if r.rotor == "free" and "load_torque" not in r.columns]
     if blind := list(dict.fromkeys(blind)):
         out.append(f"{', '.join(blind)}: no column 'load_torque', so a free rotor's load is taken as none.")

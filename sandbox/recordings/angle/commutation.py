@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 STEP = math.pi / 3.0
 APART_120, APART_60 = (1, 3, 2, 6, 4, 5), (0, 1, 3, 7, 6, 4)
 SENSORS = ("hall_a", "hall_b", "hall_c")
+FEWEST = 5  # changes that tell how far a speed is off between them
 RARE = 0.01  # of the rows: states of no use are taken for disturbed readings
 
 
@@ -30,8 +31,14 @@ def state_names(found: Mapping[str, object]) -> tuple[str, ...] | None:
     return None
 
 
-def states_angle(file: str, found: Mapping[str, Array], own: Mapping[str, str]) -> Array:
-    """Return the angle (n,), rad electrical, unwrapped, of a log's states; BadInput for numbers that are none."""
+def states_angle(
+    file: str, found: Mapping[str, Array], own: Mapping[str, str], turned: Array | None = None
+) -> tuple[Array, float]:
+    """Return the angle (n,), rad electrical, unwrapped, of a log's states, and between what its readings lie (rad).
+
+    turned: rad (n,) by the log's speed, which is followed from change to change.  BadInput for numbers that are no
+    states.
+    """
     names = state_names(found) or ()
     said = ", ".join(own.get(n, n) for n in names)
     whole = [np.round(found[n]) for n in names]
@@ -39,9 +46,11 @@ def states_angle(file: str, found: Mapping[str, Array], own: Mapping[str, str]) 
     if off is not None:
         raise BadInput(f"{file}: row {off} of column '{said}' is no whole number; map states or counted steps")
     if names == ("steps",):
-        return between(whole[0])
-    code = whole[0] if len(whole) == 1 else whole[0] + 2.0 * whole[1] + 4.0 * whole[2]
-    return between(_sectors(file, said, code))
+        sectors = whole[0]
+    else:
+        code = whole[0] if len(whole) == 1 else whole[0] + 2.0 * whole[1] + 4.0 * whole[2]
+        sectors = _sectors(file, said, code)
+    return (between(sectors), STEP) if turned is None else along(sectors, turned)
 
 
 def _sectors(file: str, said: str, code: Array) -> Array:
@@ -71,15 +80,33 @@ def _sectors(file: str, said: str, code: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(step)])
 
 
+def along(sectors: Array, turned: Array) -> tuple[Array, float]:
+    """Return angles (n,) rad of counted sixths that follow a speed, integrated (n,) rad, from change to change, and
+    between what they lie (rad): by what the speed is off from change to change, a sixth at most."""
+    middle, (rows, at, edge) = STEP * (sectors + 0.5), _changes(sectors)
+    by_speed = np.interp(at, rows, turned)
+    sense = 1.0 if float(np.diff(edge) @ np.diff(by_speed)) >= 0.0 else -1.0
+    if len(at) < FEWEST:
+        return between(sectors), STEP
+    off = edge - sense * by_speed
+    stray = float(np.std(off[1:-1] - 0.5 * (off[2:] + off[:-2]))) / math.sqrt(1.5)
+    angle = sense * turned + np.interp(rows, at, off)
+    return np.asarray(np.clip(angle, middle - 0.5 * STEP, middle + 0.5 * STEP)), min(math.sqrt(12.0) * stray, STEP)
+
+
+def _changes(sectors: Array) -> tuple[Array, Array, Array]:
+    """Return rows (n,), and of each change its place half way between two rows, and the angle there (rad)."""
+    changes = np.flatnonzero(np.diff(sectors))
+    edge = STEP * (0.5 * (sectors[changes] + sectors[changes + 1]) + 0.5)
+    return np.arange(len(sectors), dtype=np.float64), changes + 0.5, edge
+
+
 def between(sectors: Array) -> Array:
     """Return angles (n,) rad of counted sixths: at a change half way between both, smooth and rising or falling from
     change to change, and before the first one and after the last one as beside them, within the sixth."""
-    middle = STEP * (sectors + 0.5)
-    changes = np.flatnonzero(np.diff(sectors))
-    if len(changes) < 2:
+    middle, (rows, at, edge) = STEP * (sectors + 0.5), _changes(sectors)
+    if len(at) < 2:
         return np.asarray(middle)
-    rows, at = np.arange(len(sectors), dtype=np.float64), changes + 0.5
-    edge = STEP * (0.5 * (sectors[changes] + sectors[changes + 1]) + 0.5)
     angle = PchipInterpolator(at, edge)(np.clip(rows, at[0], at[-1]))
     first, last = (edge[1] - edge[0]) / (at[1] - at[0]), (edge[-1] - edge[-2]) / (at[-1] - at[-2])
     angle = angle + np.minimum(rows - at[0], 0.0) * first + np.maximum(rows - at[-1], 0.0) * last

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from sandbox.recordings.angle.commutation import STEP, state_names, states_angle
+from sandbox.recordings.angle.commutation import state_names, states_angle
 from sandbox.recordings.campaign import Doubt, Finding, Made
 
 Array = NDArray[np.float64]
@@ -164,7 +164,7 @@ def with_angle(
     speed = found.get("speed", np.zeros(0))
     t: Array = found["t"] if "t" in found else np.asarray(np.arange(len(speed)) * period, dtype=np.float64)
     if name:
-        angle, count, states = states_angle(file, found, own), STEP, True
+        (angle, count), states = states_angle(file, found, own, _angle(t, speed) if len(speed) else None), True
         if (theta is None or np.ptp(angle) > 0.0) and ("i_d" in found or "u_d" in found):
             raise BadInput(
                 f"{file}: i_d, i_q, u_d, u_q are turned by the drive's own angle, which {of_log(own, name)} shows to "
@@ -184,7 +184,8 @@ def with_angle(
     said = "no angle is mapped" if theta is None else f"column '{own.get('theta', 'theta')}' never changes while "
     said += "" if theta is None else f"{of_log(own, name)} moves"
     text = f"{file}: {said}; the angle is made from {of_log(own, name)}: its zero is unknown, and " + (
-        "it is known to a sixth of an electrical turn, smooth between two changes"
+        f"it follows {of_log(own, ('speed',))} between two changes"
+        if states and len(speed) else "it is known to a sixth of an electrical turn, smooth between two changes"
         if states else "what is bound to a place drifts"
     )  # fmt: skip
     notes.append((Finding if theta is None else Doubt)(file, "theta", None, text))

@@ -13,6 +13,7 @@ from sandbox.gap.report import answers
 from sandbox.gap.report.position_moved import Moved
 from sandbox.gap.report.which import BADGES, badge, which_text
 from sandbox.gap.words import tenths
+from sandbox.recordings.campaign import Made
 from tests.sandbox.gap.conftest import DRIVE
 
 
@@ -21,7 +22,7 @@ def diagnosis(*told, closed=0.5):
     hypotheses = [SimpleNamespace(effects=e, probability=p, evaluated=SimpleNamespace(effects=A)) for e, p in told]
     own = SimpleNamespace(
         hypotheses=hypotheses, best=hypotheses[0], size=SimpleNamespace(closed=closed), out_of_sight=(),
-        parameters=[{}], evaluated=(), campaign=SimpleNamespace(limits=None),
+        parameters=[{}], evaluated=(), campaign=SimpleNamespace(limits=None, recordings=()),
     )  # fmt: skip
     own.ambiguity_set = Diagnosis.ambiguity_set.fget(own)
     return own
@@ -155,6 +156,15 @@ def test_an_odd_phase_outside_leads_to_exchanging_sensors():
     a.diagnosis = diagnosis((A, 0.9), (("iron_loss",), 0.1))
     a.verdict = "ambiguous"
     assert "Exchange" not in answers.next_text(a)
+
+
+def test_an_angle_that_was_made_may_be_what_is_outside():
+    d = diagnosis((U, 0.99))
+    d.campaign.recordings = [SimpleNamespace(made=Made("'hall'", 0.1)), SimpleNamespace(made=None)]
+    a = SimpleNamespace(diagnosis=d, following=None, verdict="unknown", odd_phase=OddPhase("a", 5.0), shares={})
+    assert answers.next_text(a).startswith("Log the rotor's angle: what one made from 'hall' misses counts as")
+    a.diagnosis.hypotheses = diagnosis((A, 0.9), (U, 0.1)).hypotheses
+    assert "Log the rotor" not in answers.next_text(a)
 
 
 def ranked(parameters, shares=None):

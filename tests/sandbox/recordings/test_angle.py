@@ -143,9 +143,10 @@ def test_states_that_cannot_be_are_refused(codes, message):
 
 def test_a_disturbed_reading_repeats_the_one_before():
     codes = np.repeat(APART_120, 100).astype(float)
-    angle = states_angle("f", {"hall": codes}, {})
+    angle, count = states_angle("f", {"hall": codes}, {})
+    assert count == STEP
     codes[250] = 7.0
-    np.testing.assert_allclose(states_angle("f", {"hall": codes}, {}), angle)
+    np.testing.assert_allclose(states_angle("f", {"hall": codes}, {})[0], angle)
 
 
 def test_signals_of_the_drives_frame_need_more_than_states(tmp_path):
@@ -180,6 +181,26 @@ def test_an_angle_that_stands_as_its_states_do_is_taken_as_read(tmp_path):
     found = read(tmp_path, own, rotor="driven")["run"]
     np.testing.assert_allclose(found.theta, ZERO)
     assert found.made is None
+
+
+@pytest.mark.parametrize("order", [APART_120, APART_120[::-1]])
+def test_states_follow_the_speed_between_their_changes(order):
+    """A speed that swings and reverses, read to 1 rpm: the angle is off by what states are, read from row to row (one
+    row of 360 rad/s is 0.09 rad), and no longer by a good part of a sixth where the rotor turns round."""
+    t = np.arange(4000) * H
+    speed = 60.0 + 300.0 * np.cos(6.0 * t)
+    theta = ZERO + np.concatenate([[0.0], np.cumsum(0.5 * H * (speed[1:] + speed[:-1]))])
+    codes = np.array(order, float)[np.floor(theta / STEP).astype(int) % 6]
+    turned = np.concatenate(
+        [[0.0], np.cumsum(0.5 * H * (np.round(speed[1:] * RPM) + np.round(speed[:-1] * RPM)) / RPM)]
+    )
+    sense = 1.0 if order == APART_120 else -1.0
+    followed, count = states_angle("f", {"hall": codes}, {}, turned)
+    alone, step = states_angle("f", {"hall": codes}, {})
+    errors = [np.angle(np.exp(1j * (sense * x - theta))) for x in (followed, alone)]
+    one, two = (np.abs(e - np.angle(np.mean(np.exp(1j * e)))) for e in errors)
+    assert one.max() < 0.1 < two.max()
+    assert 4.0 * one.std() < count < 0.5 * step
 
 
 def mixed(folder, first, then):
