@@ -23,7 +23,9 @@ from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
+from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.excerpts import begun, excerpted
+from sandbox.gap.location.drifting import Drifting, steadied
 from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import held_out, weights_of
@@ -69,6 +71,7 @@ class Diagnosis:
     caution: str = ""  # about the stated noise
     out_of_sight: tuple[str, ...] = ()  # effects that are no candidates as no recording can show them
     noise: Noise | None = None  # stated, seen, used
+    drifting: Drifting | None = None  # how offsets of current sensors differed, which was taken off
     at_bound: tuple[Held, ...] = ()  # ordinary deviations of the best hypothesis that are as large as they may be
 
     @property
@@ -120,9 +123,15 @@ def _diagnosed(
     workers: int,
     memory: float,
     report: Callable[[str], None],
+    drifts: Drifting | None = None,
 ) -> Diagnosis:
-    """Return the diagnosis of a campaign, what it took left out."""
+    """Return the diagnosis of a campaign, what it took left out; drifts: what its offsets differed by, if that was
+    taken off.  It is looked for at the nominal model and, where this misses too much else, at the best hypothesis."""
     start, nominal = _nominal(own, memory, workers)
+    if drifts is None:
+        own, drifts = steadied(own, start, shown(start))
+        if drifts is not None:
+            start, nominal = _nominal(own, memory, workers)
     hidden, count = out_of_sight(own), len(own.recordings)
     barred = (*exclude, *hidden)
     asked = tuple(s for s in rivals if not set(s) & set(hidden))
@@ -134,6 +143,10 @@ def _diagnosed(
     before = _without(found.null, start, left, workers)
     told, after = _foretelling(hypotheses(found, misstated(noise), workers=workers), before, start, left, workers)
     best = told[0].evaluated
+    if drifts is None:
+        steady, drifts = steadied(own, best.fit.point, shown(best.fit.point))
+        if drifts is not None:
+            return _diagnosed(steady, exclude, rivals, workers, memory, report, drifts)
     rest = remainder(found.null, best.fit, misstated(noise))
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
     place = {r.file: k for k, r in enumerate(own.recordings)}
@@ -157,6 +170,7 @@ def _diagnosed(
         noise_caution(own),
         hidden,
         noise,
+        drifts,
         tuple(held_ordinary(best)),
     )
 

@@ -166,6 +166,15 @@ def test_03_a_size_that_needs_a_rated_speed_is_not_said_without_one():
     assert stated.cannot == {}
 
 
+def test_20_offsets_that_differ_are_taken_off():
+    """Put in: -12 mA of sensor a in one recording, +12 mA in the other, and no effect."""
+    found = diagnose(cases_folder() / "20_offset_differs_between_recordings").as_json()
+    assert found["verdict"] == "no_gap"
+    assert [r["file"] for r in found["recording_offsets"]] == ["rs1.parquet", "rs2.parquet"]
+    for r, true in zip(found["recording_offsets"], (-0.012, 0.012), strict=True):
+        assert abs(r["i_a"] - true) < 4.0 * r["standard_error"]
+
+
 def test_21_a_log_that_begins_under_current_has_no_effect():
     """Truth: none; a start from one noisy reading was explained as two delays."""
     found = diagnose(cases_folder() / "21_start_in_the_middle").as_json()

@@ -1,87 +1,114 @@
-"""Do the current sensors' offsets differ from recording to recording?
+"""Do the current sensors' offsets differ from recording to recording?  Then the differences are taken off first.
 
 An effect has one value for a campaign, and so has an offset; but sensors warm up, and recordings are made on two days.
 A machine or an inverter moves the current with the rotor; over whole turns of it a constant in a phase's readings is
-its sensor's.  So the means of what turning recordings miss are asked: how much of the squares above noise is in what
-differs between recordings.
+its sensor's, whatever else the model misses.  It is known to the scatter of its turns, far better than any prior of it,
+so the readings are corrected by it: one number a sensor and turning recording, about the recordings' median, which
+stays as the campaign's own offset.  A sensor that reads one half of a wave too small has a constant, too, which grows
+with the current; its even harmonics tell it.  What locked rotors read says nothing of an offset and stays.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.effects.said import quantity
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import ORDINARY, deviation_of
 from sandbox.gap.location.decompose import whole_turns
-from sandbox.plant.sets import batch_of
-from sandbox.replay.inputs import at_rest_reading
+from sandbox.plant.sets import BENCH
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import Residual
 
 Array = NDArray[np.float64]
 FEWEST = 4  # whole turns of a recording
 PER_TURN = 12  # samples a turn needs
-MOST = 0.5  # of the squares above noise: they are the offsets' for the most part
-SURE = 5.0  # standard errors between two recordings
+SURE = 5.0  # standard errors
+EVEN = 0.1  # squares of even harmonics over those of the offset: a half wave that a sensor cuts has 0.22
 NAMED = 3  # recordings whose offsets a sentence holds
+SENSORS = ("i_a", "i_b", "i_c")
 
 
 @dataclass(frozen=True)
 class Drifting:
-    """Sensor (0, 1, 2) whose offset differs most, each turning recording's offset (A), and the share of the squares
-    above noise that what differs takes."""
+    """By turning recording how far (A) the offset of each sensor lies beside the median, and its standard error (A)."""
 
-    sensor: int
-    offsets: dict[str, float]
-    share: float
+    offsets: Mapping[str, tuple[float, float, float]]
+    errors: Mapping[str, float]
 
     @property
     def text(self) -> str:
         """Return it as a sentence, with what to do."""
-        ranked = sorted(self.offsets.items(), key=lambda x: x[1])
+        sizes = np.array(list(self.offsets.values()))
+        sensor = int(np.argmax(np.ptp(sizes, axis=0)))
+        ranked = sorted(((x[sensor], file) for file, x in self.offsets.items()), key=lambda x: x[0])
         shown = ranked if len(ranked) <= NAMED else [ranked[0], ranked[-1]]
-        said = ", ".join(f"{quantity(x, 'A')} in {file}" for file, x in shown)
+        said = ", ".join(f"{quantity(x, 'A')} in {file}" for x, file in shown)
+        within = quantity(2.0 * max(self.errors.values()), "A")
         return (
-            f"{100.0 * self.share:.0f} % of what turning recordings miss are offsets of current sensors that differ "
-            f"from recording to recording: sensor {'abc'[self.sensor]} reads {said}. Measure the offsets at rest "
-            "before each recording and subtract them; an effect has one value for all recordings, so none is named."
+            "The offsets of current sensors differ from recording to recording: sensor "
+            f"{'abc'[sensor]} reads {said} beside their median, within {within}. "
+            "This was taken off before anything else; measure offsets at rest before each recording."
         )
 
+    def as_json(self) -> list[dict[str, Any]]:
+        """Return one row a recording."""
+        return [
+            {"file": file, **dict(zip(SENSORS, x, strict=True)), "standard_error": self.errors[file]}
+            for file, x in self.offsets.items()
+        ]
 
-def drifting(point: Point, shown: Sequence[Residual]) -> Drifting | None:
-    """Return how offsets differ between turning recordings; None where that is not most of what these miss.
 
-    shown: the residuals at a point.
-    """
-    own = {r.file: found for r, x in zip(point.prepared.recordings, shown, strict=True)
-           if r.rotor != "locked" and (found := _means(r.motion.angle, x.current[:, :, 0])) is not None}  # fmt: skip
+def steadied(campaign: Campaign, point: Point, shown: Sequence[Residual]) -> tuple[Campaign, Drifting | None]:
+    """Return a campaign without what its recordings' offsets differ by, and that; the same and None where they do not
+    differ by more than is ordinary.  shown: the residuals at a point."""
+    turns: dict[str, list[Array]] = {}
+    for r, x in zip(point.prepared.recordings, shown, strict=True):
+        if r.rotor != "locked":
+            turns.setdefault(r.of or r.file, []).extend(_by_turn(r.motion.angle, x.current[:, :, 0]))
+    own = {file: np.array(x) for file, x in turns.items() if len(x) >= FEWEST}
     if len(own) < 2:
-        return None
-    means, counts, above = (np.array(x) for x in zip(*own.values(), strict=True))
-    total = float(above.sum())
-    differ = means - np.average(means, axis=0, weights=counts)
-    taken = float(np.sum(counts[:, None] * differ**2))
-    sensor = int(np.argmax(np.ptp(means, axis=0)))
-    error = math.sqrt(2.0 / float(counts.min()))
-    if total <= 0.0 or taken < MOST * total or np.ptp(means[:, sensor]) < SURE * error:
-        return None
-    drive = point.prepared.campaign.drive
-    common = at_rest_reading(batch_of(drive.motor, drive.converter, [dict(point.values)], 1))[sensor]
-    offsets = {
-        file: float(common) + point.prepared.floor * float(m) for file, m in zip(own, means[:, sensor], strict=True)
-    }
-    return Drifting(sensor, offsets, min(1.0, taken / total))
+        return campaign, None
+    floor = point.prepared.floor
+    means = np.array([floor * x[:, 0].mean(axis=0) for x in own.values()])
+    errors = np.array([floor * x[:, 0].std(axis=0, ddof=1).max() / math.sqrt(len(x)) for x in own.values()])
+    even = np.array([floor**2 * np.sum(x[:, 1:].mean(axis=0) ** 2) / 2.0 for x in own.values()])
+    beside = means - np.median(means, axis=0)
+    size = np.max(np.abs(beside), axis=1)
+    common = BENCH["bench.common_offset"].ordinary
+    usual = 0.0 if common is None else deviation_of(campaign, common, 0.0) / common.share
+    far = (size > ORDINARY * usual) & (size > SURE * errors)
+    if not np.any(far) or float(even.sum()) > EVEN * float(np.sum(beside**2)):
+        return campaign, None
+    offsets = {file: (float(a), float(b), float(c)) for file, (a, b, c) in zip(own, beside, strict=True)}
+    recordings = tuple(_without(r, offsets.get(r.origin)) for r in campaign.recordings)
+    found = Drifting(offsets, dict(zip(own, errors.tolist(), strict=True)))
+    return replace(campaign, recordings=recordings), found
 
 
-def _means(angle: Array, residual: Array) -> tuple[Array, int, float] | None:
-    """Return each phase's mean (3,) in floors over whole turns, samples in them, and squares above noise; None where
-    there are too few turns."""
-    parts = whole_turns(angle, PER_TURN, 1.0)
-    if len(parts) < FEWEST:
-        return None
-    kept = np.concatenate([residual[a:b] for a, b in parts])
-    return kept.mean(axis=0), len(kept), float(np.sum(kept**2 - 1.0))
+def _without(r: CampaignRecording, offsets: Sequence[float] | None) -> CampaignRecording:
+    """Return a recording whose readings of currents are less by offsets (A)."""
+    if offsets is None:
+        return r
+    own = {name: r.columns[name] - x for name, x in zip(SENSORS, offsets, strict=True)}
+    before = {name: r.settling[name] - x for name, x in zip(SENSORS, offsets, strict=True) if name in r.settling}
+    return replace(r, columns={**r.columns, **own}, settling={**r.settling, **before})
+
+
+def _by_turn(angle: Array, residual: Array) -> list[Array]:
+    """Return of each whole turn the mean over the angle of residuals (n, 3), and their second and fourth harmonics'
+    cosines and sines: (5, 3) each."""
+    found = []
+    for a, b in whole_turns(angle, PER_TURN, 1.0):
+        weight = np.abs(np.gradient(angle[a:b]))
+        waves = [np.ones(b - a)]
+        for order in (2.0, 4.0):
+            waves += [2.0 * np.cos(order * angle[a:b]), 2.0 * np.sin(order * angle[a:b])]
+        found.append((np.array(waves) * weight) @ residual[a:b] / weight.sum())
+    return found

@@ -16,7 +16,6 @@ from model.mapped import MappedMotor
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.location.drifting import Drifting, drifting
 from sandbox.gap.location.outside import OddPhase, odd_phase
 from sandbox.gap.location.where import Finding, Part, parts, percent, summary, where
 from sandbox.gap.planning.next_recording import Next, recommend
@@ -53,7 +52,6 @@ class Answers:
     odd_phase: OddPhase | None = None
     parts: tuple[Part, ...] = ()
     no_position: str = ""
-    drifting: Drifting | None = None
 
     @property
     def verdict(self) -> str:
@@ -100,10 +98,9 @@ def answer(
     report("all effects")
     listed = ranking(d, workers)
     left_before = shown(d.before.point)
-    drifts = drifting(d.before.point, left_before)
-    odd = None if drifts else odd_phase(d.before.point, left_before)
+    odd = odd_phase(d.before.point, left_before)
     error, why = (None, position) if isinstance(position, str) else (position, "")
-    return Answers(d, found, error, following, left, alike(d), listed, odd, apart, why, drifts)
+    return Answers(d, found, error, following, left, alike(d), listed, odd, apart, why)
 
 
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
@@ -140,11 +137,9 @@ def where_text(a: Answers) -> str:
             "noise floor."
         )
     text = summary(a.diagnosis, a.where)
-    if a.verdict == "no_gap":
-        return text
-    if a.drifting is not None:
-        return f"{a.drifting.text} Of the whole gap: {text}"
-    return text if a.odd_phase is None else f"{text} {a.odd_phase.text}"
+    if a.diagnosis.drifting is not None:
+        text = f"{a.diagnosis.drifting.text} What is left: {text}"
+    return text if a.verdict == "no_gap" or a.odd_phase is None else f"{text} {a.odd_phase.text}"
 
 
 def which_text(a: Answers) -> str:
@@ -287,8 +282,8 @@ def caveats(a: Answers) -> list[str]:
     d = a.diagnosis
     out = _findings(d)
     out += _of_noise(d)
-    if (more := a.drifting or a.odd_phase) is not None and a.verdict == "no_gap":
-        out.append(more.text)
+    if a.odd_phase is not None and a.verdict == "no_gap":
+        out.append(a.odd_phase.text)
     out += [text] if (text := sentence(d.at_bound)) else []
     if d.excluded:
         out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")

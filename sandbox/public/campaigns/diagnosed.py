@@ -65,6 +65,8 @@ class DiagnosisResult(Result):
             told["next_recording"] |= {
                 "table": NAME, "recording": dict(self.table.recording), "limits": dict(self.table.limits),
             }  # fmt: skip
+        drifts = a.diagnosis.drifting
+        told["recording_offsets"] = None if drifts is None else drifts.as_json()
         told["odd_phase"] = None if a.odd_phase is None else asdict(a.odd_phase)
         return told | {"simulator": self.refitted.as_json(), "continued": self.continued}
 

@@ -1,59 +1,117 @@
-"""Offsets of current sensors that differ from recording to recording."""
+"""Offsets of current sensors that differ from recording to recording are measured and taken off first."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from model.drive_files import load_drive
-from sandbox.gap.location.drifting import drifting
-from sandbox.plant.sets import complete
+from sandbox.gap.diagnose import diagnose
+from sandbox.gap.location.drifting import steadied
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import Residual
+from tests.sandbox.gap.conftest import TURNING, small_campaign
 
 DRIVE = load_drive("ipm_exchanged")
 FLOOR = 0.002  # A
+USUAL = 0.001  # A, of [background]
 N = 4000
 
 
-def at(offsets, *, along=0.0, turns=20, rotor="free", seed=1):
-    """Return a point and residuals: noise, an offset (floors) of sensor a in each recording (minus half of it in the
-    others), and what moves with the rotor."""
-    rng, angle = np.random.default_rng(seed), np.linspace(0.0, 2.0 * np.pi * turns, N)
-    star = np.cos(angle[:, None] - 2.0 * np.pi / 3.0 * np.arange(3))
+def at(offsets, *, along=0.0, even=0.0, turns=20, rotor="free", seed=1):
+    """Return a campaign, its point and residuals: noise, an offset (A) of sensor a in each recording (minus half of it
+    in the others), what moves with the rotor, and its second harmonic (floors)."""
+    rng, k = np.random.default_rng(seed), np.arange(N)
+    angle = 2.0 * np.pi * turns * (k / N + 0.2 / (2.0 * np.pi) * np.sin(2.0 * np.pi * k / N))  # its speed swings
+    phase = angle[:, None] - 2.0 * np.pi / 3.0 * np.arange(3)
     one = np.array([1.0, -0.5, -0.5])
-    read = [rng.standard_normal((N, 3)) + x * one + along * star for x in offsets]
+    wave = along * np.cos(phase) + even * np.cos(2.0 * phase)
+    read = [rng.standard_normal((N, 3)) + x / FLOOR * one + wave for x in offsets]
     shown = [Residual(f"r{k}", rotor, x[:, :, None], None, None) for k, x in enumerate(read)]
-    own = [SimpleNamespace(file=r.file, rotor=rotor, motion=SimpleNamespace(angle=angle)) for r in shown]
-    values = complete(DRIVE.motor, DRIVE.converter, {"current_offset.offset_a": 1e-3})
-    campaign = SimpleNamespace(drive=DRIVE)
-    return SimpleNamespace(
-        prepared=SimpleNamespace(recordings=own, floor=FLOOR, campaign=campaign), values=values
-    ), shown
+    own = [SimpleNamespace(of="", file=r.file, rotor=rotor, motion=SimpleNamespace(angle=angle)) for r in shown]
+    flat = {n: np.zeros(N) for n in ("t", "u_alpha", "u_beta", "theta")} | {"u_dc": np.full(N, 400.0)}
+    recordings = tuple(
+        CampaignRecording(r.file, rotor, "d", flat | dict(zip(("i_a", "i_b", "i_c"), FLOOR * x.T, strict=True)))
+        for r, x in zip(shown, read, strict=True)
+    )
+    campaign = Campaign("two", DRIVE, recordings, {}, {"current_offset": USUAL}, False)
+    return campaign, SimpleNamespace(prepared=SimpleNamespace(recordings=own, floor=FLOOR)), shown
 
 
-def test_offsets_of_two_recordings_are_told():
-    found = drifting(*at((-6.0, 6.0)))
-    assert found.sensor == 0
-    assert found.offsets == pytest.approx({"r0": -0.011, "r1": 0.013}, abs=5 * FLOOR / np.sqrt(N))
-    assert found.share > 0.99
-    assert "sensor a reads −11 mA in r0, 13 mA in r1" in found.text
+def test_offsets_of_two_recordings_are_taken_off():
+    """Mean of 4000 readings: known to FLOOR / sqrt(4000); the median of two is their mean, which stays."""
+    campaign, point, shown = at((-0.011, 0.013), along=9.0)
+    steady, found = steadied(campaign, point, shown)
+    error = FLOOR / np.sqrt(N)
+    assert found.offsets["r0"] == pytest.approx((-0.012, 0.006, 0.006), abs=5 * error)
+    assert all(x < 4.0 * error for x in found.errors.values())
+    for k, r in enumerate(steady.recordings):
+        moved = campaign.recordings[k].i_a - r.i_a
+        np.testing.assert_allclose(moved, found.offsets[r.file][0], atol=1e-12)
+    assert "sensor a reads −12 mA in r0, 12 mA in r1 beside their median" in found.text
     assert "at rest before each recording" in found.text
+    assert found.as_json()[1]["i_a"] == pytest.approx(0.012, abs=5 * error)
+
+
+def test_one_recording_that_is_off_leaves_the_others():
+    _, found = steadied(*at((0.0, 0.0, 0.012)))
+    assert found.offsets["r0"][0] == pytest.approx(0.0, abs=5 * FLOOR / np.sqrt(N))
+    assert found.offsets["r2"][0] == pytest.approx(0.012, abs=5 * FLOOR / np.sqrt(N))
 
 
 @pytest.mark.parametrize(
     ("offsets", "more"),
     [
-        ((6.0, 6.0), {}),  # one offset for both is an effect
-        ((6.0,), {}),
-        ((-6.0, 6.0), {"turns": 2}),
-        ((-6.0, 6.0), {"rotor": "locked"}),  # all that is missed there stands still
-        ((-2.0, 2.0), {"along": 9.0}),
-        ((0.0, 0.0), {}),
+        ((0.012, 0.012), {}),  # one offset for both is an effect
+        ((0.012,), {}),
+        ((-0.012, 0.012), {"turns": 2}),
+        ((-0.012, 0.012), {"rotor": "locked"}),  # all that is missed there stands still
+        ((-0.0035, 0.0035), {}),  # four deviations are ordinary
+        ((-0.012, 0.012), {"even": 4.0}),  # 16 floors^2 beside (6 floors)^2: a sensor that cuts half waves
+        ((0.0, 0.0), {"along": 90.0}),
     ],
 )
-def test_what_is_no_drift_is_not_told(offsets, more):
-    assert drifting(*at(offsets, **more)) is None
+def test_what_is_no_drift_stays(offsets, more):
+    campaign, point, shown = at(offsets, **more)
+    steady, found = steadied(campaign, point, shown)
+    assert found is None
+    assert steady is campaign
+
+
+def test_a_half_wave_has_a_fifth_of_even_harmonics():
+    """max(cos, 0) = 1/pi + cos/2 + 2/(3 pi) cos 2x - ...: half of (2/3)^2 of the offset's squares are the second's."""
+    x = np.linspace(0.0, 2.0 * np.pi, 10001)[:-1]
+    wave = np.maximum(np.cos(x), 0.0)
+    second = 2.0 * np.mean(wave * np.cos(2.0 * x))
+    assert 0.5 * second**2 / np.mean(wave) ** 2 == pytest.approx(2.0 / 9.0, rel=1e-3)
 
 
 def test_noise_alone_says_nothing():
-    assert not any(drifting(*at((0.0, 0.0, 0.0), seed=k)) for k in range(100))
+    assert not any(steadied(*at((0.0, 0.0, 0.0), seed=k))[1] for k in range(50))
+
+
+DELAYS = ("pwm_delay", "current_sampling", "current_filter")  # which so little data cannot tell from each other
+
+
+def test_an_effect_beside_them_is_named_alone():
+    """Dead time on the switched bench; sensor a reads 12 mA less in one turning recording, 12 mA more in the other.
+
+    Without them nothing is taken off, and the name is the same.
+    """
+    cases = (("locked", "locked", 0.0, 25.0), *TURNING)
+    plain = small_campaign({"dead_time.time": 2e-6}, cases)
+    off = {"slow.parquet": -0.012, "fast.parquet": 0.012}
+    moved = tuple(
+        dataclasses.replace(r, columns={**r.columns, "i_a": r.i_a + off.get(r.file, 0.0)}) for r in plain.recordings
+    )
+    found = diagnose(dataclasses.replace(plain, recordings=moved), exclude=DELAYS)
+    assert found.best.effects == ("dead_time",)
+    assert found.best.probability > 0.9
+    for file, x in off.items():
+        error = found.drifting.errors[file]
+        assert found.drifting.offsets[file] == pytest.approx((x, 0.0, 0.0), abs=4.0 * error)
+        assert error < 5e-4
+    none = diagnose(plain, exclude=DELAYS)
+    assert none.drifting is None
+    assert none.best.effects == ("dead_time",)
