@@ -39,6 +39,7 @@ from sandbox.recordings.importing import Source, unchecked
 from sandbox.recordings.stamps import segment_name
 
 Array = NDArray[np.float64]
+SHORT_LAG = 2e-5  # s: below it are small coreless motors alone, and inductances in another unit
 OF_LAG = ("resistance", "inductance_d", "inductance_q")
 OF_TORQUE = {"i_q", "torque"}  # columns that tell a torque whatever the zero of the angle
 BESIDE = ("speed", "i_d", "i_q", "u_d", "u_q")
@@ -319,9 +320,10 @@ def _too_slow(period: float, resistance: float, inductance: float) -> str | None
     slowest = inductance / resistance
     if period <= slowest:
         return None
+    asked = " (hardly a motor has so short a one: are the inductances in H?)" if slowest < SHORT_LAG else ""
     return (
-        f"sampling_period = {period:.3g} s is beyond L/R = {slowest:.3g} s: between two rows the currents settle, so "
-        "electrical effects cannot be told and are no candidates; the motion alone is judged"
+        f"sampling_period = {period:.3g} s is beyond L/R = {slowest:.3g} s{asked}: between two rows the currents "
+        "settle, so electrical effects cannot be told and are no candidates; the motion alone is judged"
     )
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Drive
+from model.ratings import cautions
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES
 from sandbox.recordings.checks.mistakes import contradictions, conventions_off
@@ -57,6 +58,8 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     out += cause
     for check in (shifted, conventions_off, pace):
         out += tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
+    if not any("in [motor]" in n.finding.text for n in out):  # else its consequence
+        out += [Noticed(SUSPICIOUS, f) for f in ratings(campaign)]
     if not any(n.level == REFUSED for n in out):
         out += [Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]]
     return refusals_first(out)
@@ -87,11 +90,18 @@ def _kind(column: str) -> str:
     return "current" if column in PHASES else "voltage" if column in VOLTAGES else column
 
 
+def ratings(campaign: Campaign) -> list[Finding]:
+    """Return a finding for each stated value of [motor] that does not go with the others; none of stand-ins."""
+    told = [text for text in cautions(campaign.drive) if not any(name in text for name in campaign.stand_ins)]
+    return [Finding(campaign.name, "", None, f"{campaign.name}: {text}") for text in told]
+
+
 def further(campaign: Campaign) -> list[Finding]:
     """Return what is suspicious in a campaign that has been read and checked, beyond what reading checks."""
-    own = (twice, silent, clipped, steps, ripple)
-    found = [f for r in campaign.recordings for one in own for f in one(r, campaign.drive)]
-    return [*found, *conventions_off(campaign.recordings, campaign.drive), *pace(campaign.recordings, campaign.drive)]
+    each = (twice, silent, clipped, steps, ripple)
+    found = [f for r in campaign.recordings for one in each for f in one(r, campaign.drive)]
+    own = (campaign.recordings, campaign.drive)
+    return [*found, *conventions_off(*own), *pace(*own), *ratings(campaign)]
 
 
 def tried(file: str, check: Callable[[], Iterable[Finding]]) -> list[Noticed]:

@@ -256,6 +256,8 @@ def _of_motor(m: Motor) -> Iterator[Change]:
     yield of("resistance is in mohm", "divide it by 1000", 1e-3)
     yield of("inductance_d and inductance_q are in mH", "divide them by 1000", 1.0, 1e-3)
     yield of("inductance_d and inductance_q are in uH", "divide them by 1e6", 1.0, 1e-6)
+    yield of("resistance is 1000 times too small", "multiply it by 1000", 1e3)
+    yield of("inductance_d and inductance_q are 1000 times too small", "multiply them by 1000", 1.0, 1e3)
     if m.inductance_d != m.inductance_q:
         yield Change(MOTOR, "", "inductance_d and inductance_q are exchanged", "exchange them in [motor]",
                      values=(1.0, 1.0, -1.0, 1.0))  # fmt: skip

@@ -53,6 +53,7 @@ BETTER = 4.0  # ... and the factor by which it must fall
 FALLS = 8.0  # times by which one more mistake must lessen it, and a convention what is no doubt yet
 NOTICED = 0.02  # of the voltage: less is no question of conventions
 CLOSE = 0.03  # relative, within which a factor between conventions is believed
+UNIT = 10.0  # a factor that no gap is: of a unit, however near to it the best one is
 FLOOR = 0.005  # share that a right reading may leave: what is below tells nothing
 ALIKE = 0.2  # of the logarithm: two mistakes that cannot be told apart
 ROWS = 20_000  # of a recording, those with most voltage
@@ -349,10 +350,10 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
         return [Finding(r.file, "theta", None, f"{r.file}: {text}: {remedy}")]
     told = sorted(((left((c,)), k, c) for k, c in enumerate(table)), key=lambda x: x[:2])
     after, _, best = told[0]
-    if (
-        after * FALLS > before
-        or min(left((_stretched(best, x),)) for x in (1.0 - 2.0 * CLOSE, 1.0 + 2.0 * CLOSE)) < after
-    ):
+    factors = [abs(f) for f in (best.scale, *best.values)]
+    near = max(factors) < UNIT and min(factors) > 1.0 / UNIT
+    beside = (left((_stretched(best, x),)) for x in (1.0 - 2.0 * CLOSE, 1.0 + 2.0 * CLOSE))
+    if after * FALLS > before or (near and min(beside) < after):
         return []  # none, or the best factor lies elsewhere: a gap, no convention
     alike = sorted((c for a, _, c in told if a <= after * math.exp(ALIKE) + 1e-4), key=lambda c: c.part != MOTOR)[:2]
     r = parts[0].recording

@@ -315,4 +315,8 @@ def test_a_slow_log_keeps_its_motion(tmp_path):
     found = diagnose(tmp_path, columns=tmp_path / "map.toml")
     assert set(found.motion.best.effects) >= {"coulomb_friction", "cogging_torque"}
     said = found.as_json()["motion"]["electrical"]
-    assert said.startswith("sampling_period = 0.002 s is beyond L/R = 0.0005 s")
+    assert said.startswith("sampling_period = 0.002 s is beyond L/R = 0.0005 s: between")
+    small = (tmp_path / "map.toml").read_text().replace("5e-05", "5e-08")
+    (tmp_path / "map.toml").write_text(small)
+    why = diagnose(tmp_path, columns=tmp_path / "map.toml").as_json()["motion"]["electrical"]
+    assert "L/R = 5e-07 s (hardly a motor has so short a one: are the inductances in H?): between" in why

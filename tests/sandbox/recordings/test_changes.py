@@ -47,6 +47,15 @@ def turned(r, angle):
     return {"u_alpha": u.real, "u_beta": u.imag}
 
 
+def test_values_that_are_a_thousand_times_too_small_are_named():
+    """However near to the thousand the best factor is: saturation takes some per cent."""
+    m = bench()[1].motor
+    small = {"inductance_d": 0.93e-3 * m.inductance_d, "inductance_q": 0.93e-3 * m.inductance_q}
+    assert "inductance_d and inductance_q are 1000 times too small" in told(file="run_slow", **small)
+    ohm = told(file="run_slow", resistance=1e-3 * m.resistance)
+    assert "resistance is 1000 times too small" in ohm
+
+
 @pytest.mark.parametrize("degrees", [24, 31, 60, -75, 120, 150])
 def test_any_zero_of_the_angle_is_fitted(degrees):
     """A resolver 24 to 31 degrees off was the cause in a public report; a sector of Hall sensors is 60."""

@@ -14,7 +14,7 @@ from sandbox import check
 from sandbox.cli import main
 from sandbox.recordings.campaign import EXAMPLE, read_campaign
 from sandbox.recordings.checks.balance import PHASES, percent
-from sandbox.recordings.preflight import REFUSED, noticed, pace, quantum
+from sandbox.recordings.preflight import REFUSED, noticed, pace, quantum, ratings
 from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
 
@@ -242,3 +242,13 @@ def test_tables_that_nothing_describes_get_a_draft(tmp_path, capsys):
     assert found.ok
     assert "the motion alone is judged" in found.why
     assert not (tmp_path / "columns.toml").exists()  # nothing is written into a log's own folder
+
+
+def test_stated_ratings_that_do_not_go_together_are_told_and_stand_ins_are_not():
+    """An inertia in kg cm^2 takes 10 000 times as long to run up; a rated speed that stands in says nothing of it."""
+    c = bench()
+    motor = dataclasses.replace(c.drive.motor, inertia=1e4 * c.drive.motor.inertia)
+    wrong = dataclasses.replace(c, drive=dataclasses.replace(c.drive, motor=motor), stand_ins=())
+    assert any("inertia in kg cm^2" in f.text for f in ratings(wrong))
+    assert ratings(dataclasses.replace(wrong, stand_ins=("rated_torque", "rated_speed_rpm"))) == []
+    assert ratings(dataclasses.replace(c, stand_ins=())) == []
