@@ -107,6 +107,17 @@ def test_log_shifted_by_three_rows():
     assert "down by 3 rows" in finding.text
 
 
+@pytest.mark.parametrize(("names", "rows"), [(("i_a", "i_b", "i_c"), 2), (("i_a", "i_b", "i_c"), -3), (("theta",), 4)])
+def test_currents_or_the_angle_alone_shifted(names, rows):
+    """Columns of another buffer, written so many rows late: they are told, and not the commands."""
+    campaign = noisy(recorded(plant(), {}))
+    (r,) = campaign.recordings[:1]
+    moved = {n: (np.roll(x, rows) if n in names else x)[8:-8] for n, x in r.columns.items()}
+    found = shifted([dataclasses.replace(r, columns=moved)], campaign.drive)
+    (text,) = (f.text for f in found)
+    assert f"move {', '.join(names)} {'up' if rows > 0 else 'down'} by {abs(rows)} rows" in text
+
+
 def test_log_shifted_the_other_way():
     """Commands written a row late act before their row."""
     campaign = noisy(recorded(plant(), {}))
