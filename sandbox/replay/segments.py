@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import Inputs
-from sandbox.replay.memory import SHARE, Kept, Spill
+from sandbox.replay.memory import SHARE, Kept, Spill, chosen
 from sandbox.replay.replay import Prepared, Residual, residual_of
 from sandbox.replay.sensitivity import Moves, Slopes, slopes
 from sandbox.replay.stretches import Stretch, stretches
@@ -122,9 +122,11 @@ class Gathering:
         assert self.acts is not None
         acts = np.flatnonzero(self.acts[part.columns])
         columns, scale = part.columns[acts], part.scale[acts]
-        rows: Rows = part.j.reshape(-1, self.width)[:, columns] * scale if spill is None else Kept(
-            spill, self.at, (self.rows, self.width), columns, scale
-        )  # fmt: skip
+        rows: Rows
+        if spill is None:
+            rows = chosen(part.j.reshape(-1, self.width), columns, scale)
+        else:
+            rows = Kept(spill, self.at, (self.rows, self.width), columns, scale)
         r = self.residuals[0] if len(self.residuals) == 1 else np.concatenate(self.residuals)
         return _segment(recording, part.channel, rows, part.places[acts], r, cut), rows
 

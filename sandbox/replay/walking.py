@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import kernel
-from model.energy import OUTSIDE, SOLVED, AnyEnergy, Energy, flux_newton
+from model.compiled import inlined, kernel
+from model.energy import OUTSIDE, SOLVED, Energy, flux_newton
 from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Drive
@@ -23,10 +23,6 @@ from sandbox.replay.inputs import Inputs, readings_off, with_columns
 from sandbox.replay.kernel import Rows, run
 
 Array = NDArray[np.float64]
-ENERGY_ROWS = (
-    ("gamma_d", 1), ("gamma_q", 1), ("cubic_d", 3), ("cubic_q", 1), ("quartic_d", 4), ("quartic_dq", 1),
-    ("quartic_q", 4),
-)  # fmt: skip
 NEWTON_STEPS = 60
 CURRENT_TOLERANCE = 1e-11  # of 1 A and the current's size: below it rounding may end the search for its flux
 
@@ -137,12 +133,13 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
     c, s = np.cos(theta), np.sin(theta)
     rest = np.zeros((2, lanes))
     at_rest(w, c, s, rest)
-    for j in range(lanes):
-        d = q = 0.0
-        if r.loaded:
-            d, q = _flux_as_read(w, j, r, c[j], s[j], flux_map)
-        d, q = d + w["magnet"][j] + rest[0, j], q + rest[1, j]
-        w["psi_a"][j], w["psi_b"][j] = c[j] * d - s[j] * q, s[j] * d + c[j] * q
+    flux = np.zeros((2, lanes))
+    if r.loaded:
+        without, current = flux_as_read(w, flux_map, r.read[0], c, s, flux)
+        if without >= 0:
+            raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {current:.3g} A")
+    d, q = flux[0] + w["magnet"] + rest[0], flux[1] + rest[1]
+    w["psi_a"], w["psi_b"] = c * d - s * q, s * d + c * q
     w["eddy_a"], w["eddy_b"] = w["psi_a"], w["psi_b"]
     if r.rotor == "free" and (r.turning or r.first > 0):
         start_turning(w, r)
@@ -165,24 +162,41 @@ def at_rest(w, c, s, rest):
             rest[0, j], rest[1, j] = rest[0, j] + d, rest[1, j] + q
 
 
-def _flux_as_read(w: Any, j: int, r: Inputs, c: float, s: float, flux_map: SplineEnergy | None) -> tuple[float, float]:
-    """Return the flux (Wb) that the first reading's current links in lane j; its lags start from that current."""
-    phases = np.array(unread(w, j, *(r.read[0] - w["common"][j])))
-    i_a, i_b = stationary(*(float(x) for x in phases))
-    own: AnyEnergy = Energy(*(float(w[row][j] / n) for row, n in ENERGY_ROWS))
-    i_d, i_q = c * i_a + s * i_b, c * i_b - s * i_a
-    if flux_map is not None:
-        own = flux_map
-    d, q, status = flux_newton(own, i_d, i_q, 0.0, 0.0)
-    if beside(w, flux_map, j, c, s, d, q) != (0.0, 0.0):
-        start = (d, q) if status == SOLVED else (0.0, 0.0)
-        d, q, status = flux_beside(w, flux_map, j, c, s, i_d, i_q, *start)
-    if status != SOLVED:
-        raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {math.hypot(i_a, i_b):.3g} A")
-    for name, i in (("a", i_a), ("b", i_b)):
-        for lag in ("slow", "filter", "i"):
-            w[f"{lag}_{name}"][j] = i
-    return float(d), float(q)
+@kernel
+def flux_as_read(w, flux_map, reading, c, s, flux):
+    """Write the flux (2, lanes) in Wb that a first reading's current (3,) in A links; the lags start from that current.
+
+    Returns the first lane of which no flux gives that current, and the current (A); else -1.
+    """
+    for j in range(w.psi_a.size):
+        p = w.common[j]
+        x, y, z = unread(w, j, reading[0] - p, reading[1] - p, reading[2] - p)
+        i_a, i_b = stationary(x, y, z)
+        i_d, i_q = c[j] * i_a + s[j] * i_b, c[j] * i_b - s[j] * i_a
+        if flux_map is None:
+            d, q, status = flux_newton(energy_of(w, j), i_d, i_q, 0.0, 0.0)
+        else:
+            d, q, status = flux_newton(flux_map, i_d, i_q, 0.0, 0.0)
+        x, y = beside(w, flux_map, j, c[j], s[j], d, q)
+        if x != 0.0 or y != 0.0:
+            if status != SOLVED:
+                d, q = 0.0, 0.0
+            d, q, status = flux_beside(w, flux_map, j, c[j], s[j], i_d, i_q, d, q)
+        if status != SOLVED:
+            return j, math.hypot(i_a, i_b)
+        flux[0, j], flux[1, j] = d, q
+        w.slow_a[j], w.filter_a[j], w.i_a[j] = i_a, i_a, i_a
+        w.slow_b[j], w.filter_b[j], w.i_b[j] = i_b, i_b, i_b
+    return -1, 0.0
+
+
+@inlined
+def energy_of(w, j):
+    """Return the motor's own energy in lane j, as coefficients of H."""
+    return Energy(
+        w.gamma_d[j], w.gamma_q[j], w.cubic_d[j] / 3.0, w.cubic_q[j], w.quartic_d[j] / 4.0, w.quartic_dq[j],
+        w.quartic_q[j] / 4.0,
+    )  # fmt: skip
 
 
 @kernel
