@@ -89,13 +89,15 @@ class Sums(NamedTuple):
 @dataclass(frozen=True)
 class Normal:
     """All segments at a point: coordinates (turns last), their values x (p,), the cost in simulations of
-    the whole campaign; rows: slopes (n c, q) of each segment, as long as `at` is wanted."""
+    the whole campaign; rows: slopes (n c, q) of each segment, as long as `at` is wanted; values: where these were
+    taken."""
 
     coordinates: tuple[Coordinate, ...]
     x: Array
     segments: tuple[Segment, ...]
     simulations: float
     rows: tuple[Any, ...] = ()  # of `Rows`, which are sliced and reshaped like arrays
+    values: Mapping[str, float] = field(default_factory=dict)
 
     def at(self, point: Point, *, workers: int = 1) -> Normal:
         """Return the equations at another point with the slopes of this one: one simulation.
@@ -142,11 +144,12 @@ class Normal:
 
         A column is told by how its coordinate moves the parameters: its label and its prior do not matter.
         """
-        own = {_move(c): k for k, c in enumerate(self.coordinates) if c.form != "turn"}
+        own = {self._move(c): k for k, c in enumerate(self.coordinates) if c.form != "turn"}
         turns = [k for k, c in enumerate(self.coordinates) if c.form == "turn"]
-        if not self.rows or any(_move(c) not in own for c in coordinates):
+        moves = [self._move(c) for c in coordinates]
+        if not self.rows or any(m not in own for m in moves):
             return None
-        kept = np.array([*(own[_move(c)] for c in coordinates), *turns])
+        kept = np.array([*(own[m] for m in moves), *turns])
         segments, rows = [], []
         for s, r in zip(self.segments, self.rows, strict=True):
             place = {int(k): m for m, k in enumerate(s.places)}
@@ -159,6 +162,10 @@ class Normal:
             self, coordinates=whole, x=self.x[kept], segments=tuple(segments), rows=tuple(rows), simulations=0.0
         )
 
+    def _move(self, c: Coordinate) -> tuple[object, ...]:
+        """Return what tells one column from another; parameters along with it that are there already move nothing."""
+        return c.form, c.names, tuple((k, v) for k, v in c.along if self.values.get(k) != v), c.step
+
     def summed(self, weights: Mapping[tuple[int, str], float] | None = None) -> Sums:
         """Return A (p, p), g (p,) and r'r over all segments; weights: per (recording, channel), 0 leaves one out."""
         p = len(self.x)
@@ -170,11 +177,6 @@ class Normal:
                 g[s.places] += w * s.g.sum(0)
                 rr += w * float(s.rr.sum())
         return Sums(a, g, rr)
-
-
-def _move(c: Coordinate) -> tuple[object, ...]:
-    """Return what tells one column from another."""
-    return c.form, c.names, c.along, c.step
 
 
 def equations_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array) -> Normal:
@@ -268,7 +270,8 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
     _COUNT.get()(cost)
-    return Normal((*coordinates, *own_turns), x, tuple(s for s, _ in parts), cost, tuple(rows for _, rows in parts))
+    segments, rows = zip(*parts, strict=True)
+    return Normal((*coordinates, *own_turns), x, segments, cost, rows, values)
 
 
 def possible(drive: Drive, values: Mapping[str, float]) -> bool:
