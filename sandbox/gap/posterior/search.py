@@ -84,9 +84,12 @@ class Search:
         """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other; and
         the equations of all candidates at its point, where they are known.
 
-        here: where the first round begins; whole: the last fit is one, else its first part is enough.
+        here: where the first round begins; whole: the last fit is one, else its first part is enough.  Near the floor a
+        set that excerpts named is mostly the answer: it is fitted whole before all candidates are linearised there.
         """
         known, rough = None, bool(here.effects)
+        if rough and whole and rms_of(here) <= NEAR:
+            here, rough = self.fit_of(here.effects, here, None) or here, False
         seen: set[Parts] = {_parts(here.effects), ()}
         tried: set[Parts] = set()
         self.problem.report("weighing all sets of effects")

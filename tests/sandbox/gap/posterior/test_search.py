@@ -5,11 +5,12 @@ Numbers come from replays of the points that equations speak of, and from the sa
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from sandbox.gap.diagnose import in_order
 from sandbox.gap.evidence.algebra import prior_of
-from sandbox.gap.evidence.fit import NEAR, fit, objective, rms_of
+from sandbox.gap.evidence.fit import NEAR, coordinates_of, fit, objective, rms_of
 from sandbox.gap.evidence.normal import Point, normal, turns
 from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.gap.posterior.estimates import estimates
@@ -47,6 +48,22 @@ def test_what_a_set_leaves_as_its_replay_says(small_folder):
         key = (before.recording, before.channel)
         assert told[key] == pytest.approx(1.0 + 4.0 * min(1.0, max(0.0, share)), rel=1e-6), key
     assert len(set(told.values())) > 1
+
+
+def test_a_set_finds_its_slopes_among_those_of_all_candidates(small_folder):
+    """A capacitance that dead time begins from and that is none there already moves nothing along with it: a column is
+    the same with and without.  Against slopes taken for the set alone, over other steps: 1e-3 of each column's size."""
+    here = start(small_folder)
+    wide = linear_model(here, [Candidate("dead_time", {"dead_time.capacitance": 0.0})], (), 0.01, {}).normal
+    own = coordinates_of(here, ("dead_time",))
+    known = wide.of(own)
+    assert known is not None
+    known, taken = known.summed().a, normal(here, own).summed().a
+    size = np.sqrt(np.diag(taken))
+    assert np.all(np.abs(known - taken) <= 1e-3 * np.outer(size, size))
+    on = dataclasses.replace(here, values={**here.values, "dead_time.time": 1e-6, "dead_time.capacitance": 1e-10})
+    (time,) = (c for c in wide.coordinates if c.names == ("dead_time.time",))
+    assert normal(on, [time]).of([dataclasses.replace(time, along=())]) is None
 
 
 def test_nothing_moved_leaves_what_there_is_and_noise_counts_whole(small_folder):
@@ -120,6 +137,21 @@ def test_far_from_the_floor_a_set_whose_fit_is_worse_is_not_taken(far):
     assert taken.effects == fits.asked[-1] == last
     assert not tried
     assert tuple((e, 1) for e in last) in seen
+
+
+def test_a_named_set_near_the_floor_is_fitted_whole_before_candidates_are_linearised(small_folder):
+    """All candidates once, at the end of the whole fit, which no other set then beats."""
+    own = start(small_folder)
+    run = Search(Problem(own, weights_of(len(own.prepared.recordings)), ("device_drop",)))
+    here = fit(own, ("dead_time",), run.problem.fitted, rough=True)
+    assert rms_of(here) <= NEAR
+    points, linearised = [], run.linearised
+    run.linearised = lambda at, found: points.append(at) or linearised(at, found)
+    found, known = run.grown(here)
+    assert found.effects == ("dead_time",)
+    assert points == [found]
+    assert known is not None
+    assert found.objective <= here.objective
 
 
 def test_excerpts_only_say_where_the_search_begins(small_folder):
