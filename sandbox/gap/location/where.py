@@ -28,6 +28,7 @@ from sandbox.gap.location.outside import outside
 from sandbox.gap.location.readings import told
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
+from sandbox.gap.words import times
 from sandbox.plant.sets import complete
 
 Array = NDArray[np.float64]
@@ -129,7 +130,7 @@ def summary(d: Diagnosis, findings: Sequence[Finding]) -> str:
     if findings and verdict(d) != "no_gap":
         return f"{findings[0].text} {_further(findings)}".rstrip()
     return (
-        f"Nowhere: with ordinary deviations refitted, residuals stand at {d.size.before:.3g} times the noise floor on "
+        f"Nowhere: with ordinary deviations refitted, residuals stand at {times(d.size.before)} the noise floor on "
         "the recordings checked, and no effect of the library explains them better."
     )
 
