@@ -217,9 +217,10 @@ class Expressions:
         given = self._arguments(node)
         if name == "math.isfinite":
             return Text(f"isfinite({given[0].text})", INT)
-        if name.startswith("math."):
-            assert name[5:] in MATHS, f"{name} has no translation"
-            return Text(f"{name[5:].upper()}({', '.join(self.as_kind(a, REAL) for a in given)})", REAL)
+        module, _, function = name.partition(".")
+        if module in ("math", "np"):
+            assert function in MATHS, f"{name} has no translation"
+            return Text(f"{function.upper()}({', '.join(self.as_kind(a, REAL) for a in given)})", REAL)
         if name in CHOSEN:
             return self._chosen(CHOSEN[name], given)
         if name == "abs":
