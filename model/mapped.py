@@ -12,7 +12,7 @@ import io
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -31,6 +31,7 @@ from model.kernels.kept import note_damage
 from model.kernels.kept import read as read_kept
 from model.kernels.kept import write as write_kept
 from model.map_checks import TorqueLine, cell_notes, slope_notes, torque_line, torque_notes
+from model.map_energy import energy_file, energy_in, with_stiffness
 from model.map_fit import choose_for_points
 from model.map_names import STATED
 from model.map_points import check_angle, read_points
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth", *STATED)
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 ALPHAS = OF_MAP[3:]
+FOUND = "flux_map_found.npz"  # a map as recordings have it
 NO_MAGNET = 1e-3  # of the map's lowest psi_d: without magnets, a flux at zero current that is negative by less is noise
 FITTED_BY = (
     "spline_energy",
@@ -54,6 +56,7 @@ FITTED_BY = (
     "map_names",
     "map_fit",
     "map_checks",
+    "map_energy",
     "arrays",
     "matfile",
     "text_table",
@@ -222,6 +225,9 @@ def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | 
     from model.spline_energy import centred, choose_for_map, fit
 
     points = read_points(path, *how)
+    own = None if given else energy_in(path, points)
+    if own is not None:
+        return _checked(FittedMap(*own, torque_line(points), ()), path)
     grid = points.grid()
     if grid is not None:
         check_physical(grid)
@@ -237,11 +243,16 @@ def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | 
         raise BadInput(
             f"flux map '{path.name}' cannot be fitted ({error}); check its units (A, Wb), signs and magnet axis"
         ) from None
-    found = FittedMap(spline, flux, choice, torque_line(points), ())
-    if not _is_sound(found):
-        raise BadInput(f"flux map '{path.name}' gives no finite energy; check its units (A, Wb), signs and magnet axis")
+    found = _checked(FittedMap(spline, flux, choice, torque_line(points), ()), path)
     crowded = cell_notes(points, given, path.name) if given else []
     return found._replace(notes=(*crowded, *slope_notes(whole, points, path.name)))
+
+
+def _checked(found: FittedMap, path: Path) -> FittedMap:
+    """Return a fit that is sound; BadInput for another."""
+    if not _is_sound(found):
+        raise BadInput(f"flux map '{path.name}' gives no finite energy; check its units (A, Wb), signs and magnet axis")
+    return found
 
 
 def _is_sound(found: FittedMap) -> bool:
@@ -260,6 +271,21 @@ def map_quality(table: Mapping[str, Any], folder: Path) -> Quality:
     """Return how far the map of a [flux_map] table can be believed; folder: in which its file lies."""
     path = _path(table, folder)
     return quality(read_points(path, *_reading(table)), _remembered(path, _reading(table), _choice(table)).choice)
+
+
+def corrected(motor: MappedMotor, energy: SplineEnergy) -> tuple[MappedMotor, bytes]:
+    """Return a motor with another energy in place of its map's, and the file it can be read from, which holds the
+    points of its map on that energy; BadInput where the motor was not read from a map."""
+    if motor.origin is None:
+        raise BadInput(f"the map of '{motor.name}' was not read from a file; read the motor from one")
+    path, table, notes = motor.origin
+    points, choice = read_points(path, *_reading(table)), _remembered(path, _reading(table), _choice(table)).choice
+    e = with_stiffness(energy)
+    body = energy_file(e, motor.magnet_flux, choice, points.i_d, points.i_q)
+    digest = hashlib.sha256(e.cells.tobytes() + repr(e[1:]).encode()).hexdigest()[:16]
+    origin = MapFile(path.with_name(FOUND), {"file": FOUND}, notes)
+    stiff = {"inductance_d": 1.0 / e.gamma_d, "inductance_q": 1.0 / e.gamma_q}
+    return replace(motor, **stiff, map_hash=digest, spline=e, origin=origin), body  # type: ignore[arg-type]
 
 
 def held_by_data(motor: Motor, i_d: NDArray[np.float64], i_q: NDArray[np.float64]) -> NDArray[np.bool_]:

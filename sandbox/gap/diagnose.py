@@ -21,6 +21,7 @@ from model.effects import library
 from model.errors import PhysicsError
 from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
+from sandbox.gap.evidence.map_modes import map_error, with_modes
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.evidence.spectrum import shown
@@ -36,6 +37,7 @@ from sandbox.gap.posterior.search import Problem
 from sandbox.gap.posterior.settings import USUAL as USUAL_SETTINGS
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.replay.map_error import same_map
 from sandbox.replay.memory import USUAL, spare
 from sandbox.replay.replay import prepare
 
@@ -136,6 +138,7 @@ def _diagnosed(
     barred = (*exclude, *hidden)
     asked = tuple(s for s in rivals if not set(s) & set(hidden))
     short = _excerpts(own, start)
+    start, short = _with_map(start, short)
     found = infer(Problem(start, weights_of(count), barred, asked, USUAL_SETTINGS, workers, report, short))
     noise = noise_of(own)
     report("measuring the gap")
@@ -235,6 +238,13 @@ def _excerpts(own: Campaign, start: Point) -> Point | None:
         return None
     short = prepare(in_order(begun(excerpted(own, USUAL_SETTINGS.samples))), steps=start.prepared.steps)
     return replace(start, prepared=replace(short, floor=start.prepared.floor, spare=start.prepared.spare))
+
+
+def _with_map(start: Point, short: Point | None) -> tuple[Point, Point | None]:
+    """Return a campaign's nominal point, and that of its excerpts, with what the motor's flux map may be off by."""
+    campaign = start.prepared.campaign
+    seen = with_modes(short or start, map_error(campaign))
+    return replace(start, prepared=same_map(start.prepared, seen.prepared)), None if short is None else seen
 
 
 def in_order(campaign: Campaign) -> Campaign:

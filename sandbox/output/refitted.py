@@ -24,9 +24,10 @@ class Refitted:
 
     drive: with the motor's values refitted (None where recordings say nothing of it); effects: what the plant has
     beside it, by public name, `bench.*` too; angles: rad by which recordings' angles are turned; ci95: 95 % intervals
-    of values in [motor] and of effects; units: of effects; residual: rms of each recording's currents, in noise floors,
-    that the two files leave; said: where they come from, one sentence; at_bound: of values that stand at a bound, by
-    name (`angles.<file>` of an angle), which bound that is.
+    of values in [motor] and of effects; units: of effects; residual: rms of each recording's currents, in noise
+    floors, that the two files leave; said: where they come from, one sentence; at_bound: of values that stand at a
+    bound, by name (`angles.<file>` of an angle), which bound that is; flux_map: what the motor's map file holds, where
+    it is a new one.
     """
 
     drive: Drive | None
@@ -37,6 +38,7 @@ class Refitted:
     residual: Mapping[str, float]
     said: str
     at_bound: Mapping[str, str] = field(default_factory=dict)
+    flux_map: bytes | None = None
 
     @property
     def line(self) -> str:
@@ -56,7 +58,9 @@ class Refitted:
         if self.drive is not None:
             (folder / MOTOR).write_text(self._motor(self.drive), encoding="utf-8")
             motor = self.drive.motor
-            if isinstance(motor, MappedMotor) and motor.origin and "dataset" not in motor.origin.table:
+            if isinstance(motor, MappedMotor) and motor.origin and self.flux_map is not None:
+                (folder / motor.origin.path.name).write_bytes(self.flux_map)
+            elif isinstance(motor, MappedMotor) and motor.origin and "dataset" not in motor.origin.table:
                 shutil.copyfile(motor.origin.path, folder / motor.origin.path.name)
         (folder / EFFECTS).write_text(self._effects(), encoding="utf-8")
 

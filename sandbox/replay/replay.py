@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Converter, Motor
+from model.spline_correction import MapError
 from sandbox.plant.sets import batch_of, complete, features_of, readings_at, sampled_at
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.grouping import SAMPLED, grouped, room_of
@@ -44,7 +45,8 @@ ACCURACY = 0.02  # of the noise floor: largest rms change on halving the plant's
 class Prepared:
     """A campaign ready for replay: inputs of each recording, plant steps a sampling period, floors, base set.
 
-    spare: bytes that a diagnosis may take beside what grows with the campaign anyway (`sandbox.replay.memory`).
+    spare: bytes that a diagnosis may take beside what grows with the campaign anyway (`sandbox.replay.memory`);
+    map_error: what the motor's flux map may be off by, and is taken to be off by here.
     """
 
     campaign: Campaign
@@ -53,6 +55,7 @@ class Prepared:
     floor: float  # A rms of one phase's reading
     base: Set
     spare: float = math.inf
+    map_error: MapError | None = None
 
     @property
     def samples(self) -> int:

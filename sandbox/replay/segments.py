@@ -7,7 +7,7 @@ a segment is squared then, from the same numbers in the same blocks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import Inputs
+from sandbox.replay.map_error import Answers
 from sandbox.replay.memory import SHARE, Kept, Spill, chosen
 from sandbox.replay.replay import Prepared, Residual, residual_of
 from sandbox.replay.sensitivity import Moves, Slopes, slopes
@@ -39,7 +40,9 @@ class Segment:
 
 def squared_slopes(prepared: Prepared, moves: Moves, cut: int, workers: int) -> list[tuple[Segment, Rows]]:
     """Return all segments with their slopes, which stay in memory where they fit; cut: samples of a block."""
-    width, n = len(moves.to), [r.samples for r in prepared.recordings]
+    beside = 0 if prepared.map_error is None else len(prepared.map_error.modes)
+    answers, moves = Answers(prepared, moves.at), replace(moves, beside=beside)
+    width, n = len(moves.to) + beside, [r.samples for r in prepared.recordings]
     room, size = SHARE * prepared.spare, 8.0 * width * sum(_readings(r) for r in prepared.recordings)
     groups = stretches(n, room / (32.0 * (width + ROOMS[-1] * workers)), cut)
     small = size <= room and all(s.whole for group in groups for s in group)
@@ -47,7 +50,9 @@ def squared_slopes(prepared: Prepared, moves: Moves, cut: int, workers: int) -> 
     out: list[tuple[Segment, Rows]] = []
     gathering: list[Gathering] = []
     for s, told in slopes(prepared, moves, groups, workers=workers):
-        parts = channels_of(prepared, s, told, width - 2)
+        if beside:
+            told.current[:, :, len(moves.to) :] = answers.over(s)
+        parts = channels_of(prepared, s, told, len(moves.to) - 2)
         if not s.first:
             gathering = []
             for part in parts:
@@ -66,8 +71,8 @@ def _readings(r: Inputs) -> int:
 
 
 class Part(NamedTuple):
-    """A channel over a stretch: slopes j (m, c, p + 2) and residuals r (m, c); which columns act (q,), what they are
-    multiplied by, and the places of their coordinates."""
+    """A channel over a stretch: slopes j (m, c, p + 2 and more) and residuals r (m, c); which columns act (q,), what
+    they are multiplied by, and the places of their coordinates."""
 
     channel: str
     j: Array
@@ -78,11 +83,13 @@ class Part(NamedTuple):
 
 
 def channels_of(prepared: Prepared, s: Stretch, told: Slopes, p: int) -> list[Part]:
-    """Return the channels of a recording over a stretch, of p coordinates beside two turns."""
+    """Return the channels of a recording over a stretch, of p coordinates beside two turns and a map's modes."""
     r, shown = prepared.recordings[s.recording], residual_of(prepared, s, told.base)
     turn, sign = (p, 1.0) if r.rotor == "locked" else (p + 1, -1.0)
-    columns, places = np.array([*range(p), turn]), np.array([*range(p), p + prepared.angles.index(r.angle_name)])
-    scale = np.append(np.ones(p), sign)
+    modes = np.arange(told.current.shape[2] - p - 2)
+    columns = np.array([*range(p), turn, *(p + 2 + modes)])
+    places = np.array([*range(p), p + prepared.angles.index(r.angle_name), *(p + len(prepared.angles) + modes)])
+    scale = np.array([*np.ones(p), sign, *np.ones(len(modes))])
 
     def part(name: str, j: Array, size: Array) -> Part:
         """Return one of them."""

@@ -159,12 +159,13 @@ class Slopes(NamedTuple):
 @dataclass(frozen=True)
 class Moves:
     """Displaced sets `to` (p,), beside the set `at`; steps: (p,) in any unit; mechanical: (p,) this one acts on free
-    rotors only."""
+    rotors only; beside: columns (0) that are left to the caller, behind those of the sets."""
 
     at: Set
     to: Sequence[Set]
     steps: Array
     mechanical: Sequence[bool]
+    beside: int = 0
 
 
 def slopes(
@@ -175,7 +176,7 @@ def slopes(
     both = [[k for k, m in enumerate(moves.mechanical) if m == only] for only in (False, True)]
     electrical, mechanical = (_blocks(prepared, sets, columns) for columns in both)
     for group in groups:
-        results = {s: _empty(prepared, s, len(moves.to)) for s in group}
+        results = {s: _empty(prepared, s, len(moves.to) + moves.beside) for s in group}
         jobs = []
         for s in group:
             wanted = electrical + mechanical if prepared.recordings[s.recording].rotor == "free" else electrical

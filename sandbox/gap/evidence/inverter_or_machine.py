@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from model.effects.library import true_motor
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.regression import RIDGE, SIGN, component, regressors, ridged
+from sandbox.gap.evidence.response import added_current
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import replay, residuals
-from sandbox.replay.response import added_current
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -7,7 +7,8 @@ held-out errors, robust covariances) is algebra on these, no further simulation.
 A fit takes many steps on the slopes of one point: `Normal.at` replays another point and keeps the slopes.
 
 Every recording has an angle of its own beside the encoder's offset: a locked rotor stands somewhere within a count, and
-counts that beat with the sampling leave a bias in a motion, too: coordinate "turn:FILE" of that recording only.
+counts that beat with the sampling leave a bias in a motion, too: coordinate "turn:FILE" of that recording only.  What a
+flux map may be off by has coordinates, too ("map:1", ...), in units of their prior (`sandbox.replay.map_error`).
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from sandbox.gap.evidence.priors import FARTHEST, Coordinate
 from sandbox.plant.sets import ANGLE_OFFSET, complete
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import inputs_of
+from sandbox.replay.map_error import with_map_error
 from sandbox.replay.memory import SHARE, Kept
 from sandbox.replay.replay import Prepared, Walk, in_threads, plan, residual_of
 from sandbox.replay.segments import Segment, channel, squared, squared_slopes
@@ -88,7 +90,7 @@ class Sums(NamedTuple):
 
 @dataclass(frozen=True)
 class Normal:
-    """All segments at a point: coordinates (turns last), their values x (p,), the cost in simulations of
+    """All segments at a point: coordinates (those of the point last), their values x (p,), the cost in simulations of
     the whole campaign; rows: slopes (n c, q) of each segment, as long as `at` is wanted; values: where these were
     taken."""
 
@@ -131,7 +133,7 @@ class Normal:
 
     def _with(self, point: Point, values: Mapping[str, float], segments: Sequence[Segment]) -> Normal:
         """Return the equations with segments squared at a point."""
-        x = [point.turns.get(c.names[0], 0.0) if c.form == "turn" else c.value(values) for c in self.coordinates]
+        x = [point.own(c) if c.of_point else c.value(values) for c in self.coordinates]
         return replace(self, x=np.array(x), segments=tuple(segments), simulations=1.0)
 
     def bare(self) -> Normal:
@@ -139,13 +141,13 @@ class Normal:
         return replace(self, rows=())
 
     def of(self, coordinates: Sequence[Coordinate]) -> Normal | None:
-        """Return the equations of some of the coordinates and all turns, with their slopes; None where one of these
-        has no column here.
+        """Return the equations of some of the coordinates and all of the point's own, with their slopes; None where
+        one of these has no column here.
 
         A column is told by how its coordinate moves the parameters: its label and its prior do not matter.
         """
-        own = {self._move(c): k for k, c in enumerate(self.coordinates) if c.form != "turn"}
-        turns = [k for k, c in enumerate(self.coordinates) if c.form == "turn"]
+        own = {self._move(c): k for k, c in enumerate(self.coordinates) if not c.of_point}
+        turns = [k for k, c in enumerate(self.coordinates) if c.of_point]
         moves = [self._move(c) for c in coordinates]
         if not self.rows or any(m not in own for m in moves):
             return None
@@ -205,13 +207,23 @@ class Point:
 
     def moved(self, coordinates: Sequence[Coordinate], x: Array) -> Point:
         """Return the point whose coordinates have the values x, each inside its bounds."""
-        values, turns = dict(self.values), dict(self.turns)
+        values, turns, prepared = dict(self.values), dict(self.turns), self.prepared
         for c, to in zip(coordinates, x, strict=True):
             if c.form == "turn":
                 turns[c.names[0]] = c.bounded(float(to))
-            else:
+            elif not c.of_point:
                 values |= c.changes(values, c.bounded(float(to)))
-        return Point(self.prepared, values, turns)
+        sizes = {int(c.names[0]): float(to) for c, to in zip(coordinates, x, strict=True) if c.form == "map"}
+        if sizes and prepared.map_error is not None:
+            prepared = with_map_error(prepared, prepared.map_error.moved(sizes))
+        return Point(prepared, values, turns)
+
+    def own(self, c: Coordinate) -> float:
+        """Return the value of a coordinate that is none of the parameters' (`Coordinate.of_point`)."""
+        if c.form == "turn":
+            return self.turns.get(c.names[0], 0.0)
+        assert self.prepared.map_error is not None
+        return float(self.prepared.map_error.x[int(c.names[0])])
 
     def turned(self) -> Prepared:
         """Return the prepared campaign with its recordings' angles turned."""
@@ -242,8 +254,14 @@ def turns(prepared: Prepared) -> list[Coordinate]:
     return [Coordinate(f"turn:{name}", 0.0, size, "turn", (name,), within=FARTHEST) for name, size in own.items()]
 
 
+def modes(prepared: Prepared) -> list[Coordinate]:
+    """Return one coordinate for each mode of what a flux map may be off by."""
+    count = 0 if prepared.map_error is None else len(prepared.map_error.modes)
+    return [Coordinate(f"map:{k + 1}", 0.0, 1.0, "map", (str(k),)) for k in range(count)]
+
+
 def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1) -> Normal:
-    """Return the normal equations of a campaign at a point for the coordinates and all turns.
+    """Return the normal equations of a campaign at a point for the coordinates and all of the point's own.
 
     BadInput where the point is none a drive can have (masses, delays that bound each other).
     """
@@ -251,6 +269,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     complete(drive.motor, drive.converter, point.values)
     prepared, values = point.turned(), point.values
     own_turns = turns(prepared)
+    own = [*own_turns, *modes(prepared)]
     x = np.array([c.value(values) for c in coordinates])
     moves, steps = [], []
     for c, at in zip(coordinates, x, strict=True):
@@ -266,12 +285,12 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
         moves.append({**values, name: values[name] + steps[-1]})
         mechanical.append(False)
     parts = squared_slopes(prepared, Moves(values, moves, np.array(steps), mechanical), block_length(prepared), workers)
-    x = np.append(x, [point.turns.get(c.names[0], 0.0) for c in own_turns])
+    x = np.append(x, [point.own(c) for c in own])
     free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
     _COUNT.get()(cost)
     segments, rows = zip(*parts, strict=True)
-    return Normal((*coordinates, *own_turns), x, segments, cost, rows, values)
+    return Normal((*coordinates, *own), x, segments, cost, rows, values)
 
 
 def possible(drive: Drive, values: Mapping[str, float]) -> bool:

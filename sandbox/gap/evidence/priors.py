@@ -22,6 +22,7 @@ from sandbox.replay.sensitivity import mechanical_only
 Set = Mapping[str, float]
 WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
 FARTHEST = 4.0  # standard deviations that an effect may move before its bounds widen
+OF_POINT = ("turn", "map")  # forms of what a point has beside its parameters
 STEPS = ("share", "presence")  # forms that are there or not, nothing between
 REACHED = 0.99  # of them: a value there is at its bound
 BELOW = 1.0 - 1e-6  # of a limit that a value must stay below: what a fit may reach
@@ -52,6 +53,11 @@ class Coordinate:
     def effect(self) -> str:
         """The effect (or "bench") that the coordinate belongs to."""
         return self.names[0].partition(".")[0]
+
+    @property
+    def of_point(self) -> bool:
+        """Whether it is none of the parameters': a recording's turn, or a mode of what the flux map is off by."""
+        return self.form in OF_POINT
 
     @property
     def mechanical(self) -> bool:

@@ -26,9 +26,9 @@ from scipy.linalg import cho_factor, cho_solve
 
 from model.effects.library import true_motor
 from sandbox.gap.evidence.normal import BLOCK, Point
+from sandbox.gap.evidence.response import added_current
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Prepared, Residual, replay, residuals
-from sandbox.replay.response import added_current
 
 Array = NDArray[np.float64]
 DEGREE = 3  # of the powers of currents

@@ -200,7 +200,7 @@ def held_at_neutral(j: EvaluatedModel, effects: Sequence[str]) -> Prior:
         if c.label in usual and c.label in missing:
             prior.mean[k], prior.deviation[k] = usual[c.label].mean, usual[c.label].deviation
             prior.low[k], prior.high[k] = usual[c.label].bounds()
-        elif c.label in missing or (k not in claimed and c.label not in usual and c.form != "turn"):
+        elif c.label in missing or (k not in claimed and c.label not in usual and not c.of_point):
             prior.mean[k], prior.deviation[k] = missing.get(c.label, c).mean, 0.0
     return prior
 

@@ -25,7 +25,7 @@ from model.effects import library
 from model.errors import BadInput, PhysicsError
 from sandbox.gap.diagnose import CREDIBLE
 from sandbox.gap.evidence.normal import Point, normal
-from sandbox.gap.evidence.priors import STEPS
+from sandbox.gap.evidence.priors import OF_POINT, STEPS
 from sandbox.gap.planning.menu import Entry, recording_of, settings, shaft, usual_seconds
 from sandbox.gap.planning.within import allowed
 from sandbox.gap.posterior.evaluated import EvaluatedModel
@@ -118,7 +118,7 @@ def _surprise(
     """Return how badly a hypothesis foretells a recording that a truth has told: what it cannot follow, its spread."""
     belief = dict(j.fit.point.values)
     point = Point(as_predicted(prepare(told, belief, steps=1), truth), belief)
-    own = [c for c in j.normal.coordinates if c.form not in ("turn", *STEPS)]
+    own = [c for c in j.normal.coordinates if c.form not in (*OF_POINT, *STEPS)]
     n = normal(point, own, workers=workers)
     a, g, rr = n.summed()
     place = {c.label: k for k, c in enumerate(j.normal.coordinates)}

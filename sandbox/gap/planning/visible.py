@@ -63,7 +63,7 @@ def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
     n = normal(start, list(added.values()), workers=workers)
     a, _, _ = n.summed()
     place = {c.label: k for k, c in enumerate(n.coordinates)}
-    ordinary = {c.label for c in own} | {c.label for c in n.coordinates if c.form == "turn"}
+    ordinary = {c.label for c in own} | {c.label for c in n.coordinates if c.of_point}
     size = {e: _move(own_, {c.label: k for k, c in enumerate(own_)}, groups[e]) for e, own_ in moved.items()}
     precision = np.array([c.deviation**-2 if c.label in ordinary else 0.0 for c in n.coordinates])
     aligned = _misaligned(precision, place, moved)

@@ -120,7 +120,7 @@ def beside(table: LinearModel, prior: Prior, *, workers: int = 1) -> Beside | No
     taken beyond what a drive can be (no flux for a current).
     """
     try:
-        n = normal(table.point, [c for c in table.coordinates if c.form != "turn"], workers=workers)
+        n = normal(table.point, [c for c in table.coordinates if not c.of_point], workers=workers)
     except BadInput:
         return None
     excess = sum(float(s.rr.sum() - s.n.sum()) for s in n.segments)

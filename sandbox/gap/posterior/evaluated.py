@@ -63,7 +63,7 @@ def by_algebra(near: EvaluatedModel, effects: tuple[str, ...]) -> EvaluatedModel
     """Return the model of a set of effects from the equations at the point of another one."""
     t = near.model
     prior = t.prior(effects, alone=True)
-    kept = [k for k, c in enumerate(t.coordinates) if prior.deviation[k] > 0.0 or c.form == "turn"]
+    kept = [k for k, c in enumerate(t.coordinates) if prior.deviation[k] > 0.0 or c.of_point]
     own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
     n = equations_of(t.normal, kept, own, prior.mean)
     x, _, objective = t.equations.most_probable(prior)

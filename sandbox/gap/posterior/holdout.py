@@ -56,7 +56,7 @@ def held_out(model: LinearModel) -> tuple[int, ...]:
     options = choices([r.rotor for r in model.point.prepared.recordings])
     if options == [()]:
         return ()
-    own = [(k,) for k, c in enumerate(model.coordinates) if not model.of_effects[k] and c.form != "turn"]
+    own = [(k,) for k, c in enumerate(model.coordinates) if not model.of_effects[k] and not c.of_point]
     groups: list[tuple[int, ...]] = [*own, *model.members.values()]
     labels = [[model.coordinates[k].label for k in g] for g in groups]
     return max(options, key=lambda left: worst_share(model.normal, left, labels))

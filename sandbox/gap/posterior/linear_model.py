@@ -206,7 +206,7 @@ class _Columns:
         usual, own = {c.label for c in ordinary(point.prepared.campaign)}, [self.wide[label] for label in self.narrow]
         n = (known.of(own) if known is not None else None) or normal(point, own, workers=workers)
         place = {c.label: k for k, c in enumerate(n.coordinates)}
-        other = np.array([c.label not in usual and c.form != "turn" for c in n.coordinates])
+        other = np.array([c.label not in usual and not c.of_point for c in n.coordinates])
         return LinearModel(
             point,
             n,

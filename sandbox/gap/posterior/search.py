@@ -27,6 +27,7 @@ from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_mo
 from sandbox.gap.posterior.misfit import misfit, weights
 from sandbox.gap.posterior.sets import Chosen, Set, SetPosterior, log_prior
 from sandbox.gap.posterior.settings import USUAL, Settings
+from sandbox.replay.map_error import same_map
 
 Array = NDArray[np.float64]
 Parts = tuple[tuple[str, int], ...]
@@ -77,7 +78,7 @@ class Search:
             return self.null
         self.chosen = first.chosen
         p.report(f"fitting {' + '.join(found.effects)}")
-        at = replace(p.start, values=found.point.values)
+        at = replace(p.start, values=found.point.values, prepared=same_map(p.start.prepared, found.point.prepared))
         return attempted(at, found.effects, p.fitted, smooth=True, rough=True, workers=p.workers) or self.null
 
     def grown(self, here: Fit, *, whole: bool = True) -> tuple[Fit, Normal | None]:

@@ -16,6 +16,7 @@ from model.mapped import MappedMotor
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.location.map_found import MapFound, map_found
 from sandbox.gap.location.outside import OddPhase, odd_phase
 from sandbox.gap.location.where import Finding, Part, parts, percent, summary, where
 from sandbox.gap.planning.next_recording import Next, recommend
@@ -52,6 +53,7 @@ class Answers:
     odd_phase: OddPhase | None = None
     parts: tuple[Part, ...] = ()
     no_position: str = ""
+    map_found: MapFound | None = None
 
     @property
     def verdict(self) -> str:
@@ -99,8 +101,9 @@ def answer(
     listed = ranking(d, workers)
     left_before = shown(d.before.point)
     odd = odd_phase(d.before.point, left_before)
+    told = map_found(d.best.evaluated.fit)
     error, why = (None, position) if isinstance(position, str) else (position, "")
-    return Answers(d, found, error, following, left, alike(d), listed, odd, apart, why)
+    return Answers(d, found, error, following, left, alike(d), listed, odd, apart, why, told)
 
 
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
@@ -285,6 +288,8 @@ def caveats(a: Answers) -> list[str]:
     if a.odd_phase is not None and a.verdict == "no_gap":
         out.append(a.odd_phase.text)
     out += [text] if (text := sentence(d.at_bound)) else []
+    if a.map_found is not None:
+        out.append(a.map_found.text(d.campaign.drive.motor.rated_current))
     if d.excluded:
         out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
     motor = d.campaign.drive.motor

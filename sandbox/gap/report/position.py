@@ -108,7 +108,7 @@ def _none_suits(d: Diagnosis) -> str:
 
 def _believing(d: Diagnosis, files: tuple[str, ...], estimator: str) -> float | None:
     """Return the error of a belief that has the motor found (magnetics, resistance), or None where none can be had."""
-    motor = true_motor(d.campaign.drive.motor, dict(d.after.point.values), keep_map=True)
+    motor = true_motor(d.after.point.prepared.campaign.drive.motor, dict(d.after.point.values), keep_map=True)
     drive = dataclasses.replace(d.campaign.drive, motor=motor)
     try:
         return _rms_deg([errors(drive, d.campaign[f], None, estimator) for f in files])

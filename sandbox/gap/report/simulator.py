@@ -16,6 +16,7 @@ from model.mapped import MappedMotor
 from model.parameters import Converter, Motor
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.location.map_found import with_map_found
 from sandbox.gap.posterior.estimates import estimates, of_motor
 from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report.bounds import at_bound
@@ -26,8 +27,9 @@ from sandbox.plant.sets import BENCH, complete
 def refitted(d: Diagnosis) -> Refitted:
     """Return the drive and the effects of a diagnosis' best hypothesis."""
     judged, own = d.best.evaluated, d.campaign.drive
+    stated, flux_map = with_map_found(own.motor, d.best.evaluated.fit)
     values, turns = judged.fit.point.values, judged.fit.point.turns
-    motor = baked(own.motor, values)
+    motor = baked(stated, values)
     found = {**of_motor(judged), **estimates(judged)}
     ci95 = {k: (e.low, e.high) for k, e in found.items()}
     effects = beside(motor, own.converter, values)
@@ -45,7 +47,7 @@ def refitted(d: Diagnosis) -> Refitted:
     parts = {} if d.campaign.excerpts is None else {e.file: e.of for e in d.campaign.excerpts.parts if e.file != e.of}
     angles = {name: turn for name, turn in turns.items() if turn and name not in parts}  # a replay has no parts
     bounds = at_bound(found, d.at_bound)
-    return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said, bounds)
+    return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said, bounds, flux_map)
 
 
 def baked(motor: Motor, values: Mapping[str, float]) -> Motor:

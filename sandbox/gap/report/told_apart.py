@@ -21,6 +21,7 @@ from sandbox.gap.report.distinguishability import left_by
 
 Array = NDArray[np.float64]
 ALIKE = math.sqrt(0.5)  # cosine: a rival takes up half of what the effect does
+KINDS = {"turn": "encoder_counts", "map": "flux_map"}  # names of coordinates that are no parameters
 SURE = math.log(0.95 / 0.05)  # log evidence that makes even odds 95 %
 
 
@@ -81,7 +82,7 @@ def _rivals(
     taken = {k for e in rest for k in t.members[e]}
     for k, c in enumerate(t.coordinates):
         if not t.of_effects[k] and k not in own and k not in taken and usual.deviation[k] > 0.0:
-            groups.setdefault("encoder_counts" if c.form == "turn" else c.label.partition(" ")[0], []).append(k)
+            groups.setdefault(KINDS.get(c.form, c.label.partition(" ")[0]), []).append(k)
     for name, held in groups.items():
         deviation = usual.deviation.copy()
         deviation[held] = 0.0

@@ -48,13 +48,13 @@ def columns(point: Point, known: Sequence[Coordinate], probes: Sequence[Candidat
         (probe, {c.label: c for c in probe.coordinates(point, f" #{k}" if probe.start else "")})
         for k, probe in enumerate(probes)
     ]
-    return Columns([c for c in known if c.form != "turn"], own)
+    return Columns([c for c in known if not c.of_point], own)
 
 
 def held_but(n: Normal, free: Mapping[str, Coordinate]) -> Prior:
     """Return the priors under which coordinates of some labels move, and all turns; the others stay where they are."""
     chosen = [free.get(c.label, c) for c in n.coordinates]
-    loose = [c.label in free or c.form == "turn" for c in chosen]
+    loose = [c.label in free or c.of_point for c in chosen]
     held = [replace(c, mean=float(x), deviation=0.0) for c, x in zip(chosen, n.x, strict=True)]
     return prior_of([c if f else h for c, f, h in zip(chosen, loose, held, strict=True)])
 

@@ -77,7 +77,7 @@ def equations(n: Normal, usual: Collection[str], own: Sequence[Sequence[Coordina
     place, whole, prior = {c.label: k for k, c in enumerate(n.coordinates)}, algebra(n), prior_of(n.coordinates)
     wide = {place[c.label]: c.deviation for more in own for c in more}
     asked = sorted(wide)
-    rest = [k for k, c in enumerate(n.coordinates) if (c.label in usual or c.form == "turn") and c.deviation > 0.0]
+    rest = [k for k, c in enumerate(n.coordinates) if (c.label in usual or c.of_point) and c.deviation > 0.0]
     held = prior.deviation[rest] ** -2.0
     pull = whole.g[rest] + held * (prior.mean - n.x)[rest]
     across = whole.a[np.ix_(rest, asked)]

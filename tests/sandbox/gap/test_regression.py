@@ -12,11 +12,11 @@ from model.energy import currents as currents_of
 from sandbox.gap.evidence import regression
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.regression import DRAWS, RIDGE, Remains, judged, regressors, remains, scalars
+from sandbox.gap.evidence.response import added_current
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Residual, prepare, replay
-from sandbox.replay.response import added_current
 from tests.sandbox.gap.conftest import DRIVE, record
 
 HELD = (1, 4)

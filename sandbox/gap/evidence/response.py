@@ -42,3 +42,14 @@ def added_current(m, resistance, period, current, theta, voltage):
             out[k, j, 0] = g_dd * psi[j, 0] + g_dq * psi[j, 1]
             out[k, j, 1] = g_dq * psi[j, 0] + g_qq * psi[j, 1]
     return out
+
+
+@kernel
+def fluxes(m, current):
+    """Return the fluxes (n, 2) in Wb that a motor's energy m has for currents (n, 2) in A."""
+    out = np.empty_like(current)
+    d = q = 0.0
+    for k in range(len(current)):
+        d, q, _ = flux_newton(m, current[k, 0], current[k, 1], d, q)
+        out[k, 0], out[k, 1] = d, q
+    return out

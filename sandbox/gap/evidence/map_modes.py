@@ -1,0 +1,94 @@
+"""Modes of what a flux map may be off by: the few directions of its error that recordings can see.
+
+Prior: an energy of independent B-splines on the map's own cells, each cut in two along d, all of one size;
+together they move the current, at the recordings' operating points, as the map's own flux is off by between its points:
+the flux error that its fit makes at points left out of it, over the inductances at zero current.  Of its
+hundreds of directions recordings tell those whose answer in the readings stands above the noise; the others keep their
+prior, which moves nothing, and are left away.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.effects.library import true_motor
+from model.mapped import MappedMotor, map_quality
+from model.spline import SplineEnergy
+from model.spline_correction import Basis, MapError, refined
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.response import added_current, fluxes
+from sandbox.recordings.campaign import Campaign
+from sandbox.replay.map_error import rotor_currents, with_map_error
+from sandbox.replay.replay import replay
+
+Array = NDArray[np.float64]
+FINER = (2, 1)  # parts of the map's cells along d and q
+TOLD = 1.0  # of the prior's precision: information in the recordings below which a direction is left away
+MOST = 96  # directions, the best told ones
+SAMPLES = 40_000  # that directions are looked for in
+
+
+def map_error(campaign: Campaign) -> float:
+    """Return what the current at a flux of a motor's map is off by, A rms of both components; 0 without a map."""
+    motor = campaign.drive.motor
+    if not isinstance(motor, MappedMotor) or motor.origin is None:
+        return 0.0
+    missed = map_quality(motor.origin.table, motor.origin.path.parent).held_out
+    return 0.0 if missed is None else missed * math.hypot(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
+
+
+def with_modes(point: Point, size: float) -> Point:
+    """Return the point with modes of its motor's flux map, none of them there yet; as it is where the motor has no map.
+
+    size: rms of the current that the map is off by, A.
+    """
+    prepared = point.prepared
+    stated = prepared.campaign.drive.motor.energy
+    if not isinstance(stated, SplineEnergy) or not size > 0.0:
+        return point
+    basis = Basis(refined(stated, *FINER))
+    path, answers, chosen = _answers(point, basis)
+    if not len(chosen):
+        return point
+    unit = size / np.sqrt(path)
+    value, vector = np.linalg.eigh(unit**2 * answers / prepared.floor**2)
+    told = np.flatnonzero(value > TOLD)[::-1][:MOST]
+    if not len(told):
+        return point
+    sizes = np.zeros((len(told), basis.size))
+    sizes[:, chosen] = unit * vector[:, told].T
+    error = MapError(basis.of, basis.cells(sizes), np.zeros(len(told)))
+    return replace(point, prepared=with_map_error(prepared, error))
+
+
+def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64]]:
+    """Return of energies that recordings meet the mean square of all their currents (A^2), the squares of how readings
+    answer (c, c), and their places (c,)."""
+    prepared, drive = point.turned(), point.prepared.campaign.drive
+    motor = true_motor(drive.motor, dict(point.values), keep_map=True)
+    told = replay(prepared, [point.values])
+    paths = []
+    for r, read in zip(prepared.recordings, told.currents, strict=True):
+        dq = rotor_currents(read[:, :, 0], r.motion.angle)
+        paths.append((r, dq, fluxes(motor.energy, dq)))
+    chosen = basis.there(np.concatenate([psi for _, _, psi in paths]))
+    share = min(1.0, SAMPLES / prepared.samples)
+    squares, total = 0.0, np.zeros((len(chosen), len(chosen)))
+    for r, dq, psi in paths:
+        n = max(1, round(share * r.samples))
+        first = 0 if r.rotor == "free" else (r.samples - n) // 2
+        own = slice(first, first + n)
+        x = basis.gradients(psi[own], chosen)
+        squares += float(np.sum(x**2))
+        period = drive.converter.sampling_period
+        answer = x + added_current(
+            motor.energy, motor.resistance, period, dq[own], r.motion.angle[own], -motor.resistance * x
+        )
+        rows = np.ascontiguousarray(answer.transpose(0, 2, 1)).reshape(-1, len(chosen))
+        total += 1.5 / share * rows.T @ rows  # three phases hold 3/2 of the squares of d and q
+    count = sum(max(1, round(share * r.samples)) for r, _, _ in paths)
+    return squares / count, total, chosen

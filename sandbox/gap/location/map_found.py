@@ -1,0 +1,75 @@
+"""What recordings say of a flux map that is off: by how much, what it would leave as stated, and the motor with it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.effects.library import true_motor
+from model.mapped import MappedMotor, corrected
+from model.parameters import Motor
+from sandbox.gap.evidence.algebra import algebra, prior_of
+from sandbox.gap.evidence.fit import Fit
+from sandbox.replay.map_error import gradients, rotor_currents
+from sandbox.replay.replay import replay
+
+
+@dataclass(frozen=True)
+class MapFound:
+    """By how much the current at a flux is off where recordings are, A rms and at most; normalised rms of all residuals
+    with the map as found, and with it as stated, all else fitted anew (as the equations at the fit's point say)."""
+
+    rms: float
+    largest: float
+    residual: float
+    as_stated: float
+
+    def text(self, rated: float) -> str:
+        """Return one sentence; rated: current, A."""
+        return (
+            f"The flux map was fitted, too: where recordings are, the current at a flux is {self.rms:.3g} A rms off "
+            f"({100.0 * self.rms / rated:.2g} % of rated_current), at most {self.largest:.3g} A.  As stated it would "
+            f"leave {self.as_stated:.3g} times the noise floor for {self.residual:.3g}.  The map beside motor.toml is "
+            "the one found."
+        ).replace(".  ", ". ")
+
+
+def map_found(found: Fit) -> MapFound | None:
+    """Return what a fit says of its motor's flux map; None where it has none that may be off."""
+    p, values = found.point.prepared, found.point.values
+    error = p.map_error
+    if error is None:
+        return None
+    drive = p.campaign.drive
+    motor = true_motor(drive.motor, dict(values), keep_map=True)
+    mode = np.tensordot(error.x, error.modes, 1)[None]
+    off = []
+    for r, read in zip(p.recordings, replay(found.point.turned(), [values]).currents, strict=True):
+        path = rotor_currents(read[:, :, 0], r.motion.angle)
+        off.append(gradients(motor.energy, mode, error.cells, path)[:, 0])
+    size = np.sum(np.concatenate(off) ** 2, axis=1)
+    count = float(sum(s.n.sum() for s in found.normal.segments))
+    own = algebra(found.normal)
+    return MapFound(
+        math.sqrt(float(np.mean(size))), math.sqrt(float(np.max(size))), math.sqrt(own.rr / count), as_stated(found)
+    )
+
+
+def as_stated(found: Fit) -> float:
+    """Return the normalised rms that a fit's other coordinates leave with the map as stated."""
+    own, prior = algebra(found.normal), prior_of(found.coordinates)
+    of_map = np.array([c.form == "map" for c in found.coordinates])
+    x = own.most_probable(prior.with_deviation(np.where(of_map, 0.0, prior.deviation))).x - own.x
+    count = float(sum(s.n.sum() for s in found.normal.segments))
+    return math.sqrt(max(0.0, own.rr - 2.0 * float(x @ own.g) + float(x @ own.a @ x)) / count)
+
+
+def with_map_found(motor: Motor, found: Fit) -> tuple[Motor, bytes | None]:
+    """Return a motor with the flux map of a fit, and the file it is read from; as it is where none was fitted."""
+    if found.point.prepared.map_error is None or not isinstance(motor, MappedMotor):
+        return motor, None
+    own, body = corrected(motor, found.point.prepared.map_error.energy())
+    return dataclasses.replace(own, magnet_flux=motor.magnet_flux), body
