@@ -28,7 +28,7 @@ from sandbox.replay.replay import replay
 Array = NDArray[np.float64]
 FINER = (2, 1)  # parts of the map's cells along d and q
 TOLD = 1.0  # of the prior's precision: information in the recordings below which a direction is left away
-MOST = 96  # directions, the best told ones
+MOST = 64  # directions, the best told ones
 SAMPLES = 40_000  # that directions are looked for in
 
 
