@@ -16,7 +16,7 @@ MOST_PARTS = 50  # of a dotted key in it: tomllib's time and memory grow with th
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 DECIMAL_COMMA = re.compile(r"\s*(?P<key>[\w.-]+)\s*=\s*(?P<whole>[-+]?\d+),(?P<part>\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?")
 UNIT_BEHIND = re.compile(
-    r"\s*(?P<key>[\w.-]+)\s*=\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*(?P<unit>[^\W\d_]\w*+|[°%Ω])[^#=\"']*(?:#.*)?"
+    r"\s*(?P<key>[\w.-]+)\s*=\s*(?!0[xob])[-+]?[\d.]++(?:[eE][-+]?\d+)?+\s*(?P<unit>[^\W\d_]\w*+|[°%Ω])[^#=\"']*(?:#.*)?"
 )
 TOKENS = re.compile(  # a key of too many parts, or what it cannot begin in: strings, comments, all else
     rf"(?P<key>(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}})"

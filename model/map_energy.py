@@ -32,11 +32,13 @@ def with_stiffness(e: SplineEnergy) -> SplineEnergy:
 def energy_file(e: SplineEnergy, magnet: float, choice: Choice, i_d: Array, i_q: Array) -> bytes:
     """Return a .npz of an energy of current-induced fluxes, magnet flux (Wb), and its points at currents (n,) in A that
     it reaches; choice: cells and smoothness with which its points may be fitted."""
-    kept, d, q = [], 0.0, 0.0
+    kept = []
     for x, y in zip(i_d.tolist(), i_q.tolist(), strict=True):
         d, q, status = flux_newton(e, x, y, 0.0, 0.0)
         if status == SOLVED:
             kept.append((x, y, d + magnet, q))
+    if not kept:
+        raise BadInput("the energy has no flux for any current of its map's points; state another map")
     body, points = io.BytesIO(), np.array(kept).T
     scales = np.array([*e[1:5], magnet, *choice[0], choice[1]])
     cells = e.cells.reshape(*e.cells.shape[:2], -1)
@@ -55,7 +57,8 @@ def energy_in(path: Path, points: MapPoints) -> tuple[SplineEnergy, float, Choic
         return None
     cells, scales = found[ENERGY], found[SCALES].astype(float).ravel()
     size = DEGREE + 1
-    if cells.ndim != 3 or cells.shape[2] != size**2 or len(scales) != 8 or not np.isfinite(scales).all():
+    shaped = cells.ndim == 3 and min(cells.shape) > 0 and cells.shape[2] == size**2 and np.isfinite(cells).all()
+    if not shaped or len(scales) != 8 or not _possible(scales):
         raise BadInput(f"{path.name}: '{ENERGY}' has shape {cells.shape}, no energy of a flux map; {_remedy()}")
     whole = np.ascontiguousarray(cells.reshape(*cells.shape[:2], size, size), dtype=np.float64)
     e = with_stiffness(SplineEnergy(whole, *scales[:4].tolist()))
@@ -64,6 +67,13 @@ def energy_in(path: Path, points: MapPoints) -> tuple[SplineEnergy, float, Choic
     if not missed <= APART * np.max(np.hypot(points.i_d, points.i_q)):
         raise BadInput(f"{path.name}: '{ENERGY}' gives currents {missed:.3g} A apart from its points'; {_remedy()}")
     return e, float(scales[4]), ((int(scales[5]), int(scales[6])), float(scales[7]))
+
+
+def _possible(scales: Array) -> bool:
+    """Tell whether scales are such as a map's fit has."""
+    _, _, per_d, per_q, _, n, m, smooth = scales
+    cells = 2 <= min(n, m) <= max(n, m) <= 60
+    return bool(np.isfinite(scales).all() and min(per_d, per_q) > 0.0 and cells and 0.0 < smooth < 1.0)
 
 
 def _remedy() -> str:

@@ -278,14 +278,13 @@ def corrected(motor: MappedMotor, energy: SplineEnergy) -> tuple[MappedMotor, by
     points of its map on that energy; BadInput where the motor was not read from a map."""
     if motor.origin is None:
         raise BadInput(f"the map of '{motor.name}' was not read from a file; read the motor from one")
-    path, table, notes = motor.origin
+    path, table, _ = motor.origin
     points, choice = read_points(path, *_reading(table)), _remembered(path, _reading(table), _choice(table)).choice
     e = with_stiffness(energy)
     body = energy_file(e, motor.magnet_flux, choice, points.i_d, points.i_q)
     digest = hashlib.sha256(e.cells.tobytes() + repr(e[1:]).encode()).hexdigest()[:16]
-    origin = MapFile(path.with_name(FOUND), {"file": FOUND}, notes)
     stiff = {"inductance_d": 1.0 / e.gamma_d, "inductance_q": 1.0 / e.gamma_q}
-    return replace(motor, **stiff, map_hash=digest, spline=e, origin=origin), body  # type: ignore[arg-type]
+    return replace(motor, **stiff, map_hash=digest, spline=e), body  # type: ignore[arg-type]
 
 
 def held_by_data(motor: Motor, i_d: NDArray[np.float64], i_q: NDArray[np.float64]) -> NDArray[np.bool_]:

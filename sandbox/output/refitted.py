@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from model.mapped import OF_MAP, MappedMotor
+from model.mapped import FOUND, OF_MAP, MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.output.toml import key, toml_text
 
@@ -59,7 +59,7 @@ class Refitted:
             (folder / MOTOR).write_text(self._motor(self.drive), encoding="utf-8")
             motor = self.drive.motor
             if isinstance(motor, MappedMotor) and motor.origin and self.flux_map is not None:
-                (folder / motor.origin.path.name).write_bytes(self.flux_map)
+                (folder / FOUND).write_bytes(self.flux_map)
             elif isinstance(motor, MappedMotor) and motor.origin and "dataset" not in motor.origin.table:
                 shutil.copyfile(motor.origin.path, folder / motor.origin.path.name)
         (folder / EFFECTS).write_text(self._effects(), encoding="utf-8")
@@ -75,7 +75,7 @@ class Refitted:
         values = toml_text([("[motor]", {k: v for k, v in own.items() if v != ""})], self.at_bound)
         rest = toml_text(
             [
-                ("[flux_map]", _flux_map(motor)),
+                ("[flux_map]", _flux_map(motor) if self.flux_map is None else {"file": FOUND}),
                 ("[ci95]", ends),
                 ("[uncertainty]", spread),
                 ("[drive]", dataclasses.asdict(drive.converter.at_full_rate())),

@@ -6,7 +6,8 @@ drops moves the flux.  To first order, along the path that the map itself predic
     di = grad dH(psi) + Gamma dpsi,   d(dpsi)/dt = -D di,
 
 D what a change of the current drops: windings, legs, all that acts.  D is the plant's own (`transitions`), so a
-column of the equations costs a few operations a sample, no simulation.
+column of the equations costs a few operations a sample beside three lanes of the plant for all of them.  A free rotor's
+motion is taken as it is read: that a map's error also turns it has no column.
 Checked against replays with the energy added (tests/sandbox/replay).
 """
 
@@ -75,21 +76,25 @@ class Answers:
         if s.last < s.n:
             self.states[s.recording] = own
         energy = true_motor(motor, dict(self.values), keep_map=True).energy
-        return answered(energy, error.modes, error.cells, moves, s.first > 0, own[1])
+        r = self.prepared.recordings[s.recording]
+        rests = r.loaded if r.settling is None else r.rotor == "locked"
+        return answered(energy, error.modes, error.cells, moves, (s.first > 0, rests), own[1])
 
 
 @kernel
-def answered(m, modes, cells, moves, begun, state):
+def answered(m, modes, cells, moves, how, state):
     """Return three phases (n, 3, k) in A that energies on cells (k, n_d, n_q, 5, 5) add where `moves` go
     (`Transitions`).
 
     At a constant current an energy moves the flux by -L grad dH, L the incremental inductances: towards that it goes
     from sample to sample, as the plant lets a change of the flux decay.  The flux itself goes straight there: gradients
     and inverse inductances are means over that way, by Simpson's rule on PARTS parts of it, since ripple crosses cells.
-    begun: a stretch goes on from `state` (k + 4, 2): flux that each energy has moved, the last sample's flux, angle,
+    how: whether a stretch goes on from `state`; if not, whether it begins at a constant current (as read, or settled),
+    not at a constant flux.  state (k + 4, 2): flux that each energy has moved, the last sample's flux, angle,
     and transition; written at the end.
     """
     n, count = len(moves.flux), len(modes)
+    begun, rests = how
     out, mean, own = np.empty((n, 3, count)), np.empty((count, 2)), np.empty((count, 2))
     psi = state[:count]
     old_d, old_q, old_angle = state[count, 0], state[count, 1], state[count + 1, 0]
@@ -128,7 +133,10 @@ def answered(m, modes, cells, moves, begun, state):
         for i in range(count):
             x = inverse * (g_qq * own[i, 0] - g_dq * own[i, 1])
             y = inverse * (g_dd * own[i, 1] - g_dq * own[i, 0])
-            u, v = psi[i, 0] + co * x - si * y, psi[i, 1] + si * x + co * y
+            x, y = co * x - si * y, si * x + co * y
+            if k == 0 and rests and not begun:
+                psi[i, 0], psi[i, 1] = -x, -y
+            u, v = psi[i, 0] + x, psi[i, 1] + y
             for j in range(3):
                 out[k, j, i] = moves.c[k, j, 0] * u + moves.c[k, j, 1] * v
         old_d, old_q, old_angle = d, q, moves.theta[k]

@@ -28,6 +28,15 @@ def test_a_unit_behind_a_number_is_named_with_its_line(tmp_path, line, unit):
         read_toml(path)
 
 
+@pytest.mark.parametrize("number", ["1e-3", "1.5E6", "0x1F", "-2e3  # of 5 A"])
+def test_a_number_alone_is_not_named_for_what_stands_below(tmp_path, number):
+    path = tmp_path / "motor.toml"
+    path.write_text(f"[motor]\na = {number}\nb = = 3\n")
+    with pytest.raises(BadInput) as told:
+        read_toml(path)
+    assert "line 2" not in str(told.value)
+
+
 @pytest.mark.parametrize("line", ["a = 1,2,3", "a = [1,2", "a = x,5"])
 def test_what_is_no_decimal_comma_is_not_called_one(tmp_path, line):
     path = tmp_path / "motor.toml"

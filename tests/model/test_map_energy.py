@@ -71,6 +71,15 @@ def test_points_of_another_map_are_refused(whole, tmp_path, name, value):
         mapped_motor(MOTOR, {"file": "map.npz"}, tmp_path)
 
 
+@pytest.mark.parametrize(("place", "value"), [(2, 0.0), (5, 0.0), (6, 1e9), (7, -1.0), (0, np.nan)])
+def test_scales_that_no_fit_has_are_refused(whole, tmp_path, place, value):
+    arrays = dict(np.load(io.BytesIO(whole[2])))
+    arrays["energy_scales"][place] = value
+    np.savez(tmp_path / "map.npz", **arrays)
+    with pytest.raises(BadInput, match="no energy of a flux map; remove 'energy'"):
+        mapped_motor(MOTOR, {"file": "map.npz"}, tmp_path)
+
+
 def test_an_energy_of_another_shape_is_refused(whole, tmp_path):
     arrays = dict(np.load(io.BytesIO(whole[2])))
     np.savez(tmp_path / "map.npz", **(arrays | {"energy": arrays["energy"][:, :, :9]}))

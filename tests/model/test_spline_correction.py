@@ -43,7 +43,7 @@ def test_the_basis_is_what_its_cells_say_and_even_in_q():
 
 def test_energies_that_are_there_are_those_that_move_a_current():
     basis = Basis(a_map())
-    told = np.isin(np.arange(basis.size), basis.there(FLUX))
-    moves = np.any(basis.gradients(FLUX, np.arange(basis.size)) != 0.0, axis=(0, 2))
+    told = np.isin(np.arange(basis.size), basis.there(FLUX[:2]))
+    moves = np.any(basis.gradients(FLUX[:2], np.arange(basis.size)) != 0.0, axis=(0, 2))
     assert not np.any(moves & ~told)
-    assert told.sum() <= moves.sum() + 4  # an energy that is flat at each of the fluxes
+    assert told.sum() <= moves.sum() + 4 < basis.size  # an energy that is flat at each of the fluxes

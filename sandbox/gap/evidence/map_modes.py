@@ -19,14 +19,17 @@ from model.effects.library import true_motor
 from model.mapped import MappedMotor, map_quality
 from model.spline import SplineEnergy
 from model.spline_correction import Basis, MapError, refined
+from model.spline_energy import CHOICES
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.response import added_current, fluxes
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.map_error import rotor_currents, with_map_error
+from sandbox.replay.memory import SHARE
 from sandbox.replay.replay import replay
 
 Array = NDArray[np.float64]
 FINER = (2, 1)  # parts of the map's cells along d and q
+FINEST = max(cells[0] for cells, _ in CHOICES)  # cells along d that a fit may have: one that has more was cut before
 TOLD = 1.0  # of the prior's precision: information in the recordings below which a direction is left away
 MOST = 64  # directions, the best told ones
 SAMPLES = 40_000  # that directions are looked for in
@@ -38,7 +41,10 @@ def map_error(campaign: Campaign) -> float:
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         return 0.0
     missed = map_quality(motor.origin.table, motor.origin.path.parent).held_out
-    return 0.0 if missed is None else missed * math.hypot(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
+    if missed is None:
+        return 0.0
+    each = math.sqrt(0.5) * missed  # of the rms of the vector, along d and along q
+    return each * math.hypot(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
 
 
 def with_modes(point: Point, size: float) -> Point:
@@ -50,11 +56,12 @@ def with_modes(point: Point, size: float) -> Point:
     stated = prepared.campaign.drive.motor.energy
     if not isinstance(stated, SplineEnergy) or not size > 0.0:
         return point
-    basis = Basis(refined(stated, *FINER))
+    basis = Basis(refined(stated, *(FINER if stated.cells.shape[0] <= FINEST else (1, 1))))
     path, answers, chosen = _answers(point, basis)
     if not len(chosen):
         return point
     unit = size / np.sqrt(path)
+    answers = _without(answers, basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0])
     value, vector = np.linalg.eigh(unit**2 * answers / prepared.floor**2)
     told = np.flatnonzero(value > TOLD)[::-1][:MOST]
     if not len(told):
@@ -63,6 +70,16 @@ def with_modes(point: Point, size: float) -> Point:
     sizes[:, chosen] = unit * vector[:, told].T
     error = MapError(basis.of, basis.cells(sizes), np.zeros(len(told)))
     return replace(point, prepared=with_map_error(prepared, error))
+
+
+def _without(answers: Array, along: Array) -> Array:
+    """Return squares of answers (c, c) with nothing along a direction (c,): of current at no flux, as a map begins
+    where its magnet's flux is, which has a coordinate of its own."""
+    size = float(along @ along)
+    if size == 0.0:
+        return answers
+    left = np.eye(len(along)) - np.outer(along, along) / size
+    return np.asarray(left @ answers @ left)
 
 
 def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64]]:
@@ -76,7 +93,8 @@ def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64
         dq = rotor_currents(read[:, :, 0], r.motion.angle)
         paths.append((r, dq, fluxes(motor.energy, dq)))
     chosen = basis.there(np.concatenate([psi for _, _, psi in paths]))
-    share = min(1.0, SAMPLES / prepared.samples)
+    room = SHARE * prepared.spare / (8.0 * 12.0 * max(1, len(chosen)))  # of a sample: six arrays of two components
+    share = min(1.0, SAMPLES / prepared.samples, room / prepared.samples)
     squares, total = 0.0, np.zeros((len(chosen), len(chosen)))
     for r, dq, psi in paths:
         n = max(1, round(share * r.samples))

@@ -288,6 +288,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     x = np.append(x, [point.own(c) for c in own])
     free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
+    cost += 0.0 if prepared.map_error is None else 1.0  # the plant's transitions
     _COUNT.get()(cost)
     segments, rows = zip(*parts, strict=True)
     return Normal((*coordinates, *own), x, segments, cost, rows, values)

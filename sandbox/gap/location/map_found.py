@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from model.effects.library import true_motor
+from model.errors import BadInput
 from model.mapped import MappedMotor, corrected
 from model.parameters import Motor
 from sandbox.gap.evidence.algebra import algebra, prior_of
-from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.evidence.fit import Fit, rms_of
+from sandbox.gap.evidence.normal import LOCK
+from sandbox.plant.sets import ANGLE_OFFSET
 from sandbox.replay.map_error import gradients, rotor_currents
 from sandbox.replay.replay import replay
 
@@ -31,10 +33,10 @@ class MapFound:
         """Return one sentence; rated: current, A."""
         return (
             f"The flux map was fitted, too: where recordings are, the current at a flux is {self.rms:.3g} A rms off "
-            f"({100.0 * self.rms / rated:.2g} % of rated_current), at most {self.largest:.3g} A.  As stated it would "
-            f"leave {self.as_stated:.3g} times the noise floor for {self.residual:.3g}.  The map beside motor.toml is "
+            f"({100.0 * self.rms / rated:.2g} % of rated_current), at most {self.largest:.3g} A. As stated it would "
+            f"leave {self.as_stated:.3g} times the noise floor for {self.residual:.3g}. The map beside motor.toml is "
             "the one found."
-        ).replace(".  ", ". ")
+        )
 
 
 def map_found(found: Fit) -> MapFound | None:
@@ -47,15 +49,14 @@ def map_found(found: Fit) -> MapFound | None:
     motor = true_motor(drive.motor, dict(values), keep_map=True)
     mode = np.tensordot(error.x, error.modes, 1)[None]
     off = []
-    for r, read in zip(p.recordings, replay(found.point.turned(), [values]).currents, strict=True):
-        path = rotor_currents(read[:, :, 0], r.motion.angle)
+    turned = found.point.turned()
+    for r, read in zip(turned.recordings, replay(turned, [values]).currents, strict=True):
+        lock = values[LOCK] if r.rotor == "locked" else 0.0
+        path = rotor_currents(read[:, :, 0], r.motion.angle - values[ANGLE_OFFSET] + lock)
         off.append(gradients(motor.energy, mode, error.cells, path)[:, 0])
     size = np.sum(np.concatenate(off) ** 2, axis=1)
-    count = float(sum(s.n.sum() for s in found.normal.segments))
-    own = algebra(found.normal)
-    return MapFound(
-        math.sqrt(float(np.mean(size))), math.sqrt(float(np.max(size))), math.sqrt(own.rr / count), as_stated(found)
-    )
+    largest = math.sqrt(float(np.max(size)))
+    return MapFound(math.sqrt(float(np.mean(size))), largest, rms_of(found), as_stated(found))
 
 
 def as_stated(found: Fit) -> float:
@@ -71,5 +72,7 @@ def with_map_found(motor: Motor, found: Fit) -> tuple[Motor, bytes | None]:
     """Return a motor with the flux map of a fit, and the file it is read from; as it is where none was fitted."""
     if found.point.prepared.map_error is None or not isinstance(motor, MappedMotor):
         return motor, None
-    own, body = corrected(motor, found.point.prepared.map_error.energy())
-    return dataclasses.replace(own, magnet_flux=motor.magnet_flux), body
+    try:
+        return corrected(motor, found.point.prepared.map_error.energy())
+    except BadInput:  # no energy of a motor any more: values beside it stand, the map as it was stated
+        return motor, None

@@ -26,6 +26,8 @@ from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.hypotheses import UNKNOWN
+from sandbox.replay.map_error import with_map_error
+from sandbox.replay.replay import Prepared
 
 Array = NDArray[np.float64]
 WAY = np.linspace(0.0, 1.0, 9)  # shares of the way from the second fit to the first
@@ -110,11 +112,20 @@ def _way(a: EvaluatedModel, b: EvaluatedModel) -> Array:
         turned = {f: share * a.fit.point.turns.get(f, 0.0) + (1.0 - share) * b.fit.point.turns.get(f, 0.0)
                   for f in point.turns}  # fmt: skip
         try:
-            shown = normal(replace(point, turns=turned), ())
+            shown = normal(replace(point, turns=turned, prepared=_between(a, b, share)), ())
             out.append(-0.5 * sum(float(s.rr.sum()) for s in shown.segments))
         except BadInput:
             out.append(-math.inf)
     return np.array(out)
+
+
+def _between(a: EvaluatedModel, b: EvaluatedModel, share: float) -> Prepared:
+    """Return the campaign with a flux map's error at a share of the way from b's to a's."""
+    ends = [j.fit.point.prepared.map_error for j in (a, b)]
+    if ends[0] is None or ends[1] is None:
+        return a.fit.point.prepared
+    own = replace(ends[0], x=share * ends[0].x + (1.0 - share) * ends[1].x)
+    return with_map_error(a.fit.point.prepared, own)
 
 
 def _at(j: EvaluatedModel, c: Coordinate, effects: Sequence[str]) -> float:

@@ -29,6 +29,7 @@ def refitted(d: Diagnosis) -> Refitted:
     judged, own = d.best.evaluated, d.campaign.drive
     stated, flux_map = with_map_found(own.motor, d.best.evaluated.fit)
     values, turns = judged.fit.point.values, judged.fit.point.turns
+    values = rescaled(values, own.motor, stated)
     motor = baked(stated, values)
     found = {**of_motor(judged), **estimates(judged)}
     ci95 = {k: (e.low, e.high) for k, e in found.items()}
@@ -48,6 +49,16 @@ def refitted(d: Diagnosis) -> Refitted:
     angles = {name: turn for name, turn in turns.items() if turn and name not in parts}  # a replay has no parts
     bounds = at_bound(found, d.at_bound)
     return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said, bounds, flux_map)
+
+
+def rescaled(values: Mapping[str, float], before: Motor, after: Motor) -> dict[str, float]:
+    """Return a set whose factors of inductances say of one motor what they said of another: 1/(s L) - 1/L stays."""
+    out = dict(values)
+    for name, field in library.scaled().items():
+        ratio = getattr(after, field) / getattr(before, field) if getattr(before, field) else 1.0
+        if ratio != 1.0 and values[name] == values[name]:
+            out[name] = 1.0 / (1.0 + (1.0 / values[name] - 1.0) * ratio)
+    return out
 
 
 def baked(motor: Motor, values: Mapping[str, float]) -> Motor:

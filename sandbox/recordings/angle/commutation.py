@@ -17,6 +17,7 @@ from model.errors import BadInput
 
 Array = NDArray[np.float64]
 STEP = math.pi / 3.0
+WITHIN = 0.5 * STEP * (1.0 - 1e-9)  # rad from a sixth's middle: an angle on its edge would be in the next one
 APART_120, APART_60 = (1, 3, 2, 6, 4, 5), (0, 1, 3, 7, 6, 4)
 SENSORS = ("hall_a", "hall_b", "hall_c")
 FEWEST = 5  # changes that tell how far a speed is off between them
@@ -91,7 +92,7 @@ def along(sectors: Array, turned: Array) -> tuple[Array, float]:
     off = edge - sense * by_speed
     stray = float(np.std(off[1:-1] - 0.5 * (off[2:] + off[:-2]))) / math.sqrt(1.5)
     angle = sense * turned + np.interp(rows, at, off)
-    return np.asarray(np.clip(angle, middle - 0.5 * STEP, middle + 0.5 * STEP)), min(math.sqrt(12.0) * stray, STEP)
+    return np.asarray(np.clip(angle, middle - WITHIN, middle + WITHIN)), min(math.sqrt(12.0) * stray, STEP)
 
 
 def _changes(sectors: Array) -> tuple[Array, Array, Array]:
@@ -110,4 +111,4 @@ def between(sectors: Array) -> Array:
     angle = PchipInterpolator(at, edge)(np.clip(rows, at[0], at[-1]))
     first, last = (edge[1] - edge[0]) / (at[1] - at[0]), (edge[-1] - edge[-2]) / (at[-1] - at[-2])
     angle = angle + np.minimum(rows - at[0], 0.0) * first + np.maximum(rows - at[-1], 0.0) * last
-    return np.asarray(np.clip(angle, middle - 0.5 * STEP, middle + 0.5 * STEP))
+    return np.asarray(np.clip(angle, middle - WITHIN, middle + WITHIN))

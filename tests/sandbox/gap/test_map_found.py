@@ -13,6 +13,7 @@ import pytest
 
 import sandbox
 from model.effects.library import effect_names
+from model.spline import currents
 from sandbox import Scenario, Segment
 from tests.data import real_data
 
@@ -58,6 +59,8 @@ def test_the_motor_that_is_written_leaves_what_is_said(diagnosed, tmp_path):
     out = tmp_path / "out"
     found.save(out)
     assert (out / "flux_map_found.npz").is_file()
+    own = sandbox.load_motor(out / "motor.toml").motor
+    assert np.hypot(*currents(own.spline, 0.0, 0.0)) < 1e-9 * own.rated_current  # no current at the magnet's flux
     stated = {r["file"]: r["rms"] for r in told["simulator"]["residual"]}
     left = sandbox.replay(folder, motor=out / "motor.toml", effects=out / "effects.toml").rms
     assert left == pytest.approx(stated, rel=0.01)  # within rounding of a free fit's end: its last step
