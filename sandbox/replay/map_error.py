@@ -33,7 +33,6 @@ from sandbox.replay.transitions import SHARE, displaced, transitions
 from sandbox.replay.walking import Running
 
 Array = NDArray[np.float64]
-PARTS = 1  # of the way from sample to sample
 
 
 def same_map(prepared: Prepared, other: Prepared) -> Prepared:
@@ -88,7 +87,7 @@ def answered(m, modes, cells, moves, how, state):
 
     At a constant current an energy moves the flux by -L grad dH, L the incremental inductances: towards that it goes
     from sample to sample, as the plant lets a change of the flux decay.  The flux itself goes straight there: gradients
-    and inverse inductances are means over that way, by Simpson's rule on PARTS parts of it, since ripple crosses cells.
+    and inverse inductances are means over that way, by Simpson's rule, since ripple crosses cells.
     how: whether a stretch goes on from `state`; if not, whether it begins at a constant current (as read, or settled),
     not at a constant flux.  state (k + 4, 2): flux that each energy has moved, the last sample's flux, angle,
     and transition; written at the end.
@@ -105,12 +104,10 @@ def answered(m, modes, cells, moves, how, state):
         if k > 0 or begun:
             last = moves.a[k - 1] if k > 0 else state[count + 2 :]
             t_aa, t_ab, t_ba, t_bb = last[0, 0], last[0, 1], last[1, 0], last[1, 1]
-            mean[:] = own / (6.0 * PARTS)
+            mean[:] = own / 6.0
             g_dd, g_dq, g_qq = hessian(m, old_d, old_q)
-            m_dd, m_dq, m_qq = g_dd / (6.0 * PARTS), g_dq / (6.0 * PARTS), g_qq / (6.0 * PARTS)
-            for j in range(1, 2 * PARTS + 1):
-                share = j / (2.0 * PARTS)
-                w = (1.0 if j == 2 * PARTS else 4.0 if j % 2 == 1 else 2.0) / (6.0 * PARTS)
+            m_dd, m_dq, m_qq = g_dd / 6.0, g_dq / 6.0, g_qq / 6.0
+            for share, w in ((0.5, 4.0 / 6.0), (1.0, 1.0 / 6.0)):
                 x, y = old_d + share * (d - old_d), old_q + share * (q - old_q)
                 g_dd, g_dq, g_qq = hessian(m, x, y)
                 m_dd, m_dq, m_qq = m_dd + w * g_dd, m_dq + w * g_dq, m_qq + w * g_qq
