@@ -1,5 +1,4 @@
-"""Which conventions a log follows that its columns do not say: what voltage and link have to do with each other, and
-whether commands stand in the row in which they act.
+"""Which conventions a log follows that its columns do not say: what voltage and link have to do with each other.
 
 What commands u become at the motor is u (1 + p x), x the link's reading over nominal less one:
 
@@ -7,9 +6,8 @@ What commands u become at the motor is u (1 + p x), x the link's reading over no
     p = -1  the drive divides by a reading, the link itself is steady                      dc_link = "steady"
     p = 1   the link varies as read, and the drive divides by the nominal voltage          command = "nominal"
 
-p is a least-squares estimate from the flux balance (`checks.mistakes`) beside errors of what the nominal
-model states, recording by recording.  A log shifted by one row leaves the balance of single samples open, and closes it
-once it is shifted back; where commands hardly change from row to row it cannot be seen.
+p is a least-squares estimate from the flux balance (`checks.balance`) beside errors of what the nominal model states,
+recording by recording.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ from numpy.typing import NDArray
 
 from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
-from sandbox.recordings.checks.balance import PHASES, VOLTAGES, balance
+from sandbox.recordings.checks.balance import PHASES, balance
 from sandbox.recordings.formats.parquet import with_volts
 
 Array = NDArray[np.float64]
@@ -32,11 +30,6 @@ SURE, NEAR = 0.2, 0.4  # standard deviation of p, and distance from a whole numb
 WINDOW, FEWEST = 4, 16  # samples, of the balance from which p is told; windows that a recording needs
 STATED = 0.05  # relative standard deviation of what the nominal model states
 ALIKE = 2.0  # times the deviation of white residuals: what a gap leaves is alike from window to window
-MOST_ROWS = 4  # by which commands may stand off, as a logger's buffers make them
-SHIFTS = tuple(sorted((k for k in range(-MOST_ROWS, MOST_ROWS + 1) if k), key=abs))
-MOVED = (VOLTAGES, PHASES, ("theta",))  # columns that are logged together
-SHIFTED = 0.25  # of the unexplained share: what shifting must leave of it
-NOTICED = 0.02  # of the voltage's energy: less unexplained is no shift
 WORDS = {
     0: ("varies as u_dc reads, and commands are what the motor got", {"dc_link": "measured"}),
     -1: ("is steady, though commands were divided by the reading u_dc", {"dc_link": "steady"}),
@@ -130,47 +123,3 @@ def _taken(campaign: Campaign, found: int) -> Campaign:
         recordings = tuple(with_volts(r, nominal) for r in recordings)
     drive = dataclasses.replace(campaign.drive, converter=converter)
     return dataclasses.replace(campaign, drive=drive, recordings=recordings)
-
-
-def shifted(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Return a finding where commands, currents or the angle, shifted by some rows, explain all recordings in which
-    commands jump far better; commands first, where others do not do so twice as well."""
-    told: dict[tuple[int, tuple[str, ...]], list[tuple[str, float, float]]] = {}
-    for r in recordings:
-        as_is = _open(r, drive, 0)
-        if as_is <= NOTICED:
-            continue
-        left = {(rows, moved): _open(r, drive, rows, moved) for moved in MOVED for rows in SHIFTS}
-        best = min(left, key=lambda k: left[k] * (1.0 if k[1] == VOLTAGES else 2.0))
-        if left[best] < SHIFTED * as_is:
-            told.setdefault(best, []).append((r.file, as_is, left[best]))
-    if len(told) != 1:
-        return []
-    (rows, moved), found = next(iter(told.items()))
-    file, before, after = found[0]
-    many = "one sample" if abs(rows) == 1 else f"{abs(rows)} samples"
-    by = "one row" if abs(rows) == 1 else f"{abs(rows)} rows"
-    when = f"{many} {'later than' if rows > 0 else 'before'}"
-    effect = {VOLTAGES: "pwm_delay", PHASES: "current_sampling"}.get(moved)
-    late = f" (a drive that is late itself shows as {effect})" if effect else ""
-    stand = "it stands" if moved == ("theta",) else "they stand"
-    what = "commands act" if moved == VOLTAGES else "currents are of" if moved == PHASES else "the angle is of"
-    more = f" (and in {len(found) - 1} other recordings)" if len(found) > 1 else ""
-    text = (
-        f"{file}: column '{moved[0]}': {what} {when} the row in which {stand}: {100.0 * before:.3g} % of the "
-        f"voltage is unexplained, shifted by {by.replace('one', 'a')} {100.0 * after:.3g} %{more}; if the log is "
-        f"shifted, move {', '.join(moved)} {'down' if rows > 0 else 'up'} by {by}{late}"
-    )
-    return [Finding(file, moved[0], None, text)]
-
-
-def _open(r: CampaignRecording, drive: Drive, rows: int, moved: Sequence[str] = VOLTAGES) -> float:
-    """Return the share of the voltage that stays open sample by sample, columns moved down by `rows`, noise off."""
-    n = len(r.t)
-    if n <= 2 * MOST_ROWS + 2:
-        return 0.0
-    own = slice(MOST_ROWS, n - MOST_ROWS)
-    columns = {name: r.columns[name][own] for name in ("theta", *PHASES, *VOLTAGES)}
-    columns |= {name: r.columns[name][own.start - rows : own.stop - rows] for name in moved}
-    b = balance(columns, drive, 1)
-    return max(b.share - b.noise, 0.0)

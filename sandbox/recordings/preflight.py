@@ -23,7 +23,8 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Find
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES
 from sandbox.recordings.checks.mistakes import contradictions, conventions_off
 from sandbox.recordings.checks.plausibility import angle, current_sensors, link_voltage, other_columns, voltage_limit
-from sandbox.recordings.conventions import shifted, with_link
+from sandbox.recordings.checks.shifts import shifted
+from sandbox.recordings.conventions import with_link
 
 Array = NDArray[np.float64]
 REFUSED, SUSPICIOUS, NOTE = "refused", "suspicious", "note"
@@ -51,12 +52,13 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     for r in recordings:
         for one in (link_voltage, current_sensors, _limit, angle, other_columns, twice, silent, clipped, steps, ripple):
             out += tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
-    cause = tried("", lambda: contradictions(recordings, drive))
-    if any(n.level == REFUSED for n in cause):  # what else voltages, currents and angle show is its consequence
-        out = [n for n in out if n.level != SUSPICIOUS or n.finding.column not in (*PHASES, *VOLTAGES, "theta")]
-        return refusals_first([*out, *cause])
-    out += cause
-    for check in (shifted, conventions_off, pace):
+    for check in (contradictions, shifted):
+        cause = tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
+        if any(n.level == REFUSED for n in cause):  # what else voltages, currents and angle show is its consequence
+            out = [n for n in out if n.level != SUSPICIOUS or n.finding.column not in (*PHASES, *VOLTAGES, "theta")]
+            return refusals_first([*out, *cause])
+        out += cause
+    for check in (conventions_off, pace):
         out += tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
     if not any("in [motor]" in n.finding.text for n in out):  # else its consequence
         out += [Noticed(SUSPICIOUS, f) for f in ratings(campaign)]

@@ -46,6 +46,7 @@ from sandbox.recordings.checks.changes import (
     voltage_of,
     voltages_held,
 )
+from sandbox.recordings.checks.shifts import shifts
 from sandbox.recordings.rows.commands import mean_command
 
 EXPLAINED = 0.2  # share that undoing a mistake must reach ...
@@ -236,6 +237,8 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
     read = [(r, balance(r.columns, drive)) for r in recordings]
     doubtful = [(r, b) for r, b in read if b.doubtful and not saturation_explains(r, drive)]
     found = explanations(doubtful, drive)
+    if _is_shift(recordings, doubtful, found, drive):
+        return []  # `shifted` says so
     if found and not found[0].gentle:
         raise BadInput(_sentence(found, doubtful))
     off_axis(recordings, drive)
@@ -251,6 +254,20 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
         )
         for r, b in doubtful if b.share > 0.7
     ]  # fmt: skip
+
+
+def _is_shift(
+    recordings: Sequence[CampaignRecording], doubtful: Sequence[tuple[CampaignRecording, Balance]],
+    found: Sequence[Reading], drive: Drive,
+) -> bool:  # fmt: skip
+    """Tell whether columns that stand some rows off explain more doubtful recordings than the readings found, or as
+    many and better."""
+    moved = shifts(recordings, drive) if doubtful else []
+    count = sum(r.file in s.files for r, _ in doubtful for s in moved)
+    if not count or (len(moved) > 1 and found):
+        return False
+    rival = math.log(moved[0].after + FLOOR) + math.log(FALLS)
+    return not found or (count, -rival) > (int(found[0].answered.sum()), -found[0].cost)
 
 
 def _sentence(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]) -> str:

@@ -17,7 +17,7 @@ from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording, Finding
 from sandbox.recordings.checks.balance import PHASES
 from sandbox.recordings.checks.mistakes import contradictions
-from sandbox.recordings.conventions import shifted
+from sandbox.recordings.checks.shifts import shifted
 from sandbox.recordings.staircase import LARGEST_TURN, check_sensors, rest_of_sum
 
 Array = NDArray[np.float64]
@@ -33,12 +33,12 @@ def check(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding
     for r in recordings:
         findings += link_voltage(r, drive)
         findings += current_sensors(r, drive)
-    findings += contradictions(recordings, drive) + shifted(recordings, drive)
+    findings += contradictions(recordings, drive)
     for r in recordings:
         findings += voltage_limit(r)
         findings += angle(r, drive)
         findings += other_columns(r, drive)
-    return findings
+    return findings + shifted(recordings, drive)
 
 
 def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:

@@ -5,10 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sandbox.recordings.conventions import link_exponent, shifted, with_link
+from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.checks.balance import balance
+from sandbox.recordings.checks.shifts import curves, shifted
+from sandbox.recordings.conventions import link_exponent, with_link
 from sandbox.recordings.formats.parquet import with_volts
 from sandbox.recordings.importing import read_recordings
+from sandbox.recordings.preflight import noticed
 from sandbox.recordings.writing import write_campaign
+from tests.data import recordings_folder
 from tests.sandbox.switched.other_plant import Other
 from tests.sandbox.switched.other_recordings import NOMINAL, N, missed, plant, recorded, waves
 
@@ -115,6 +120,38 @@ def test_currents_or_the_angle_alone_shifted(names, rows):
     moved = {n: (np.roll(x, rows) if n in names else x)[8:-8] for n, x in r.columns.items()}
     found = shifted([dataclasses.replace(r, columns=moved)], campaign.drive)
     (text,) = (f.text for f in found)
+    assert f"move {', '.join(names)} {'up' if rows > 0 else 'down'} by {abs(rows)} rows" in text
+
+
+@pytest.mark.parametrize("names", [("u_alpha", "u_beta"), ("i_a", "i_b", "i_c"), ("theta",)])
+@pytest.mark.parametrize("rows", [-3, 0, 7, 50])
+def test_the_energy_of_every_shift_is_that_of_the_balance(names, rows):
+    """Correlations against the balance of columns that were moved, row by row."""
+    campaign = noisy(recorded(plant(), {}))
+    r = campaign.recordings[0]
+    curve = curves(r, campaign.drive)[names]
+    most = len(curve) // 2
+    inner = slice(most, len(r.t) - most)
+    columns = {n: r[n][inner] for n in ("theta", "i_a", "i_b", "i_c", "u_alpha", "u_beta")}
+    columns |= {n: r[n][inner.start - rows : inner.stop - rows] for n in names}
+    b = balance(columns, campaign.drive, 1)
+    assert curve[most + rows] == pytest.approx(max(b.share - b.noise, 0.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("rows", [-200, -30, 5, 12, 90])
+@pytest.mark.parametrize("names", [("u_alpha", "u_beta"), ("i_a", "i_b", "i_c"), ("theta",)])
+def test_columns_that_stand_many_rows_off_are_named(names, rows):
+    """Further than any drive is late; told before any other cause, with the direction."""
+    campaign = read_campaign(recordings_folder() / "practice" / "p06")
+    few = [campaign[n] for n in ("run_slow", "run_fast", "coast_down")]
+    pad = abs(rows) + 1
+    wrong = []
+    for r in few:
+        moved = {n: (np.roll(x, rows) if n in names else x)[pad:-pad] for n, x in r.columns.items()}
+        wrong.append(dataclasses.replace(r, columns=moved))
+    found = noticed(dataclasses.replace(campaign, recordings=tuple(wrong)))
+    text = " ".join(n.finding.text for n in found)
+    assert len(found) == 1
     assert f"move {', '.join(names)} {'up' if rows > 0 else 'down'} by {abs(rows)} rows" in text
 
 
