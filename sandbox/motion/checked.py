@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from sandbox.motion.mistakes import contradictions
-from sandbox.recordings.campaign import Finding
+from sandbox.motion.load_side import load_contradicted
+from sandbox.motion.mistakes import contradictions, inertia_contradicted
+from sandbox.recordings.campaign import Campaign, Finding
 from sandbox.recordings.checks.motion import loads, standing
-from sandbox.recordings.motion_log import MotionCampaign
+from sandbox.recordings.motion_log import MotionCampaign, motion_of
 from sandbox.recordings.preflight import REFUSED, Noticed, on_the_way, refusals_first, tried
 
-CHECKS = (standing, contradictions, loads)  # a cause before its consequences
+CHECKS = (standing, load_contradicted, contradictions, loads)  # a cause before its consequences
 
 
 def noticed_in_motion(campaign: MotionCampaign) -> list[Noticed]:
@@ -26,3 +28,13 @@ def noticed_in_motion(campaign: MotionCampaign) -> list[Noticed]:
 def checked_motion(campaign: MotionCampaign) -> Sequence[Finding]:
     """Return what is suspicious in a campaign of motions; BadInput for the first thing that cannot be right."""
     return [f for check in CHECKS for f in check(campaign)]
+
+
+def shaft_contradicted(campaign: Campaign) -> list[Finding]:
+    """Return what the shaft of free rotors contradicts in a campaign whose currents, voltages and angle agree: load,
+    inertia and pole pairs."""
+    free = tuple(r for r in campaign.recordings if r.rotor == "free" and r.made is None)
+    if not free:
+        return []
+    motion = motion_of(replace(campaign, recordings=free), "")
+    return load_contradicted(motion) or inertia_contradicted(motion)

@@ -57,7 +57,7 @@ class Look:
 class Mistake:
     """A mistake: by which factor the angle, the time and the current are read too large, its words and remedy.
 
-    torque, emf, inertia: likewise of what [motor] states.
+    torque, emf, inertia: likewise of what [motor] states; speed: of the log's speed.
     """
 
     guess: str
@@ -68,6 +68,7 @@ class Mistake:
     torque: float = 1.0
     emf: float = 1.0
     inertia: float = 1.0
+    speed: float = 1.0
     rank: float = 0.0  # the likelier first, of those that explain it alike
 
     @property
@@ -75,7 +76,7 @@ class Mistake:
         """What it makes of the ratios of inertia, speed and back-EMF."""
         pace = self.angle / self.time
         torque = self.current * self.torque
-        return [torque * self.time**2 / self.angle / self.inertia, pace, 1.0 / pace / self.emf]
+        return [torque * self.time**2 / self.angle / self.inertia, pace / self.speed, 1.0 / pace / self.emf]
 
 
 def contradictions(campaign: MotionCampaign) -> list[Finding]:
@@ -98,6 +99,24 @@ def contradictions(campaign: MotionCampaign) -> list[Finding]:
     if seen.inertia > USUAL:
         more += "; a load or a gear does that, too"
     return [Doubt(r.file, column, None, text + more)]
+
+
+def inertia_contradicted(campaign: MotionCampaign) -> list[Finding]:
+    """Return a finding where the inertia of a motion whose angle, clock and currents are known to be right is far from
+    the stated one, or negative."""
+    with np.errstate(all="ignore"):
+        inertia = _inertia(campaign, [averages(r, campaign) for r in campaign.recordings])
+    seen = Look(inertia, math.nan, math.nan, 0.0)
+    said = _contradicted(campaign, seen)
+    if not said:
+        return []
+    rows = [(_cost(campaign, seen, m), m) for m in _of_motor(campaign)]
+    found = [f"{m.guess} ({m.remedy})" for cost, m in sorted(rows, key=lambda x: x[0]) if cost < FITS][:2]
+    more = f"; it would be right if {', or if '.join(found)}" if found else ""
+    if inertia > USUAL:
+        more += "; a load or a gear does that, too"
+    r = campaign.recordings[0]
+    return [Doubt(r.file, "theta", None, f"{r.file}: {said}{more}")]
 
 
 def _strange(seen: Look) -> bool:
@@ -236,6 +255,10 @@ def mistakes(campaign: MotionCampaign, seen: Look) -> Iterator[Mistake]:
         yield Mistake(
             f"{said} and {reversed_}", f"{how}, and '{angle}' with scale = -1", -1.0, current=factor, rank=1.0
         )
+    if (rated := campaign.stated.get("rated_current", 0.0)) > 0.0:
+        yield Mistake(
+            f"'{current}' is per unit of rated_current", f"map it with scale = {rated:g}", current=1.0 / rated
+        )
     yield from _of_motor(campaign)
     yield from _gears(seen, angle)
     yield from _counts(campaign, seen, angle)
@@ -251,17 +274,26 @@ def _of_motor(campaign: MotionCampaign) -> Iterator[Mistake]:
         for factor, guess, remedy in fluxes(s.get("pole_pairs", 1.0), flux):
             off = 1.0 / factor
             yield Mistake(guess, f"{remedy} in [motor]", torque=off if by_flux else 1.0, emf=off, rank=0.5)
-    remedy = "halve it in [motor]"
-    yield Mistake("pole_pairs counts poles", remedy, torque=2.0 if by_flux else 1.0, emf=2.0, rank=0.5)
+    for read, guess, remedy in (
+        (2.0, "pole_pairs counts poles", "halve it in [motor]"),
+        (0.5, "pole_pairs is half of what it is", "double it in [motor]"),
+    ):
+        angle, speed = (1.0 if _mechanical(campaign, n) else 1.0 / read for n in ("theta", "speed"))
+        yield Mistake(guess, remedy, angle, torque=read if by_flux else 1.0, emf=read, speed=speed, rank=0.5)
     for unit, factor in (("kg cm^2", 1e-4), ("g cm^2", 1e-7)):
         yield Mistake(f"inertia is in {unit}", f"multiply it by {factor:g} in [motor]", inertia=1.0 / factor, rank=0.5)
+
+
+def _mechanical(campaign: MotionCampaign, name: str) -> bool:
+    """Tell whether a column is mapped as the shaft's own, so that pole pairs have no part in it."""
+    mapped = campaign.mapped.get(name)
+    return mapped is not None and mapped.mechanical
 
 
 def _angles(campaign: MotionCampaign, angle: str) -> Iterator[Mistake]:
     """Yield other units of the angle, and the electrical for the shaft's."""
     pairs = campaign.stated.get("pole_pairs", 1.0)
-    mapped = campaign.mapped.get("theta")
-    mechanical = mapped is not None and mapped.mechanical
+    mechanical = _mechanical(campaign, "theta")
     for unit, factor in _others(campaign, "theta", "angle"):
         yield Mistake(f"'{angle}' is in {unit}", f'map it with unit = "{unit}"', angle=factor)
     if pairs > 1.0:

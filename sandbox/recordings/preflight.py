@@ -49,15 +49,20 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     """Return all that is wrong, suspicious or changed in a campaign that has been read unchecked."""
     out = on_the_way(campaign.findings)
     drive, recordings = campaign.drive, campaign.recordings
+    sensors = list[Noticed]()
     for r in recordings:
-        for one in (link_voltage, current_sensors, _limit, angle, other_columns, twice, silent, clipped, steps, ripple):
+        sensors += tried(r.file, lambda r=r: current_sensors(r, drive))  # type: ignore[misc]
+        for one in (link_voltage, _limit, angle, other_columns, twice, silent, clipped, steps, ripple):
             out += tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
     for check in (contradictions, shifted):
         cause = tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
         if any(n.level == REFUSED for n in cause):  # what else voltages, currents and angle show is its consequence
             out = [n for n in out if n.level != SUSPICIOUS or n.finding.column not in (*PHASES, *VOLTAGES, "theta")]
+            if not any("if currents are " in n.finding.text for n in cause):  # in another unit they have other bounds
+                out += [n for n in sensors if n.level == REFUSED]
             return refusals_first([*out, *cause])
         out += cause
+    out += sensors
     for check in (conventions_off, pace):
         out += tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
     if not any("in [motor]" in n.finding.text for n in out):  # else its consequence
@@ -187,6 +192,10 @@ def steps(r: CampaignRecording, drive: Drive) -> list[Finding]:
         found = f"{own:.4g} A"
         if key == "encoder_counts":
             found = f"{math.tau * drive.motor.pole_pairs / own:.6g} counts a turn"
+            if abs(own / step * COARSER - 1.0) < OFF_PACE or abs(own / step / COARSER - 1.0) < OFF_PACE:
+                found += (
+                    ", unless pole_pairs counts poles" if own < step else ", unless pole_pairs is half of what it is"
+                )
         text = (
             f"{r.file}: column '{column}' moves in steps of {own:.4g} {unit}, {key} says {step:.4g} {unit}; correct "
             f"[drive] {key} ({found})"

@@ -12,7 +12,7 @@ from model.drive_files import load_limits
 from model.effects.library import effect_names, load_effect
 from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.motion.checked import noticed_in_motion
+from sandbox.motion.checked import noticed_in_motion, shaft_contradicted
 from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import CORRECTED
 from sandbox.output.tables import many, print_prose, print_table
@@ -23,7 +23,7 @@ from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import NO_LIMITS, Campaign, Finding
 from sandbox.recordings.importing import how_to_map
-from sandbox.recordings.preflight import NOTE, REFUSED, SUSPICIOUS, Noticed, noticed
+from sandbox.recordings.preflight import NOTE, REFUSED, SUSPICIOUS, Noticed, noticed, tried
 
 if TYPE_CHECKING:
     from sandbox.gap.planning.bench_plan import Plan
@@ -175,7 +175,7 @@ def check(
         return CheckResult(name, tuple(found), None, why, _draft(campaign, columns))
     found += noticed(read)
     if not any(n.level == REFUSED for n in found):
-        found += _of_noise(read)
+        found += [*_of_noise(read), *tried("", lambda: shaft_contradicted(read))]
     if columns is None and preset is None and not isinstance(campaign, Campaign):
         found = [replace(n, finding=replace(n.finding, text=how_to_map(n.finding.text))) for n in found]
     if not any(n.level == REFUSED for n in found):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from model.effects.library import load_effect
 from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
+from sandbox.motion.checked import shaft_contradicted
 from sandbox.output.columns import Column, columns_of
 from sandbox.output.tables import print_prose
 from sandbox.public.calls import records_call
@@ -245,7 +246,7 @@ def diagnose(
     if slow := too_slow(own):
         return diagnose_motion(motion_of(own, slow), names)
     if not isinstance(campaign, Campaign):
-        own = replace_fields(own, findings=(*own.findings, *further(own)))
+        own = replace_fields(own, findings=(*own.findings, *further(own), *shaft_contradicted(own)))
     own = excerpted(linear(own) if nominal else own, samples)
     rivals = [] if before is None else [s for s in before["rivals"] if not set(s) & set(names)]
     found = answer(

@@ -23,6 +23,7 @@ Source = Mapping[str, str]  # contract name -> the log's column, of what the log
 OURS: Source = {n: n for n in ("t", "theta", "u_dc", *PHASES, *VOLTAGES)}
 DUTIES = ("d_a", "d_b", "d_c")
 ANGLE, CURRENT, VOLTAGE, MOTOR = "angle", "current", "voltage", "motor"
+NEAR_RATED = 0.1  # relative: a base so near to the rated current is that
 CONVENTIONS = (
     (math.sqrt(2.0), "rms values, not peak: rms for peak"), (0.5, "peak to peak for peak"),
     (math.sqrt(1.5), "of the power-invariant transformation, too small by sqrt(3/2)"),
@@ -37,7 +38,7 @@ class Change:
     part: of what; column: the contract's column whose value is shown, empty for the motor; guess and remedy: words;
     signal: what makes a recording's current or voltage vector of its columns; scale: of that vector; turn: factor of
     the angle; values: factors of resistance, half sum and half difference of the inductances, and magnet flux;
-    convention: a factor that drives really differ by.
+    convention: a factor that drives really differ by; fitted: its factor was, so it counts as two mistakes.
     """
 
     part: str
@@ -49,6 +50,7 @@ class Change:
     turn: float = 1.0
     values: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
     convention: bool = False
+    fitted: bool = False
 
 
 def current_of(columns: Columns, signs: tuple[float, float] = (1.0, 1.0)) -> Complex:
@@ -68,6 +70,18 @@ def voltage_of(columns: Columns) -> Complex:
 def changes(drive: Drive, source: Source) -> list[Change]:
     """Return every change that can be asked of a log, the likely ones first."""
     return [*_of_currents(source), *angles(drive, source), *_of_voltages(source), *_of_motor(drive.motor)]
+
+
+def of_base(part: str, scale: float, drive: Drive, source: Source) -> Change:
+    """Return the change of currents or voltages that are so many times too small, by a factor that was fitted."""
+    kind = currents_held(source) if part == CURRENT else voltages_held(source)
+    what, unit, rated = ("currents", "A", drive.motor.rated_current) if part == CURRENT else ("voltages", "V", 0.0)
+    base = f"per unit of {scale:.3g} {unit}" if scale > 1.0 else f"counts of {scale:.3g} {unit}"
+    if rated and abs(scale / rated - 1.0) < NEAR_RATED:
+        base, scale = f"per unit of rated_current = {rated:g} A", rated
+    remedy = f"map {named(source, *kind)} with scale = {scale:.4g}"
+    return Change(part, _column(kind[0], "i_a" if part == CURRENT else "u_alpha"), f"{what} are {base}", remedy,
+                  scale=scale, fitted=True)  # fmt: skip
 
 
 def source_of(r: CampaignRecording) -> Source:
@@ -221,8 +235,9 @@ def _of_voltages(source: Source) -> Iterator[Change]:
             continue
         yield Change(VOLTAGE, "u_alpha", guess, remedy, signal=undone)
     if kind != duties:
-        for part in (1.0, 0.5):
-            remedy = f"multiply {every} by {'' if part == 1.0 else 'half '}{source.get('u_dc', 'u_dc')}"
+        link = source.get("u_dc", "u_dc")
+        for part, said in ((1.0, link), (0.5, f"half {link}"), (1.0 / SQRT3, f"{link} / sqrt(3)")):
+            remedy = f"multiply {every} by {said}"
             yield Change(VOLTAGE, "u_alpha", "voltages are per unit of the link", remedy,
                          signal=lambda c, part=part: part * c["u_dc"] * voltage_of(c))  # type: ignore[misc]  # fmt: skip
         for factor, guess in (*CONVENTIONS, (1.0 / SQRT3, "between two phases: line for phase voltage")):

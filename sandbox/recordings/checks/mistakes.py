@@ -34,6 +34,7 @@ from sandbox.recordings.checks.balance import (
 from sandbox.recordings.checks.changes import (
     ANGLE,
     CURRENT,
+    DUTIES,
     MOTOR,
     VOLTAGE,
     Change,
@@ -42,6 +43,7 @@ from sandbox.recordings.checks.changes import (
     changes,
     current_of,
     currents_held,
+    of_base,
     source_of,
     voltage_of,
     voltages_held,
@@ -56,6 +58,7 @@ NOTICED = 0.02  # of the voltage: less is no question of conventions
 CLOSE = 0.03  # relative, within which a factor between conventions is believed
 UNIT = 10.0  # a factor that no gap is: of a unit, however near to it the best one is
 FLOOR = 0.005  # share that a right reading may leave: what is below tells nothing
+BASE = {CURRENT: 5.0, VOLTAGE: 3.0}  # factors, or their inverse, beyond any gain of a sensor or a link
 ALIKE = 0.2  # of the logarithm: two mistakes that cannot be told apart
 ROWS = 20_000  # of a recording, those with most voltage
 ZEROS = np.linspace(-math.pi, math.pi, 720, endpoint=False)
@@ -84,7 +87,7 @@ class Reading:
     @property
     def count(self) -> int:
         """How many mistakes it is."""
-        return len(self.changes) + (self.zero != 0.0)
+        return sum(1 + c.fitted for c in self.changes) + (self.zero != 0.0)
 
     @property
     def gentle(self) -> bool:
@@ -316,6 +319,31 @@ def readings(parts: Sequence[Products], drive: Drive) -> Iterator[Reading]:
                 yield Reading(own, zero, shares, before, noise)
                 if zero == 0.0 and shares.max() < FLOOR:
                     break  # no zero can do better
+    for base in bases(parts, drive):
+        shares = np.array([p.shares((base,), np.zeros(1))[0] for p in parts])
+        yield Reading((base,), 0.0, shares, before, noise)
+
+
+def bases(parts: Sequence[Products], drive: Drive) -> Iterator[Change]:
+    """Yield the factors of all currents, and of all voltages, that leave least, where they are no gain of a sensor.
+
+    What is left is a parabola in the factor of the currents, and in one over that of the voltages.
+    """
+    source = source_of(parts[0].recording)
+    for part in (CURRENT, VOLTAGE):
+        if part == VOLTAGE and voltages_held(source) == DUTIES:
+            continue
+        ends = (Change(part, "", "", "", scale=x) for x in (-1.0, 1.0))
+        low, high = (sum(float(p.shares((c,), np.zeros(1))[0]) for p in parts) for c in ends)
+        none = Change(part, "", "", "", scale=0.0)
+        middle = sum(float(p.shares((none,), np.zeros(1))[0]) if part == CURRENT else 1.0 for p in parts)
+        bend, slope = 0.5 * (high + low) - middle, 0.5 * (high - low)
+        if bend <= 0.0 or slope >= 0.0:
+            continue
+        best = -0.5 * slope / bend
+        scale = best if part == CURRENT else 1.0 / best
+        if abs(math.log(scale)) > math.log(BASE[part]):
+            yield of_base(part, scale, drive, source)
 
 
 def _pairs(table: Sequence[Change]) -> Iterator[tuple[Change, ...]]:
@@ -357,7 +385,7 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
     def left(own: tuple[Change, ...], zero: float = 0.0) -> float:
         return float(np.mean([max(p.shares(own, np.array([zero]))[0] - p.noise, 0.0) for p in parts]))
 
-    table = [c for c in changes(drive, source_of(parts[0].recording)) if c.convention]
+    table = [c for c in changes(drive, source_of(parts[0].recording)) if c.convention] + [*bases(parts, drive)]
     zero = _zero(parts, ())
     turned = left((), zero)
     if zero and turned * BETTER < min(before, min((left((c,)) for c in table), default=before)):

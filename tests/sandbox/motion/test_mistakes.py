@@ -170,3 +170,17 @@ def test_the_same_motion_twice_is_counted_once(tmp_path):
     (tmp_path / "r2.csv").write_text((tmp_path / "r1.csv").read_text())
     found = check(tmp_path, columns=tmp_path / "map.toml", effects=False)
     assert any("all rows are those of r1.csv" in text for text in found.mistakes)
+
+
+def test_poles_for_pole_pairs_where_the_angle_is_electrical(tmp_path):
+    """Torque by magnet_flux doubles, the shaft's angle halves: four times the inertia, and the back-EMF agrees."""
+    columns = {"t": {"column": "t"}, "theta": {"column": "angle", "unit": "rev"}, "i_q": {"column": "iq"}}
+    motor = MOTOR.replace(f"pole_pairs = {PAIRS}", f"pole_pairs = {2 * PAIRS}")
+    motor = motor.replace(f"inertia = {INERTIA}", f"inertia = {0.9 * INERTIA}")
+    found = checked(tmp_path, times(angle=PAIRS), columns, motor)
+    assert any("pole_pairs counts poles (halve it in [motor])" in text for _, text in found), found
+
+
+def test_currents_per_unit_of_the_rated_one(tmp_path):
+    found = checked(tmp_path, times(iq=1.0 / 40.0), motor=MOTOR + "rated_current = 40.0\n")
+    assert any("'iq' is per unit of rated_current (map it with scale = 40)" in text for _, text in found), found

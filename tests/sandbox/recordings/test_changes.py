@@ -134,3 +134,22 @@ def test_a_sum_that_follows_the_currents_is_a_gain():
     clipped = np.clip(own["i_a"], -limit, limit)
     with pytest.raises(BadInput, match="saturated"):
         check_sensors(dataclasses.replace(r, columns={**r.columns, "i_a": clipped}), drive)
+
+
+@pytest.mark.parametrize("base", [0.01, 8.0, 120.0])
+def test_currents_per_unit_or_in_counts_are_told_with_their_base(base):
+    """By a factor that is fitted: within 10 %, as far as the stated R and L of this drive are off."""
+    text = told(lambda r: {n: r[n] / base for n in PHASES}, TWO, "run_slow")
+    assert f"currents are {'per unit' if base > 1.0 else 'counts'} of" in text
+    assert float(text.rpartition("scale = ")[2]) == pytest.approx(base, rel=0.1)
+
+
+@pytest.mark.parametrize(("base", "words"), [(90.0, "per unit of 9"), (400.0 / math.sqrt(3.0), "u_dc / sqrt(3)")])
+def test_voltages_per_unit_are_told_with_their_base(base, words):
+    assert words in told(lambda r: {n: r[n] / base for n in ("u_alpha", "u_beta")}, TWO, "run_slow")
+
+
+def test_a_base_near_the_rated_current_is_that():
+    rated = 30.0
+    text = told(lambda r: {n: 1.03 * r[n] / rated for n in PHASES}, TWO, "run_slow", rated_current=rated)
+    assert "per unit of rated_current = 30 A: map I_U, I_V with scale = 30" in text
