@@ -138,6 +138,31 @@ def angles(drive: Drive, source: Source) -> Iterator[Change]:
             )  # fmt: skip
 
 
+def of_angle(change: Change | None, zero: float) -> tuple[str, str]:
+    """Return a wrong angle in words, with the orders of phases in currents and voltages that look the same."""
+    if change is None and not zero:
+        return "", ""
+    back = change is not None and change.turn < 0.0
+    guess, remedy = ("", "") if change is None else (change.guess, change.remedy)
+    thirds = round(math.degrees(zero)) in (120, -120)
+    if thirds and back:
+        pair = "a and b" if zero > 0.0 else "a and c"
+        guess = guess.replace("b and c", pair)
+    if zero:
+        off = f"{abs(math.degrees(zero)):.0f} degrees {'behind' if zero > 0.0 else 'ahead'}"
+        order = "b, c, a" if zero < 0.0 else "c, a, b"
+        if thirds and not back:
+            off += f" (or phases stand in the order {order} in currents and voltages)"
+        guess = f"{guess} and {off}" if guess else off
+        offset = f"offset = {zero:.4f}"
+        remedy = (
+            f"{remedy} and {offset}"
+            if "map" in remedy
+            else " and ".join(filter(None, [remedy, f"map it with {offset}"]))
+        )
+    return guess, remedy
+
+
 def _of_currents(source: Source) -> Iterator[Change]:
     kind = currents_held(source)
     first, every = _column(kind[0], "i_a"), named(source, *kind)

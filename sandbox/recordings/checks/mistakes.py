@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording, Finding
+from sandbox.recordings.checks.axis import off_axis
 from sandbox.recordings.checks.balance import (
     UNDISTURBED,
     Balance,
@@ -39,10 +40,10 @@ from sandbox.recordings.checks.changes import (
     VOLTAGE,
     Change,
     Source,
-    angles,
     changes,
     current_of,
     currents_held,
+    of_angle,
     of_base,
     source_of,
     voltage_of,
@@ -64,9 +65,6 @@ ROWS = 20_000  # of a recording, those with most voltage
 ZEROS = np.linspace(-math.pi, math.pi, 720, endpoint=False)
 SMALLEST_ZERO = math.radians(10.0)  # a smaller one is a gap: an encoder's offset
 ROUND = math.radians(4.0)  # a zero so near to a whole twelfth of a turn is that
-OFF_AXIS = 0.5  # excess of the injected energy along its axis: 30 degrees off
-ON_AXIS = 0.9  # excess that undoing a mistake must reach: 13 degrees
-AXES = (0.5 * math.pi, -0.5 * math.pi, math.pi)  # zeros that an injection's axis is tried with
 
 
 @dataclass(frozen=True)
@@ -113,37 +111,12 @@ class Reading:
     def words(self, source: Source) -> tuple[str, str]:
         """Return what was read wrongly, and what to do."""
         turn = [c for c in self.changes if c.part == ANGLE]
-        angle, advice = _of_angle(turn[0] if turn else None, self.zero)
+        angle, advice = of_angle(turn[0] if turn else None, self.zero)
         guesses = ([f"{source.get('theta', 'theta')} is {angle}"] if angle else []) + [
             c.guess for c in self.changes if c.part != ANGLE
         ]
         remedies = ([advice] if advice else []) + [c.remedy for c in self.changes if c.part != ANGLE]
         return " and ".join(guesses), " and ".join(remedies) if len(remedies) < 3 else ", ".join(remedies)
-
-
-def _of_angle(change: Change | None, zero: float) -> tuple[str, str]:
-    """Return a wrong angle in words, with the orders of phases in currents and voltages that look the same."""
-    if change is None and not zero:
-        return "", ""
-    back = change is not None and change.turn < 0.0
-    guess, remedy = ("", "") if change is None else (change.guess, change.remedy)
-    thirds = round(math.degrees(zero)) in (120, -120)
-    if thirds and back:
-        pair = "a and b" if zero > 0.0 else "a and c"
-        guess = guess.replace("b and c", pair)
-    if zero:
-        off = f"{abs(math.degrees(zero)):.0f} degrees {'behind' if zero > 0.0 else 'ahead'}"
-        order = "b, c, a" if zero < 0.0 else "c, a, b"
-        if thirds and not back:
-            off += f" (or phases stand in the order {order} in currents and voltages)"
-        guess = f"{guess} and {off}" if guess else off
-        offset = f"offset = {zero:.4f}"
-        remedy = (
-            f"{remedy} and {offset}"
-            if "map" in remedy
-            else " and ".join(filter(None, [remedy, f"map it with {offset}"]))
-        )
-    return guess, remedy
 
 
 @dataclass
@@ -389,7 +362,7 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
     zero = _zero(parts, ())
     turned = left((), zero)
     if zero and turned * BETTER < min(before, min((left((c,)) for c in table), default=before)):
-        guess, remedy = _of_angle(None, zero)
+        guess, remedy = of_angle(None, zero)
         r, name = parts[0].recording, source_of(parts[0].recording)["theta"]
         text = f"{percent(before)} of the commanded voltage is unexplained, {percent(turned)} if {name} is {guess}"
         return [Finding(r.file, "theta", None, f"{r.file}: {text}: {remedy}")]
@@ -413,39 +386,3 @@ def _stretched(c: Change, x: float) -> Change:
     """Return a convention's change with another factor."""
     values = (1.0 + (v != 1.0) * (x * v - 1.0) for v in c.values)
     return replace(c, scale=c.scale * x if c.scale != 1.0 else 1.0, values=tuple(values))  # type: ignore[arg-type]
-
-
-def off_axis(recordings: Sequence[CampaignRecording], drive: Drive) -> None:
-    """Raise BadInput where theta does not turn the injected voltage to its axis, but a mistaken theta would.
-
-    This sees a wrong theta at locked rotor and low speed too, where the balance hardly depends on it.
-    """
-    for r in recordings:
-        share = _share_on_axis(r.columns, drive, r.injection_axis)
-        if share is None or share > OFF_AXIS:
-            continue
-        for zero, m in itertools.product((0.0, *AXES), [None, *angles(drive, source_of(r))]):
-            turned = (1.0 if m is None else m.turn) * r.theta + zero
-            after = _share_on_axis({**r.columns, "theta": turned}, drive, r.injection_axis)
-            if after is not None and after > ON_AXIS:
-                guess, remedy = _of_angle(m, zero)
-                raise BadInput(
-                    f"{r.file}: row 0 of column 'theta' is {r.theta[0]:.6g}; turned by theta, only "
-                    f"{percent(max(share, 0.0))} of the injected voltage lies along axis {r.injection_axis} (at least "
-                    f"{percent(ON_AXIS)} expected), it does if {source_of(r)['theta']} is {guess}: {remedy}"
-                )
-
-
-def _share_on_axis(columns: Columns, drive: Drive, axis: str) -> float | None:
-    """Return how much more of the ripple's energy lies along the axis than across it, of all; None without ripple."""
-    n = max(round(1.0 / (drive.injection.frequency * drive.converter.sampling_period)), 2)
-    u = columns["u_alpha"] + 1j * columns["u_beta"]
-    whole = len(u) // n * n
-    if axis == "none" or not whole:
-        return None
-    cut = u[:whole].reshape(-1, n)
-    turned = (cut - cut.mean(axis=1, keepdims=True)).ravel() * np.exp(-1j * columns["theta"][:whole])
-    energy = float(np.sum(np.abs(turned) ** 2))
-    if energy <= whole * (0.1 * drive.injection.amplitude) ** 2:
-        return None
-    return float(np.sum(turned**2).real) / energy * (1.0 if axis == "d" else -1.0)
