@@ -19,7 +19,7 @@ class Table:
 
     odd: what stood in a column's first cell that is no number, by column and row; notes: column and sentence on what
     was changed on the way; also: further spellings of columns ('Time (s)' of 'Time'); twice: names that stood there
-    more than once, with different values.
+    more than once, with different values; breaks: rows before which the header stood again.
     """
 
     columns: Mapping[str, Array]
@@ -28,6 +28,7 @@ class Table:
     notes: tuple[tuple[str, str], ...] = ()
     also: Mapping[str, str] = field(default_factory=dict)
     twice: frozenset[str] = frozenset()
+    breaks: tuple[int, ...] = ()
 
     @property
     def names(self) -> list[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
@@ -89,6 +89,7 @@ class _Reading:
         self.skipped: list[Skipped] = []
         self.odd: dict[str, tuple[int, str]] = {}
         self.empty: list[int] = []  # rows in which no cell is a number
+        self.again: list[int] = []  # those that are the header once more
         self.rows = 0
 
     def columns(self, raw: io.RawIOBase) -> list[Array]:
@@ -139,6 +140,21 @@ class _Reading:
             if odd is not None and name not in self.odd:
                 self.odd[name] = (first + odd, column[odd].as_py().strip().strip('"'))
         self.empty += (first + np.flatnonzero(blank)).tolist()
+        for row in np.flatnonzero(blank):
+            if self._is_header([c[int(row)].as_py() for c in batch.columns[: len(self.names)]], first + int(row)):
+                self.again.append(first + int(row))
+
+    def _is_header(self, row: Sequence[str], at: int) -> bool:
+        """Tell whether cells are the header's once more; BadInput where they are in another order."""
+        header = self.found.header
+        own = [" ".join(c.strip().strip('"').split()) for c in row]
+        names = [header.again.get(n, n) for n in self.names]
+        told = [c if c in names else header.also.get(c, c) for c in own]
+        if told != names and sorted(told) == sorted(names) and len(names) > 1:
+            raise BadInput(
+                f"{self.file}: row {at} is a header of the same columns in another order; make two files of it"
+            )
+        return told == names
 
     def _width(self, row: int, width: int) -> BadInput:
         return BadInput(
@@ -152,7 +168,7 @@ class _Reading:
             row = max(line.row - 1 - k, 0)
             own = cells(line.text, "\t" if self.found.separator == " " else self.found.separator)
             told = sum(number(c) is not None for c in own)
-            cut = row >= self.rows and line.cells < self.found.width
+            cut = (row >= self.rows or row in self.again) and line.cells < self.found.width
             if told and not cut and 2 * told > sum(map(bool, own)):
                 raise self._width(row, line.cells)
 
@@ -164,6 +180,9 @@ class _Reading:
         if self._is_cut(columns, keep):
             keep[int(np.flatnonzero(keep)[-1])] = False
             notes.append(("", f"{self.file}: the last row is cut; left out"))
+        if self.again:
+            many = f", {len(self.again)} times" if len(self.again) > 1 else ""
+            notes.append(("", f"{self.file}: the header stands again in row {self.again[0]}{many}; left out"))
         texts = [s.text.strip() for s in self.skipped]
         if texts:
             notes.append(("", f"{self.file}: {_lines(len(texts))} no row of the table and left out: '{texts[0][:40]}'"))
@@ -173,7 +192,8 @@ class _Reading:
         odd = {(n, int(moved[row])): cell for n, (row, cell) in self.odd.items() if keep[row]}
         own = dict(zip(self.names, columns, strict=True))
         twice = {name for again, name in header.again.items() if not np.array_equal(own[again], own[name])}
-        return Table(own, header.units, odd, tuple(notes), header.also, frozenset(twice))
+        breaks = tuple(int(moved[row]) + 1 for row in self.again if 0 <= int(moved[row]) + 1 < int(keep.sum()))
+        return Table(own, header.units, odd, tuple(notes), header.also, frozenset(twice), breaks)
 
     def _is_cut(self, columns: list[Array], keep: NDArray[np.bool_]) -> bool:
         """Tell whether the last row ends in cells that hold numbers in the row before, and not here."""

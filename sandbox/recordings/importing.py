@@ -47,7 +47,15 @@ from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
 from sandbox.recordings.rows.slow import with_slow_rows
-from sandbox.recordings.stamps import Log, by_arrival, cut_at_gaps, parse_log, polled, stamp_jitter
+from sandbox.recordings.stamps import (
+    Log,
+    by_arrival,
+    cut_at_gaps,
+    cut_where_begun_again,
+    parse_log,
+    polled,
+    stamp_jitter,
+)
 
 Array = NDArray[np.float64]
 SILENT = 0.01  # of the sampling period: jitter that the format allows
@@ -172,13 +180,17 @@ def unchecked(source: Source) -> Campaign:
             file, table, source.mapped, source.pole_pairs, nominal, locked=rotor == "locked",
             period=converter.sampling_period,
         )  # fmt: skip
-        held = source_columns(table, source.mapped)
+        held, breaks = source_columns(table, source.mapped), table.breaks
         del table  # what is not used of it takes memory
-        findings += notes
-        for name, own, noise, starts_at in _timed(file, values, converter, source, findings):
-            of = "" if name == file else file
-            recordings.append(CampaignRecording(name, rotor, axis, own, link, of, starts_at, source=held, made=made))
-            noises.append(noise)
+        pieces, cut = cut_where_begun_again(file, values, converter.sampling_period, breaks)
+        findings += [*notes, *cut]
+        for piece, values in pieces:
+            for name, own, noise, starts_at in _timed(piece, values, converter, source, findings):
+                of = "" if name == file else file
+                recordings.append(
+                    CampaignRecording(name, rotor, axis, own, link, of, starts_at, source=held, made=made)
+                )
+                noises.append(noise)
     findings += lacking
     data = dict(source.data)
     if source.map_folder != source.folder and "drive" in data:

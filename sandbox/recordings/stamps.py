@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,6 +31,7 @@ SHORTEST = 64  # rows of a segment that is kept
 MOST_SEGMENTS = 12  # of one recording, the longest
 GAP = 1.5  # of the sampling period: a step beyond it is a gap
 LOST = 0.75  # of the period: a lasting shift of late rows that is a lost sample
+BACK = 8.0  # of the period: a clock that jumps back so far begins again
 SPAN = 50  # rows over which the earliest arrival tells the clock
 
 
@@ -96,6 +98,41 @@ def cut_at_gaps(file: str, columns: Columns, period: float) -> tuple[list[tuple[
     left = f", {rows} rows in shorter stretches left out" if rows else ""
     text = f"{said}; it becomes {len(pieces)} recordings, {pieces[0][0]} to {pieces[-1][0]}{left}"
     return pieces, [Finding(file, "t", k, text)]
+
+
+def cut_where_begun_again(
+    file: str, columns: Columns, period: float, breaks: Sequence[int]
+) -> tuple[list[tuple[str, dict[str, Array]]], list[Finding]]:
+    """Return the pieces of a table in which several logs follow each other, and a finding; one that goes on is whole.
+
+    breaks: rows before which the header stood again.  Without stamps each is a beginning; with them, where the clock
+    does not go on, and wherever it jumps back.  BadInput where no piece has SHORTEST rows.
+    """
+    t = columns.get("t")
+    length = max((len(x) for x in columns.values()), default=0)
+    begun = [k for k in breaks if 0 < k < length]
+    if t is not None:
+        step = np.diff(t)
+        begun = [k for k in begun if not 0.0 < step[k - 1] < GAP * period]
+        begun = sorted({*begun, *(int(k) + 1 for k in np.flatnonzero(step < -BACK * period))})
+    if not begun or len(begun) > MOST_SEGMENTS:
+        return [(file, dict(columns))], []
+    bounds = [(a, b) for a, b in itertools.pairwise([0, *begun, length]) if b - a >= SHORTEST]
+    if not bounds:
+        raise BadInput(
+            f"{file}: the log begins again in row {begun[0]}, and no stretch has {SHORTEST} rows; log longer"
+        )
+    pieces = []
+    for number, (a, b) in enumerate(bounds, 1):
+        own = {n: x[a:b] for n, x in columns.items()}
+        if t is not None:
+            own["t"] = own["t"] - own["t"][0]
+        pieces.append((segment_name(file, number), own))
+    left = length - sum(b - a for a, b in bounds)
+    less = f", {left} rows in shorter stretches left out" if left else ""
+    often = f" ({len(begun)} times)" if len(begun) > 1 else ""
+    text = f"{file}: the log begins again in row {begun[0]}{often}; it becomes {len(pieces)} recordings{less}"
+    return pieces, [Finding(file, "t", begun[0], text)]
 
 
 def segment_name(file: str, number: int) -> str:

@@ -30,10 +30,18 @@ def columns(n=200):
     return {"t": t, "u_alpha": 2.0 * np.cos(around), "u_beta": 2.0 * np.sin(around), **i, "theta": np.zeros(n)}
 
 
+def lines_of(made, names=NAMES, separator=",", point="."):
+    """A header and rows as text; cells that are texts stay as they are."""
+    cells = [[x if isinstance(x, str) else f"{x:.9g}".replace(".", point) for x in made[n]] for n in names]
+    return [separator.join(names), *(separator.join(row) for row in zip(*cells, strict=True))]
+
+
 def read(folder, made, separator=",", point="."):
-    """Write columns as text and read them; made: cells that are texts stay as they are."""
-    cells = [[x if isinstance(x, str) else f"{x:.9g}".replace(".", point) for x in made[n]] for n in NAMES]
-    rows = [separator.join(NAMES), *(separator.join(row) for row in zip(*cells, strict=True))]
+    """Write columns as text and read them."""
+    return read_lines(folder, lines_of(made, NAMES, separator, point))
+
+
+def read_lines(folder, rows):
     (folder / "log.csv").write_text("\n".join(rows) + "\n")
     (folder / "map.toml").write_text(MAP)
     return read_recordings(folder, folder / "map.toml")
@@ -81,3 +89,35 @@ def test_one_sentence_says_what_is_wrong(tmp_path, name):
 def test_decimal_commas_between_commas_are_named(tmp_path):
     with pytest.raises(BadInput, match="with decimal commas the separator must be"):
         read(tmp_path, {n: 1.5 + x for n, x in columns().items()}, ",", ",")
+
+
+ALL, NO_T = NAMES, NAMES[1:]
+
+
+@pytest.mark.parametrize(
+    ("names", "between", "again", "lengths"),
+    [
+        (ALL, [ALL], 0, [100, 100]),  # the logger was started again: its clock, too
+        (ALL, [], 0, [100, 100]),  # without a header
+        (ALL, ["0.1,2.0,0", ALL], 0, [100, 100]),  # the row before it was cut
+        (NO_T, [NO_T], 0, [100, 100]),  # no clock tells where
+        (ALL, [ALL], 100, [200]),  # a header every hundred rows: the log goes on
+    ],
+)
+def test_a_log_that_begins_again(tmp_path, names, between, again, lengths):
+    """Rows before and after are recordings of their own; a header alone is left out."""
+    own = columns()
+    own["t"] = np.concatenate([own["t"][:100], own["t"][:100] + 1e-3 * again])
+    rows = lines_of(own, names)
+    middle = [x if isinstance(x, str) else ",".join(x) for x in between]
+    campaign = read_lines(tmp_path, [*rows[:101], *middle, *rows[101:]])
+    assert [len(r.t) for r in campaign.recordings] == lengths
+    said = " ".join(f.text for f in campaign.findings)
+    assert ("the log begins again in row 100; it becomes 2 recordings" in said) == (len(lengths) == 2)
+    assert ("the header stands again in row 100; left out" in said) == bool(between)
+
+
+def test_columns_that_change_places_in_the_middle_are_refused(tmp_path):
+    rows, other = lines_of(columns()), lines_of(columns(), NAMES[::-1])
+    with pytest.raises(BadInput, match="row 100 is a header of the same columns in another order; make two files"):
+        read_lines(tmp_path, [*rows[:101], *other])
