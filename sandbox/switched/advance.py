@@ -208,12 +208,12 @@ def replay(
     if rotor not in MODES:
         raise unknown("rotor", rotor, MODES)
     n = len(np.atleast_1d(u_alpha))
-    columns = {"u_beta": u_beta, "u_dc": u_dc, "load_torque": load_torque, "theta": theta, "speed": speed}
+    columns = {"u_alpha": u_alpha, "u_beta": u_beta, "u_dc": u_dc}
+    columns |= {"load_torque": load_torque, "theta": theta, "speed": speed}
     spread = {name: _column(name, value, n) for name, value in columns.items()}
     state = start(b, float(spread["theta"][0]), float(spread["speed"][0]), *current)
     out = np.empty(n, PREDICTED)
-    alpha = np.ascontiguousarray(u_alpha, dtype=float)
-    run(state, b, MODES[rotor], alpha, *spread.values(), np.random.default_rng(seed), out)
+    run(state, b, MODES[rotor], *spread.values(), np.random.default_rng(seed), out)
     return {name: out[name] for name in PREDICTED.names or ()}
 
 
@@ -231,4 +231,4 @@ def _column(name: str, value: ArrayLike, n: int) -> Vector:
     column = np.asarray(value, dtype=float)
     if column.ndim and column.shape != (n,):
         raise BadInput(f"column '{name}' has {column.shape} values, u_alpha has {n}; give one per sample")
-    return np.ascontiguousarray(np.broadcast_to(column, (n,)))
+    return np.array(np.broadcast_to(column, (n,)))  # its own: `run` is compiled once more for each that is read-only
