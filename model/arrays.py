@@ -107,7 +107,8 @@ def npy_header(file: IO[bytes]) -> ArrayHeader:
 def npy_values(file: IO[bytes], head: ArrayHeader) -> NDArray[Any]:
     """Return the values that follow a header; ValueError where the file ends before them."""
     data = file.read(head.values * head.dtype.itemsize)
-    array = np.frombuffer(data, dtype=head.dtype, count=head.values)
+    # of a bytearray, so that it may be written to: kernels are compiled once more for arrays that are read-only
+    array = np.frombuffer(bytearray(data), dtype=head.dtype, count=head.values)
     return array.reshape(head.shape, order="F" if head.column_major else "C")
 
 

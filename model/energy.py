@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.compiled import inlined, kernel
 from model.errors import PhysicsError
 from model.quartic import OUTSIDE, SOLVED, Energy, convex_between, min_eigenvalue
-from model.spline import SplineEnergy
+from model.spline import SplineEnergy, hessians
 
 __all__ = ["OUTSIDE", "SOLVED", "Energy", "SplineEnergy", "convex_between", "min_eigenvalue"]
 AnyEnergy = Energy | SplineEnergy
@@ -41,7 +41,11 @@ def _either(name: str) -> Callable[..., Any]:
         if not isinstance(m, SplineEnergy):
             return of_quartic.py_func(m, *rest)
         grid = np.broadcast_arrays(*rest)
-        out = np.array([of_spline(m, *map(float, at)) for at in zip(*(x.flat for x in grid), strict=True)])
+        if name == "hessian":  # asked along lines, at thousands of places
+            out = np.empty((grid[0].size, 3))
+            hessians(m, *(np.array(x, dtype=float).ravel() for x in grid), out)
+        else:
+            out = np.array([of_spline(m, *map(float, at)) for at in zip(*(x.flat for x in grid), strict=True)])
         return tuple(out.T.reshape(-1, *grid[0].shape)) if out.ndim > 1 else out.reshape(grid[0].shape)
 
     def choose(m, *rest):

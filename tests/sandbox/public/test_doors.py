@@ -177,10 +177,12 @@ def test_a_command_whose_output_is_closed_goes_well(tmp_path):
 
 
 def test_a_whole_entry_with_something_else_in_it_is_made_anew(tmp_path, monkeypatch, capsys):
+    """Designed once; after that, what stands for designing counts how often it is asked."""
     monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
     kept.note.cache_clear()
-    plant = design.SampledMotor(5, 1e-4, 2.0, 5e-3, 9e-3, 1e4, 2.0)
+    plant, asked = design.SampledMotor(5, 1e-4, 2.0, 5e-3, 9e-3, 1e4, 2.0), []
     loops = design._remembered(plant)
+    monkeypatch.setattr(design, "design_loops", lambda plant: asked.append(plant) or loops)
     (entry,) = (tmp_path / "designs").iterdir()
     good = json.loads(kept.read(entry))
     for content in (
@@ -193,8 +195,11 @@ def test_a_whole_entry_with_something_else_in_it_is_made_anew(tmp_path, monkeypa
         kept.note.cache_clear()
         kept.write(entry, json.dumps(content).encode())
         assert design._remembered(plant) == loops
+        assert asked.pop() == plant
         assert "was damaged and is made anew" in capsys.readouterr().err
         assert json.loads(kept.read(entry)) == good
+        assert design._remembered(plant) == loops
+        assert asked == []
 
 
 def test_results_of_names_that_look_alike_stand_side_by_side(tmp_path):
@@ -296,29 +301,36 @@ def test_what_a_user_s_code_raises_is_one_short_line(error, said):
 FAN = Path(__file__).parents[3] / "docs" / "stored" / "my_effects.py"
 
 
-@pytest.mark.parametrize(
-    ("body", "said"),
-    [
-        (
-            "return coefficient.size * omega",
-            "cannot be compiled: TypingError: .*'size' of type float64 .own.py, line 10",
-        ),
-        ('return "x"', "returns .*str.*; at 'load' it returns 1 number: N m that the load takes"),
-        ("return omega, omega", "returns UniTuple"),
-        ("return coefficient * omega * 1j", "returns complex128; at 'load' it returns 1 number"),
-        ("return missing(omega)", "NameError: name 'missing' is not defined"),
-    ],
-)
-def test_an_equation_that_cannot_be_compiled_is_told_at_the_door(tmp_path, body, said):
-    path = tmp_path / "own.py"
-    path.write_text(FAN.read_text().replace("return coefficient * omega * abs(omega)", body))
-    found = subprocess.run(
-        [sys.executable, "-c", f"from model.effects.adopt import adopt; adopt({str(path)!r})"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    last = found.stderr.splitlines()[-1]
-    assert re.search(said, last)
-    assert len(last) < 500
+BODIES = {
+    "return coefficient.size * omega": "cannot be compiled: TypingError: .*'size' of type float64 .own_0.py, line 10",
+    'return "x"': "returns .*str.*; at 'load' it returns 1 number: N m that the load takes",
+    "return omega, omega": "returns UniTuple",
+    "return coefficient * omega * 1j": "returns complex128; at 'load' it returns 1 number",
+    "return missing(omega)": "NameError: name 'missing' is not defined",
+}
+ADOPT = """
+import sys
+from model.effects.adopt import adopt
+from model.errors import BadInput
+for path in sys.argv[1:]:
+    try:
+        adopt(path)
+    except BadInput as error:
+        print(error)
+"""
+
+
+def test_equations_that_cannot_be_compiled_are_told_at_the_door(tmp_path):
+    """Each in a line, in one process that has compiled no plant: what is refused is not there for the next."""
+    paths = [tmp_path / f"own_{k}.py" for k in range(len(BODIES))]
+    for path, body in zip(paths, BODIES, strict=True):
+        path.write_text(FAN.read_text().replace("return coefficient * omega * abs(omega)", body))
+    call = [sys.executable, "-c", ADOPT, *map(str, paths)]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for line, said in zip(done.stdout.splitlines(), BODIES.values(), strict=True):
+        assert re.search(said, line)
+        assert len(line) < 500
 
 
 def test_a_compiled_estimator_begins_with_numbers():

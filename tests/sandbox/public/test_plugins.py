@@ -1,4 +1,4 @@
-"""A package of somebody else brings an estimator, an effect and a preset by entry points: made, installed, used."""
+"""Packages of somebody else bring an estimator, an effect and a preset by entry points: made, installed, used."""
 
 from __future__ import annotations
 
@@ -15,12 +15,10 @@ from model.errors import BadInput
 from sandbox.recordings.formats.presets import FOLDER
 
 ROOT = Path(__file__).resolve().parents[3]
-METADATA = "Metadata-Version: 2.1\nName: bench-pack\nVersion: 1.5\nSummary: what our bench has\n"
-ENTRY_POINTS = """[sensorless.estimators]
+METADATA = "Metadata-Version: 2.1\nName: {name}\nVersion: 1.5\nSummary: what our bench has\n"
+WHEEL = "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+POINTS = """[sensorless.estimators]
 mine_of_pack = bench_pack.observer:ESTIMATOR
-
-[sensorless.effects]
-fan = bench_pack.effects
 
 [sensorless.presets]
 ourlog = bench_pack.presets
@@ -30,63 +28,94 @@ import dataclasses
 import sandbox
 ESTIMATOR = dataclasses.replace(sandbox.load_estimator("qnull"), name="mine_of_pack", summary="of our bench")
 """
-# in the scratch environment: every list, a run with the effect, a run of the estimator, the preset's column
+# in the scratch environment: the lists, a run of the estimator, the preset's column
 USES = """
 import sandbox
 from sandbox.cli import main
 from sandbox.recordings.formats.presets import with_preset
 assert sandbox.list_estimators()["mine_of_pack"] == "what our bench has (package bench-pack 1.5)"
-assert "fan" in sandbox.list_effects() and "fan.coefficient" in sandbox.describe("fan")
 assert "ourlog" in sandbox.list_presets()
 assert with_preset("ourlog", {}, {})[1]["t"].column == "stamp"
 still = sandbox.Scenario("still", (sandbox.Segment(0.02),), start_up=False)
 runs = {name: sandbox.simulate("ipm_exchanged", still, name) for name in ("qnull", "mine_of_pack")}
 assert runs["qnull"].error_deg == runs["mine_of_pack"].error_deg
-sandbox.simulate("ipm_exchanged", still, "mine_of_pack", effects={"fan.coefficient": 1e-6})
 assert main(["list", "estimators", "mine_of_pack"]) == 0
 assert main(["simulate", "--estimator", "mine_of_pak"]) == 2
 print("used")
 """
+# with an effect: its list and card, its equation in the plant's own port, for a fan at 3 rad/s
+TURNS = """
+import sandbox
+from model.drive_files import load_drive
+from sandbox.plant.sets import batch_of, complete
+assert "fan" in sandbox.list_effects() and "fan.coefficient" in sandbox.describe("fan")
+import sandbox.plant.ports as ports
+drive = load_drive("ipm")
+values = complete(drive.motor, drive.converter, {"fan.coefficient": 1e-6})
+assert ports.load(batch_of(drive.motor, drive.converter, [values], 1), 0, -3.0) == -9e-6
+print("turns")
+"""
 
 
-def wheel_of(folder: Path) -> Path:
-    """Write the package as a wheel: an archive of its files with entry points beside them."""
+def wheel_of(folder: Path, name: str, files: dict[str, str], points: str) -> Path:
+    """Write a package as a wheel: an archive of its files with entry points beside them."""
     import zipfile
 
-    preset = (FOLDER / "odrive.toml").read_text(encoding="utf-8")
-    head, _, rest = preset.partition("[columns]\n")
-    fan = (ROOT / "experiments" / "my_effects.py").read_text(encoding="utf-8")
-    info = "bench_pack-1.5.dist-info"
-    files = {
-        "bench_pack/__init__.py": "", "bench_pack/observer.py": OBSERVER, "bench_pack/effects.py": fan,
-        "bench_pack/presets/__init__.py": "",
-        "bench_pack/presets/ourlog.toml": f'{head}[columns]\nt = {{column = "stamp", unit = "s"}}\n',
-        f"{info}/METADATA": METADATA, f"{info}/entry_points.txt": ENTRY_POINTS,
-        f"{info}/WHEEL": "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
-    }  # fmt: skip
-    assert rest
-    path = folder / "bench_pack-1.5-py3-none-any.whl"
+    info = f"{name}-1.5.dist-info"
+    about = {"METADATA": METADATA.format(name=name.replace("_", "-")), "entry_points.txt": points, "WHEEL": WHEEL}
+    files = {f"{name}/{file}": text for file, text in files.items()}
+    files |= {f"{info}/{file}": text for file, text in about.items()}
+    path = folder / f"{name}-1.5-py3-none-any.whl"
     with zipfile.ZipFile(path, "w") as archive:
-        for name, text in files.items():
-            archive.writestr(name, text)
-        record = [*(f"{name},," for name in files), f"{info}/RECORD,,"]
+        for file, text in files.items():
+            archive.writestr(file, text)
+        record = [*(f"{file},," for file in files), f"{info}/RECORD,,"]
         archive.writestr(f"{info}/RECORD", "\n".join(record))
     return path
 
 
-def test_a_package_of_somebody_else_is_installed_and_used(tmp_path):
-    """In a scratch environment with pip; the libraries are those of this one."""
-    venv = tmp_path / "venv"
-    subprocess.run([sys.executable, "-m", "venv", str(venv)], check=True)
-    python = venv / "bin" / "python"
-    call = [str(python), "-m", "pip", "install", "-q", "--no-deps", "--no-index", str(wheel_of(tmp_path))]
-    subprocess.run(call, check=True, capture_output=True)
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory):
+    """Give an environment of its own with pip, whose libraries are those of this one: installs a wheel, runs code."""
+    folder = tmp_path_factory.mktemp("scratch")
+    subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
+    python = folder / "venv" / "bin" / "python"
     libraries = [place for place in sys.path if place.endswith("site-packages")]
-    around = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *libraries])}
-    done = subprocess.run([str(python), "-c", USES], cwd=tmp_path, env=around, capture_output=True, text=True)
+
+    def used(wheel: Path, code: str):
+        """Return what code did with this wheel alone."""
+        place = folder / wheel.stem
+        call = [str(python), "-m", "pip", "install", "-q", "--no-deps", "--no-index", "-t", str(place), str(wheel)]
+        subprocess.run(call, check=True, capture_output=True)
+        around = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(place), *libraries])}
+        return subprocess.run([str(python), "-c", code], cwd=folder, env=around, capture_output=True, text=True)
+
+    return used
+
+
+def test_a_package_of_somebody_else_is_installed_and_used(scratch, tmp_path):
+    preset = (FOLDER / "odrive.toml").read_text(encoding="utf-8")
+    head, _, rest = preset.partition("[columns]\n")
+    assert rest
+    files = {
+        "__init__.py": "",
+        "observer.py": OBSERVER,
+        "presets/__init__.py": "",
+        "presets/ourlog.toml": f'{head}[columns]\nt = {{column = "stamp", unit = "s"}}\n',
+    }
+    done = scratch(wheel_of(tmp_path, "bench_pack", files, POINTS), USES)
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith("used\n")
     assert "did you mean 'mine_of_pack'?" in done.stderr
+
+
+def test_an_effect_of_a_package_enters_the_plant(scratch, tmp_path):
+    """Its equation at its port; what a whole plant with it does is in tests/sandbox/plant/test_own_effects.py."""
+    fan = (ROOT / "experiments" / "my_effects.py").read_text(encoding="utf-8")
+    points = "[sensorless.effects]\nfan = fan_pack.effects\n"
+    done = scratch(wheel_of(tmp_path, "fan_pack", {"__init__.py": "", "effects.py": fan}, points), TURNS)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "turns\n"
 
 
 class Point:
