@@ -335,12 +335,12 @@ def _counts(campaign: MotionCampaign, seen: Look, angle: str) -> Iterator[Mistak
 
 def _loud(campaign: MotionCampaign) -> list[Finding]:
     """Return a finding where the torque is far beyond what rated values allow."""
-    rated = campaign.stated.get("rated_current", 0.0)
-    if rated <= 0.0:
+    rated, constant = campaign.stated.get("rated_current", 0.0), campaign.torque_constant
+    if rated <= 0.0 or constant is None:
         return []
     for r in campaign.recordings:
         k = int(np.argmax(np.abs(r.torque)))
-        size = abs(float(r.torque[k])) / campaign.torque_constant
+        size = abs(float(r.torque[k])) / constant
         if size > LOUD * rated:
             name = r.source.get("i_q", "the current")
             text = (

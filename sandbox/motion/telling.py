@@ -68,15 +68,16 @@ def parameters(m: Motion, w: Weighed) -> dict[str, dict[str, Any]]:
 
 
 def orders(m: Motion, w: Weighed) -> list[dict[str, Any]]:
-    """Return the orders of cogging, the largest first: amplitude (N m), as a current (A), phase of the torque on the
-    rotor (rad), each with a 95 % interval."""
+    """Return the orders of cogging, the largest first: amplitude (N m), as a current (A; None where nothing says which
+    makes a torque), phase of the torque on the rotor (rad), each with a 95 % interval."""
     rows, constant = [], m.campaign.torque_constant
     for n in w.shaft.terms.orders if COGGING.effect in w.effects else ():
         size, sd, phase, turn = w.shaft.amplitude(n)
         half, around = STUDENT * sd, STUDENT * turn
         rows.append({
             "order": n, "amplitude": {"value": size, "ci95": [size - half, size + half]},
-            "current": {"value": size / constant, "ci95": [(size - half) / constant, (size + half) / constant]},
+            "current": None if constant is None else
+            {"value": size / constant, "ci95": [(size - half) / constant, (size + half) / constant]},
             "phase": {"value": phase, "ci95": [phase - around, phase + around]},
         })  # fmt: skip
     return sorted(rows, key=lambda r: -r["amplitude"]["value"])
@@ -167,9 +168,7 @@ def following(m: Motion) -> dict[str, Any] | None:
 def todo(m: Motion) -> dict[str, str]:
     """Return what to do about each effect of the best set, the largest share of the gap first, by its card."""
     drive = load_drive("ipm_exchanged")  # stands in for what a motion does not say and no card of the shaft asks for
-    constant, stated = m.campaign.torque_constant, m.campaign.stated
-    if stated and not {"torque_constant", "magnet_flux"} & set(stated):
-        constant = 0.0  # the torque itself was recorded: which current makes it is unknown
+    constant = m.campaign.torque_constant or 0.0  # a torque was recorded: which current makes it is unknown
     found = {k: v["value"] for k, v in parameters(m, m.best).items()}
     found |= {k: x for k, x in refitted(m).effects.items() if k.startswith(f"{COGGING.effect}.")}
     motor = replace(
@@ -212,7 +211,7 @@ def cogging_rows(m: Motion) -> list[list[str]]:
         [
             str(r["order"]),
             f"{r['amplitude']['value']:.4g}",
-            f"{r['current']['value']:.4g}",
+            f"{r['current']['value']:.4g}" if r["current"] else "–",
             f"{r['phase']['value']:.3f}",
         ]
         for r in orders(m, m.best)

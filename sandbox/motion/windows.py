@@ -75,7 +75,7 @@ def averages(r: MotionRecording, campaign: MotionCampaign) -> Averages:
     count = max(campaign.count, 1e-9)
     reading = np.hypot(count / math.sqrt(12.0), speed * jitter)
     driving = np.einsum("nk,nk->n", kernel, torque[place])
-    current = campaign.torque_constant * (campaign.current_noise or 0.0)
+    current = (campaign.torque_constant or 0.0) * (campaign.current_noise or 0.0)
     slope = np.gradient(r.torque, r.t)
     at_samples = r.beside.get("speed", np.interp(r.t, middle, speed))
     return Averages(

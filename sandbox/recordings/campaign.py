@@ -224,7 +224,7 @@ class Campaign:
     limits: Limits = NO_LIMITS
     excerpts: Excerpts | None = None
     stand_ins: tuple[str, ...] = ()  # rated values that are not stated
-    unseen: float = 0.0  # A rms that the commands between the rows of a slow log leave open
+    unseen: float = 0.0  # A rms that commands between the rows of a slow log leave open, or an angle of states
 
     def __getitem__(self, file: str) -> CampaignRecording:
         for r in self.recordings:

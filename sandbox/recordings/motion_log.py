@@ -80,14 +80,15 @@ class MotionRecording:
 class MotionCampaign:
     """A drive's shaft and what moved it.
 
-    torque_constant: N m per A of i_q; inertia (kg m^2) None where none is stated; viscous_friction: N m s/rad;
+    torque_constant: N m per A of i_q, None where a torque was recorded and nothing says it; inertia (kg m^2) None where
+    none is stated; viscous_friction: N m s/rad;
     deviations: relative, of what is stated; current_noise: A rms, None: from the recordings; count: rad mechanical of
     an encoder's count, 0 where unknown; why: why only the motion is judged, one sentence; stated: numbers of [motor];
     mapped, units: how columns are read.
     """
 
     name: str
-    torque_constant: float
+    torque_constant: float | None
     inertia: float | None
     viscous_friction: float
     deviations: Mapping[str, float]
@@ -168,7 +169,7 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
     counts = _stated(drive, "encoder_counts", source.name, 1.0, 1e9)
     name = table_of(source.data, "campaign").get("name") or fitting(source.folder.resolve().name, "campaign")
     return by_changes(MotionCampaign(
-        str(name), constant or 1.0, _stated(motor, "inertia", source.name, 1e-12, 1e5),
+        str(name), constant, _stated(motor, "inertia", source.name, 1e-12, 1e5),
         _stated(motor, "viscous_friction", source.name, 0.0, 1e5) or 0.0, _deviations(source),
         _stated(drive, "current_noise", source.name, 0.0, 1e5), math.tau / counts if counts else 0.0,
         tuple(recordings), tuple(findings), why,

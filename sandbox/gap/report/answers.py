@@ -296,7 +296,11 @@ def caveats(a: Answers) -> list[str]:
     if not isinstance(motor, MappedMotor) and all(getattr(motor, x) == 0.0 for x in ALPHAS):
         out.append("The nominal model has no saturation (all five alphas are 0).")
     if made := _made(d):
-        out.append(f"The angle was made from {listing(made)}: what it misses counts as something outside the library.")
+        beyond = " beyond the noise" if d.campaign.unseen else ""
+        text = (
+            f"The angle was made from {listing(made)}: what it misses{beyond} counts as something outside the library."
+        )
+        out.append(text)
     blind = [r.origin for r in d.campaign.recordings if r.rotor == "free" and "load_torque" not in r.columns]
     if blind := list(dict.fromkeys(blind)):
         out.append(f"{', '.join(blind)}: no column 'load_torque', so a free rotor's load is taken as none.")

@@ -7,11 +7,11 @@ way they count, is the wiring's; here they count forwards from the first of a li
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import BSpline, PchipInterpolator, make_smoothing_spline
 
 from model.errors import BadInput
 
@@ -21,6 +21,11 @@ WITHIN = 0.5 * STEP * (1.0 - 1e-9)  # rad from a sixth's middle: an angle on its
 APART_120, APART_60 = (1, 3, 2, 6, 4, 5), (0, 1, 3, 7, 6, 4)
 SENSORS = ("hall_a", "hall_b", "hall_c")
 FEWEST = 5  # changes that tell how far a speed is off between them
+SLOWEST = 1e-3  # of a sixth a row: a slower speed tells no place better than that
+MISPLACED = (
+    25.0  # squared deviations of six sensors' places from which they are off (chance: 5 degrees of freedom, 1e-4)
+)
+BENDING = (-6.0, 10.0)  # decimal logarithms of what a curve's bending costs, in changes and their deviations
 RARE = 0.01  # of the rows: states of no use are taken for disturbed readings
 
 
@@ -82,17 +87,61 @@ def _sectors(file: str, said: str, code: Array) -> Array:
 
 
 def along(sectors: Array, turned: Array) -> tuple[Array, float]:
-    """Return angles (n,) rad of counted sixths that follow a speed, integrated (n,) rad, from change to change, and
-    between what they lie (rad): by what the speed is off from change to change, a sixth at most."""
-    middle, (rows, at, edge) = STEP * (sectors + 0.5), _changes(sectors)
+    """Return angles (n,) rad of counted sixths that follow a speed, integrated (n,) rad, and between what they lie
+    (rad): by what the speed is off from change to change, a sixth at most.
+
+    A change is known to a row, so a curve through all of them would move as the rows fall: what the speed is off by is
+    as smooth as that leaves it.  Sensors that stand off their places, the same in each turn, are measured.
+    """
+    (rows, at, edge) = _changes(sectors)
     by_speed = np.interp(at, rows, turned)
     sense = 1.0 if float(np.diff(edge) @ np.diff(by_speed)) >= 0.0 else -1.0
     if len(at) < FEWEST:
         return between(sectors), STEP
     off = edge - sense * by_speed
+    a_row = np.abs(np.interp(at, rows[:-1] + 0.5, np.diff(turned)))
+    known = np.maximum(a_row, SLOWEST * STEP) / math.sqrt(12.0)
+    off = off - _places(off, np.round(edge / STEP).astype(int) % 6, known)
     stray = float(np.std(off[1:-1] - 0.5 * (off[2:] + off[:-2]))) / math.sqrt(1.5)
-    angle = sense * turned + np.interp(rows, at, off)
-    return np.asarray(np.clip(angle, middle - WITHIN, middle + WITHIN)), min(math.sqrt(12.0) * stray, STEP)
+    curve = _smooth(at, off, known)
+    return sense * turned + curve(np.clip(rows, at[0], at[-1])), min(math.sqrt(12.0) * stray, STEP)
+
+
+def _places(off: Array, sector: NDArray[np.int64], known: Array) -> Array:
+    """Return by what each change (n,) is off because its sensor stands off its place (rad), 0 where that is not sure.
+
+    Over the six changes of a turn such errors are taken to sum to zero: their mean is the angle's zero.
+    """
+    if len(off) < 3 * 6:
+        return np.zeros(len(off))
+    turn = np.convolve(np.pad(off, 3, mode="edge"), np.array([0.5, 1, 1, 1, 1, 1, 0.5]) / 6.0, "valid")
+    own = (off - turn)[3:-3]
+    count = np.bincount(sector[3:-3], minlength=6)
+    if np.any(count < 2):
+        return np.zeros(len(off))
+    mean = np.bincount(sector[3:-3], own, 6) / count
+    spread = np.sqrt((np.var(own - mean[sector[3:-3]]) + float(np.mean(known**2))) / count)
+    sure = float(np.sum((mean / spread) ** 2)) > MISPLACED
+    return np.asarray((mean - mean.mean())[sector] if sure else np.zeros(len(off)))
+
+
+def _smooth(at: Array, off: Array, known: Array) -> Callable[[Array], Array]:
+    """Return the smoothest curve of values (n,) at some places that misses them by their standard deviations, rms."""
+    gap, usual = float(at[-1] - at[0]) / (len(at) - 1), float(np.median(known))
+
+    def curve(bending: float) -> BSpline:
+        return make_smoothing_spline(at / gap, off, (usual / known) ** 2, lam=10.0**bending)
+
+    low, high = BENDING
+    best = curve(low)
+    for _ in range(16):
+        middle = 0.5 * (low + high)
+        tried = curve(middle)
+        if float(np.mean(((off - tried(at / gap)) / known) ** 2)) <= 1.0:
+            low, best = middle, tried
+        else:
+            high = middle
+    return lambda x: np.asarray(best(x / gap))
 
 
 def _changes(sectors: Array) -> tuple[Array, Array, Array]:

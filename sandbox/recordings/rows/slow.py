@@ -79,8 +79,9 @@ def with_slow_rows(campaign: Campaign) -> Campaign:
         )
         findings.append(Finding(first, "u_alpha", None, text))
     return dataclasses.replace(
-        campaign, drive=drive, recordings=tuple(recordings), findings=(*campaign.findings, *findings), unseen=unseen
-    )
+        campaign, drive=drive, recordings=tuple(recordings), findings=(*campaign.findings, *findings),
+        unseen=math.hypot(campaign.unseen, unseen),
+    )  # fmt: skip
 
 
 def _unseen(recordings: Sequence[CampaignRecording], drive: Drive) -> float:

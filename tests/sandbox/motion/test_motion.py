@@ -127,9 +127,26 @@ def test_each_named_effect_says_what_to_do(planted):
     assert f"set inertia = {quantity(s.value('inertia'), 'kg m^2', 3)}" in said["inertia"]
     assert {e["name"]: e["do"] for e in contract(planted)["effects"] if e["do"]} == said
     assert next(t for head, t in sentences(planted) if head == "Do?").endswith(next(iter(said.values())))
-    own = dataclasses.replace(planted.campaign, torque_constant=1.0, stated={"inertia": 2e-4})
+    own = dataclasses.replace(planted.campaign, torque_constant=None, stated={"inertia": 2e-4})
     of_torque = dataclasses.replace(planted, campaign=own)
     assert "on q" not in todo(of_torque)["coulomb_friction"]
+    assert all(row["current"] is None for row in contract(of_torque)["motion"]["orders"])
+
+
+@pytest.mark.parametrize("motor", ["", "[motor]\n", "[motor]\ninertia = 2e-4\n"])
+def test_a_recorded_torque_needs_no_motor_and_is_told_as_no_current(tmp_path, motor):
+    """Whatever [motor] holds: no sentence and no number tells a current that nobody stated."""
+    r = shaft(0, both_ways, dry=0.008, orders=(7,))
+    rows = np.stack([r.t, r.angle, r.torque], axis=1)
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,angle,nm", comments="", fmt="%.9g")
+    text = '[columns]\nt = "t"\ntheta = {column = "angle", mechanical = true}\ntorque = "nm"\n'
+    (tmp_path / "map.toml").write_text(text + motor + '[[recording]]\nfile = "run.csv"\nrotor = "free"\n')
+    found = diagnose(tmp_path, columns=tmp_path / "map.toml")
+    answer = found.as_json()
+    assert answer["motion"]["torque_constant"] is None
+    assert {e for h in answer["hypotheses"][:1] for e in h["effects"]} >= {"coulomb_friction", "cogging_torque"}
+    assert all(row["current"] is None for row in answer["motion"]["orders"])
+    assert "on q)" not in " ".join(e["do"] or "" for e in answer["effects"])
 
 
 def test_the_gap_is_closed_on_runs_held_out_and_shared(planted):
