@@ -19,7 +19,7 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
+from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised, rms_of
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.map_modes import map_error, with_modes
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
@@ -27,6 +27,7 @@ from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.excerpts import begun, excerpted
 from sandbox.gap.location.drifting import Drifting, steadied
+from sandbox.gap.location.pwm_counts import Counted, pwm_counts, with_counts
 from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import held_out, weights_of
@@ -75,6 +76,7 @@ class Diagnosis:
     noise: Noise | None = None  # stated, seen, used
     drifting: Drifting | None = None  # how offsets of current sensors differed, which was taken off
     at_bound: tuple[Held, ...] = ()  # ordinary deviations of the best hypothesis that are as large as they may be
+    counted: Counted | None = None  # counts that duties are rounded to, which [drive] does not state
 
     @property
     def best(self) -> Hypothesis:
@@ -126,9 +128,11 @@ def _diagnosed(
     memory: float,
     report: Callable[[str], None],
     drifts: Drifting | None = None,
+    counts: Counted | None = None,
 ) -> Diagnosis:
     """Return the diagnosis of a campaign, what it took left out; drifts: what its offsets differed by, if that was
-    taken off.  It is looked for at the nominal model and, where this misses too much else, at the best hypothesis."""
+    taken off.  It is looked for at the nominal model and, where this misses too much else, at the best hypothesis.
+    counts: what the campaign's drive rounds duties to, if that was found; looked for in what the best one leaves."""
     start, nominal = _nominal(own, memory, workers)
     if drifts is None:
         own, drifts = steadied(own, start, shown(start))
@@ -149,7 +153,14 @@ def _diagnosed(
     if drifts is None:
         steady, drifts = steadied(own, best.fit.point, shown(best.fit.point))
         if drifts is not None:
-            return _diagnosed(steady, exclude, rivals, workers, memory, report, drifts)
+            return _diagnosed(steady, exclude, rivals, workers, memory, report, drifts, counts)
+    if counts is None and rms_of(best.fit) > USUAL_SETTINGS.gap:
+        timer = pwm_counts(best.fit.point)
+        if timer is not None:
+            rounded = replace(own, drive=with_counts(own.drive, timer.value))
+            again = _diagnosed(rounded, exclude, rivals, workers, memory, report, drifts, timer)
+            if rms_of(again.best.evaluated.fit) < rms_of(best.fit):
+                return again
     rest = remainder(found.null, best.fit, misstated(noise))
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
     place = {r.file: k for k, r in enumerate(own.recordings)}
@@ -175,6 +186,7 @@ def _diagnosed(
         noise,
         drifts,
         tuple(held_ordinary(best)),
+        counts,
     )
 
 

@@ -140,8 +140,9 @@ def where_text(a: Answers) -> str:
             "noise floor."
         )
     text = summary(a.diagnosis, a.where)
-    if a.diagnosis.drifting is not None:
-        text = f"{a.diagnosis.drifting.text} What is left: {text}"
+    found = [x.text for x in (a.diagnosis.drifting, a.diagnosis.counted) if x is not None]
+    if found:
+        text = f"{' '.join(found)} What is left: {text}"
     return text if a.verdict == "no_gap" or a.odd_phase is None else f"{text} {a.odd_phase.text}"
 
 

@@ -68,6 +68,8 @@ class DiagnosisResult(Result):
             }  # fmt: skip
         drifts = a.diagnosis.drifting
         told["recording_offsets"] = None if drifts is None else drifts.as_json()
+        rounds = a.diagnosis.counted
+        told["pwm_counts"] = None if rounds is None else rounds.as_json()
         told["flux_map"] = None if a.map_found is None else asdict(a.map_found)
         told["odd_phase"] = None if a.odd_phase is None else asdict(a.odd_phase)
         return told | {"simulator": self.refitted.as_json(), "continued": self.continued}

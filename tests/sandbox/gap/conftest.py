@@ -34,19 +34,21 @@ FURTHER = {
 TURNING = (("slow", "driven", 40.0, 20.0), ("fast", "driven", 110.0, 20.0))
 
 
-def record(name, rotor, speed, size, effects, rng, n=1200, outside=None):
+def record(name, rotor, speed, size, effects, rng, n=1200, outside=None, drive=DRIVE, counts=None):
     """Return one recording: a turning or swinging voltage, injection along d, counts and noise as the drive states;
-    outside: what the bench has that no library holds (`switched.unlisted`)."""
-    c, pairs = DRIVE.converter, DRIVE.motor.pole_pairs
+    outside: what the bench has that no library holds (`switched.unlisted`); counts: what it rounds duties to, of half a
+    PWM period."""
+    c, pairs = drive.converter, drive.motor.pole_pairs
     period, k = c.sampling_period, np.arange(n)
     theta, middle = (0.3 + pairs * speed * period * (k + x) for x in (0.0, 0.5))
     swing = np.sin(2 * np.pi * k / 700 + size) + 0.6 * np.sin(2 * np.pi * k / 270)
-    back = 1j * pairs * speed * DRIVE.motor.magnet_flux
+    back = 1j * pairs * speed * drive.motor.magnet_flux
     u = (size * swing * np.exp(1j * k / 160) + back) * np.exp(1j * middle)
-    u += DRIVE.injection.amplitude * np.where(k % 8 < 4, 1, -1) * np.exp(1j * middle)
+    u += drive.injection.amplitude * np.where(k % 8 < 4, 1, -1) * np.exp(1j * middle)
     more = {"theta": theta, "speed": speed} if rotor == "driven" else {"theta": 0.3, "speed": 0.0}
-    own = unlisted(quiet(bench(DRIVE.motor, c, effects)), outside or {})
-    r = switched(own, rotor, u.real, u.imag, c.dc_bus_voltage, **more)
+    own = unlisted(quiet(bench(drive.motor, c, effects)), outside or {})
+    given = u if counts is None else rounded(u, c.dc_bus_voltage, counts)
+    r = switched(own, rotor, given.real, given.imag, c.dc_bus_voltage, **more)
     count = 2 * np.pi * pairs / c.encoder_counts
     columns = {"t": k * period, "u_alpha": u.real, "u_beta": u.imag, "u_dc": np.full(n, c.dc_bus_voltage)}
     columns["theta"] = count * np.floor(r["theta"] / count + 0.5)
@@ -56,11 +58,19 @@ def record(name, rotor, speed, size, effects, rng, n=1200, outside=None):
     return CampaignRecording(f"{name}.parquet", rotor, "d", columns)
 
 
-def small_campaign(effects, cases=CASES, seed=5, outside=None):
+def rounded(u, link, counts):
+    """Return voltages (n,) as legs give them whose duties are whole counts: centred by the largest and the smallest."""
+    turn = np.exp(2j * np.pi * np.arange(3) / 3)
+    legs = (u[:, None] * turn.conj()).real / link
+    duty = 0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None]
+    return 2.0 / 3.0 * link * np.round(counts * duty) / counts @ turn
+
+
+def small_campaign(effects, cases=CASES, seed=5, outside=None, drive=DRIVE, counts=None):
     """Return a campaign of the switched bench with noise."""
     rng = np.random.default_rng(seed)
-    recordings = tuple(record(*case, effects, rng, outside=outside) for case in cases)
-    return Campaign("small", DRIVE, recordings, {}, {}, False)
+    recordings = tuple(record(*case, effects, rng, outside=outside, drive=drive, counts=counts) for case in cases)
+    return Campaign("small", drive, recordings, {}, {}, False)
 
 
 @pytest.fixture(scope="session")

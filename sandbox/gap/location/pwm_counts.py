@@ -1,0 +1,242 @@
+"""To how many counts a drive's PWM timer rounds duties, where [drive] does not say so.
+
+A rounded duty is off by up to half a count, and where resistance is small the current that this adds is many noise
+floors.  No effect of the library looks like it, but each number of counts N foretells it whole, x(N): duties are known,
+and the plant's own transitions say how a voltage goes on.  Nothing of it is free, so beside what the best hypothesis
+leaves, y, the log Bayes factor of N against no rounding is (y x - x x / 2) / v.  v is the variance of
+`posterior.misfit`: what else is missing counts as few shapes, however many readings there are.  It is larger where the
+residual is like x of other numbers, too: a dead time that is not fitted is, to some degree.  What a fit took of x is
+missing in y, which makes the factor a lower bound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import inlined, kernel
+from model.parameters import Drive
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.posterior.misfit import met
+from sandbox.replay.inputs import LEGS
+from sandbox.replay.transitions import SHARE, displaced, transitions
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+FEWEST, MOST = 16, 20_000  # counts: what [drive] pwm_counts may be; 200 MHz at 5 kHz
+SURE = 0.95  # posterior probability of some number of counts
+NEEDED = 20.0  # nats: log of all numbers tried, and some; numbers that could not reach it are left away
+SAMPLES = 150_000  # that are looked at: the first ones of each recording
+WORK = 5e8  # samples times numbers in the first look: two seconds
+FINALISTS = 64  # numbers that are weighed on all samples
+OTHERS = 128  # numbers that say what the residual has alike with any rounding, an octave to either side
+ROUNDS = 4  # times at most that what the best number leaves says how far data count
+LANES = 256  # numbers side by side
+WHOLE = (
+    1.5 * 2.0**52
+)  # added to a number and taken off again rounds it, half to even: as `np.round`, but in vector code
+
+
+class Counted(NamedTuple):
+    """Counts of half a PWM period that duties are rounded to: the most probable number, the range of those that hold
+    95 % of the probability; timer's clock (Hz); share of what it foretells that is there; nats against no rounding."""
+
+    value: int
+    low: int
+    high: int
+    clock: float
+    share: float
+    log_bayes_factor: float
+
+    @property
+    def text(self) -> str:
+        """Return it as a sentence, with what to do."""
+        exact = self.low == self.high
+        numbers = f"{self.value} counts" if exact else f"about {self.value} counts ({self.low} to {self.high})"
+        return (
+            f"The drive rounds duties to {numbers} of half a PWM period, a timer of {self.clock / 1e6:.4g} MHz, which "
+            f"[drive] does not say. The simulator does so from here on; state pwm_counts = {self.value}."
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as `diagnosis.json` has it."""
+        return {
+            "value": self.value, "range": [self.low, self.high], "clock": self.clock, "share": self.share,
+            "log_bayes_factor": self.log_bayes_factor,
+        }  # fmt: skip
+
+
+class Part(NamedTuple):
+    """A recording's first n samples: duties (n, 3), flux that a whole duty of each leg adds (n, 3, 2) in Wb,
+    transitions a (n, 2, 2) and c (n, 3, 2) in floors/Wb, residuals (n, 3) in floors."""
+
+    duty: Array
+    kick: Array
+    a: Array
+    c: Array
+    y: Array
+
+    def first(self, share: float) -> Part:
+        """Return a share of its samples, the first ones."""
+        n = max(1, int(share * len(self.duty)))
+        return Part(*(x[:n] for x in self))
+
+
+def pwm_counts(point: Point) -> Counted | None:
+    """Return the counts that duties were rounded to, from what a fit leaves; None where recordings show none, where
+    [drive] states them, and for logs whose rows are several PWM periods apart."""
+    converter = point.prepared.campaign.drive.converter
+    if converter.pwm_counts is not None or converter.periods_a_row > 1:
+        return None
+    parts = parts_of(point)
+    variance = [met(p.y) for p in parts]
+    counts = numbers(parts, variance)
+    if not len(counts):
+        return None
+    some = min(1.0, WORK / (len(counts) * sum(len(p.duty) for p in parts)))
+    along, square = weighed([p.first(some) for p in parts], variance, counts)
+    counts = np.sort(counts[np.argsort(along - 0.5 * square + log_prior(counts))[-FINALISTS:]])
+    along, square = weighed(parts, variance, counts)
+    best = int(np.argmax(along - 0.5 * square))
+    factor = (along - 0.5 * square) / alike(parts, variance, counts[best])
+    if not np.logaddexp.reduce(factor + log_prior(counts)) > math.log(SURE / (1.0 - SURE)):
+        return None
+    told, share = _settled(parts, counts, int(np.argmax(factor + log_prior(counts))))
+    best, likely = int(np.argmax(told)), counts[credible(told)]
+    value = int(counts[best])
+    clock = 2.0 * value / (converter.sampling_period * converter.samples_a_period)
+    return Counted(value, int(likely.min()), int(likely.max()), clock, float(share[best]), float(factor[best]))
+
+
+def _settled(parts: Sequence[Part], counts: Counts, best: int) -> tuple[Array, Array]:
+    """Return the log posterior of numbers of counts (m,), up to a constant, where data count as far as what the best of
+    them leaves says, and the shares (m,) of what they foretell that are there; best: the place where this begins."""
+    for _ in range(ROUNDS):
+        left = [p._replace(y=p.y - added(p, counts[best])) for p in parts]
+        variance = [met(p.y) for p in left]
+        along, square = weighed(parts, variance, counts)
+        told = (along - 0.5 * square) / alike(left, variance, counts[best]) + log_prior(counts)
+        before, best = best, int(np.argmax(told))
+        if best == before:
+            break
+    return told, along / square
+
+
+def with_counts(drive: Drive, value: int) -> Drive:
+    """Return a drive that rounds duties to so many counts."""
+    return replace(drive, converter=replace(drive.converter, pwm_counts=value))
+
+
+def parts_of(point: Point) -> list[Part]:
+    """Return the parts of all recordings."""
+    prepared, out = point.turned(), []
+    drive = prepared.campaign.drive
+    size = SHARE * drive.motor.inductance_q * drive.motor.rated_current
+    share = min(1.0, SAMPLES / prepared.samples)
+    whole = drive.converter.sampling_period * drive.converter.dc_bus_voltage * (2.0 / 3.0) * LEGS
+    for k, (r, left) in enumerate(zip(prepared.recordings, shown(point), strict=True)):
+        n = max(1, int(share * r.samples))
+        running = displaced(prepared, point.values, k)
+        own = transitions(running, n, size)
+        track = running.track[len(running.track) - r.samples :][:n]
+        duty = np.stack([track[f"d_{x}"] for x in "abc"], axis=1)
+        kick = track["link"][:, None, None] * whole
+        out.append(Part(duty, kick, own.a, own.c / prepared.floor, np.ascontiguousarray(left.current[:n, :, 0])))
+    return out
+
+
+def numbers(parts: Sequence[Part], variance: Sequence[float]) -> Counts:
+    """Return the numbers of counts whose rounding these recordings would show: what it adds falls as their square."""
+    few = np.arange(500, 516)
+    square = float(np.median(weighed(parts, variance, few)[1] * few**2.0))
+    most = min(MOST, math.floor(math.sqrt(0.5 * square / NEEDED)))
+    return np.arange(FEWEST, most + 1)
+
+
+def weighed(parts: Sequence[Part], variance: Sequence[float], counts: Counts) -> tuple[Array, Array]:
+    """Return for numbers of counts (m,) what they foretell times the residual, and its own square, over variances."""
+    sums = np.zeros((2, len(counts)))
+    for p, v in zip(parts, variance, strict=True):
+        own = np.zeros_like(sums)
+        foretold(p, counts.astype(float), LANES, own, np.empty((0, 3)))
+        sums += own / v
+    return sums[0], sums[1]
+
+
+def added(part: Part, count: int) -> Array:
+    """Return what rounding to a number of counts adds to readings (n, 3), in floors."""
+    out = np.empty_like(part.y)
+    foretold(part, np.array([float(count)]), LANES, np.zeros((2, 1)), out)
+    return out
+
+
+def alike(parts: Sequence[Part], variance: Sequence[float], count: int) -> float:
+    """Return how large a square, in its own variance, residuals have along what other numbers near one foretell; 1 and
+    more.  Where something else is missing that looks like rounding, it looks like that to any number."""
+    octave = np.exp(math.log(2.0) * np.linspace(-1.0, 1.0, OTHERS))
+    other = np.unique(np.round(count * octave).astype(np.int64))
+    along, square = weighed(parts, variance, other[(other != count) & (other > 1)])
+    return max(1.0, float(np.mean(along**2 / square)))
+
+
+def log_prior(counts: Counts) -> Array:
+    """Return the log prior odds (m,) of numbers of counts against no rounding: a timer that shows is as likely as none,
+    and its number in every octave (density 1/N)."""
+    return np.asarray(-np.log(counts) - math.log(math.log((MOST + 1.0) / FEWEST)))
+
+
+def credible(told: Array) -> NDArray[np.int64]:
+    """Return the places of the fewest numbers that hold SURE of the posterior, none left aside."""
+    chance = np.exp(told - np.logaddexp.reduce(told))
+    order = np.argsort(-chance)
+    return order[: 1 + int(np.searchsorted(np.cumsum(chance[order]), SURE))]
+
+
+@kernel
+def foretold(part, counts, lanes, sums, readings):
+    """Add to sums (2, m) the products of residuals with what rounding to counts (m,) adds to readings, and its squares;
+    write the first number's readings (n, 3) where there is room for them."""
+    for first in range(0, len(counts), lanes):
+        own = counts[first : first + lanes]
+        one = 1.0 / own
+        psi = np.zeros((2, len(own)))
+        found = sums[:, first : first + lanes]
+        for k in range(len(part.duty)):
+            if len(readings):
+                for j in range(3):
+                    readings[k, j] = part.c[k, j, 0] * psi[0, 0] + part.c[k, j, 1] * psi[1, 0]
+            one_period(part.duty[k], part.kick[k], part.a[k], part.c[k], part.y[k], own, one, psi, found)
+
+
+@inlined
+def one_period(duty, kick, a, c, y, counts, one, psi, sums):
+    """Add a sample to sums (2, m) and go on with fluxes psi (2, m) to the next one; one: 1 / counts."""
+    d_a, d_b, d_c = duty[0], duty[1], duty[2]
+    (u_a, v_a), (u_b, v_b), (u_c, v_c) = (kick[0, 0], kick[0, 1]), (kick[1, 0], kick[1, 1]), (kick[2, 0], kick[2, 1])
+    a_00, a_01, a_10, a_11 = a[0, 0], a[0, 1], a[1, 0], a[1, 1]
+    # of the three readings only their products are needed
+    g_0 = c[0, 0] * y[0] + c[1, 0] * y[1] + c[2, 0] * y[2]
+    g_1 = c[0, 1] * y[0] + c[1, 1] * y[1] + c[2, 1] * y[2]
+    h_00 = c[0, 0] ** 2 + c[1, 0] ** 2 + c[2, 0] ** 2
+    h_01 = 2.0 * (c[0, 0] * c[0, 1] + c[1, 0] * c[1, 1] + c[2, 0] * c[2, 1])
+    h_11 = c[0, 1] ** 2 + c[1, 1] ** 2 + c[2, 1] ** 2
+    p, q, along, square = psi[0], psi[1], sums[0], sums[1]
+    for m in range(len(counts)):  # two loops: of more arrays in one LLVM makes no vector code
+        x, z = p[m], q[m]
+        along[m] += g_0 * x + g_1 * z
+        square[m] += (h_00 * x + h_01 * z) * x + h_11 * z * z
+    for m in range(len(counts)):
+        n, each = counts[m], one[m]
+        e = ((d_a * n + WHOLE) - WHOLE) * each - d_a
+        f = ((d_b * n + WHOLE) - WHOLE) * each - d_b
+        g = ((d_c * n + WHOLE) - WHOLE) * each - d_c
+        x = p[m] + e * u_a + f * u_b + g * u_c
+        z = q[m] + e * v_a + f * v_b + g * v_c
+        p[m] = a_00 * x + a_01 * z
+        q[m] = a_10 * x + a_11 * z
