@@ -4,30 +4,55 @@ from __future__ import annotations
 
 import importlib
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from model.drive_files import Drive
 
 
-def compile_replays(rooms: slice) -> None:
+def on_a_map() -> Drive:
+    """Return a drive with a flux map, which needs no data: kernels are compiled once more for maps."""
+    from experiments.spline_cost import twin
+    from model.drive_files import load_drive
+
+    return twin(load_drive("ipm_exchanged"))
+
+
+def compile_replays(drive: Drive | None, rooms: slice) -> None:
     """Have the replay's kernels for some of the numbers of sets that run side by side."""
     from sandbox.replay.grouping import ROOMS
     from sandbox.replay.replay import replay
     from tests.sandbox.plant.told import DRIVE, duties, told, turning
 
-    prepared = told(DRIVE, duties(4), *turning(4))
+    prepared = told(drive or DRIVE, duties(4), *turning(4))
     for count in ROOMS[rooms]:
         replay(prepared, [{}] * count)
 
 
+def compile_loops(drive: Drive) -> None:
+    """Have the closed loops on both plants with either belief."""
+    from estimators.registry import load_estimator
+    from sandbox.drive.scenario import Scenario, Segment
+    from sandbox.drive.simulate import simulate
+
+    still = Scenario("still", (Segment(0.01),), start_up=False)
+    for belief, plant in (("linear", "exact"), ("saturated", "exact"), ("saturated", "switched")):
+        simulate(drive, still, load_estimator("qnull"), belief=belief, plant=plant)
+
+
 def compile_wide() -> None:
-    """Have the replays of some sets and of many."""
-    compile_replays(slice(1, None))
+    """Have the replays of some sets and of many, and those of a flux map."""
+    compile_replays(None, slice(1, None))
+    compile_replays(on_a_map(), slice(None))
 
 
 def compile_narrow() -> None:
     """Have the closed loops on both plants, compiled when they are imported, and the replay of one set, which shares
-    most of its functions with them."""
+    most of its functions with them; then the loops of a motor with a flux map."""
     for name in ("loop", "switched_loop"):
         importlib.import_module(f"sandbox.drive.{name}")
-    compile_replays(slice(1))
+    compile_replays(None, slice(1))
+    compile_loops(on_a_map())
 
 
 FIRST = (compile_wide, compile_narrow)  # about as long as each other

@@ -100,11 +100,14 @@ def valid(motor: Motor) -> bool:
     """Tell whether a motor's energy is convex and every current reached within VALID_TO of rated current."""
     m = motor.energy
     for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
-        d = q = 0.0
+        reached = [(0.0, 0.0)]
         for r in np.linspace(0.0, VALID_TO * motor.rated_current, 25)[1:]:
-            d, q, status = flux_newton(m, float(r * np.cos(angle)), float(r * np.sin(angle)), d, q)
-            if status != SOLVED or not is_convex_to(m, d, q):
+            d, q, status = flux_newton(m, float(r * np.cos(angle)), float(r * np.sin(angle)), *reached[-1])
+            if status != SOLVED:
                 return False
+            reached.append((d, q))
+        if not is_convex_to(m, *np.transpose(reached[1:])).all():
+            return False
     return True
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import json
 import os
@@ -246,8 +245,14 @@ def test_a_full_disk_is_told_with_its_folder(short, tmp_path, capsys, monkeypatc
     )
 )
 def test_any_arguments_parse_or_are_refused(arguments):
-    with contextlib.suppress(CycloptsError, BadInput):
-        parse(arguments)
+    """They call something, with all its arguments bound, or a text says what is wrong."""
+    try:
+        found = parse(arguments)
+    except (CycloptsError, BadInput) as error:
+        assert str(error).strip()
+    else:
+        assert callable(found.run)
+        assert set(found.bound.arguments) == set(found.bound.signature.parameters)
 
 
 def test_as_a_program(tmp_path):

@@ -303,7 +303,7 @@ start_up = false
 duration = 1.0
 load = 1.0
 [random]
-points = 200
+points = 120
 [random.draw]
 seed = {integers = [0, 999]}
 """
@@ -375,7 +375,7 @@ def test_killed_workers_and_signals_leave_no_child_and_the_same_results(tmp_path
         told, own, said = signalled(tmp_path, kind)
         assert told == code
         rows = sum(b["rows"] for b in json.loads((tmp_path / "out" / "manifest.json").read_text())["blocks"])
-        line = f"sensorless sweep: interrupted; {rows} of 200 runs are kept; the same command goes on"
+        line = f"sensorless sweep: interrupted; {rows} of 120 runs are kept; the same command goes on"
         assert said.splitlines()[-1] == line  # no leaked semaphores behind it
         end = time.monotonic() + 120.0
         while any(map(alive, own)) and time.monotonic() < end:

@@ -23,6 +23,7 @@ HOME = Path(__file__).resolve().parents[3].parent / "shared" / "recordings"
 PRACTICE = Path(os.environ.get("SENSORLESS_RECORDINGS") or HOME) / "practice"
 pytestmark = pytest.mark.skipif(not PRACTICE.is_dir(), reason=f"no recordings in {PRACTICE}; set SENSORLESS_RECORDINGS")
 USED = ["locked_q_inject_q", "locked_steps", "locked_low_current", "driven_grid", "driven_grid_slow", "driven_idle"]
+FEWER = ["locked_q_inject_q", "locked_low_current", "driven_grid", "driven_idle"]  # show each effect by far
 TRUE = {"R": "resistance", "phim": "magnet_flux", "Ld": "inductance_d", "Lq": "inductance_q", "J": "inertia"}
 TRUE |= {"a30": "alpha_30", "a12": "alpha_12", "a40": "alpha_40", "a22": "alpha_22", "a04": "alpha_04"}
 TRUE |= {"B": "viscous_friction"}
@@ -101,10 +102,14 @@ def vector(phases):
     return np.stack([(2 * phases[0] - phases[1] - phases[2]) / 3, (phases[1] - phases[2]) / np.sqrt(3)])
 
 
-def residuals(motor, converter, effects, columns):
+def motions(columns, pole_pairs):
+    """Return the imposed motion of every driven recording."""
+    return {f: imposed_motion(c, pole_pairs) for f, c in columns.items() if f.startswith("driven")}
+
+
+def residuals(motor, converter, effects, columns, motion):
     """Return rms residual of each recording over the noise floor, ordinary deviations fitted."""
     b = quiet(bench(motor, converter, effects))
-    motion = {f: imposed_motion(c, motor.pole_pairs) for f, c in columns.items() if f.startswith("driven")}
     read = np.concatenate([np.stack([c["i_a"], c["i_b"], c["i_c"]]) for c in columns.values()], axis=1)
 
     def miss(x):
@@ -134,8 +139,7 @@ def test_campaign_without_deviations_is_met_to_the_noise_floor():
     """p01 with its nominal model, nothing fitted but the imposed motion behind the encoder's counts."""
     nominal, _, converter, _, columns = load("p01")
     b = quiet(bench(nominal, converter))
-    motion = {f: imposed_motion(c, 6) for f, c in columns.items() if f.startswith("driven")}
-    predicted = predict(b, columns, motion, 0.0, 0.0, 0.0)
+    predicted = predict(b, columns, motions(columns, 6), 0.0, 0.0, 0.0)
     read = np.concatenate([np.stack([c["i_a"], c["i_b"], c["i_c"]]) for c in columns.values()], axis=1)
     floor = converter.current_noise**2 + converter.current_resolution**2 / 12
     assert np.sqrt(np.mean((read - predicted) ** 2) / floor) == pytest.approx(1.0, abs=0.02)
@@ -172,12 +176,13 @@ EFFECTS = {  # campaign: residual that must remain without the true effect; 0: a
 
 @pytest.mark.parametrize("name", list(EFFECTS))
 def test_true_effect_brings_the_residual_to_the_noise_floor(name):
-    nominal, true, converter, effects, columns = load(name)
-    after = residuals(true, converter, effects, columns)
+    nominal, true, converter, effects, columns = load(name, FEWER)
+    motion = motions(columns, nominal.pole_pairs)
+    after = residuals(true, converter, effects, columns, motion)
     print(name, sorted(effects), "with", np.round(after, 3))
     assert after.max() < 1.08
     if EFFECTS[name]:
-        before = residuals(without(nominal, true, effects), converter, {}, columns)
+        before = residuals(without(nominal, true, effects), converter, {}, columns, motion)
         print(name, "without", np.round(before, 2))
         assert np.sqrt(np.mean(before**2)) > EFFECTS[name]
 
