@@ -267,6 +267,24 @@ def test_disk_margin_of_an_integrator():
     assert ds._margins(1.0 / (1j * w), w)[2] == pytest.approx(2.0)
 
 
+LAGS = {
+    "never turned": lambda w: 1.0 / (1j * w),
+    "never crossed": lambda w: 0.5 / (1j * w + 10.0),
+    "late": lambda w: np.exp(-1e-3j * w) * 200.0 / (1j * w * (1.0 + 1j * w / 50.0)),
+    "resonant": lambda w: np.exp(-1e-3j * w) * 9e4 / ((300.0**2 - w**2 + 6j * w) * (0.1 + 1j * w / 50.0)),
+}
+
+
+@pytest.mark.parametrize("name", LAGS)
+def test_margins_are_those_that_control_finds(name):
+    """By splines through the same grid, one frequency at a time."""
+    w = np.geomspace(1e-2, 1e4, 1500)
+    gain, phase, _, _, crossover, _ = control.stability_margins(control.frd(LAGS[name](w), w))
+    found = ds._margins(LAGS[name](w), w)
+    assert (found[0], found[1]) == pytest.approx((gain, phase), rel=1e-9)
+    assert found[3] == pytest.approx(crossover, rel=1e-9, nan_ok=True)
+
+
 def test_a_loop_of_several_variants_tells_the_least_margins():
     """b/(j w) with a lag of one or three samples: 90 degrees less lag x b.  The slower one has 60 degrees at
     b = (pi/6)/(3 H), and the smaller disk; the bandwidth is the crossover of both."""

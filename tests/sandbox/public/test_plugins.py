@@ -28,7 +28,7 @@ import dataclasses
 import sandbox
 ESTIMATOR = dataclasses.replace(sandbox.load_estimator("qnull"), name="mine_of_pack", summary="of our bench")
 """
-# in the scratch environment: the lists, a run of the estimator, the preset's column
+# beside the package: the lists, a run of the estimator, the preset's column
 USES = """
 import sandbox
 from sandbox.cli import main
@@ -74,26 +74,16 @@ def wheel_of(folder: Path, name: str, files: dict[str, str], points: str) -> Pat
     return path
 
 
-@pytest.fixture(scope="module")
-def scratch(tmp_path_factory):
-    """Give an environment of its own with pip, whose libraries are those of this one: installs a wheel, runs code."""
-    folder = tmp_path_factory.mktemp("scratch")
-    subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
-    python = folder / "venv" / "bin" / "python"
-    libraries = [place for place in sys.path if place.endswith("site-packages")]
-
-    def used(wheel: Path, code: str):
-        """Return what code did with this wheel alone."""
-        place = folder / wheel.stem
-        call = [str(python), "-m", "pip", "install", "-q", "--no-deps", "--no-index", "-t", str(place), str(wheel)]
-        subprocess.run(call, check=True, capture_output=True)
-        around = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(place), *libraries])}
-        return subprocess.run([str(python), "-c", code], cwd=folder, env=around, capture_output=True, text=True)
-
-    return used
+def used(wheel: Path, code: str) -> subprocess.CompletedProcess[str]:
+    """Return what code did beside a wheel that pip has unpacked into a folder of its own."""
+    place = wheel.parent / "installed"
+    call = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "-t", str(place), str(wheel)]
+    subprocess.run(call, check=True, capture_output=True)
+    around = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(place)])}
+    return subprocess.run([sys.executable, "-c", code], cwd=wheel.parent, env=around, capture_output=True, text=True)
 
 
-def test_a_package_of_somebody_else_is_installed_and_used(scratch, tmp_path):
+def test_a_package_of_somebody_else_is_installed_and_used(tmp_path):
     preset = (FOLDER / "odrive.toml").read_text(encoding="utf-8")
     head, _, rest = preset.partition("[columns]\n")
     assert rest
@@ -103,17 +93,17 @@ def test_a_package_of_somebody_else_is_installed_and_used(scratch, tmp_path):
         "presets/__init__.py": "",
         "presets/ourlog.toml": f'{head}[columns]\nt = {{column = "stamp", unit = "s"}}\n',
     }
-    done = scratch(wheel_of(tmp_path, "bench_pack", files, POINTS), USES)
+    done = used(wheel_of(tmp_path, "bench_pack", files, POINTS), USES)
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith("used\n")
     assert "did you mean 'mine_of_pack'?" in done.stderr
 
 
-def test_an_effect_of_a_package_enters_the_plant(scratch, tmp_path):
+def test_an_effect_of_a_package_enters_the_plant(tmp_path):
     """Its equation at its port; what a whole plant with it does is in tests/sandbox/plant/test_own_effects.py."""
     fan = (ROOT / "experiments" / "my_effects.py").read_text(encoding="utf-8")
     points = "[sensorless.effects]\nfan = fan_pack.effects\n"
-    done = scratch(wheel_of(tmp_path, "fan_pack", {"__init__.py": "", "effects.py": fan}, points), TURNS)
+    done = used(wheel_of(tmp_path, "fan_pack", {"__init__.py": "", "effects.py": fan}, points), TURNS)
     assert done.returncode == 0, done.stderr
     assert done.stdout == "turns\n"
 
