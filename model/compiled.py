@@ -23,7 +23,7 @@ llvmlite.binding.set_option("", "-unroll-full-max-count=4")
 _COMPILING = Lock()
 
 
-watch(cache_home())
+WATCH = watch(cache_home())
 
 
 def kernel(function: Callable[..., Any]) -> Any:

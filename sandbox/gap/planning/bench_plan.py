@@ -7,11 +7,13 @@ size stands clear of noise and ordinary deviations are listed (`visible`).
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from model.compiled import WATCH
 from model.errors import BadInput, PhysicsError
 from model.parameters import Drive, Limits
 from sandbox.gap.planning.menu import Entry, recording_of, settings, shaft
@@ -57,8 +59,10 @@ class Plan:
 def plan(drive: Drive, limits: Limits, *, workers: int = 1, progress: Callable[[float], None] | None = None) -> Plan:
     """Return experiments within a bench's limits, each the one that adds most to those before it, until none adds any.
 
-    progress: called with the share of the menu that has been simulated.  BadInput where the limits leave no experiment.
+    progress: called with the share of the time that is over, as far as what is done tells (`over`).  BadInput where the
+    limits leave no experiment.
     """
+    began, compiled, ends = time.monotonic(), WATCH.seconds, list[float]()
     if drive.converter.encoder_counts is None:
         drive = replace(drive, converter=replace(drive.converter, encoder_counts=ENCODER))
     entries = allowed(drive, limits)
@@ -68,7 +72,8 @@ def plan(drive: Drive, limits: Limits, *, workers: int = 1, progress: Callable[[
     simulated: dict[str, Campaign] = {}
     for k, entry in enumerate(entries):
         if progress is not None:
-            progress(k / len(entries))
+            ends += [time.monotonic() - began] * (k > 0)
+            progress(over(ends, WATCH.seconds - compiled, len(entries) + 1))
         try:
             simulated[entry.name] = _simulated(drive, entry)
             told.append((entry, visible(simulated[entry.name], workers=workers)))
@@ -80,6 +85,18 @@ def plan(drive: Drive, limits: Limits, *, workers: int = 1, progress: Callable[[
     recordings = tuple(r for p in chosen for r in simulated[p.entry.name].recordings)
     whole = replace(simulated[chosen[0].entry.name], recordings=recordings)
     return Plan(drive, tuple(chosen), visible(whole, workers=workers))
+
+
+def over(ends: Sequence[float], compiling: float, pieces: int) -> float:
+    """Return the share of the time that is over when some of the pieces have ended (s), 0 before the first has.
+
+    The first compiles what all others need (s); how long those take is known once there are two.
+    """
+    if not ends:
+        return 0.0
+    done, last = len(ends), ends[-1]
+    each = (last - ends[0]) / (done - 1) if done > 1 else max(last - compiling, 0.0)
+    return last / (last + each * max(pieces - done, 0)) if last > 0.0 else done / pieces
 
 
 def _ordered(drive: Drive, told: Sequence[tuple[Entry, Visible]]) -> list[Planned]:
