@@ -70,8 +70,8 @@ def correct(w, track, k, moved, row, first):
 
 
 @kernel
-def predict(w, features, track, k, period):
-    """Move a free rotor on by a period under the mean torque; friction at the motion smoothed for all sets.
+def pull(w, period):
+    """Write the mean torque of a period of a free rotor (N m).
 
     The pattern's last part, as long as its delay, lies after the next sample: its torque belongs to the next period.
     """
@@ -79,17 +79,54 @@ def predict(w, features, track, k, period):
         tail = w.torque[j]
         w.torque[j] = (w.impulse[j] + w.delay[j] * (w.last_torque[j] - tail)) / period
         w.impulse[j], w.last_torque[j] = 0.0, tail
+
+
+@kernel
+def predict(w, features, track, k, period):
+    """Move a free rotor on by a period under its mean torque; friction at the motion smoothed for all sets."""
+    for j in range(w.psi_a.size):
         w.turn[j] = track[k].middle_turn - (w.offset[j] + w.deviation[j]) / w.pairs[j]
         w.omega[j] = track[k].middle_omega
     step_shaft(w, features, period, track[k].load, 0.0)
 
 
 @kernel
-def run(w, flux_map, timing, features, room, track, rows, eccentric, supply, span, out, moved, first):
+def deviate_at_start(w, track):
+    """Write what the encoder is off by at the first sample."""
+    deviate(w, track[0].turn)
+    deviate(w, track[0].turn)
+    for j in range(w.psi_a.size):
+        w.deviation[j] = w.next_deviation[j]
+
+
+@kernel
+def turn(w, timing, features, track, rows, eccentric, torque, moved):
+    """Move free rotors alone through some periods, all under one mean torque (n,) in N m of each period; innovations
+    as `run` writes them."""
+    n, held, start, stop = len(track), rows.held, rows.start, rows.stop
+    wobbling = features & add.WOBBLE != 0 and eccentric
+    if start == 0 and wobbling:
+        deviate_at_start(w, track)
+    for k in range(start, stop):
+        if k % held == 0:
+            correct(w, track, k, moved, (k - start) // held, 0)
+        if wobbling and k < n - 1:
+            deviate(w, track[k + 1].turn)
+        for j in range(w.psi_a.size):
+            w.torque[j] = torque[k]
+        predict(w, features, track, k, timing.period)
+        if wobbling:
+            for j in range(w.psi_a.size):
+                w.deviation[j] = w.next_deviation[j]
+
+
+@kernel
+def run(w, flux_map, timing, features, room, track, rows, eccentric, supply, span, out, moved, torque, first):
     """Replay some PWM periods of one recording; return what `span` is to be for those after them.
 
     Readings (A) of row k of the log go to out[k - first row, 0:3, first:first + lanes], a free rotor's innovations to
-    moved[k - first row, first:] where features say MOTION.  w starts with fluxes and currents of the first sample, room
+    moved[k - first row, first:] and the first lane's mean torque (N m) to torque[period], where features say MOTION.  w
+    starts with fluxes and currents of the first sample, room
     fresh, span at 0; all three are handed on from stretch to stretch.  Lanes that sample before the pattern's start
     write one row ahead: `out` has a row for period `stop`, unless there is none.  track: (n,) of TRACK; rows: `Rows`;
     eccentric: the angle handed in still holds what encoders are off; supply: w.supply as it began.
@@ -100,10 +137,7 @@ def run(w, flux_map, timing, features, room, track, rows, eccentric, supply, spa
     wobbling = features & add.WOBBLE != 0 and eccentric
     if start == 0:
         if wobbling:
-            deviate(w, track[0].turn)
-            deviate(w, track[0].turn)
-            for j in range(lanes):
-                w.deviation[j] = w.next_deviation[j]
+            deviate_at_start(w, track)
         hold_start(w, features)
         read(w)
         write(w, out, 0, first)
@@ -132,6 +166,8 @@ def run(w, flux_map, timing, features, room, track, rows, eccentric, supply, spa
         if timing.first < 0.0 and (k + 1) % held == 0 and k < n - 1:
             write_some(w, out, own + 1, first, True)
         if features & add.MOTION:
+            pull(w, period)
+            torque[k] = w.torque[0]
             predict(w, features, track, k, period)
         if wobbling:
             for j in range(lanes):

@@ -253,21 +253,39 @@ class Walk:
 
     prepared: Prepared
     running: dict[tuple[int, int], Running] = field(default_factory=dict)
+    torques: dict[tuple[int, int], Array] = field(default_factory=dict)
 
     def over(self, s: Stretch, block: Block) -> Shown:
         """Return what a block predicts for a stretch, the one after that asked for before."""
-        r, key = self.prepared.recordings[s.recording], (s.recording, id(block))
-        state = self.running.pop(key, None)
-        if state is None:
-            state = Running.begun(self.prepared.campaign.drive, self.prepared.steps, r, block)
+        r, state, key = self._at(s, block, settled=True)
         m, ahead = s.last - s.first, s.last < s.n
         current = np.empty((m + ahead, 3, block.lanes))
         moved = np.empty((m, block.lanes)) if r.rotor == "free" else np.empty((1, 1))
         state.on(s.last, current, moved)
+        self.torques[key] = state.torque
         if ahead:
             self.running[key] = state
         turned = r.encoder(block.batch, s.first, s.last) if r.rotor == "driven" else None
         return Shown(current[:m], moved if r.rotor == "free" else None, turned)
+
+    def turned(self, s: Stretch, block: Block, driver: Block) -> Array:
+        """Return innovations (m, lanes) of a free rotor that a block of sets predicts which differ from another one's
+        first in nothing but the motion; that one has gone over the stretch, and its torque drives them all."""
+        _, state, key = self._at(s, block, settled=False)
+        moved = np.empty((s.last - s.first, block.lanes))
+        state.turn(s.last, self.torques[s.recording, id(driver)], moved)
+        if s.last < s.n:
+            self.running[key] = state
+        return moved
+
+    def _at(self, s: Stretch, block: Block, *, settled: bool) -> tuple[Inputs, Running, tuple[int, int]]:
+        """Return the recording, a block's state before a stretch, begun where there is none yet, and what it is kept
+        by."""
+        r, key = self.prepared.recordings[s.recording], (s.recording, id(block))
+        state = self.running.pop(key, None)
+        if state is None:
+            state = Running.begun(self.prepared.campaign.drive, self.prepared.steps, r, block, settled=settled)
+        return r, state, key
 
 
 def in_threads(task, jobs, workers: int) -> None:

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from model.compiled import kernel
 from model.effects import library
 from model.errors import BadInput, unknown
+from sandbox.plant import additions
 from sandbox.plant.sets import BENCH, complete, parameter_names
-from sandbox.replay.grouping import grouped
+from sandbox.replay.grouping import ROOMS, grouped
 from sandbox.replay.replay import Prepared, Set, Shown, Walk, block_of, in_threads, needs_of
 from sandbox.replay.stretches import Stretch, stretches
 
@@ -171,16 +172,18 @@ class Moves:
 def slopes(
     prepared: Prepared, moves: Moves, groups: Sequence[Sequence[Stretch]], *, workers: int = 1
 ) -> Iterator[tuple[Stretch, Slopes]]:
-    """Yield (reading at a moved set - reading at the set) / step for each stretch; a group of them at a time."""
+    """Yield (reading at a moved set - reading at the set) / step for each stretch; a group of them at a time.
+
+    Sets that act on the motion alone have the base set's torque: only their shafts are moved.
+    """
     walk, sets = Walk(prepared), [moves.at, *moves.to]
     both = [[k for k, m in enumerate(moves.mechanical) if m == only] for only in (False, True)]
-    electrical, mechanical = (_blocks(prepared, sets, columns) for columns in both)
+    electrical, mechanical = _blocks(prepared, sets, both[0]), _shafts(prepared, sets, both[1])
     for group in groups:
         results = {s: _empty(prepared, s, len(moves.to) + moves.beside) for s in group}
         jobs = []
         for s in group:
-            wanted = electrical + mechanical if prepared.recordings[s.recording].rotor == "free" else electrical
-            jobs += [(s, block, columns, k == 0) for k, (block, columns) in enumerate(wanted)]
+            jobs += [(s, block, columns, k == 0) for k, (block, columns) in enumerate(electrical)]
         jobs.sort(key=lambda job: -(job[0].last - job[0].first) * job[1].features.bit_count())
 
         def task(job, results=results) -> None:
@@ -198,7 +201,15 @@ def slopes(
                     if told is not None:
                         own[:] = told[..., :1]
 
+        def turned(job, results=results) -> None:
+            """Fill in the slopes of innovations of one block of shafts on one stretch."""
+            s, block, columns = job
+            moved = walk.turned(s, block, electrical[0][0])
+            differences(moved, 1.0 / moves.steps[columns], columns, results[s].motion)
+
         in_threads(task, jobs, workers)
+        free = [s for s in group if prepared.recordings[s.recording].rotor == "free"]
+        in_threads(turned, [(s, *own) for s in free for own in mechanical], workers)
         yield from results.items()
 
 
@@ -225,6 +236,15 @@ def _blocks(prepared: Prepared, sets: Sequence[Mapping[str, float]], columns: Se
     drive = prepared.campaign.drive
     base, *needs = (needs_of(drive.motor, drive.converter, sets[k]) for k in (0, *(k + 1 for k in columns)))
     found = [np.array([columns[k] for k in group]) for group in grouped(needs, base)]
+    return [(block_of(prepared, [0, *(own + 1)], sets), own) for own in found or [np.empty(0, dtype=int)]]
+
+
+def _shafts(prepared: Prepared, sets: Sequence[Mapping[str, float]], columns: Sequence[int]):
+    """Return the same of sets that move shafts alone: rigid shafts apart from compliant ones, which cost more."""
+    motor, converter = prepared.campaign.drive.motor, prepared.campaign.drive.converter
+    twists = [k for k in columns if needs_of(motor, converter, sets[k + 1]) & additions.TWIST]
+    rigid, most = [k for k in columns if k not in twists], ROOMS[-1] - 1
+    found = [np.array(own[k : k + most]) for own in (rigid, twists) for k in range(0, len(own), most)]
     return [(block_of(prepared, [0, *(own + 1)], sets), own) for own in found]
 
 

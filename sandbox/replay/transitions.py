@@ -65,7 +65,7 @@ def one_by_one(w, flux_map, timing, features, room, track, samples, eccentric, s
     return what `span` is to be afterwards."""
     held, begins, start, stop = samples
     lanes = w.psi_a.size
-    read, moved = np.zeros((2, 3, lanes)), np.zeros((1, lanes))
+    read, moved, torque = np.zeros((2, 3, lanes)), np.zeros((1, lanes)), np.empty(len(track))
     for k in range(start, stop):
         base_a, base_b = finished(w, 0, span)
         angle = out.theta[k - start]
@@ -75,7 +75,7 @@ def one_by_one(w, flux_map, timing, features, room, track, samples, eccentric, s
             w.psi_a[1 + j] += base_a + (size if j == 0 else 0.0) - x
             w.psi_b[1 + j] += base_b + (size if j == 1 else 0.0) - y
         rows = Rows(held, begins, held * k, held * (k + 1))
-        span = run(w, flux_map, timing, features, room, track, rows, eccentric, supply, span, read, moved, 0)
+        span = run(w, flux_map, timing, features, room, track, rows, eccentric, supply, span, read, moved, torque, 0)
         base_a, base_b = finished(w, 0, span)
         for j in range(2):
             x, y = finished(w, 1 + j, span)

@@ -20,7 +20,7 @@ from sandbox.plant.batch import blank_room
 from sandbox.plant.electrical import quartic
 from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
-from sandbox.replay.kernel import Rows, run
+from sandbox.replay.kernel import Rows, run, turn
 
 Array = NDArray[np.float64]
 NEWTON_STEPS = 60
@@ -48,7 +48,8 @@ class Block:
 class Running:
     """One block in one recording: its states (batch, room, span) after `done` samples, and what does not change.
 
-    track: of all samples, those in which states settle before those that are shown.
+    track: of all samples, those in which states settle before those that are shown; torque: of each of its periods, of
+    the first lane, N m (free rotor; else empty).
     """
 
     r: Inputs
@@ -59,13 +60,15 @@ class Running:
     room: Any
     track: Any
     supply: Array
+    torque: Array
     span: float = 0.0
     done: int = 0
     ahead: Array | None = None  # (3, lanes) readings of sample `done` taken before its pattern began
 
     @classmethod
-    def begun(cls, drive: Drive, steps: int, r: Inputs, block: Block) -> Running:
-        """Return a block before the first sample of a recording; steps: plant steps a sampling period."""
+    def begun(cls, drive: Drive, steps: int, r: Inputs, block: Block, *, settled: bool = True) -> Running:
+        """Return a block before the first sample of a recording; steps: plant steps a sampling period; settled: its
+        states went through the samples before."""
         w = block.batch.copy()
         if r.rotor == "locked":
             w["offset"] -= block.lock
@@ -76,8 +79,9 @@ class Running:
         start_states(w, r.settling or r, flux_map)
         timing = timing_of(w, drive.converter.update_period, steps)
         track = later(r.track if r.settling is None else np.concatenate([r.settling.track, r.track]), block.late)
-        own = cls(r, w, flux_map, timing, features, blank_room(block.lanes), track, np.array(w["supply"]))
-        if r.settling is not None:
+        torque = np.empty(len(track) if r.rotor == "free" else 0)
+        own = cls(r, w, flux_map, timing, features, blank_room(block.lanes), track, np.array(w["supply"]), torque)
+        if r.settling is not None and settled:
             own._settle(r.settling.samples)
         return own
 
@@ -100,13 +104,28 @@ class Running:
         self._run(0, n, out, moved, 0)
         self.ahead = out[n].copy()
 
-    def _run(self, start: int, stop: int, out: Array, moved: Array, first: int) -> None:
-        """Go through samples start to stop - 1, each of so many periods of the track."""
+    def turn(self, stop: int, torque: Array, moved: Array) -> None:
+        """Go on to sample `stop` by the shafts alone, all under the torque of another block's first lane, and write
+        innovations (stop - done, lanes): for sets that differ from that lane in nothing but the motion."""
+        before = len(self.track) // self.r.held - self.r.samples
+        spans = [(before + self.done, before + stop, moved)]
+        if before and not self.done:
+            spans.insert(0, (0, before, np.empty((before, len(self.supply)))))
+        for first, last, out in spans:
+            rows, wobbles = self._rows(first, last), self.r.motion.eccentric
+            turn(self.batch, self.timing, self.features, self.track, rows, wobbles, torque, out)
+        self.done = stop
+
+    def _rows(self, start: int, stop: int) -> Rows:
+        """Return samples start to stop - 1, each of so many periods of the track."""
         held = self.r.held
-        rows = Rows(held, held * (self.r.settling or self.r).first, held * start, held * stop)
+        return Rows(held, held * (self.r.settling or self.r).first, held * start, held * stop)
+
+    def _run(self, start: int, stop: int, out: Array, moved: Array, first: int) -> None:
+        """Go through samples start to stop - 1."""
         self.span = run(
-            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, rows,
-            self.r.motion.eccentric, self.supply, self.span, out, moved, first,
+            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, self._rows(start, stop),
+            self.r.motion.eccentric, self.supply, self.span, out, moved, self.torque, first,
         )  # fmt: skip
 
 

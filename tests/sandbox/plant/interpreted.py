@@ -70,7 +70,8 @@ def bits():
     out = np.empty((SHORT, 3, 1))
     timing = timing_of(w, DRIVE.converter.sampling_period, 1)
     track, supply = [Fields(x) for x in r.track], w.supply.copy()
-    run(w, None, timing, features, room(), track, Rows(1, 0, 0, SHORT), True, supply, 0.0, out, np.empty((1, 1)), 0)
+    none, torque, rows = np.empty((1, 1)), np.empty(0), Rows(1, 0, 0, SHORT)
+    run(w, None, timing, features, room(), track, rows, True, supply, 0.0, out, none, torque, 0)
     return [float(x).hex() for x in out.ravel()]
 
 
@@ -158,6 +159,7 @@ def energy(steps, turns=8):
         0.0,
         out,
         moved,
+        np.empty(n),
         0,
     )
     plant.at_start, plant.in_middle = start, mid
