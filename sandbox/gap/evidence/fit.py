@@ -89,15 +89,15 @@ def fit(
     weights: Weights,
     *,
     leader: float = math.inf,
-    rough: bool = False,
+    rough: float = math.inf,
     near: Normal | None = None,
     workers: int = 1,
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
     The first part of a fit holds how a current's sign goes through zero, the second frees it where the residual is near
-    its floor (`_within_bounds`).  rough: the first part is enough, as long as steps gain more than ROUGH of what is
-    left.
+    its floor (`_within_bounds`).  rough: floors above which the first part is enough, as long as steps gain more than
+    ROUGH of what is left; 0 for always.
 
     near: equations with slopes at a point near the start, which serve the first steps.
 
@@ -109,7 +109,7 @@ def fit(
     """
     task = Task(start, effects, weights, leader, workers, rough, near)
     found, smoother = _within_bounds(task, start)
-    if rough:
+    if normalised(found.normal, weights) > rough:
         return found
     for _ in range(WIDENED):
         claimed = [c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)]
@@ -126,7 +126,7 @@ def fit(
 
 def attempted(
     start: Point, effects: Sequence[str], weights: Weights, *, smooth: bool = False, leader: float = math.inf,
-    rough: bool = False, near: Normal | None = None, workers: int = 1,
+    rough: float = math.inf, near: Normal | None = None, workers: int = 1,
 ) -> Fit | None:  # fmt: skip
     """Return the fit of a set, None where no drive can have it or it predicts nothing finite; smooth: free rotors'
     motion is smoothed at the start; leader, rough, near: as in `fit`."""
@@ -162,16 +162,20 @@ def excess_of(n: Normal, weights: Weights) -> float:
 
 
 class Task(NamedTuple):
-    """What is fitted: where it begins, effects, recordings that count, the best rival's objective, threads, whether its
-    first part is enough, and equations near the start."""
+    """What is fitted: where it begins, effects, recordings that count, the best rival's objective, threads, floors
+    above which its first part is enough, and equations near the start."""
 
     start: Point
     effects: Sequence[str]
     weights: Weights
     leader: float
     workers: int
-    rough: bool = False
+    rough: float = math.inf
     near: Normal | None = None
+
+    def enough(self, n: Normal) -> bool:
+        """Return whether its first part is, where equations stand."""
+        return normalised(n, self.weights) > self.rough
 
     def begun(self, at: Point, coordinates: Sequence[Coordinate]) -> tuple[Normal, bool]:
         """Return the equations at a point, and whether their slopes were taken there, not only near it."""
@@ -197,15 +201,15 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
     if not taken_here:
         d.taken, d.steps, d.way = 0, 1, math.inf
     d.down(held, confirm=False)
-    if d.steps and normalised(d.n, task.weights) > NEAR and not task.rough:
+    if d.steps and normalised(d.n, task.weights) > NEAR and not task.enough(d.n):
         d.down(held, confirm=True)
     prior = free if normalised(d.n, task.weights) <= NEAR else held
     if prior is free:
         if d.steps:
             d.again(free)
-        d.down(free, confirm=not task.rough)
+        d.down(free, confirm=not task.enough(d.n))
     smoother = 0.0
-    if task.effects and not task.rough and any(r.rotor == "free" for r in d.point.prepared.recordings):
+    if task.effects and not task.enough(d.n) and any(r.rotor == "free" for r in d.point.prepared.recordings):
         again = tried(d.n, d.point.resmoothed(), prior, task.weights, task.workers)[0]
         smoother, d.cost = d.value - again, d.cost + 1.0
     found, value = d.n.bare(), objective(d.n, free, task.weights)
@@ -273,7 +277,7 @@ class Descent:
     def little(self) -> float:
         """Return what a step may gain and yet change no decision."""
         behind = max(0.0, self.value - self.task.leader)
-        left = ROUGH * excess_of(self.n, self.task.weights) if self.task.rough else 0.0
+        left = ROUGH * excess_of(self.n, self.task.weights) if self.task.enough(self.n) else 0.0
         return max(TOLERANCE * noise_at(self.n, self.task.weights), LACKS * behind, left)
 
     def stepped(self, x: Array, prior: Prior, least: float) -> tuple[float, bool]:

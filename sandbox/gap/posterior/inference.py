@@ -26,8 +26,9 @@ SMALL = 1e-6  # probability below which a set is not listed
 
 @dataclass(frozen=True)
 class Inference:
-    """The answer: ordinary deviations alone, every fitted set evaluated, probability of sets of effects (the most
-    probable first), the variance that estimates meet in every segment; linear: the last equations of all candidates."""
+    """The answer: ordinary deviations alone (far from the floor the first part of a fit), every fitted set evaluated,
+    probability of sets of effects (the most probable first), the variance that estimates meet in every segment; linear:
+    the last equations of all candidates."""
 
     null: Fit
     evaluated: Mapping[Set, EvaluatedModel]
@@ -62,7 +63,7 @@ class _Weighing:
 
     def answer(self) -> Inference:
         """Return the answer."""
-        best, known = self.search.grown(self.search.begun())
+        best, known = self.search.grown(*self.search.begun())
         variance = misfit(best.point)
         fitted = {best.effects: self.evaluated(best, variance, known)}
         known = None
@@ -84,7 +85,8 @@ class _Weighing:
         sets = {k: math.exp(v) / total for k, v in sorted(told.items(), key=lambda x: (-x[1], x[0]))}
         assert self.search.linear is not None
         kept = {k: p for k, p in sets.items() if p > SMALL or k in fitted}
-        return Inference(self.search.null, fitted, kept, variance, self.search.linear)
+        null = fitted[()].fit if () in fitted else self.search.null
+        return Inference(null, fitted, kept, variance, self.search.linear)
 
     def evaluated(
         self, found: Fit, variance: Mapping[tuple[int, str], float], known: Normal | None = None

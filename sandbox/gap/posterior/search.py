@@ -53,42 +53,48 @@ class Problem:
 class Search:
     """A run of the loop: candidates by effect with which sets are fitted, the last equations of all candidates."""
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, *, rough: float = NEAR) -> None:
+        """rough: floors above which ordinary deviations need no more than the first part of a fit."""
+        self.problem, self.rough = problem, rough
         problem.report("fitting ordinary deviations")
-        self.null = fit(problem.start, (), problem.fitted, workers=problem.workers)
+        self.null = fit(problem.start, (), problem.fitted, rough=rough, workers=problem.workers)
         self.trace = problem.settings.trace_at(rms_of(self.null))
         self.linear: LinearModel | None = None
         self.met: Weights = {}  # of segments, at their point
         self.chosen: dict[str, Candidate] = {}
         self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
 
-    def begun(self) -> Fit:
-        """Return the fit, to a few per cent of what is left, of the set that excerpts name; without effects where there
-        are none, and where ordinary deviations leave little for them to name."""
-        p = self.problem
+    def begun(self) -> tuple[Fit, bool]:
+        """Return the fit of the set that excerpts name, without effects where there are none, and where ordinary
+        deviations leave little for them to name; and whether it is no more than the first part of one."""
+        p, alone = self.problem, (self.null, rms_of(self.null) > self.rough)
         if p.excerpts is None or rms_of(self.null) <= p.settings.gap:
-            return self.null
+            return alone
         parts = p.excerpts.prepared.recordings
         short = replace(p, start=p.excerpts, fitted=weights_of(len(parts)), excerpts=None, report=lambda _: None)
         with part_of(p.excerpts.prepared.samples / p.start.prepared.samples):
-            first = Search(short)
-            found, _ = first.grown(first.null, whole=False)
+            first = Search(short, rough=0.0)
+            found, _ = first.grown(first.null, True, whole=False)
         if not found.effects:
-            return self.null
+            return alone
         self.chosen = first.chosen
         p.report(f"fitting {' + '.join(found.effects)}")
         at = replace(p.start, values=found.point.values, prepared=same_map(p.start.prepared, found.point.prepared))
-        return attempted(at, found.effects, p.fitted, smooth=True, rough=True, workers=p.workers) or self.null
+        new = attempted(at, found.effects, p.fitted, smooth=True, rough=NEAR, workers=p.workers)
+        if new is None:
+            return alone
+        rough = rms_of(new) > NEAR
+        return (new if rough else self.best_form(new, new.effects, False)), rough
 
-    def grown(self, here: Fit, *, whole: bool = True) -> tuple[Fit, Normal | None]:
+    def grown(self, here: Fit, rough: bool, *, whole: bool = True) -> tuple[Fit, Normal | None]:
         """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other; and
         the equations of all candidates at its point, where they are known.
 
-        here: where the first round begins; whole: the last fit is one, else its first part is enough.  Near the floor a
-        set that excerpts named is mostly the answer: it is fitted whole before all candidates are linearised there.
+        here: where the first round begins; rough: it is no more than the first part of a fit; whole: the last fit is
+        one, else its first part is enough.  Near the floor a set that excerpts named is mostly the answer: it is fitted
+        whole before all candidates are linearised there.
         """
-        known, rough = None, bool(here.effects)
+        known: Normal | None = None
         if rough and whole and rms_of(here) <= NEAR:
             here, rough = self.fit_of(here.effects, here, None) or here, False
         seen: set[Parts] = {_parts(here.effects), ()}
@@ -206,7 +212,9 @@ class Search:
         if sets is not None:
             at = self.moved(at, near, sets, best)
         rough = sets is not None
-        found = attempted(at, key, p.fitted, smooth=True, rough=rough, near=known, workers=p.workers)
+        found = attempted(
+            at, key, p.fitted, smooth=True, rough=0.0 if rough else math.inf, near=known, workers=p.workers
+        )
         new = set(key) - set(near.effects)
         if found is None or (rough and not new):
             return found
@@ -221,7 +229,7 @@ class Search:
             if card.otherwise is None:
                 continue
             at = replace(point, values={**point.values, **card.otherwise(point.values, width, drive.converter)})
-            new = attempted(at, found.effects, p.fitted, rough=True, leader=found.objective, workers=p.workers)
+            new = attempted(at, found.effects, p.fitted, rough=0.0, leader=found.objective, workers=p.workers)
             if new is not None and new.objective < found.objective:
                 whole = None if rough else attempted(new.point, found.effects, p.fitted, smooth=True, workers=p.workers)
                 found = whole or new

@@ -76,7 +76,7 @@ def test_a_fit_that_is_not_at_its_best_point_is_less_probable_by_its_own_objecti
     """An offset of a current sensor moves no slope, so nothing but the objective changes: half of it, weighed."""
     own = start(small_folder)
     weights = weights_of(len(own.prepared.recordings))
-    f = fit(own, ("current_offset",), weights, rough=True)
+    f = fit(own, ("current_offset",), weights, rough=0.0)
     n = normal(f.point, f.coordinates[: -len(turns(f.point.prepared))])
     (place,) = (k for k, c in enumerate(n.coordinates) if c.label == "current_offset.offset_a")
     x = n.x.copy()
@@ -143,11 +143,11 @@ def test_a_named_set_near_the_floor_is_fitted_whole_before_candidates_are_linear
     """All candidates once, at the end of the whole fit, which no other set then beats."""
     own = start(small_folder)
     run = Search(Problem(own, weights_of(len(own.prepared.recordings)), ("device_drop",)))
-    here = fit(own, ("dead_time",), run.problem.fitted, rough=True)
+    here = fit(own, ("dead_time",), run.problem.fitted, rough=0.0)
     assert rms_of(here) <= NEAR
     points, linearised = [], run.linearised
     run.linearised = lambda at, found: points.append(at) or linearised(at, found)
-    found, known = run.grown(here)
+    found, known = run.grown(here, True)
     assert found.effects == ("dead_time",)
     assert points == [found]
     assert known is not None
