@@ -126,7 +126,7 @@ PORTS = {
     "edge": Port(
         ("hold", "before", "after", "link"),
         2,
-        "s by which an edge acts late; right at 0 any slopes, 1 these, 2 with `commutation`; hold: A",
+        "s that an edge acts late; right at slopes 0 any, 1 these, else with `commutation` (< 1 any); hold: A",
     ),
     "commutation": Port(
         ("hold", "before", "after", "link"), 1, "s by which an edge acts later than `edge` says, its current near zero"

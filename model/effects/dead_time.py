@@ -12,6 +12,7 @@ from model.lanes import soft_sign
 from model.parameters import Converter, Motor
 
 SHARP = 1e-30  # A: in place of nothing to divide by
+ROUND = 0.125  # between 0 and 1 also where several effects add up theirs
 TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9
 
 
@@ -20,15 +21,16 @@ def late(time, capacitance, zone_width, zone_shape, hold, before, after, link):
     """Return how late (s) an edge acts for constant slopes of its current, and who may say so.
 
     hold: current (A) that keeps the leg where it is; before, after: its slopes (A/s) with the leg there, and gone over.
-    Second: 0, right at any slopes; 1, at these; 2: `commutated` has to be asked.  A capacitance leaves no zone.
+    Second: 0, right at any slopes; 1, at these; 2: `commutated` has to be asked; ROUND: it has to, at any slopes.  A
+    capacitance leaves no zone.
     """
     size, charge, real = abs(time), 2.0 * capacitance * link, capacitance > 0.0
     inverse = 1.0 / max(abs(hold) if real else zone_width, SHARP)
     by_sign = 0.5 * size * (1.0 + clip(hold * inverse))
     own = quick(size, charge, hold, inverse, before, after) if real else by_sign
     round_zone = (zone_shape > 0.0) & (abs(hold) < TAILS * zone_width)
-    asked = crossing(size, charge, hold, before, after) if real else round_zone
-    who = 2.0 if asked else (1.0 if real else 0.0)
+    at_these = 2.0 if crossing(size, charge, hold, before, after) else 1.0
+    who = at_these if real else (ROUND if round_zone else 0.0)
     return (own if time >= 0.0 else size - own), (who if size > 0.0 else 0.0)
 
 

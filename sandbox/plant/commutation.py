@@ -36,7 +36,8 @@ def slopes(w, j, rate, u_a, u_b, x, y, side):
 
 @inlined
 def at_constant_current(w, j, x, y, side):
-    """Return how late (s) lane j's edge acts for a constant current, and whether that is right.
+    """Return how late (s) lane j's edge acts for a constant current, whether that is right, and whether it is once
+    `ports.commutation` is added.
 
     The current's slope stays below the link's voltage over the inductance,
     twice over as two legs may go with it: V trace G.  A leg that slews for 2 late is off by a third of the slope's
@@ -46,16 +47,22 @@ def at_constant_current(w, j, x, y, side):
     late, who = ports.edge(w, j, hold, 0.0, 0.0, w.link[j])
     steep, size = w.link[j] * (w.stiff_aa[j] + w.stiff_bb[j]), abs(hold)
     bends = (hold < 0.0) & (TWO_THIRDS * steep * late * late > BENDS * w.tardy[j] * size)
-    return late, (who < 1.0) | ((who < 2.0) & (size >= steep * w.tardy[j]) & (not bends))
+    return late, (who < 1.0) | ((who == 1.0) & (size >= steep * w.tardy[j]) & (not bends)), (who > 0.0) & (who < 1.0)
 
 
 @kernel
 def far(w, x, y, side):
     """Write how late the edge acts for a constant current; return whether that is right in all lanes."""
-    wrong = 0  # counts: a sum of floats in order would keep this from being a vector loop
+    wrong = asking = 0  # counts: a sum of floats in order would keep this from being a vector loop
     for j in range(w.psi_a.size):
-        w.late[j], right = at_constant_current(w, j, x, y, side)
+        w.late[j], right, asked = at_constant_current(w, j, x, y, side)
         wrong += 0 if right else 1
+        asking += 1 if asked else 0
+    if asking > 0:
+        for j in range(w.psi_a.size):
+            hold = side * (x * w.i_a[j] + y * w.i_b[j])
+            if at_constant_current(w, j, x, y, side)[2]:
+                w.late[j] += ports.commutation(w, j, hold, 0.0, 0.0, w.link[j])
     return wrong == 0
 
 
@@ -71,11 +78,11 @@ def nearer(w, rate, u_a, u_b, x, y, side):
     is to be asked alone."""
     near = 0
     for j in range(w.psi_a.size):
-        _, right = at_constant_current(w, j, x, y, side)
+        right = at_constant_current(w, j, x, y, side)[1]
         hold, before, after = slopes(w, j, rate, u_a, u_b, x, y, side)
         late, who = ports.edge(w, j, hold, before, after, w.link[j])
         w.late[j] = w.late[j] if right else late
-        near += 1 if (not right) & ((who >= 2.0) | zero_in_reach(w.tardy[j], hold, before, after)) else 0
+        near += 1 if (not right) & ((who > 1.0) | zero_in_reach(w.tardy[j], hold, before, after)) else 0
     return near > 0
 
 
@@ -105,20 +112,20 @@ def passing_zero(w, rate, u_a, u_b, x, y, side):
     asking = 0
     for j in range(w.psi_a.size):
         hold, before, after = slopes(w, j, rate, u_a, u_b, x, y, side)
-        _, right = at_constant_current(w, j, x, y, side)
+        right = at_constant_current(w, j, x, y, side)[1]
         who = ports.edge(w, j, hold, before, after, w.link[j])[1]
-        near = (not right) & ((who >= 2.0) | zero_in_reach(w.tardy[j], hold, before, after))
+        near = (not right) & ((who > 1.0) | zero_in_reach(w.tardy[j], hold, before, after))
         p, q = (w.extra_a[j], w.extra_b[j]) if near else (0.0, 0.0)
         hold, mean, gone = slopes(w, j, rate, u_a + p, u_b + q, x, y, side)
         late, who = ports.edge(w, j, hold, mean, gone, w.link[j])
         w.late[j] = late if near else w.late[j]
         w.extra_a[j], w.extra_b[j] = p, q
-        asking += 0 if right | (who < 2.0) else 1
+        asking += 0 if right | (who <= 1.0) else 1
     if asking > 0:
         for j in range(w.psi_a.size):
             hold, mean, gone = slopes(w, j, rate, u_a + w.extra_a[j], u_b + w.extra_b[j], x, y, side)
             right = at_constant_current(w, j, x, y, side)[1]
-            if not right and ports.edge(w, j, hold, mean, gone, w.link[j])[1] >= 2.0:
+            if not right and ports.edge(w, j, hold, mean, gone, w.link[j])[1] > 1.0:
                 w.late[j] += ports.commutation(w, j, hold, mean, gone, w.link[j])
 
 

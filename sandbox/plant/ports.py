@@ -115,7 +115,7 @@ def drawn(w, j, d_a, d_b, d_c, i_a, i_b):
 
 @inlined
 def edge(w, j, hold, before, after, link):
-    """Return s by which an edge acts late; right at 0 any slopes, 1 these, 2 with `commutation`; hold: A."""
+    """Return s that an edge acts late; right at slopes 0 any, 1 these, else with `commutation` (< 1 any); hold: A."""
     return dead_time.late(
         w.dead_time_time[j],
         w.dead_time_capacitance[j],
