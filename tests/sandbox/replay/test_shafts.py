@@ -9,7 +9,6 @@ from model.effects import library
 from sandbox.replay.replay import prepare, replay
 from sandbox.replay.sensitivity import all_parameters, displaced, mechanical_only, sensitivities
 from tests.sandbox.replay.benches import CASES, campaign, typical
-from tests.sandbox.replay.test_slow_log import slow_log, stated
 
 # Both add up the same torques in the same order, and innovations are of the size of 1: what an ulp of each sample's
 # angle makes of them, 1e-16 of some 100 rad over 1e-4 rad of a count, added up over 1000 samples.
@@ -31,12 +30,17 @@ def settled(prepared):
     return dataclasses.replace(prepared, recordings=(own,))
 
 
+def slow(prepared):
+    """Return the same with a row of the log for every third period."""
+    (r,) = prepared.recordings
+    motion = dataclasses.replace(r.motion, angle=r.motion.angle[::3], speed=r.motion.speed[::3])
+    return dataclasses.replace(prepared, recordings=(dataclasses.replace(r, read=r.read[::3], motion=motion, held=3),))
+
+
 def of(name, effects):
     """Return a free rotor's recording: as it is, one whose states settle first, or a slow log."""
-    if name == "slow":
-        return prepare(stated(slow_log(effects, "free", "held"), "held"), effects)
     prepared = prepare(campaign({}, [c for c in CASES if c[0] == "free"][:1], n=900), effects, steps=1)
-    return settled(prepared) if name == "settled" else prepared
+    return {"whole": lambda p: p, "settled": settled, "slow": slow}[name](prepared)
 
 
 @pytest.mark.parametrize("name", ["whole", "settled", "slow"])
