@@ -56,12 +56,6 @@ class PositionError:
         return {key: getattr(self, key) for key in keys}
 
 
-def position_error(d: Diagnosis, estimator: str = ESTIMATOR, seed: int = 0) -> PositionError | None:
-    """Return the estimator's errors; None where there are none (`compared` says why)."""
-    found = compared(d, estimator, seed)
-    return None if isinstance(found, str) else found
-
-
 def compared(d: Diagnosis, estimator: str = ESTIMATOR, seed: int = 0) -> PositionError | str:
     """Return the estimator's errors, or why there are none: no turning recording has injection, or no estimator can be
     designed for the nominal model (no saliency, an injection that does not fit the sampling)."""
