@@ -38,9 +38,8 @@ FINALISTS = 64  # numbers that are weighed on all samples
 OTHERS = 128  # numbers that say what the residual has alike with any rounding, an octave to either side
 ROUNDS = 4  # times at most that what the best number leaves says how far data count
 LANES = 256  # numbers side by side
-WHOLE = (
-    1.5 * 2.0**52
-)  # added to a number and taken off again rounds it, half to even: as `np.round`, but in vector code
+# Added to a number and taken off again it rounds that, half to even: as `np.round` does, but in vector code.
+WHOLE = 1.5 * 2.0**52
 
 
 class Counted(NamedTuple):

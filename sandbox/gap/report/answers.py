@@ -134,13 +134,14 @@ def linear(campaign: Campaign) -> Campaign:
 
 def where_text(a: Answers) -> str:
     """Return where the gap lies, in one sentence; one more where a single phase misses more than the others."""
+    found = [x.text for x in (a.diagnosis.drifting, a.diagnosis.counted) if x is not None]
     if (every := _unforetold(a)) is not None:
-        return (
+        text = (
             f"Nowhere that these recordings show: fitted to all of them, ordinary deviations leave {times(every)} the "
             "noise floor."
         )
+        return " ".join([*found, text])
     text = summary(a.diagnosis, a.where)
-    found = [x.text for x in (a.diagnosis.drifting, a.diagnosis.counted) if x is not None]
     if found:
         text = f"{' '.join(found)} What is left: {text}"
     return text if a.verdict == "no_gap" or a.odd_phase is None else f"{text} {a.odd_phase.text}"

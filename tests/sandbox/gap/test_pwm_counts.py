@@ -5,14 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 
+import sandbox
+from model.drive_files import load_drive
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.location.pwm_counts import Counted, added, parts_of, pwm_counts, with_counts
 from sandbox.gap.posterior.holdout import weights_of
+from sandbox.gap.report.answers import where_text
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare, replay
 from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
+from tests.schemas import misfits
 
 DELAYS = ("pwm_delay", "current_sampling", "current_filter")  # which so little data cannot tell from each other
 LOW = dataclasses.replace(DRIVE, motor=dataclasses.replace(DRIVE.motor, resistance=0.1 * DRIVE.motor.resistance))
@@ -59,11 +63,16 @@ def test_counts_are_found_and_nothing_else(counts):
     assert d.campaign.drive.converter.pwm_counts == counts
 
 
-def test_an_effect_beside_them_is_named_alone():
-    d = diagnose(small(1000, MORE), exclude=DELAYS, workers=1)
+def test_an_effect_beside_them_is_named_alone_and_all_is_said(tmp_path):
+    result = sandbox.diagnose(small(1000, MORE), exclude=DELAYS, jobs=1)
+    d = result.answers.diagnosis
     assert d.counted.value == 1000
     assert d.best.effects == ("dead_time",)
     assert d.size.after == pytest.approx(1.0, abs=0.04)
+    assert where_text(result.answers).startswith(d.counted.text)
+    result.save(tmp_path / "out")
+    assert misfits("diagnosis", tmp_path / "out" / "diagnosis.json") == []
+    assert load_drive(tmp_path / "out" / "motor.toml").converter.pwm_counts == 1000
 
 
 def test_without_rounding_none_are_found():
