@@ -249,12 +249,13 @@ def _of_voltages(source: Source) -> Iterator[Change]:
     yield Change(VOLTAGE, "u_alpha", guess, remedy, scale=-1.0)
     if len(kind) == 2:
         yield from _of_axes(kind, source, VOLTAGE, voltage_of)
-    for k, (undone, order) in enumerate(_phase_orders()):
+    for undone, order in _phase_orders():
         if len(kind) == 3:
             text = ", ".join(source.get(kind["abc".index(p)], p) for p in order)
             guess, remedy = f"the voltages' phases are swapped (order {text})", f"reorder {every}"
-        elif k < 2 and kind == VOLTAGES:
-            guess = f"the voltages' phases are taken in the order {', '.join('bca' if k == 0 else 'cab')}"
+        elif order != "acb" and kind == VOLTAGES:  # that one is a sign of u_beta
+            taken = {"cab": "bca", "bca": "cab"}.get(order, order)
+            guess = f"the voltages' phases are taken in the order {', '.join(taken)}"
             remedy = f"reorder the phases of which {every} are made"
         else:
             continue

@@ -292,13 +292,15 @@ def readings(parts: Sequence[Products], drive: Drive) -> Iterator[Reading]:
                 yield Reading(own, zero, shares, before, noise)
                 if zero == 0.0 and shares.max() < FLOOR:
                     break  # no zero can do better
-    for base in bases(parts, drive):
-        shares = np.array([p.shares((base,), np.zeros(1))[0] for p in parts])
-        yield Reading((base,), 0.0, shares, before, noise)
+    for beside in ((), *((c,) for c in table if c.part == ANGLE)):
+        for base in bases(parts, drive, beside):
+            shares = np.array([p.shares((*beside, base), np.zeros(1))[0] for p in parts])
+            yield Reading((*beside, base), 0.0, shares, before, noise)
 
 
-def bases(parts: Sequence[Products], drive: Drive) -> Iterator[Change]:
-    """Yield the factors of all currents, and of all voltages, that leave least, where they are no gain of a sensor.
+def bases(parts: Sequence[Products], drive: Drive, beside: tuple[Change, ...] = ()) -> Iterator[Change]:
+    """Yield the factors of all currents, and of all voltages, that leave least beside other changes, where they are no
+    gain of a sensor.
 
     What is left is a parabola in the factor of the currents, and in one over that of the voltages.
     """
@@ -307,9 +309,9 @@ def bases(parts: Sequence[Products], drive: Drive) -> Iterator[Change]:
         if part == VOLTAGE and voltages_held(source) == DUTIES:
             continue
         ends = (Change(part, "", "", "", scale=x) for x in (-1.0, 1.0))
-        low, high = (sum(float(p.shares((c,), np.zeros(1))[0]) for p in parts) for c in ends)
+        low, high = (sum(float(p.shares((*beside, c), np.zeros(1))[0]) for p in parts) for c in ends)
         none = Change(part, "", "", "", scale=0.0)
-        middle = sum(float(p.shares((none,), np.zeros(1))[0]) if part == CURRENT else 1.0 for p in parts)
+        middle = sum(float(p.shares((*beside, none), np.zeros(1))[0]) if part == CURRENT else 1.0 for p in parts)
         bend, slope = 0.5 * (high + low) - middle, 0.5 * (high - low)
         if bend <= 0.0 or slope >= 0.0:
             continue
@@ -358,7 +360,8 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
     def left(own: tuple[Change, ...], zero: float = 0.0) -> float:
         return float(np.mean([max(p.shares(own, np.array([zero]))[0] - p.noise, 0.0) for p in parts]))
 
-    table = [c for c in changes(drive, source_of(parts[0].recording)) if c.convention] + [*bases(parts, drive)]
+    table = [c for c in changes(drive, source_of(parts[0].recording)) if c.convention or c.values[2] < 0.0]
+    table += bases(parts, drive)
     zero = _zero(parts, ())
     turned = left((), zero)
     if zero and turned * BETTER < min(before, min((left((c,)) for c in table), default=before)):

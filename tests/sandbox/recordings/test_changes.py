@@ -153,3 +153,17 @@ def test_a_base_near_the_rated_current_is_that():
     rated = 30.0
     text = told(lambda r: {n: 1.03 * r[n] / rated for n in PHASES}, TWO, "run_slow", rated_current=rated)
     assert "per unit of rated_current = 30 A: map I_U, I_V with scale = 30" in text
+
+
+def test_voltages_of_two_exchanged_phases():
+    """Phases a and c: the mirrored vector, turned by a third."""
+    r, _ = bench()
+    u = np.conj(r.u_alpha + 1j * r.u_beta) * np.exp(-1j * THIRD)
+    text = told(lambda r: {"u_alpha": u.real, "u_beta": u.imag})
+    assert "the voltages' phases are taken in the order c, b, a" in text
+
+
+def test_degrees_and_a_base_at_once():
+    text = told(lambda r: {"theta": np.degrees(r.theta), **{n: r[n] / 7.0 for n in PHASES}}, TWO, "run_slow")
+    assert "Pos is in degrees" in text
+    assert "currents are per unit of" in text
