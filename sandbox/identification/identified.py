@@ -7,6 +7,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from model.effects.library import parameters
 from model.errors import PhysicsError
 from model.levels import UNITS
@@ -16,6 +18,8 @@ from sandbox.output.refitted import Refitted
 from sandbox.recordings.campaign import Campaign
 
 LARGE_MISFIT = 5.0  # times what noise explains, as for levels of staircases
+SLOW = 2.0  # times L/R from row to row: what a command does to the current is over within a row
+ANSWERED = 0.5  # correlation from which commands are said to follow readings
 UNIT = {**UNITS, "magnet_flux": "Wb"}
 
 
@@ -80,9 +84,34 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
         raise PhysicsError(
             f"{campaign.name}: with the best R, L_d, L_q and magnet flux, simulated and measured currents differ "
             f"{math.sqrt(fit.misfit):.2g} times as much as the sensors' noise ({math.sqrt(LARGE_MISFIT):.2g} at most): "
-            f"something else acts (saturation, iron loss, delay, a shifted log{angle}), and values would be wrong by "
-            "more than their intervals; see `sensorless check`, or `sensorless diagnose` for the cause"
+            f"{answered(campaign)}something else acts (saturation, iron loss, delay, a shifted log{angle}), and "
+            "values would be wrong by more than their intervals; see `sensorless check`, or `sensorless diagnose` for "
+            "the cause"
         )
     if fit.samples < fit.of_samples:
         remarks.append(f"{fit.samples} of {fit.of_samples} samples are used, the same share of each recording")
     return OrdinaryIdentification(campaign, fit, tuple(remarks))
+
+
+def answered(campaign: Campaign) -> str:
+    """Return in words that commands answer the noise of the readings in their own rows, where rows are too far apart
+    for the currents that follow from it; else nothing.
+
+    Fourth differences show the white part of both, in the rotor's frame.
+    """
+    m, period = campaign.drive.motor, campaign.drive.converter.sampling_period
+    if period < SLOW * max(m.inductance_d, m.inductance_q) / m.resistance:
+        return ""
+    both = commands = readings = 0.0
+    for r in campaign.recordings:
+        turn, (a, b) = np.exp(-1j * r.theta), r.current
+        u, i = (np.diff(x * turn, 4) for x in (r.u_alpha + 1j * r.u_beta, a + 1j * b))
+        both += float(np.vdot(i, u).real)
+        commands, readings = commands + float(np.vdot(u, u).real), readings + float(np.vdot(i, i).real)
+    size = math.sqrt(commands * readings)
+    if size == 0.0 or both > -ANSWERED * size:
+        return ""
+    return (
+        f"commands answer the noise of the readings in their rows (correlation {both / size:.2f}), so the current "
+        f"controller acts between rows, which rows {period:.3g} s apart do not show: log every PWM period; or "
+    )

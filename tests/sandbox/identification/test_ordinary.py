@@ -3,6 +3,7 @@ real standstill test."""
 
 import csv
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from model.frames import phases
 from model.parameters import Converter, Drive, Injection, Motor
 from sandbox import Scenario, Segment, load_motor, read_campaign
 from sandbox.cli import main
+from sandbox.identification.identified import answered
 from sandbox.identification.ordinary import fit_ordinary, linear
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from tests.data import real_data
@@ -178,3 +180,25 @@ def test_least_squares_alone_is_near():
 
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+
+
+@pytest.mark.parametrize(("gain", "inductance", "said"), [(1.0, 5e-5, True), (0.0, 5e-5, False), (1.0, 5e-2, False)])
+def test_commands_that_answer_the_noise_of_slow_rows_are_told(gain, inductance, said):
+    """White noise, correlation -1 / sqrt(1 + 0.05^2); L/R is 0.07 or 71 ms, rows are 1 ms apart."""
+    rng, n, period = np.random.default_rng(1), 3000, 1e-3
+    theta = np.cumsum(rng.uniform(0.1, 0.2, n))
+    noise, other = rng.standard_normal((2, n))
+    i = (0.2 + noise) * 1j * np.exp(1j * theta)
+    u = (0.14 - gain * noise + 0.05 * other) * 1j * np.exp(1j * theta)
+    phase = [(i * np.exp(-2j * math.pi / 3 * k)).real for k in range(3)]
+    columns = dict(zip(("i_a", "i_b", "i_c"), phase, strict=True))
+    columns |= {"t": np.arange(n) * period, "theta": theta, "u_alpha": u.real, "u_beta": u.imag}
+    r = CampaignRecording("run.csv", "free", "none", {**columns, "u_dc": np.full(n, 24.0)})
+    drive = load_motor("ipm_exchanged")
+    motor = dataclasses.replace(drive.motor, resistance=0.7, inductance_d=inductance, inductance_q=inductance)
+    converter = dataclasses.replace(drive.converter, sampling_period=period)
+    own = dataclasses.replace(drive, motor=motor, converter=converter)
+    text = answered(Campaign("slow", own, (r,), {}, {}, False))
+    assert bool(text) == said
+    if said:
+        assert "(correlation -1.00)" in text
