@@ -81,12 +81,12 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
     made = dict.fromkeys(r.made.of for r in campaign.recordings if r.made is not None and r.made.of)
     angle = f", or an angle that {', '.join(made)} tells too roughly" if made else ""
     if fit.misfit > LARGE_MISFIT:
+        acts = f"something else acts (saturation, iron loss, delay, a shifted log{angle})"
         raise PhysicsError(
             f"{campaign.name}: with the best R, L_d, L_q and magnet flux, simulated and measured currents differ "
             f"{math.sqrt(fit.misfit):.2g} times as much as the sensors' noise ({math.sqrt(LARGE_MISFIT):.2g} at most): "
-            f"{answered(campaign)}something else acts (saturation, iron loss, delay, a shifted log{angle}), and "
-            "values would be wrong by more than their intervals; see `sensorless check`, or `sensorless diagnose` for "
-            "the cause"
+            f"{answered(campaign) or acts}; values would be wrong by more than their intervals: see `sensorless "
+            "check`, or `sensorless diagnose` for the cause"
         )
     if fit.samples < fit.of_samples:
         remarks.append(f"{fit.samples} of {fit.of_samples} samples are used, the same share of each recording")
@@ -112,6 +112,6 @@ def answered(campaign: Campaign) -> str:
     if size == 0.0 or both > -ANSWERED * size:
         return ""
     return (
-        f"commands answer the noise of the readings in their rows (correlation {both / size:.2f}), so the current "
-        f"controller acts between rows, which rows {period:.3g} s apart do not show: log every PWM period; or "
+        f"commands answer the readings' noise in their rows (correlation {both / size:.2f}), so the controller acts "
+        f"between rows, which {period:.3g} s do not show; log every PWM period"
     )
