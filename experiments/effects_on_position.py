@@ -22,7 +22,7 @@ import numpy as np
 from estimators.registry import load_estimator
 from experiments import screens
 from model.drive_files import load_drive
-from model.effects.library import effect_names, load_effect, typical
+from model.effects.library import causes, load_effect, typical
 from model.errors import PhysicsError
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
@@ -166,7 +166,7 @@ def main() -> None:
         screens.write(figure(kept["effects"], kept["idle"], ordered(kept["effects"], kept["idle"])), RESULTS / NAME)
         return
     idle = {e: row(e, {}) for e in ESTIMATORS}
-    rows = {n: {e: row(e, typical(n, DRIVE.motor, DRIVE.converter)) for e in ESTIMATORS} for n in effect_names()}
+    rows = {n: {e: row(e, typical(n, DRIVE.motor, DRIVE.converter)) for e in ESTIMATORS} for n in causes()}
     order = ordered(rows, idle)
     date = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     text = table(rows, idle, order, date)

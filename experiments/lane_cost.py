@@ -22,7 +22,7 @@ from sandbox.replay.replay import Prepared, block_of, needs_of, prepare, run_blo
 SAMPLES, TIMES = 4000, 25
 NAMES = (
     "LEG", "IRON", "SKIN", "FILTER", "ENERGY", "LINK", "MAGNETS", "COMMUTE", "ROUND", "WINDING", "DELAYED", "WOBBLE",
-    "SAMPLED",
+    "SAMPLED", "CURVE",
 )  # fmt: skip
 ON = {
     "LEG": {"device_drop.threshold": 1.0, "device_drop.on_resistance": 0.05},
@@ -37,6 +37,7 @@ ON = {
     "WINDING": {"winding_asymmetry.delta_a": 0.1},
     "DELAYED": {"pwm_delay.delay": 5e-6},
     "WOBBLE": {"encoder_eccentricity.amplitude_mech": 0.005},
+    "CURVE": {"leg_voltage.v_2": 1.0, "leg_voltage.v_6": 0.5},
     "SAMPLED": {"current_sampling.delay": 4e-5},  # the first lane; the others down to as much too early
 }
 

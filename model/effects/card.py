@@ -8,8 +8,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from model.parameters import Converter, Motor
 
+Array = NDArray[np.float64]
 INF = math.inf
 EITHER_PHASE = (0.0, 0.5 * math.pi, 0.5 * math.pi)  # scan of a phase: two parts, one of each, are a wave of any phase
 LINEAR_LACKS = 0.2  # of the linear energy at rated current: what saturation takes on common motors
@@ -136,6 +140,9 @@ PORTS = {
         1,
         "V a leg loses on average while its current over its sign's width changes; shape: 0 linear, 1 tanh",
     ),
+    "leg_curve": Port(
+        ("before", "after"), 1, "V a leg loses on average while its current (A) goes straight from before to after"
+    ),
     "winding": Port(("i_a", "i_b"), 2, "V lost in the windings, stationary frame, at a current (A)"),
     "magnets": Port(("c", "s"), 4, "harmonic flux d, q (Wb) and its slope (Wb/rad) at cos, sin of the rotor's angle"),
     "energy": Port(("c", "s", "d", "q"), 3, "further current i_d, i_q (A) and dH/dtheta (J/rad) at a flux (Wb)"),
@@ -217,6 +224,20 @@ class Limit(NamedTuple):
         return self.size > 0.0 and not self.size < self.bound
 
 
+class Curve(NamedTuple):
+    """What an effect that is a curve draws: names and units of its axes, by completed values and the motor the places
+    (n,) where it is shown, its value (n,) there, and (with the converter) one sentence of what it is in simpler forms.
+    """
+
+    across: str
+    unit_across: str
+    of: str
+    unit: str
+    places: Callable[[Mapping[str, float], Motor], Array]
+    value: Callable[[Mapping[str, float], Motor, Array], Array]
+    said: Callable[[Mapping[str, float], Motor, Converter], str]
+
+
 @dataclass(frozen=True)
 class Effect:
     """One effect; equation and source as text, signature as axis, order and region of the residual it leaves.
@@ -232,6 +253,9 @@ class Effect:
     out, of a simulated drive alone; asked for once, before a run begins.  longest: the longest step (s) that a closed
     loop may take while the effect is on, by completed values, the motor (true) and its highest speed (rad/s,
     electrical); see `model.steps`.
+
+    free: whether it is a form that fits nearly anything at its place, a curve; a diagnosis asks for it only where the
+    other effects leave more than noise.  curve: how it is drawn.
 
     do: what a person should do about it, one sentence from completed values, the nominal motor and the converter; asked
     for where the effect is on (`model.effects.advice`).
@@ -268,6 +292,8 @@ class Effect:
     formulas: tuple[str, ...] = ()
     do: Callable[[Mapping[str, float], Motor, Converter], str] | None = None
     otherwise: Callable[[Mapping[str, float], float, Converter], dict[str, float]] | None = None
+    free: bool = False
+    curve: Curve | None = None
 
     def part(self, k: int) -> Part:
         """Return the k-th part (1 ... repeats)."""

@@ -39,6 +39,12 @@ def effect_names() -> tuple[str, ...]:
 
 
 @cache
+def causes() -> tuple[str, ...]:
+    """Return the names of the effects that are a cause, not a curve that may stand for several."""
+    return tuple(name for name in effect_names() if not load_effect(name).free)
+
+
+@cache
 def load_effect(name: str) -> Effect:
     """Return an effect's card; BadInput with the nearest name for an unknown one."""
     for card, _ in own.cards():
@@ -165,7 +171,7 @@ def checked(name: str, value: float) -> float:
 def forget() -> None:
     """Look for the effects anew."""
     for function in (
-        effect_names, load_effect, parameters, replaced, scaled, same_numbers, shared, _neutral, _limited,
+        effect_names, causes, load_effect, parameters, replaced, scaled, same_numbers, shared, _neutral, _limited,
     ):  # fmt: skip
         function.cache_clear()
 

@@ -12,7 +12,7 @@ from sandbox.plant.electrical import THIRD, facing, pull, seen
 
 # what a batch may need beside the bare plant (bits)
 LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
-SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND = (1 << k for k in range(7, 17))
+SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND, CURVE = (1 << k for k in range(7, 18))
 LAGS = IRON | SKIN | FILTER
 ANGULAR = MAGNETS | ENERGY
 DIFFERENCE, LEAST_DIFFERENCE = 1e-4, 1e-12  # of the flux, and Wb: by which the energy's further currents are compared

@@ -190,36 +190,65 @@ def table_mean(w, before, after):
 
 
 @inlined
-def table_loses(w, x, y, p, q):
-    """Return the same as `legs_lose` by the measured table."""
+def loses(w, j, measured, x, y, p, q):
+    """Return the same as `legs_lose` by the measured table, or by the curves of effects."""
     half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
-    a, b = table_mean(w, x, p), table_mean(w, half + side, ahead + beside)
-    c = table_mean(w, half - side, ahead - beside)
+    if measured:
+        a, b = table_mean(w, x, p), table_mean(w, half + side, ahead + beside)
+        c = table_mean(w, half - side, ahead - beside)
+    else:
+        a, b = ports.leg_curve(w, j, x, p), ports.leg_curve(w, j, half + side, ahead + beside)
+        c = ports.leg_curve(w, j, half - side, ahead - beside)
     return (2.0 * a - b - c) * THIRD, (b - c) * ROOT_THIRD
+
+
+@inlined
+def told_at_start(w, j, measured):
+    """Add to lane j's drop what legs lose by their table or curve at a segment's start."""
+    v_a, v_b = loses(w, j, measured, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
+    w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+
+
+@inlined
+def told_in_middle(w, j, span, measured):
+    """Add their mean over the segment, as `leg_in_middle` does."""
+    x, y, r, half = w.i_a[j], w.i_b[j], w.resistance[j], 0.5 * span
+    o_a, o_b = loses(w, j, measured, x, y, x, y)
+    v_a, v_b = loses(w, j, measured, x, y, w.j_a[j], w.j_b[j])
+    d_a, d_b = half * (o_a - v_a), half * (o_b - v_b)
+    e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
+    e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
+    m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
+    w.j_a[j], w.j_b[j] = m_a, m_b
+    v_a, v_b = loses(w, j, measured, x, y, m_a, m_b)
+    z_a, z_b = loses(w, j, measured, m_a, m_b, 2.0 * (m_a + e_a) - x, 2.0 * (m_b + e_b) - y)
+    w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
+    w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
 
 
 @kernel
 def table_at_start(w):
     """Add to the drop what legs lose by their measured table at a segment's start."""
     for j in range(w.psi_a.size):
-        v_a, v_b = table_loses(w, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
-        w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+        told_at_start(w, j, True)
 
 
 @kernel
 def table_in_middle(w, span):
-    """Add their mean over the segment, as `legs_in_middle` does."""
-    half = 0.5 * span
+    """Add their mean over the segment."""
     for j in range(w.psi_a.size):
-        x, y, r = w.i_a[j], w.i_b[j], w.resistance[j]
-        o_a, o_b = table_loses(w, x, y, x, y)
-        v_a, v_b = table_loses(w, x, y, w.j_a[j], w.j_b[j])
-        d_a, d_b = half * (o_a - v_a), half * (o_b - v_b)
-        e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
-        e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
-        m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
-        w.j_a[j], w.j_b[j] = m_a, m_b
-        v_a, v_b = table_loses(w, x, y, m_a, m_b)
-        z_a, z_b = table_loses(w, m_a, m_b, 2.0 * (m_a + e_a) - x, 2.0 * (m_b + e_b) - y)
-        w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
-        w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
+        told_in_middle(w, j, span, True)
+
+
+@kernel
+def curves_at_start(w):
+    """Add to the drop what legs lose by the curves of effects at a segment's start."""
+    for j in range(w.psi_a.size):
+        told_at_start(w, j, False)
+
+
+@kernel
+def curves_in_middle(w, span):
+    """Add their mean over the segment."""
+    for j in range(w.psi_a.size):
+        told_in_middle(w, j, span, False)

@@ -192,6 +192,8 @@ def at_start(w, flux_map, features, c, s, share, course, span):
         losses.winding_at_start(w)
     if features & add.LEG:
         losses.legs_at_start(w, features & add.ROUND != 0)
+    if features & add.CURVE:
+        losses.curves_at_start(w)
     if w.table_points > 0:
         losses.table_at_start(w)
 
@@ -223,6 +225,8 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
         losses.winding_in_middle(w)
     if features & add.LEG:
         losses.legs_in_middle(w, span, features & add.ROUND != 0, tardy)
+    if features & add.CURVE:
+        losses.curves_in_middle(w, span)
     if w.table_points > 0:
         losses.table_in_middle(w, span)
     if features & add.IRON:

@@ -22,6 +22,7 @@ from model.effects import (
     flux_harmonics,
     inductance_harmonics,
     iron_loss,
+    leg_voltage,
     pwm_delay,
     shaft_compliance,
     skin_effect,
@@ -55,6 +56,19 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "dead_time_zone_shape": "",
     "device_drop_threshold": "V",
     "device_drop_on_resistance": "ohm",
+    "leg_voltage_v_1": "V",
+    "leg_voltage_v_2": "V",
+    "leg_voltage_v_3": "V",
+    "leg_voltage_v_4": "V",
+    "leg_voltage_v_5": "V",
+    "leg_voltage_v_6": "V",
+    "leg_voltage_v_7": "V",
+    "leg_voltage_v_8": "V",
+    "leg_voltage_v_9": "V",
+    "leg_voltage_v_10": "V",
+    "leg_voltage_v_11": "V",
+    "leg_voltage_v_12": "V",
+    "leg_voltage_reference": "A",
     "pwm_delay_delay": "s",
     "current_filter_time_constant": "s",
     "current_gain_gain_a": "",
@@ -147,6 +161,28 @@ def commutation(w, j, hold, before, after, link):
 def leg(w, j, before, after, shape):
     """Return V a leg loses on average while its current over its sign's width changes; shape: 0 linear, 1 tanh."""
     return device_drop.lost(w.device_drop_threshold[j], before, after, shape)
+
+
+@inlined
+def leg_curve(w, j, before, after):
+    """Return V a leg loses on average while its current (A) goes straight from before to after."""
+    return leg_voltage.lost(
+        w.leg_voltage_v_1[j],
+        w.leg_voltage_v_2[j],
+        w.leg_voltage_v_3[j],
+        w.leg_voltage_v_4[j],
+        w.leg_voltage_v_5[j],
+        w.leg_voltage_v_6[j],
+        w.leg_voltage_v_7[j],
+        w.leg_voltage_v_8[j],
+        w.leg_voltage_v_9[j],
+        w.leg_voltage_v_10[j],
+        w.leg_voltage_v_11[j],
+        w.leg_voltage_v_12[j],
+        w.leg_voltage_reference[j],
+        before,
+        after,
+    )
 
 
 @inlined

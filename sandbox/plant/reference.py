@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
+from model.effects.leg_voltage import curve
 from model.inverter_table import Points
 from model.parameters import Motor
 from model.spline import SplineEnergy
@@ -118,6 +119,7 @@ class Reference:
             x = (i * A ** (-k)).real
             r = v["device_drop.on_resistance"] + own
             own_volts = v["device_drop.threshold"] * self.sign(x) + r * x
+            own_volts += float(curve(v, self.motor, np.array(x)))
             if self.table:
                 amps, volts = np.array(self.table).T
                 own_volts += math.copysign(float(np.interp(abs(x), amps, volts)), x)

@@ -33,9 +33,9 @@ Set = Mapping[str, float]
 SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
 RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, but there
 PORT_BITS = {
-    "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "winding": add.WINDING, "magnets": add.MAGNETS,
-    "energy": add.ENERGY, "angle": add.WOBBLE, "edge": add.COMMUTE, "iron": add.IRON, "skin": add.SKIN,
-    "filter": add.FILTER, "delay": add.DELAYED, "shaft": add.TWIST,
+    "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "leg_curve": add.CURVE, "winding": add.WINDING,
+    "magnets": add.MAGNETS, "energy": add.ENERGY, "angle": add.WOBBLE, "edge": add.COMMUTE, "iron": add.IRON,
+    "skin": add.SKIN, "filter": add.FILTER, "delay": add.DELAYED, "shaft": add.TWIST,
 }  # fmt: skip
 
 
@@ -117,6 +117,7 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
     rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
     rows["shape"] = v["bench.soft_shape"]
     rows["dead_time_zone_width"], rows["dead_time_zone_shape"] = zone_of(v)
+    rows["leg_voltage_reference"] = v["leg_voltage.reference"] or motor.rated_current
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = v["bench.load_torque_gain"], v["bench.load_torque_offset"]
     return rows

@@ -2,7 +2,7 @@
 
 In: commanded voltages, the link voltage as read, and the rotor's motion behind the encoder (`smoothing`).
 Out: what the three current sensors would read at each sample and, for a free rotor, the innovations of the encoder's
-reading: predicted torque through the shaft's equations against the measured angle, one sample ahead.  All 26 effects
+reading: predicted torque through the shaft's equations against the measured angle, one sample ahead.  All 27 effects
 act (`sandbox.plant`).  With the angle prescribed nothing feeds back, so predictions stay
 stable however wrong a set is, and each set costs the same.
 

@@ -11,6 +11,9 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from model.effects.leg_voltage import VOLTS, corners, curve
 from model.effects.library import check_inside, complete, neutral
 from model.parameters import MODULATIONS, OVERMODULATIONS, Converter, Motor
 from sandbox.switched.flux_map import FluxMap, flux_map_of
@@ -214,10 +217,21 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
     values |= {key: v[name] for name in v for effect, _, key in [name.partition(".")] if effect in same_name}
     rate = math.sqrt(stiffness / reduced) if m_load else 0.0
-    table = leg_table(*zip(*converter.inverter_table, strict=True)) if converter.inverter_table else None
+    table = _leg_table(motor, converter, v)
     step = _longest_step(period, v, rate, m_motor)
     step = step if table is None else min(step, period / STEPS_WITH_CORNERS)
     return Bench(**values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map)
+
+
+def _leg_table(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Any:
+    """Return what a leg loses by the drive's table and by the effect's curve, at the points of both; None where neither
+    is there."""
+    there = any(v[f"leg_voltage.{n}"] for n in VOLTS)
+    if not (converter.inverter_table or there):
+        return None
+    amps, volts = np.array(converter.inverter_table or ((0.0, 0.0),)).T
+    current = np.unique(np.concatenate([[0.0], amps, corners(v, motor) if there else []]))
+    return leg_table(current, np.interp(current, amps, volts) + curve(v, motor, current))
 
 
 def _orders(motor: Motor, v: Mapping[str, float]) -> Harmonics | None:

@@ -28,6 +28,7 @@ CANONICAL = [
     "winding_asymmetry",
     "dead_time",
     "device_drop",
+    "leg_voltage",
     "dc_link_error",
     "dc_link_ripple",
     "pwm_delay",

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from sandbox.gap.location.curves import CurveFound
 from sandbox.gap.location.decompose import Decomposition
 from sandbox.gap.location.where import WHOSE, Part
+from sandbox.gap.words import capital
 from sandbox.output.document import figure, fold, pairs, prose
-from sandbox.output.vector import bars_svg
+from sandbox.output.vector import bars_svg, lines_svg
 
 PARTS = (
     "A subsystem's part is what is left where its effects alone are taken out again and all else is fitted. The "
@@ -29,6 +31,16 @@ def of_parts(parts: Sequence[Part], before: Decomposition, rest: Decomposition) 
         head = f"The {WHOSE[p.subsystem]} part, {100.0 * p.share:.0f} % of the gap"
         charts = "".join(pairs(shares(p.left, rest, p.of_readings)))
         yield fold(head, charts) if k else f"<h3>{prose(head)}</h3>{charts}"
+
+
+def of_curves(curves: Sequence[CurveFound]) -> Iterator[str]:
+    """Yield each curve with its band."""
+    for c in curves:
+        lines = {"found": (c.at, c.value), "2.5 %": (c.at, c.low), "97.5 %": (c.at, c.high)}
+        yield figure(
+            lines_svg([(f"{c.of} ({c.unit})", lines)], f"{c.across} ({c.unit_across})", alike=True),
+            f"{capital(c.of)} against its {c.across}, odd, with its 95 % band. {c.text}",
+        )
 
 
 def shares(part: Decomposition, rest: Decomposition, of_readings: bool = False) -> Iterator[str]:

@@ -43,6 +43,8 @@ def print_answers(a: Answers) -> None:
         print_prose(text, f"{head:<10} ")
     for text in answers.todo_texts(a):
         print_prose(text, f"{'Do?':<10} ")
+    for c in a.curves:
+        print_prose(f"{capital(c.effect)}: {c.text}", f"{'Curve?':<10} ")
     print_prose(left.remains_text(a), f"{'Left?':<10} ")
     rows = [
         [listed.beside_first(h, d.best, a.shares), f"{h.probability:.3f}", _share(closed_by(d, h))]
@@ -99,6 +101,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
             yield f"<h2>Parameters of {prose(listed.short(h, d.hypotheses))}</h2>"
             rows = [[f"{capital(library.title(k))} `{k}`", *rest] for k, *rest in _parameters(a, own)]
             yield table(["parameter", "value [95 % interval]", "nominal"], rows)
+    yield from charts.of_curves(a.curves)
     before, after = shown(d.before.point), shown(d.after.point)
     part, rest = decompose(d.before.point, before), decompose(d.after.point, after)
     yield "<h2>The gap, recording by recording</h2>"

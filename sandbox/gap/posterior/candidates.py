@@ -82,7 +82,7 @@ def candidates(point: Point, exclude: Sequence[str] = (), *, left: float = math.
     """Return all candidates of the library at a point that leaves so many floors: of much, finite changes of delays
     beside their slopes; of more, other forms of effects, which are told by their typical size alone."""
     out = []
-    for effect in library.effect_names():
+    for effect in library.causes():
         if effect not in exclude:
             own = list(_beginnings(point, library.load_effect(effect)))
             out += own
@@ -91,6 +91,12 @@ def candidates(point: Point, exclude: Sequence[str] = (), *, left: float = math.
             if left > NEAR:
                 out += _other_forms(point, effect)
     return out
+
+
+def free_forms(point: Point, exclude: Sequence[str] = ()) -> list[Candidate]:
+    """Return the candidates that are curves: they fit nearly anything at their place, so other effects come first."""
+    cards = map(library.load_effect, library.effect_names())
+    return [x for c in cards if c.free and c.name not in exclude for x in _beginnings(point, c)]
 
 
 def further(point: Point, effects: Sequence[str]) -> list[Candidate]:
@@ -187,9 +193,10 @@ def at_typical(point: Point, exclude: Sequence[str] = ()) -> list[Candidate]:
     """Return one candidate an effect, its companions at typical values: what is known before looking at residuals."""
     drive = point.prepared.campaign.drive
     out = []
-    for effect in library.effect_names():
-        own = library.load_effect(effect).parameters
-        start = {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own if p.fit == "log"}
+    for effect in library.causes():
+        card = library.load_effect(effect)
+        own = [p for p in card.parameters if p.fit == "log"]
+        start = {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own}
         if effect not in exclude:
             out.append(Candidate(effect, start))
     return out

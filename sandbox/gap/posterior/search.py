@@ -21,7 +21,7 @@ from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
 from sandbox.gap.evidence.normal import Normal, Point, part_of
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
-from sandbox.gap.posterior.candidates import Candidate, candidates, further
+from sandbox.gap.posterior.candidates import Candidate, candidates, free_forms, further
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_model
 from sandbox.gap.posterior.misfit import misfit, weights
@@ -108,6 +108,9 @@ class Search:
             new = self.better(here, known, sets, seen, tried)
             if new is None:
                 if not rough or not whole:
+                    if self.freed(here):
+                        wide = turn + 2
+                        continue
                     break
                 rough, new = False, self.fit_of(here.effects, here, known)
                 if new is None:
@@ -118,6 +121,15 @@ class Search:
         if rough and whole:
             return self.fit_of(here.effects, here, known) or here, None
         return here, known
+
+    def freed(self, here: Fit) -> bool:
+        """Return whether curves join the candidates: once, where no set of the others leaves but noise."""
+        known = {c.effect for c in self.found} | set(self.chosen)
+        new = [c for c in free_forms(here.point, self.problem.exclude) if c.effect not in known]
+        if rms_of(here) <= self.problem.settings.gap or not new:
+            return False
+        self.found = [*self.candidates(), *new]
+        return True
 
     def better(self, here: Fit, known: Normal, sets: SetPosterior, seen: set[Parts], tried: set[Parts]) -> Fit | None:
         """Return the fit, its first part, of a more probable set than the one that is fitted here; None where there is

@@ -37,7 +37,7 @@ KEPT = 24  # neighbours of each that are weighed with sizes averaged over
 
 def log_prior(effects: Sequence[str], settings: Settings = USUAL) -> float:
     """Return the log prior of a set: its number of effects is geometric, all sets of one size are alike."""
-    n, whole = len(effects), len(library.effect_names())
+    n, whole = len(effects), len(library.causes())
     return math.log((1.0 - settings.more) * settings.more**n / math.comb(whole, n))
 
 

@@ -16,6 +16,7 @@ from model.mapped import MappedMotor
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.location.curves import CurveFound, curves_found
 from sandbox.gap.location.map_found import MapFound, map_found
 from sandbox.gap.location.outside import OddPhase, odd_phase
 from sandbox.gap.location.where import Finding, Part, parts, percent, summary, where
@@ -54,6 +55,7 @@ class Answers:
     parts: tuple[Part, ...] = ()
     no_position: str = ""
     map_found: MapFound | None = None
+    curves: tuple[CurveFound, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -103,7 +105,8 @@ def answer(
     odd = odd_phase(d.before.point, left_before)
     told = map_found(d.best.evaluated.fit)
     error, why = (None, position) if isinstance(position, str) else (position, "")
-    return Answers(d, found, error, following, left, alike(d), listed, odd, apart, why, told)
+    drawn = curves_found(d.best.evaluated)
+    return Answers(d, found, error, following, left, alike(d), listed, odd, apart, why, told, drawn)
 
 
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:

@@ -71,6 +71,7 @@ class DiagnosisResult(Result):
         rounds = a.diagnosis.counted
         told["pwm_counts"] = None if rounds is None else rounds.as_json()
         told["flux_map"] = None if a.map_found is None else asdict(a.map_found)
+        told["curves"] = [asdict(c) for c in a.curves]
         told["odd_phase"] = None if a.odd_phase is None else asdict(a.odd_phase)
         return told | {"simulator": self.refitted.as_json(), "continued": self.continued}
 

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from model.effects.library import effect_names
+from model.effects.library import causes
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.normal import Point, counted, normal
 from sandbox.gap.evidence.priors import Coordinate, ordinary, with_usual_sign
@@ -152,7 +152,7 @@ def process_of(point: Point, exclude: tuple[str, ...]) -> Process:
 
 def odds(effects: Sequence[str]) -> float:
     """Return the log prior odds of a set: each effect is one among all."""
-    return -len(effects) * math.log(len(effect_names()))
+    return -len(effects) * math.log(len(causes()))
 
 
 def stand(process: Process, point: Point, effects: tuple[str, ...]) -> Stand:

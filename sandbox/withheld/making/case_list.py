@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from model.effects.library import effect_names
+from model.effects.library import causes
 from model.errors import BadInput, unknown
 from sandbox.withheld.making.cycle_styles import STYLES
 from sandbox.withheld.making.cycles_narrow import PAIRS
@@ -107,7 +107,7 @@ def _listed(count: int, kind: str, style: str, outside: Sequence[str], rng: Gene
     whole = {"controls": "none", "many": "many"}
     kinds = _kinds(count, rng) if kind == "mixed" else [whole[kind]] * count
     families = [str(f) for f in _turns(FAMILIES, count, rng)]
-    singles, unlisted = _sized(effect_names(), rng), _sized(outside, rng)
+    singles, unlisted = _sized(causes(), rng), _sized(outside, rng)
     out = []
     for k, (what, family) in enumerate(zip(kinds, families, strict=True)):
         base = Case(k, what, family, style)
@@ -175,12 +175,12 @@ def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> 
     turn; every third has an effect of the library beside it, but no drive with a flux map."""
     of = {name: OF_MAP if name == FLUX_MAP else EVERY[name].subsystem for name in outside}
     order = _turns(sorted(set(of.values())), count, rng)
-    causes = {s: _sized([n for n in outside if of[n] == s], rng) for s in sorted(set(of.values()))}
+    by_subsystem = {s: _sized([n for n in outside if of[n] == s], rng) for s in sorted(set(of.values()))}
     families, beside = _turns(FAMILIES, count, rng), _turns(BESIDE, count, rng)
-    effects = iter(_turns(effect_names(), count, rng))
+    effects = iter(_turns(causes(), count, rng))
     out = []
     for k, subsystem in enumerate(order):
-        mine = causes[subsystem]
+        mine = by_subsystem[subsystem]
         name, size = mine[order[:k].count(subsystem) % len(mine)]
         if name == FLUX_MAP:
             out.append(Case(k, "outside", "mapped", style, (), (1.0,), name))
@@ -212,7 +212,7 @@ def _turns(values: Sequence[Any], count: int, rng: Generator) -> list[Any]:
 def _several(rng: Generator) -> tuple[str, ...]:
     """Two or three effects (two twice as often), never two of which one contains the other."""
     while True:
-        names = {str(n) for n in rng.choice(effect_names(), int(rng.choice([2, 2, 3])), replace=False)}
+        names = {str(n) for n in rng.choice(causes(), int(rng.choice([2, 2, 3])), replace=False)}
         if not names >= NESTED:
             return tuple(sorted(names))
 
@@ -220,6 +220,6 @@ def _several(rng: Generator) -> tuple[str, ...]:
 def _many(count: int, rng: Generator) -> tuple[str, ...]:
     """So many effects, never two of which one contains the other."""
     while True:
-        names = {str(n) for n in rng.choice(effect_names(), count, replace=False)}
+        names = {str(n) for n in rng.choice(causes(), count, replace=False)}
         if not names >= NESTED:
             return tuple(sorted(names))

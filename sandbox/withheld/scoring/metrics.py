@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from model.effects.library import effect_names
+from model.effects.library import causes
 from sandbox.withheld.scoring.chances import MANY, NAMED, calibration, coverage_worst, of_many
 from sandbox.withheld.scoring.judge import SETTLED, UNKNOWN, Judgement
 from sandbox.withheld.scoring.limits import Figure, auroc, mean, mean_share, quantile, ratio, share
@@ -149,7 +149,7 @@ def by_size(judged: Sequence[Judgement]) -> dict[str, dict[str, Figure]]:
 def detection_floor(judged: Sequence[Judgement]) -> dict[str, dict[str, Any]]:
     """Return by effect the smallest size found, the largest missed, and how many campaigns there were."""
     out = {}
-    for name in effect_names():
+    for name in causes():
         own = [j for j in judged if j.kind == "one" and j.effects == (name,)]
         if own:
             found, missed = ([j.sizes[0] for j in own if j.hit is hit] for hit in (True, False))
@@ -161,7 +161,7 @@ def confusion(judged: Sequence[Judgement]) -> dict[str, Any]:
     """Return counts of first hypotheses by truth: labels of rows and columns, and the matrix."""
     plain = [j for j in judged if j.kind not in SETS and len(j.effects) < 2]
     cases = [(j.effects[0] if j.effects else "none", j.label) for j in plain]
-    order = [*effect_names(), UNKNOWN, "none", "several", "failed"]
+    order = [*causes(), UNKNOWN, "none", "several", "failed"]
     rows, columns = ([n for n in order if any(c[k] == n for c in cases)] for k in (0, 1))
     counts = Counter(cases)
     return {"truth": rows, "verdict": columns, "counts": [[counts[r, c] for c in columns] for r in rows]}

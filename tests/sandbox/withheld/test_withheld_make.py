@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from model.effects.card import SUBSYSTEMS
-from model.effects.library import effect_names
+from model.effects.library import causes
 from model.errors import BadInput
 from sandbox.gap.evidence.fit import coordinates_of
 from sandbox.gap.evidence.normal import Point, normal
@@ -106,7 +106,7 @@ def test_curved_sensors_of_the_largest_size_still_read_what_cycles_ask_for():
     assert np.interp(1.7, read, x) < 2.05
 
 
-@pytest.mark.parametrize("name", effect_names())
+@pytest.mark.parametrize("name", causes())
 def test_every_effect_is_in_the_data_as_the_seal_says(name):
     """At the truth the floor; on a library without it (parameters back at neutral) the smallest at double size shows.
 
@@ -192,7 +192,7 @@ def test_shares_sizes_and_effects_of_a_mixed_check():
     assert {k: kinds.count(k) / 400 for k in SHARES} == pytest.approx(SHARES)
     pairs = [(c.names[0], c.sizes[0]) for c in listed if c.kind == "one"]
     assert len(pairs) == 240
-    assert {pairs.count((n, s)) for n in effect_names() for s in LADDER} == {2, 3}
+    assert {pairs.count((n, s)) for n in causes() for s in LADDER} == {2, 3}
     first = [s for _, s in pairs[:26]]
     assert {first.count(s) for s in LADDER} == {6, 7}
     assert all(not {"saturation", "cross_saturation"} <= set(c.names) for c in listed)

@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from model.effects.library import effect_names
+from model.effects.library import causes
 from model.energy import flux_from_current
 from model.errors import BadInput
 from model.mapped import ALPHAS, MappedMotor
@@ -70,7 +70,7 @@ def test_half_of_every_kind_has_a_map_and_nothing_else_changes():
     changed_ones = on_maps(listed)
     assert {c.family for c in listed if c not in changed_ones} == {*FAMILIES, "mapped"}
     singles = {n for c in changed_ones if c.kind == "one" for n in c.names}
-    assert len(singles) >= 0.9 * len(effect_names())  # 120 of 26 x 4: an effect misses all of 4 or 5 with 1 in 20
+    assert len(singles) >= 0.9 * len(causes())  # 120 of 26 x 4: an effect misses all of 4 or 5 with 1 in 20
     assert [c.family for c in cases(400, 1, "mixed", "scored", names, "published", HALF)] != [c.family for c in listed]
     assert not on_maps(without)
     assert len(on_maps(cases(40, 0, "mixed", "scored", maps=Maps(1.0, tuple(MAPS))))) == 40
@@ -159,7 +159,7 @@ def test_every_effect_and_cause_can_be_drawn_on_a_map():
     """Smallest and largest sizes of both tables in turn, of saturation all; what is stated is not the truth, and the
     seal says by how much."""
     sizes = [("ladder", LADDER[0]), ("published", 0.95), ("ladder", LADDER[-1]), ("published", 0.05)]
-    for k, name in enumerate(effect_names()):
+    for k, name in enumerate(causes()):
         for table, size in sizes if name in map_motors.OF_ALPHAS else [sizes[k % 4]]:
             drawn = draw(Case(0, "one", "mapped", "scored", (name,), (size,), table=table), 5)
             maker.switched(drawn)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from model.effects.card import PORTS, SUBSYSTEMS
-from model.effects.library import effect_names, load_effect, parameters
+from model.effects.library import causes, load_effect, parameters
 from model.errors import BadInput
 from sandbox.switched.unlisted import UNLISTED, unlisted
 from sandbox.withheld.making import draw as drawing
@@ -49,7 +49,7 @@ def test_every_subsystem_has_three_causes_at_least():
     found = [one.subsystem for one in EVERY.values()]
     assert all(found.count(s) >= 3 for s in SUBSYSTEMS)
     assert set(SOURCES) == set(MORE)
-    assert not set(EVERY) & {*effect_names(), *(p.partition(".")[2] for p in parameters())}
+    assert not set(EVERY) & {*causes(), *(p.partition(".")[2] for p in parameters())}
 
 
 @pytest.mark.parametrize("name", MORE)
@@ -109,7 +109,7 @@ def test_many_are_four_to_ten_in_turn_and_none_contains_another():
     assert sorted(len(names) for names in found) == sorted(10 * list(range(4, 11)))
     assert all(len(set(names)) == len(names) for names in found)
     assert not any({"saturation", "cross_saturation"} <= set(names) for names in found)
-    assert {e for names in found for e in names} == set(effect_names())
+    assert {e for names in found for e in names} == set(causes())
 
 
 def test_an_effect_beside_a_cause_is_sealed_with_it():

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from model.effects.library import effect_names, load_effect
+from model.effects.library import causes, load_effect
 from model.errors import BadInput
 from model.kernels.folders import cache_home
 from sandbox.output.files import rounded
@@ -34,7 +34,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_every_effect_has_ranges_with_sources_for_parameters_that_it_has():
-    assert set(table()) == set(effect_names())
+    assert set(table()) == set(causes())
     for name, ranges in table().items():
         assert set(ranges) <= {p.name for p in load_effect(name).parameters}, name
         for key, r in ranges.items():
@@ -44,7 +44,7 @@ def test_every_effect_has_ranges_with_sources_for_parameters_that_it_has():
         assert next(iter(ranges.values())).range, name
 
 
-@pytest.mark.parametrize("name", effect_names())
+@pytest.mark.parametrize("name", causes())
 def test_a_size_by_its_range_is_the_ladders_at_the_same_amount(name):
     """What the ladder plants at size s, `multiple` calls s; where it draws around a mean step, within that spread."""
     drive, rng = family_drive("ipm"), np.random.default_rng(4)
@@ -54,7 +54,7 @@ def test_a_size_by_its_range_is_the_ladders_at_the_same_amount(name):
         assert found == pytest.approx(size, rel=spread), size
 
 
-@pytest.mark.parametrize("name", effect_names())
+@pytest.mark.parametrize("name", causes())
 def test_places_are_the_ends_of_the_range(name):
     """Leading parameter at 0 and 1: weak and strong end, so sizes differ by the ratio of the range (logarithms of 1 + x
     where the motor's own value is off, squares where a stiffness follows from a frequency)."""

@@ -16,8 +16,8 @@ from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.gap.posterior.sets import SetPosterior, log_prior, possible
 from sandbox.gap.posterior.settings import Settings
 
-NAMES = [e for e in library.effect_names() if not possible([e, "saturation"]) or e == "saturation"]
-FREE = [e for e in library.effect_names() if e not in ("saturation", "cross_saturation")]
+NAMES = [e for e in library.causes() if not possible([e, "saturation"]) or e == "saturation"]
+FREE = [e for e in library.causes() if e not in ("saturation", "cross_saturation")]
 TRACE = 0.02
 
 
