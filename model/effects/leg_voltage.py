@@ -121,7 +121,7 @@ CARD = Effect(
     ),
     parameters=(
         *(
-            Parameter(n, "V", 0.0, -1e3, 1e3, 0.002, "DC link", title=f"volts that saturate at {c:g} of the reference")
+            Parameter(n, "V", 0.0, -1e3, 1e3, 0.0005, "DC link", title=f"volts that saturate at {c:g} of the reference")
             for n, c in zip(VOLTS, CORNERS, strict=True)
         ),
         Parameter(

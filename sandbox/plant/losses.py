@@ -221,7 +221,8 @@ def told_in_middle(w, j, span, measured):
     m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
     w.j_a[j], w.j_b[j] = m_a, m_b
     v_a, v_b = loses(w, j, measured, x, y, m_a, m_b)
-    z_a, z_b = loses(w, j, measured, m_a, m_b, 2.0 * (m_a + e_a) - x, 2.0 * (m_b + e_b) - y)
+    p, q = 2.0 * (m_a + e_a) - x + 6.0 * w.swell_a[j], 2.0 * (m_b + e_b) - y + 6.0 * w.swell_b[j]
+    z_a, z_b = loses(w, j, measured, m_a, m_b, p, q)
     w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
     w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
 

@@ -217,7 +217,7 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
             add.energy_at(w, c_0, s_0, share)
     if features & add.IRON:
         lags.iron_stays(w, span * course.rate)
-    if features & (add.SKIN | add.LEG):
+    if features & (add.SKIN | add.LEG | add.CURVE) or w.table_points > 0:
         lags.swelling(w)
     if features & add.SKIN:
         lags.skin_in_middle(w, span)
