@@ -92,7 +92,7 @@ def said(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     late = threshold * converter.sampling_period / converter.dc_bus_voltage
     return (
         f"A threshold of {quantity(threshold, 'V')} (by a dead time alone: {quantity(late, 's')}) and a resistance of "
-        f"{quantity(ohm, 'ohm')} are {100.0 * share:.3g} % of its square up to rated current."
+        f"{quantity(ohm, 'ohm')} explain {100.0 * share:.3g} % of it (of squares, up to rated current)."
     )
 
 
@@ -121,7 +121,17 @@ CARD = Effect(
     ),
     parameters=(
         *(
-            Parameter(n, "V", 0.0, -1e3, 1e3, 0.0005, "DC link", title=f"volts that saturate at {c:g} of the reference")
+            Parameter(
+                n,
+                "V",
+                0.0,
+                -1e3,
+                1e3,
+                0.0005,
+                "DC link",
+                change=0.002,
+                title=f"volts that saturate at {c:g} of the reference",
+            )
             for n, c in zip(VOLTS, CORNERS, strict=True)
         ),
         Parameter(

@@ -38,7 +38,7 @@ def of_curves(curves: Sequence[CurveFound]) -> Iterator[str]:
     for c in curves:
         lines = {"found": (c.at, c.value), "2.5 %": (c.at, c.low), "97.5 %": (c.at, c.high)}
         yield figure(
-            lines_svg([(f"{c.of} ({c.unit})", lines)], f"{c.across} ({c.unit_across})", alike=True),
+            lines_svg([(f"{c.of} ({c.unit})", lines)], f"{c.across} ({c.unit_across})"),
             f"{capital(c.of)} against its {c.across}, odd, with its 95 % band. {c.text}",
         )
 

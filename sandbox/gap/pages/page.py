@@ -44,7 +44,7 @@ def print_answers(a: Answers) -> None:
     for text in answers.todo_texts(a):
         print_prose(text, f"{'Do?':<10} ")
     for c in a.curves:
-        print_prose(f"{capital(c.effect)}: {c.text}", f"{'Curve?':<10} ")
+        print_prose(f"{capital(words(c.effect))}: {c.text}", f"{'Curve?':<10} ")
     print_prose(left.remains_text(a), f"{'Left?':<10} ")
     rows = [
         [listed.beside_first(h, d.best, a.shares), f"{h.probability:.3f}", _share(closed_by(d, h))]
