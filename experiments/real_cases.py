@@ -137,9 +137,9 @@ CASES: dict[str, Case] = {
         "the same bench, the table left out of the nominal model",
         "the curve",
         "Believe the curve: up to the rated current (1.2 A) it and what the resistance is off (0.03 ohm) lie within "
-        "0.15 V of the table. Beyond, no recording went. Until 2026-11-28 the answer was a device drop of 5 V "
-        "with `unknown` beside it, and J = 1.42. Recordings at one link voltage cannot tell what share of it is dead time. J held out "
-        "is above 1 where a recording goes to currents that the others do not.",
+        "0.15 V of the table. Beyond, no recording went. Until 2026-11-28 the answer was a device drop of 5 V with "
+        "`unknown` beside it, and J = 1.42. Recordings at one link voltage cannot tell what share of it is dead time. "
+        "J held out is above 1 where a recording goes to currents that the others do not.",
     ),
 }  # fmt: skip
 
