@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sandbox.motion.load_side import load_contradicted
+from sandbox.motion.load_side import ROWS, load_contradicted
 from sandbox.motion.mistakes import contradictions, inertia_contradicted
 from sandbox.recordings.campaign import Campaign, Finding
 from sandbox.recordings.checks.motion import loads, standing
@@ -32,8 +32,8 @@ def checked_motion(campaign: MotionCampaign) -> Sequence[Finding]:
 
 def shaft_contradicted(campaign: Campaign) -> list[Finding]:
     """Return what the shaft of free rotors contradicts in a campaign whose currents, voltages and angle agree: load,
-    inertia and pole pairs."""
-    free = tuple(r for r in campaign.recordings if r.rotor == "free" and r.made is None)
+    inertia and pole pairs; recordings of fewer than ROWS samples tell nothing of it."""
+    free = tuple(r for r in campaign.recordings if r.rotor == "free" and r.made is None and len(r.t) >= ROWS)
     if not free:
         return []
     motion = motion_of(replace(campaign, recordings=free), "")
