@@ -88,10 +88,11 @@ def _sectors(file: str, said: str, code: Array) -> Array:
 
 def along(sectors: Array, turned: Array) -> tuple[Array, float]:
     """Return angles (n,) rad of counted sixths that follow a speed, integrated (n,) rad, and between what they lie
-    (rad): by what the speed is off from change to change, a sixth at most.
+    (rad, rms of the rows): by what the speed is off from change to change, a sixth at most.
 
     A change is known to a row, so a curve through all of them would move as the rows fall: what the speed is off by is
-    as smooth as that leaves it.  Sensors that stand off their places, the same in each turn, are measured.
+    as smooth as that leaves it.  Sensors that stand off their places, the same in each turn, are measured.  Where the
+    speed leaves the sixth that the states show, it tells no more than they do.
     """
     (rows, at, edge) = _changes(sectors)
     by_speed = np.interp(at, rows, turned)
@@ -99,30 +100,55 @@ def along(sectors: Array, turned: Array) -> tuple[Array, float]:
     if len(at) < FEWEST:
         return between(sectors), STEP
     off = edge - sense * by_speed
-    a_row = np.abs(np.interp(at, rows[:-1] + 0.5, np.diff(turned)))
-    known = np.maximum(a_row, SLOWEST * STEP) / math.sqrt(12.0)
-    off = off - _places(off, np.round(edge / STEP).astype(int) % 6, known)
+    moved = np.diff(turned)
+    known = _least(np.interp(at, rows[:-1] + 0.5, moved)) / math.sqrt(12.0)
+    sector = np.round(edge / STEP).astype(int) % 6
+    place = _places(off, sector, known)
+    off = off - place[sector]
     stray = float(np.std(off[1:-1] - 0.5 * (off[2:] + off[:-2]))) / math.sqrt(1.5)
     curve = _smooth(at, off, known)
-    return sense * turned + curve(np.clip(rows, at[0], at[-1])), min(math.sqrt(12.0) * stray, STEP)
+    angle, left = _inside(
+        sense * turned + curve(np.clip(rows, at[0], at[-1])), sectors, place, _least(np.append(moved, moved[-1]))
+    )
+    count = min(math.sqrt(12.0) * stray, STEP)
+    return angle, math.sqrt(count**2 + left * (STEP**2 - count**2))
+
+
+def _least(moved: Array) -> Array:
+    """Return how far angles go in a row (n,), rad, at least what tells a place."""
+    return np.maximum(np.abs(moved), SLOWEST * STEP)
+
+
+def _inside(angle: Array, sectors: Array, place: Array, a_row: Array) -> tuple[Array, float]:
+    """Return angles (n,) rad within the sixths that states show, and the share of the rows in which they were not.
+
+    place: (6,) rad by which a sixth begins earlier than its number says; a_row: (n,) rad, to which a change is known.
+    An angle that leaves its sixth by more was off before, too: all rows up to the next change are held in it.
+    """
+    first = sectors.astype(int)
+    low, high = STEP * first - place[first % 6], STEP * (first + 1) - place[(first + 1) % 6]
+    middle, half = 0.5 * (low + high), WITHIN / STEP * (high - low)
+    stretch = np.append(0, np.cumsum(np.diff(first) != 0))
+    out = np.bincount(stretch, np.abs(angle - middle) > half + a_row)[stretch] > 0.0
+    return np.where(out, np.clip(angle, middle - half, middle + half), angle), float(np.mean(out))
 
 
 def _places(off: Array, sector: NDArray[np.int64], known: Array) -> Array:
-    """Return by what each change (n,) is off because its sensor stands off its place (rad), 0 where that is not sure.
+    """Return by what changes (n,) are off because a sensor stands off its place: (6,) rad, 0 where that is not sure.
 
     Over the six changes of a turn such errors are taken to sum to zero: their mean is the angle's zero.
     """
     if len(off) < 3 * 6:
-        return np.zeros(len(off))
+        return np.zeros(6)
     turn = np.convolve(np.pad(off, 3, mode="edge"), np.array([0.5, 1, 1, 1, 1, 1, 0.5]) / 6.0, "valid")
     own = (off - turn)[3:-3]
     count = np.bincount(sector[3:-3], minlength=6)
     if np.any(count < 2):
-        return np.zeros(len(off))
+        return np.zeros(6)
     mean = np.bincount(sector[3:-3], own, 6) / count
     spread = np.sqrt((np.var(own - mean[sector[3:-3]]) + float(np.mean(known**2))) / count)
     sure = float(np.sum((mean / spread) ** 2)) > MISPLACED
-    return np.asarray((mean - mean.mean())[sector] if sure else np.zeros(len(off)))
+    return np.asarray(mean - mean.mean() if sure else np.zeros(6))
 
 
 def _smooth(at: Array, off: Array, known: Array) -> Callable[[Array], Array]:

@@ -234,6 +234,49 @@ def test_sensors_off_their_places_are_measured():
     assert np.std(error) < 0.2 * np.std(places)
 
 
+def standing(stand, off, start, places=None, row=1e-3):
+    """Return true angle, made angle (n,), what it lies between, and the edges (n,) of the sixth that the states show.
+
+    A rotor stands (s), turns 4 s at 80 rad/s and stands; its speed column reads `off` too much (rad/s).
+    """
+    n, places = round(stand / row), np.zeros(6) if places is None else places
+    speed = np.repeat([0.0, 80.0, 0.0], [n, round(4.0 / row), n])
+    theta = start + np.concatenate([[0.0], np.cumsum(0.5 * row * (speed[1:] + speed[:-1]))])
+    count = int(theta[-1] / STEP) + 3
+    edges = STEP * np.arange(count) + np.resize(places, count)
+    sixth = np.searchsorted(edges, theta, side="right")
+    turned = np.concatenate([[0.0], np.cumsum(0.5 * row * (speed[1:] + speed[:-1]) + row * off)])
+    made, width = states_angle("f", {"hall": np.array(APART_120, float)[sixth % 6]}, {}, turned)
+    zero = STEP * (sixth[0] - 1)  # states count from the first one
+    return theta - zero, made, width, edges[sixth - 1] - zero, edges[sixth] - zero
+
+
+PLACES = np.radians([5.0, -3.0, 1.0, -4.0, 2.0, -1.0])
+
+
+@pytest.mark.parametrize("places", [None, PLACES])
+@pytest.mark.parametrize(("stand", "off"), [(20.0, 0.2), (20.0, -0.2), (5.0, 0.4)])
+@pytest.mark.parametrize("start", [0.3, 0.8])
+def test_a_rotor_that_stands_keeps_the_sixth_that_its_states_show(stand, off, start, places):
+    """The speed alone would go on by 2 to 4 rad; a sensor's place is known better than the 0.08 rad of a row."""
+    theta, angle, count, low, high = standing(stand, off, start, places)
+    assert np.all((angle > low - 0.08) & (angle < high + 0.08))
+    assert np.sqrt(np.mean((angle - theta) ** 2)) < count <= STEP
+    still = np.abs(np.gradient(theta)) == 0.0
+    assert np.all((angle[still] > low[still] - 0.01) & (angle[still] < high[still] + 0.01))
+
+
+def test_a_rotor_that_stands_between_a_sensor_and_its_place_is_left_there():
+    """The first sensor stands 5 degrees late, the rotor 3 degrees beyond where it should: the sixth before is shown.
+
+    With a speed that reads right nothing is held, and a row is what the angle is known to.
+    """
+    theta, angle, count, *_ = standing(5.0, 0.0, 6.0 * STEP + math.radians(3.0), PLACES)
+    error = angle - theta
+    assert np.abs(error - np.mean(error)).max() < 0.01
+    assert count < 2.0 * 0.08
+
+
 def test_what_an_angle_of_states_leaves_open_counts_as_noise(tmp_path):
     """The current of a rotor's frame whose angle goes to another error at each change: Euler's steps of its equation,
     within a factor of two, as the changes' spectrum is not that of one frequency."""
