@@ -49,7 +49,7 @@ from sandbox.recordings.checks.changes import (
     voltage_of,
     voltages_held,
 )
-from sandbox.recordings.checks.shifts import shifts
+from sandbox.recordings.checks.shifts import Shift, is_turn, moved_back, shifts
 from sandbox.recordings.rows.commands import mean_command
 
 EXPLAINED = 0.2  # share that undoing a mistake must reach ...
@@ -237,13 +237,42 @@ def _is_shift(
     found: Sequence[Reading], drive: Drive,
 ) -> bool:  # fmt: skip
     """Tell whether columns that stand some rows off explain more doubtful recordings than the readings found, or as
-    many and better."""
+    many and better.
+
+    At one constant speed a shift by rows is a turn by an angle, so readings win a tie.  Its rows are as free as a zero
+    is before it is rounded; beside a sign or an order, which have nothing to fit, such a turn is one mistake more.
+    """
     moved = shifts(recordings, drive) if doubtful else []
-    count = sum(r.file in s.files for r, _ in doubtful for s in moved)
-    if not count or (len(moved) > 1 and found):
+    files = [f for s in moved for f in s.files]
+    if not any(r.file in files for r, _ in doubtful) or (len(moved) > 1 and found):
         return False
-    rival = math.log(moved[0].after + FLOOR) + math.log(FALLS)
-    return not found or (count, -rival) > (int(found[0].answered.sum()), -found[0].cost)
+    if not found:
+        return True
+    best, own = found[0], _shifted(doubtful, moved[0], drive)
+    counts = int(own.answered.sum()), int(best.answered.sum())
+    if counts[0] != counts[1]:
+        return counts[0] > counts[1]
+    turned = not best.zero and is_turn([r for r, _ in doubtful if r.file in files], moved[0])
+    rival = own.cost + math.log(FALLS) * (1 + turned)
+    return rival + ALIKE < (_freed(doubtful, best, drive) if best.zero else best).cost
+
+
+def _shifted(doubtful: Sequence[tuple[CampaignRecording, Balance]], shift: Shift, drive: Drive) -> Reading:
+    """Return what recordings leave once their columns are moved back, by the measure of readings."""
+    shares = [
+        float(Products(moved_back(r, shift), drive, b.share, b.noise).shares((), np.zeros(1))[0])
+        if r.file in shift.files else b.share
+        for r, b in doubtful
+    ]  # fmt: skip
+    before, noise = np.array([b.share for _, b in doubtful]), np.array([b.noise for _, b in doubtful])
+    return Reading((), 0.0, np.array(shares), before, noise)
+
+
+def _freed(doubtful: Sequence[tuple[CampaignRecording, Balance]], reading: Reading, drive: Drive) -> Reading:
+    """Return a reading with the zero that leaves least of the recordings it answers for, not rounded."""
+    shares = np.array([Products(r, drive, b.share, b.noise).shares(reading.changes, ZEROS) for r, b in doubtful])
+    best = int(np.argmin(shares[reading.answered].sum(axis=0)))
+    return replace(reading, zero=float(ZEROS[best]) or reading.zero, shares=shares[:, best])
 
 
 def _sentence(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]) -> str:

@@ -4,14 +4,15 @@ From row to row the balance leaves r_k = sum over terms of F_k M_(k - s), F of c
 down by s rows, so its energy at every s is a sum of correlations, which Fourier transforms tell together.  Commands
 alone are exact so; of currents or the angle alone the products with what stays are further terms.
 
-Where commands hardly change from row to row a shift cannot be seen.
+Where commands hardly change from row to row a shift cannot be seen; at one constant speed it is a turn by one angle, so
+that a zero of the angle, a sign or an order of phases explains the log as well (`mistakes` weighs them).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ LATE = 4  # rows: a drive itself is not later, and a diagnosis can tell its dela
 SHIFTED = 0.25  # of the unexplained share: what shifting must leave of it
 NOTICED = 0.02  # of the voltage's energy: less unexplained is no shift
 ALIKE, FLOOR = 1.25, 0.002  # shifts of a signal that repeats: the shortest of those within this factor and share
+ONE_SPEED = 0.005  # of the energy: what one turn leaves of vectors that turn on over the rows of a shift
 EFFECTS = {VOLTAGES: "pwm_delay", PHASES: "current_sampling"}
 
 
@@ -86,13 +88,29 @@ def shifts(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Shift]
     if not told:
         return []
     most = min(len(c[VOLTAGES]) for c in told.values()) // 2
-    together = {moved: np.mean([_inner(c[moved], most) for c in told.values()], axis=0) for moved in MOVED}
+    together: dict[tuple[str, ...], Array] = {
+        moved: np.mean([_inner(c[moved], most) for c in told.values()], axis=0) for moved in MOVED
+    }
     best = _best(together)
     found = [f for f, c in told.items() if _answers(c, best)]
     if found and all(_left(c, best) <= _now(c) + NOTICED for c in told.values()):
         return [_shift(best, told, found)]
     alone = {f: _best(c) for f, c in told.items() if _now(c) > UNDISTURBED}
     return [_shift(own, told, [f]) for f, own in alone.items() if _answers(told[f], own)]
+
+
+def moved_back(r: CampaignRecording, shift: Shift) -> CampaignRecording:
+    """Return a recording whose columns stand in the rows of which they are, without the rows that then lack some."""
+    down, up = max(shift.rows, 0), max(-shift.rows, 0)
+    stay, move = slice(down, len(r.t) - up), slice(up, len(r.t) - down)
+    return replace(r, columns={n: x[move if n in shift.moved else stay] for n, x in r.columns.items()})
+
+
+def is_turn(recordings: Sequence[CampaignRecording], shift: Shift) -> bool:
+    """Tell whether the rotor goes on by one and the same angle over the rows of a shift, all through recordings."""
+    rows = abs(shift.rows)
+    steps = np.concatenate([r.theta[rows:] - r.theta[: len(r.t) - rows] for r in recordings])
+    return 1.0 - abs(complex(np.mean(np.exp(1j * steps)))) ** 2 < ONE_SPEED
 
 
 def _shift(best: tuple[int, tuple[str, ...]], told: dict[str, dict[tuple[str, ...], Array]], files: list[str]) -> Shift:
