@@ -184,14 +184,28 @@ def measured(
     found: dict[str, Array] = {}
     mapped = available(table, columns)
     for name in KIND:
-        entry = mapped.get(name)
-        if entry is None and name in OURS and (name in table.columns or name in table.also):
-            entry = Column(name, name)
+        entry = _entry(table, mapped, name)
         if entry is not None:
             found[name] = _values(file, table, entry, length, pole_pairs, notes, turns_between(found))
             if name == "t":
                 _refuse_disorder(file, found[name])
     return found, notes
+
+
+def stamps_of(file: str, table: Table, columns: Mapping[str, Column]) -> Array | None:
+    """Return the stamps (s) of a table's rows, None where it has none; BadInput as in `measured`."""
+    entry = _entry(table, available(table, columns), "t")
+    if entry is None:
+        return None
+    t = _values(file, table, entry, max((len(v) for v in table.columns.values()), default=0), 1.0, [], None)
+    _refuse_disorder(file, t)
+    return t
+
+
+def _entry(table: Table, mapped: Mapping[str, Column], name: str) -> Column | None:
+    """Return how a contract column is read, by the map or by a name of ours; None where a table lacks it."""
+    ours = name in OURS and (name in table.columns or name in table.also)
+    return mapped.get(name) or (Column(name, name) if ours else None)
 
 
 def _refuse_disorder(file: str, t: Array) -> None:

@@ -26,6 +26,7 @@ from sandbox.recordings.campaign import (
     Campaign,
     CampaignRecording,
     Finding,
+    Made,
     assemble,
     converter_of,
     entries_of,
@@ -40,6 +41,7 @@ from sandbox.recordings.column_map import (
     lacks_voltages,
     parse_columns,
     source_columns,
+    stamps_of,
 )
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.copies import counted_once
@@ -176,15 +178,10 @@ def unchecked(source: Source) -> Campaign:
             lacking.append(Finding(file, "u_alpha", None, f"{file}: {why}; left out, as other recordings have them"))
             continue
         nominal = link or converter.dc_bus_voltage
-        values, notes, made = contract(
-            file, table, source.mapped, source.pole_pairs, nominal, locked=rotor == "locked",
-            period=converter.sampling_period,
-        )  # fmt: skip
-        held, breaks = source_columns(table, source.mapped), table.breaks
+        held = source_columns(table, source.mapped)
+        pieces = _logs(file, table, rotor == "locked", nominal, converter.sampling_period, source, findings)
         del table  # what is not used of it takes memory
-        pieces, cut = cut_where_begun_again(file, values, converter.sampling_period, breaks)
-        findings += [*notes, *cut]
-        for piece, values in pieces:
+        for piece, values, made in pieces:
             for name, own, noise, starts_at in _timed(piece, values, converter, source, findings):
                 of = "" if name == file else file
                 recordings.append(
@@ -201,6 +198,36 @@ def unchecked(source: Source) -> Campaign:
     campaign = assemble(data, tuple(recordings), source.folder.resolve().name, source.name, source.map_folder)
     campaign = with_zeros(dataclasses.replace(campaign, findings=(*findings, *campaign.findings)))
     return with_slow_rows(counted_once(campaign))
+
+
+def _logs(
+    file: str, table: Table, locked: bool, link: float, period: float, source: Source, findings: list[Finding]
+) -> list[tuple[str, dict[str, Array], Made | None]]:
+    """Return the logs that one table holds one after another: name, the contract's columns, of what the angle was made.
+
+    An angle is followed from row to row, so each log is read by itself.  What is said of all is said once.
+    """
+    parts, cut = cut_where_begun_again(file, table, stamps_of(file, table, source.mapped), period)
+    findings += cut
+    out, said = [], set[str]()
+    for name, first, part in parts:
+        try:
+            values, notes, made = contract(
+                name, part, source.mapped, source.pole_pairs, link, locked=locked, period=period
+            )
+        except BadInput as error:
+            if name == file:
+                raise
+            raise BadInput(f"{error} ({name} is {file} from row {first} on; cut the file there)") from None
+        if cut and "t" in values:
+            values["t"] = values["t"] - values["t"][0]
+        for note in notes:
+            text = note.text.replace(name, file) if note.row is None else note.text
+            if text not in said:
+                findings.append(dataclasses.replace(note, file=file if note.row is None else name, text=text))
+            said.add(text)
+        out.append((name, values, made))
+    return out
 
 
 def _timed(

@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, as_toml, brief, unknown
+from model.number_table import Table
 from sandbox.recordings.campaign import Finding
 
 Array = NDArray[np.float64]
@@ -101,38 +102,41 @@ def cut_at_gaps(file: str, columns: Columns, period: float) -> tuple[list[tuple[
 
 
 def cut_where_begun_again(
-    file: str, columns: Columns, period: float, breaks: Sequence[int]
-) -> tuple[list[tuple[str, dict[str, Array]]], list[Finding]]:
+    file: str, table: Table, t: Array | None, period: float
+) -> tuple[list[tuple[str, int, Table]], list[Finding]]:
     """Return the pieces of a table in which several logs follow each other, and a finding; one that goes on is whole.
 
-    breaks: rows before which the header stood again.  Without stamps each is a beginning; with them, where the clock
-    does not go on, and wherever it jumps back.  BadInput where no piece has SHORTEST rows.
+    t: stamps (s) of its rows.  Of each piece its name, its first row and its table.  Without stamps a log begins where
+    the header stood again; with them, where the clock does not go on there, and wherever it jumps back.  The longest
+    MOST_SEGMENTS are kept.  BadInput where no piece has SHORTEST rows.
     """
-    t = columns.get("t")
-    length = max((len(x) for x in columns.values()), default=0)
-    begun = [k for k in breaks if 0 < k < length]
+    length = max((len(x) for x in table.columns.values()), default=0)
+    begun = [k for k in table.breaks if 0 < k < length]
     if t is not None:
         step = np.diff(t)
         begun = [k for k in begun if not 0.0 < step[k - 1] < GAP * period]
         begun = sorted({*begun, *(int(k) + 1 for k in np.flatnonzero(step < -BACK * period))})
-    if not begun or len(begun) > MOST_SEGMENTS:
-        return [(file, dict(columns))], []
+    if not begun:
+        return [(file, 0, table)], []
     bounds = [(a, b) for a, b in itertools.pairwise([0, *begun, length]) if b - a >= SHORTEST]
     if not bounds:
         raise BadInput(
             f"{file}: the log begins again in row {begun[0]}, and no stretch has {SHORTEST} rows; log longer"
         )
-    pieces = []
-    for number, (a, b) in enumerate(bounds, 1):
-        own = {n: x[a:b] for n, x in columns.items()}
-        if t is not None:
-            own["t"] = own["t"] - own["t"][0]
-        pieces.append((segment_name(file, number), own))
+    bounds = sorted(sorted(bounds, key=lambda x: x[0] - x[1])[:MOST_SEGMENTS])
+    pieces = [(segment_name(file, k), a, _rows_of(table, a, b)) for k, (a, b) in enumerate(bounds, 1)]
     left = length - sum(b - a for a, b in bounds)
-    less = f", {left} rows in shorter stretches left out" if left else ""
+    less = f", the longest of {len(begun) + 1}; {left} rows are left out" if left else ""
     often = f" ({len(begun)} times)" if len(begun) > 1 else ""
     text = f"{file}: the log begins again in row {begun[0]}{often}; it becomes {len(pieces)} recordings{less}"
     return pieces, [Finding(file, "t", begun[0], text)]
+
+
+def _rows_of(table: Table, first: int, end: int) -> Table:
+    """Return the rows of a table from one on and before another, counted from 0."""
+    columns = {n: x[first:end] for n, x in table.columns.items()}
+    odd = {(n, k - first): cell for (n, k), cell in table.odd.items() if first <= k < end}
+    return replace(table, columns=columns, odd=odd, breaks=())
 
 
 def segment_name(file: str, number: int) -> str:

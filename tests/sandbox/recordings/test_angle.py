@@ -300,6 +300,28 @@ def test_what_an_angle_of_states_leaves_open_counts_as_noise(tmp_path):
     assert "leaves currents open by" in " ".join(f.text for f in found.findings)
 
 
+def test_each_log_of_a_table_has_its_own_angle(tmp_path):
+    """A logger that was started again: clock, place and sense of the rotor begin anew, as in a file of its own."""
+    mapping = '[columns]\nspeed = {column="rpm", unit="rpm"}\nhall = {column="h"}'
+    logs, thetas = [], []
+    for speed in (SWING, -0.5 * SWING):
+        columns, theta = turning(speed)
+        hall = np.array(APART_120)[np.floor(theta / STEP).astype(int) % 6]
+        logs.append({**columns, "h": hall, "rpm": np.round(speed * RPM)})
+        thetas.append(theta)
+    alone = [read(tmp_path, log, mapping, rotor="driven")["run"] for log in logs]
+    joined = {n: np.concatenate([log[n] for log in logs]) for n in logs[0]}
+    found = read(tmp_path, joined, mapping, rotor="driven")
+    assert [r.file for r in found.recordings] == ["run-1.csv", "run-2.csv"]
+    for r, own, theta in zip(found.recordings, alone, thetas, strict=True):
+        np.testing.assert_allclose(r.theta, own.theta, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(r.t, own.t, rtol=0.0, atol=1e-9)
+        assert r.made == own.made
+        assert np.abs(off(r.theta, theta)).max() < 5.2
+    made = [f for f in found.findings if "the angle is made from" in f.text]
+    assert [f.file for f in made] == ["run.csv"]
+
+
 def mixed(folder, first, then):
     """Write a campaign of two logs that differ; return its map's path."""
     mapping = written(folder, first)

@@ -117,6 +117,31 @@ def test_a_log_that_begins_again(tmp_path, names, between, again, lengths):
     assert ("the header stands again in row 100; left out" in said) == bool(between)
 
 
+def test_what_is_wrong_in_a_later_log_is_found_in_its_file(tmp_path):
+    t = 1e-3 * (np.arange(200) % 100)
+    rows = lines_of(changed(t=t, i_a=["x" if k == 150 else 1.0 * (k % 7) for k in range(200)]))
+    with pytest.raises(BadInput, match=r"log-2.csv: row 50 of column 'i_a' is 'x'.*log.csv from row 100 on; cut"):
+        read_lines(tmp_path, rows)
+
+
+@pytest.mark.parametrize("names", [ALL, NO_T])
+@pytest.mark.parametrize("often", [12, 13, 20])
+def test_the_longest_of_many_logs_are_kept(tmp_path, names, often):
+    """Logs of 70, 71, ... rows, each behind a header."""
+    lengths = [70 + k for k in range(often + 1)]
+    whole, ends = columns(sum(lengths)), np.cumsum(lengths)
+    logs = [
+        {k: x[b - n : b] for k, x in whole.items()} | {"t": whole["t"][:n]} for n, b in zip(lengths, ends, strict=True)
+    ]
+    rows = [x for log in logs for x in lines_of(log, names)]
+    campaign = read_lines(tmp_path, rows)
+    assert [len(r.t) for r in campaign.recordings] == lengths[-12:]
+    assert [r.file for r in campaign.recordings] == [f"log-{k}.csv" for k in range(1, 13)]
+    (said,) = (f.text for f in campaign.findings if "begins again" in f.text)
+    kept = f"it becomes 12 recordings, the longest of {often + 1}; {sum(lengths[:-12])} rows are left out"
+    assert said.endswith(f"in row 70 ({often} times); {kept}")
+
+
 def test_columns_that_change_places_in_the_middle_are_refused(tmp_path):
     rows, other = lines_of(columns()), lines_of(columns(), NAMES[::-1])
     with pytest.raises(BadInput, match="row 100 is a header of the same columns in another order; make two files"):
