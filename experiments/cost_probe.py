@@ -34,9 +34,10 @@ load_estimator = anywhere("load_estimator", "estimators.registry")
 simulate = anywhere("simulate", "sandbox.drive.simulate", "sandbox.simulate")
 scenario = ("sandbox.drive.scenario", "sandbox.scenario")
 Scenario, Segment = anywhere("Scenario", *scenario), anywhere("Segment", *scenario)
-typical, causes = (anywhere(n, "model.effects.library") for n in ("typical", "causes"))
+typical, effect_names = (anywhere(n, "model.effects.library") for n in ("typical", "effect_names"))
 read_campaign = anywhere("read_campaign", "sandbox.recordings.campaign", "sandbox.campaign")
 prepare, replay = (anywhere(n, "sandbox.replay.replay") for n in ("prepare", "replay"))
+CURVE = "leg_voltage"  # which older checkouts lack
 STEPS = Scenario("steps", (Segment(0.5), Segment(1.5, load=1.2, ramp=0.1)), rotor="locked")
 
 
@@ -63,7 +64,7 @@ def closed_loop(motor: str, effects: dict[str, float]) -> float:
 def every(motor: str) -> dict[str, float]:
     """Return all effects at typical size, each by its public numbers."""
     drive = load_drive(motor)
-    names = [n for n in causes() if n not in LINK]
+    names = [n for n in effect_names() if n not in (*LINK, CURVE)]
     return {k: v for n in names for k, v in typical(n, drive.motor, drive.converter).items()}
 
 

@@ -10,8 +10,6 @@ other that no more shows.  Behind the corner the course is a parabola again (`le
 
 from __future__ import annotations
 
-import math
-
 from model.compiled import inlined, kernel
 from sandbox.plant import ports
 from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD
@@ -177,7 +175,7 @@ def table_says(w, current):
     first, last = w.table_volts[low], w.table_volts[high]
     slope = (last - first) / (w.table_current[high] - w.table_current[low])
     volts = first + slope * on
-    return math.copysign(volts, current), w.table_sum[low] + on * (first + 0.5 * slope * on) + over * volts
+    return volts if current >= 0.0 else -volts, w.table_sum[low] + on * (first + 0.5 * slope * on) + over * volts
 
 
 @inlined

@@ -17,10 +17,13 @@ def completed(**volts):
     return library.complete(DRIVE.motor, DRIVE.converter, {f"leg_voltage.{k}": x for k, x in volts.items()})
 
 
-@pytest.mark.parametrize("ends", [(0.3, 1.2), (-0.1, 0.7), (-3.0, -2.0), (-0.001, 0.005), (0.02, 0.02), (5.0, -5.0)])
-def test_the_mean_is_that_of_the_curve_on_the_way(ends):
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    "ends", [(0.3, 1.2), (-0.1, 0.7), (-3.0, -2.0), (-0.001, 0.005), (0.02, 0.02), (-0.7, -0.7), (5.0, -5.0)]
+)
+def test_the_mean_is_that_of_the_curve_on_the_way(ends, sign):
     """Means over pieces that end where the curve bends, each straight: the trapezoidal rule is exact there."""
-    sizes = np.random.default_rng(1).normal(size=len(VOLTS))
+    sizes = sign * np.random.default_rng(1).normal(size=len(VOLTS))
     v, (x, y) = completed(**dict(zip(VOLTS, sizes, strict=True))), ends
     places = np.array([s * c for c in CORNERS for s in (-1.0, 1.0)]) * DRIVE.motor.rated_current
     t = np.unique([x, y, *(p for p in (*places, 0.0) if min(ends) < p < max(ends))])

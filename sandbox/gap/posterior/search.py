@@ -66,7 +66,8 @@ class Search:
 
     def begun(self) -> tuple[Fit, bool]:
         """Return the fit of the set that excerpts name, without effects where there are none, and where ordinary
-        deviations leave little for them to name; and whether it is no more than the first part of one."""
+        deviations leave little for them to name; and whether it is no more than the first part of one: near the floor
+        the set is mostly the answer, and is fitted whole before all candidates are linearised there."""
         p, alone = self.problem, (self.null, rms_of(self.null) > self.rough)
         if p.excerpts is None or rms_of(self.null) <= p.settings.gap:
             return alone
@@ -77,7 +78,7 @@ class Search:
             found, _ = first.grown(first.null, True, whole=False)
         if not found.effects:
             return alone
-        self.chosen = first.chosen
+        self.chosen = {e: c for e, c in first.chosen.items() if e in found.effects or not library.load_effect(e).free}
         p.report(f"fitting {' + '.join(found.effects)}")
         at = replace(p.start, values=found.point.values, prepared=same_map(p.start.prepared, found.point.prepared))
         new = attempted(at, found.effects, p.fitted, smooth=True, rough=NEAR, workers=p.workers)
@@ -91,12 +92,9 @@ class Search:
         the equations of all candidates at its point, where they are known.
 
         here: where the first round begins; rough: it is no more than the first part of a fit; whole: the last fit is
-        one, else its first part is enough.  Near the floor a set that excerpts named is mostly the answer: it is fitted
-        whole before all candidates are linearised there.
+        one, else its first part is enough.
         """
         known: Normal | None = None
-        if rough and whole and rms_of(here) <= NEAR:
-            here, rough = self.fit_of(here.effects, here, None) or here, False
         seen: set[Parts] = {_parts(here.effects), ()}
         tried: set[Parts] = set()
         self.problem.report("weighing all sets of effects")
@@ -108,7 +106,7 @@ class Search:
             new = self.better(here, known, sets, seen, tried)
             if new is None:
                 if not rough or not whole:
-                    if self.freed(here):
+                    if turn + 1 < self.problem.settings.rounds and self.freed(here):
                         wide = turn + 2
                         continue
                     break
