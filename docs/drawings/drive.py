@@ -27,7 +27,7 @@ class Block(NamedTuple):
 BLOCKS = {
     "link": Block("DC link", ("supply", "drawn", "link")),
     "pulses": Block("PWM pulses", ("delay", "edge", "commutation")),
-    "legs": Block("inverter legs", ("leg",)),
+    "legs": Block("inverter legs", ("leg", "leg_curve")),
     "winding": Block("winding", ("resistance", "winding", "skin"), ("resistance",)),
     "iron": Block(
         "iron, magnets", ("iron", "magnets", "energy"),
