@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from model.effects.library import effect_names
+from model.effects.library import causes
 
 RESULTS = Path(__file__).resolve().parents[2] / "experiments" / "results"
 
@@ -20,12 +20,12 @@ def change(kept, name, estimator, key):
 
 
 def test_every_effect_and_estimator_is_there(kept):
-    assert set(kept["effects"]) == set(effect_names())
+    assert set(kept["effects"]) == set(causes())
     for row in kept["effects"].values():
         assert set(row) == {"qnull", "inversion", "ekf"}
     assert (RESULTS / "effects_on_position.svg").stat().st_size > 10_000
     table = (RESULTS / "effects_on_position.md").read_text()
-    assert all(f"`{name}`" in table for name in effect_names())
+    assert all(f"`{name}`" in table for name in causes())
 
 
 def test_voltage_errors_hurt_the_filter_and_not_the_injection_methods(kept):

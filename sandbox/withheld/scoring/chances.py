@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.effects.library import effect_names
+from model.effects.library import causes
 from sandbox.withheld.scoring.judge import UNKNOWN, Judgement
 from sandbox.withheld.scoring.limits import NOTHING, Figure, area, bootstrapped, mean_share, share, widened
 
@@ -26,7 +26,7 @@ def of_many(judged: Sequence[Judgement]) -> dict[str, Figure]:
     A failed diagnosis counts as the worst it could have said: all that is there absent for sure, all else there.
     """
     many = [j for j in judged if len(j.effects) >= MANY]
-    names = sorted({*effect_names(), *(e for j in many for e in j.effects)} - {UNKNOWN})
+    names = sorted({*causes(), *(e for j in many for e in j.effects)} - {UNKNOWN})
     if not many:
         return dict.fromkeys(("included_f1", "included_auroc", "included_error"), NOTHING)
     there = [[e in j.effects for e in names] for j in many]

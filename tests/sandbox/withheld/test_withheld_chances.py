@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from model.effects.library import effect_names
+from model.effects.library import causes
 from sandbox.withheld.scoring.chances import (
     calibration,
     calibration_error,
@@ -53,10 +53,10 @@ def test_campaigns_of_many_effects():
     some = judged(FOUR, {**dict.fromkeys(FOUR[:3], 0.9), "iron_loss": 0.3, "inductance": 0.6})
     found = of_many([all_four, some, judged(("dead_time",), {})])
     assert found["included_f1"].value == pytest.approx((1.0 + 0.75) / 2.0)
-    absent = 2 * (len(effect_names()) - 4)
+    absent = 2 * (len(causes()) - 4)
     assert found["included_auroc"].value == pytest.approx(1.0 - 1.0 / (8 * absent))
     # 0.9 seven times, all there: 0.7; 0.3 there: 0.7; 0.6 not there: 0.6
-    assert found["included_error"].value == pytest.approx((0.7 + 0.7 + 0.6) / (2 * len(effect_names())))
+    assert found["included_error"].value == pytest.approx((0.7 + 0.7 + 0.6) / (2 * len(causes())))
     assert of_many([judged(("dead_time",), {})])["included_f1"].n == 0
 
 
@@ -121,7 +121,7 @@ def test_a_failure_has_the_whole_list_wrong():
     """Beside a campaign of which all is right: half of the error, of F1 and of the area.  Of the pairs of one
     that is there and one that is not, a quarter is in order, and two quarters (both with 1, both with 0) tie."""
     found = of_many([judged(FOUR, dict.fromkeys(FOUR, 1.0)), judged(FOUR, {}, failed=True)])
-    n = len(effect_names())
+    n = len(causes())
     # chance 1: four there, n - 4 not; chance 0: n - 4 not there, four there
     assert found["included_error"].value == pytest.approx(((n - 4) + 4) / (2 * n))
     assert found["included_f1"].value == 0.5
