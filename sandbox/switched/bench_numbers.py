@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from model.effects.leg_voltage import VOLTS, corners, curve
 from model.effects.library import check_inside, complete, neutral
 from model.parameters import MODULATIONS, OVERMODULATIONS, Converter, Motor
 from sandbox.switched.flux_map import FluxMap, flux_map_of
@@ -30,6 +29,7 @@ SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within
 INDUCTANCES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
 SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
 STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
+LEG_CORNERS = (0.0125, 0.02, 0.032, 0.05, 0.08, 0.125, 0.2, 0.32, 0.5, 0.8, 1.25, 2.0)  # of a current of reference
 LEAST_SLICES = 64.0  # of a dead time in which a leg slews
 MOST_SWING = 50.0  # rad of a leg's swing in a dead time: faster ones are as good as no capacitance
 STEPS_WITH_CORNERS = 16.0  # a current that reaches a corner of its sign and turns back inside a step is not seen
@@ -224,14 +224,16 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
 
 
 def _leg_table(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Any:
-    """Return what a leg loses by the drive's table and by the effect's curve, at the points of both; None where neither
-    is there."""
-    there = any(v[f"leg_voltage.{n}"] for n in VOLTS)
-    if not (converter.inverter_table or there):
+    """Return what a leg loses by the drive's table and by the effect's curve, whose terms rise straight to a share of a
+    current and stay there, at the points of both; None where neither is there."""
+    volts = np.array([v[f"leg_voltage.v_{k + 1}"] for k in range(len(LEG_CORNERS))])
+    if not (converter.inverter_table or volts.any()):
         return None
-    amps, volts = np.array(converter.inverter_table or ((0.0, 0.0),)).T
-    current = np.unique(np.concatenate([[0.0], amps, corners(v, motor) if there else []]))
-    return leg_table(current, np.interp(current, amps, volts) + curve(v, motor, current))
+    i, u = np.array(converter.inverter_table or ((0.0, 0.0),)).T
+    bends = (v["leg_voltage.reference"] or motor.rated_current) * np.array(LEG_CORNERS)
+    current = np.unique(np.concatenate([[0.0], i, bends if volts.any() else []]))
+    terms = sum((x * np.interp(current, (0.0, bend), (0.0, 1.0)) for x, bend in zip(volts, bends, strict=True)), 0.0)
+    return leg_table(current, np.interp(current, i, u) + terms)
 
 
 def _orders(motor: Motor, v: Mapping[str, float]) -> Harmonics | None:

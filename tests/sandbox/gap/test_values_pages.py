@@ -113,7 +113,7 @@ def test_six_hypotheses_are_printed(monkeypatch, capsys):
         size=SimpleNamespace(recordings=[("r", 2.0, 1.0, True)]), simulations=7, seconds=1.0,
     )  # fmt: skip
     monkeypatch.setattr(page, "_parameters", lambda a, own: list(own))
-    page.print_answers(SimpleNamespace(diagnosis=d, badge="explained", ranking=None, shares={}))
+    page.print_answers(SimpleNamespace(diagnosis=d, badge="explained", ranking=None, shares={}, curves=()))
     assert tables["hypotheses"] == [["inertia", "0.100", "–"]] * 6
     assert tables["parameters"] == ["a.b"]
     assert tables["residual over its noise floor (rms)"] == [["r (held out)", "2.00", "1.00"]]

@@ -47,6 +47,15 @@ def test_every_effect_has_a_test():
     assert not [e for e in {name.partition(".")[0] for name in parameters()} if e not in tested]
 
 
+def test_leg_voltage_takes_from_a_steady_current_what_its_curve_says():
+    """24 V along alpha: leg a at i, the others at -i/2; the volts that are lost are the curve's there, two thirds and
+    one third of them along alpha.  Terms saturate at 0.0125, 0.02, ... of the current of reference, here far below."""
+    b = make({"leg_voltage.v_1": 0.6, "leg_voltage.v_3": -0.2, "leg_voltage.reference": 0.05})
+    plain, got = settled(make({}), 24 + 0j), settled(b, 24 + 0j)
+    ohm = 24.0 / plain.real
+    assert got.real == pytest.approx((24.0 - (4.0 / 3.0) * (0.6 - 0.2)) / ohm, rel=1e-3)
+
+
 def test_stator_resistance_sets_the_steady_current():
     got = settled(make({"stator_resistance.resistance": 8.0}), 24 + 0j)
     assert got == pytest.approx(pulsed(24.0, 8.0), rel=1e-9)
