@@ -291,12 +291,8 @@ def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit
     spoils the recording held out).  Far from the floor it could keep some of what the whole fit saw: there the best of
     two counts, the other begins at the nominal model with the effects alone, as one without effects does.
     """
-    if not left:  # one without effects may be no more than the first part of a fit
-        return (
-            whole
-            if whole.effects
-            else fit(whole.point, (), weights_of(len(start.prepared.recordings)), workers=workers)
-        )
+    if not left:
+        return whole
     weights = weights_of(len(start.prepared.recordings), left)
     if not whole.effects:
         return fit(start, (), weights, workers=workers)

@@ -53,7 +53,7 @@ class Problem:
 class Search:
     """A run of the loop: candidates by effect with which sets are fitted, the last equations of all candidates."""
 
-    def __init__(self, problem: Problem, *, rough: float = NEAR) -> None:
+    def __init__(self, problem: Problem, *, rough: float = math.inf) -> None:
         """rough: floors above which ordinary deviations need no more than the first part of a fit."""
         self.problem, self.rough = problem, rough
         problem.report("fitting ordinary deviations")
