@@ -28,7 +28,11 @@ DEFINED = re.compile(rf"^\s*#\s*define\s+MCCONF_(\w+)\s+\(?({NUMBER})f?\)?", re.
 ASSIGNED = re.compile(
     rf"^\s*(?:conf\s+set\s+)?([A-Za-z_][\w.\[\]]*)\s*[=: \t]\s*({NUMBER})\s*f?\s*[;,]?\s*(?:(?://|#).*)?$", re.MULTILINE
 )
-SIMPLE = re.compile(rf"BLDCMotor\s*\w*\s*(?:=\s*BLDCMotor\s*)?\(\s*({NUMBER})((?:\s*,\s*(?:{NUMBER}|NOT_SET)f?)*)\s*\)")
+SIMPLE = re.compile(r"BLDCMotor\s*\w*\s*(?:=\s*BLDCMotor\s*)?\(([^()]+)\)")
+SIMPLE_NAMES = tuple(f"bldcmotor.{n}" for n in ("pole_pairs", "phase_resistance", "kv", "phase_inductance"))
+CONSTANT = re.compile(rf"^\s*(?:#\s*define\s+(\w+)\s+|const\w*[\w ]*?\s(\w+)\s*=\s*)\(?({NUMBER})f?\)?", re.MULTILINE)
+COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
+AXIS = re.compile(r"(?:^|\.)(axis\d+)\.")
 OF_ODRIVE = ("phase_resistance", "phase_inductance", "torque_constant")
 VECTOR = 1.0 / (2.0 * math.pi)
 # Seconds that a leg loses, for each of VESC's foc_dt_us: update_valpha_vbeta takes foc_dt_us foc_f_zv times 2/3 of the
@@ -39,25 +43,52 @@ VESC_DEAD_TIME = 4.0 / 3.0
 class Configuration(NamedTuple):
     """What program wrote it; statements: key of `model.tools.statements`, quantity as text; control: the current loop's
     current_kp (V/A), current_ki (V/(A s)), bandwidth (rad/s), and dead_time (s) of legs, taken off the voltage that is
-    reported, as far as stated."""
+    reported, as far as stated; origin: of each statement, the configuration's own names and numbers, and the law."""
 
     program: str
     stated: dict[str, str]
     control: dict[str, float]
+    origin: dict[str, str]
+
+
+class Told(NamedTuple):
+    """A number in a unit, and which names and numbers of a configuration give it."""
+
+    value: float
+    unit: str
+    origin: str
 
 
 def read_configuration(path: Path) -> Configuration:
-    """Return what a tool's configuration states of the motor; BadInput where it is of none of the known tools."""
+    """Return what a tool's configuration states of the motor; BadInput where it is of none of the known tools, or of
+    two motors."""
     remedy = "give a configuration of VESC, ODrive, moteus or SimpleFOC, or KEY=VALUE"
     text = given_bytes(path, MOST, remedy).decode("utf-8-sig", errors="replace")
-    numbers = _numbers(text)
+    numbers = _one_axis(path.name, _numbers(text))
     for program in PROGRAMS:
         if any(_last(numbers, key) is not None for key in program.known_by):
-            stated = {k: v for k, v in program.convert(numbers).items() if v}
-            if stated:
+            told = {k: t for k, t in program.convert(numbers).items() if t and t.value > 0.0}
+            if told:
                 control = {k: v for k, v in program.control(numbers).items() if v is not None}
-                return Configuration(program.name, stated, control)
+                stated = {k: f"{t.value:.10g} {t.unit}".strip() for k, t in told.items()}
+                return Configuration(program.name, stated, control, {k: t.origin for k, t in told.items()})
     raise BadInput(f"{path.name}: nothing of a motor is known in it; {remedy}")
+
+
+def _one_axis(file: str, numbers: dict[str, float]) -> dict[str, float]:
+    """Return a configuration without the axes that drive no motor; BadInput where two drive motors that differ."""
+    axes: dict[str, dict[str, float]] = {}
+    for name, value in numbers.items():
+        if found := AXIS.search(name):
+            axes.setdefault(found[1], {})[name.rpartition(".")[2]] = value
+    measured = {a: own for a, own in axes.items() if own.get("phase_resistance", 0.0) > 0.0}
+    of_motor = [{n: own.get(n) for n in (*OF_ODRIVE, "pole_pairs")} for own in measured.values()]
+    if any(other != of_motor[0] for other in of_motor[1:]):
+        raise BadInput(
+            f"{file} holds {len(measured)} motors that differ ({', '.join(measured)}); leave the lines of one in a copy"
+        )
+    kept = next(iter(measured), None)
+    return {n: v for n, v in numbers.items() if kept is None or not (m := AXIS.search(n)) or m[1] == kept}
 
 
 def _numbers(text: str) -> dict[str, float]:
@@ -74,12 +105,13 @@ def _numbers(text: str) -> dict[str, float]:
             return dict(_flat(json.loads(text), ""))
         except (ValueError, RecursionError) as error:
             raise BadInput(f"a configuration that is no whole JSON ({error}); export it again") from None
+    text = COMMENT.sub(" ", text)
     out = {m[1].lower(): float(m[2]) for m in ASSIGNED.finditer(text)}
     out |= {m[1].lower(): float(m[2]) for m in DEFINED.finditer(text)}
     if found := SIMPLE.search(text):
-        rest = [_float(x.strip().rstrip("f")) for x in found[2].split(",")[1:]]
-        names = ("simplefoc.r", "simplefoc.kv", "simplefoc.l")
-        out |= {"simplefoc.p": float(found[1])} | {n: x for n, x in zip(names, rest, strict=False) if x is not None}
+        constants = {m[1] or m[2]: float(m[3]) for m in CONSTANT.finditer(text)}
+        given = [constants.get(x.strip(), _float(x.strip().rstrip("f"))) for x in found[1].split(",")]
+        out |= {n: x for n, x in zip(SIMPLE_NAMES, given, strict=False) if x is not None}
     return out
 
 
@@ -113,73 +145,84 @@ def _last(numbers: Mapping[str, float], *names: str) -> float | None:
     return None
 
 
-def _text(value: float | None, unit: str = "") -> str:
-    return "" if value is None or value <= 0.0 else f"{value:.10g} {unit}".strip()
+def _told(n: Mapping[str, float], names: str, unit: str = "", factor: float = 1.0, law: str = "") -> Told | None:
+    """Return what the first of some names (a blank between) says, times a factor (its law in words), in a unit."""
+    for name in names.split():
+        if (value := _last(n, name)) is not None:
+            said = f"{name.removeprefix('bldcmotor.')} = {value:.6g}"
+            return Told(factor * value, unit, f"{said}, {law}" if law else f"{said} {unit}".strip())
+    return None
 
 
-def _vesc(n: Mapping[str, float]) -> dict[str, str]:
+def _vesc(n: Mapping[str, float]) -> dict[str, Told | None]:
     mean, off = _last(n, "foc_motor_l"), _last(n, "foc_motor_ld_lq_diff") or 0.0
-    zero = _last(n, "foc_f_zv")
-    speed, poles = _last(n, "l_max_erpm", "l_rpm_max"), _last(n, "si_motor_poles")
-    cells = _last(n, "si_battery_cells")
+    speed, poles = _last(n, "l_max_erpm") or _last(n, "l_rpm_max"), _last(n, "si_motor_poles")
+    zero = "foc_f_zv foc_f_sw"  # the older firmware's name
     out = {
-        "poles": _text(poles), "resistance": _text(_last(n, "foc_motor_r"), "ohm"),
-        "magnet_flux": _text(_last(n, "foc_motor_flux_linkage"), "Wb"),
-        "rated_current": _text(_last(n, "l_current_max"), "A"),
-        "rated_speed_rpm": _text(speed / (0.5 * poles) if speed and poles and speed < 99_000 else None, "rpm"),
-        "dc_bus_voltage": _text(3.7 * cells if cells else None, "V"),
-        "sampling_period": _text(2.0 / zero if zero else None, "s"),
-        "pwm_frequency": _text(zero / 2.0 if zero else None, "Hz"),
+        "poles": _told(n, "si_motor_poles"), "resistance": _told(n, "foc_motor_r", "ohm"),
+        "magnet_flux": _told(n, "foc_motor_flux_linkage", "Wb"), "rated_current": _told(n, "l_current_max", "A"),
+        "dc_bus_voltage": _told(n, "si_battery_cells", "V", 3.7, "3.7 V a cell"),
+        "pwm_frequency": _told(n, zero, "Hz", 0.5, "half of it: centre-aligned"),
     }  # fmt: skip
-    if mean is None:
-        return out
-    return out | {"inductance_d": _text(mean - 0.5 * off, "H"), "inductance_q": _text(mean + 0.5 * off, "H")}
+    if (pwm := out["pwm_frequency"]) and pwm.value > 0.0:
+        out["sampling_period"] = Told(1.0 / pwm.value, "s", "1 / pwm_frequency")
+    if speed and poles and speed < 99_000:
+        out["rated_speed_rpm"] = Told(speed / (0.5 * poles), "rpm", f"largest erpm = {speed:.6g} / pole pairs")
+    if mean is not None:
+        both = f" (foc_motor_l = {mean:.6g} H, foc_motor_ld_lq_diff = {off:.6g} H)"
+        out["inductance_d"] = Told(mean - 0.5 * off, "H", f"L - diff/2{both}" if off else f"foc_motor_l = {mean:.6g} H")
+        out["inductance_q"] = Told(mean + 0.5 * off, "H", f"L + diff/2{both}" if off else f"foc_motor_l = {mean:.6g} H")
+    return out
 
 
-def _odrive(n: Mapping[str, float]) -> dict[str, str]:
-    speed = _last(n, "config.vel_limit", "controller.config.vel_limit")
+def _odrive(n: Mapping[str, float]) -> dict[str, Told | None]:
     return {
-        "pole_pairs": _text(_last(n, "pole_pairs")), "resistance": _text(_last(n, "phase_resistance"), "ohm"),
-        "inductance": _text(_last(n, "phase_inductance"), "H"),
-        "torque_constant": _text(_last(n, "torque_constant"), "Nm/A"),
-        "rated_current": _text(_last(n, "current_soft_max", "current_lim"), "A"),
-        "rated_speed_rpm": _text(60.0 * speed if speed else None, "rpm"),
+        "pole_pairs": _told(n, "pole_pairs"), "resistance": _told(n, "phase_resistance", "ohm"),
+        "inductance": _told(n, "phase_inductance", "H"), "torque_constant": _told(n, "torque_constant", "Nm/A"),
+        "rated_current": _told(n, "current_soft_max current_lim", "A"),
+        "rated_speed_rpm": _told(
+            n, "config.vel_limit controller.config.vel_limit", "rpm", 60.0, "turns/s: a limit, perhaps below the rating"
+        ),
     }  # fmt: skip
 
 
-def _moteus(n: Mapping[str, float]) -> dict[str, str]:
+def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
     poles = _last(n, "poles")
-    per_hz, flux, kv = _last(n, "v_per_hz"), _last(n, "fit.lambda_m"), _last(n, "motor.kv", "calibration.kv", "kv")
-    if per_hz is None and kv:
-        per_hz = 30.0 / kv
-    if flux is None and per_hz and poles:
-        flux = per_hz * VECTOR / (0.5 * poles)
-    rate = _last(n, "pwm_rate_hz")
-    both = _last(n, "cal_inductance_d_h", "calibration.inductance", "winding_inductance", "inductance")
-    d = _last(n, "fit.b", "motor.inductance_d_h") or both
+    flux = _told(n, "fit.lambda_m", "Wb")
+    if flux is None and poles:
+        pairs = 0.5 * poles
+        flux = _told(n, "v_per_hz", "Wb", VECTOR / pairs, "V of a phase per Hz: / (2 pi pole pairs)")
+        kv = _last(n, "motor.kv") or _last(n, "calibration.kv") or _last(n, "kv")
+        if flux is None and kv:
+            flux = Told(30.0 / kv * VECTOR / pairs, "Wb", f"Kv = {kv:.6g} by moteus' law: 30 / (Kv 2 pi pole pairs)")
+    both = "cal_inductance_d_h calibration.inductance winding_inductance inductance"
+    d = _told(n, f"fit.b motor.inductance_d_h {both}", "H")
     levels = [float(m[1]) for name in n if (m := re.match(rf"regressions\.({NUMBER})\.slope$", name))]
-    swept = max(map(abs, levels), default=None)  # a sweep of d-currents went so far
+    swept = max(map(abs, levels), default=None)
+    rate = _told(n, "pwm_rate_hz", "Hz")
     return {
-        "poles": _text(poles),
-        "resistance": _text(_last(n, "motor.resistance_ohm", "params.r", "winding_resistance"), "ohm"),
-        "magnet_flux": _text(flux, "Wb"), "inductance_d": _text(d, "H"),
-        "inductance_q": _text(_last(n, "motor.inductance_q_h") or d, "H"),
-        "rated_current": _text(_last(n, "max_current_a") or swept, "A"), "pwm_frequency": _text(rate, "Hz"),
-        "sampling_period": _text(1.0 / rate if rate else None, "s"),
+        "poles": _told(n, "poles"),
+        "resistance": _told(n, "motor.resistance_ohm params.r winding_resistance", "ohm"),
+        "magnet_flux": flux, "inductance_d": d, "inductance_q": _told(n, "motor.inductance_q_h", "H") or d,
+        "rated_current": _told(n, "max_current_a", "A")
+        or (Told(swept, "A", f"the sweep of d-currents went to {swept:.6g} A") if swept else None),
+        "pwm_frequency": rate,
+        "sampling_period": Told(1.0 / rate.value, "s", "1 / pwm_rate_hz") if rate and rate.value > 0.0 else None,
     }  # fmt: skip
 
 
-def _simplefoc(n: Mapping[str, float]) -> dict[str, str]:
-    speed = _last(n, "motor.velocity_limit")
+def _simplefoc(n: Mapping[str, float]) -> dict[str, Told | None]:
     return {
-        "pole_pairs": _text(_last(n, "simplefoc.p", "motor.pole_pairs")),
-        "resistance": _text(_last(n, "motor.phase_resistance", "simplefoc.r"), "ohm"),
-        "kv": _text(_last(n, "motor.kv_rating", "simplefoc.kv"), "rpm/V"),
-        "inductance": _text(_last(n, "motor.phase_inductance", "simplefoc.l"), "H"),
-        "rated_current": _text(_last(n, "motor.current_limit"), "A"),
-        "dc_bus_voltage": _text(_last(n, "driver.voltage_power_supply"), "V"),
-        "pwm_frequency": _text(_last(n, "driver.pwm_frequency"), "Hz"),
-        "rated_speed_rpm": _text(speed * 30.0 / math.pi if speed else None, "rpm"),
+        "pole_pairs": _told(n, "bldcmotor.pole_pairs motor.pole_pairs"),
+        "resistance": _told(n, "motor.phase_resistance bldcmotor.phase_resistance", "ohm"),
+        "kv": _told(n, "motor.kv_rating bldcmotor.kv", "rpm/V"),
+        "inductance": _told(n, "motor.phase_inductance bldcmotor.phase_inductance", "H"),
+        "rated_current": _told(n, "motor.current_limit", "A"),
+        "dc_bus_voltage": _told(n, "driver.voltage_power_supply", "V"),
+        "pwm_frequency": _told(n, "driver.pwm_frequency", "Hz"),
+        "rated_speed_rpm": _told(
+            n, "motor.velocity_limit", "rpm", 30.0 / math.pi, "rad/s: a limit, perhaps below the rating"
+        ),
     }  # fmt: skip
 
 
@@ -212,7 +255,7 @@ class Program(NamedTuple):
 
     name: str
     known_by: tuple[str, ...]
-    convert: Callable[[Mapping[str, float]], dict[str, str]]
+    convert: Callable[[Mapping[str, float]], dict[str, Told | None]]
     control: Callable[[Mapping[str, float]], dict[str, float | None]]
 
 
@@ -224,7 +267,12 @@ PROGRAMS = (
         _odrive,
         _odrive_control,
     ),
-    Program("SimpleFOC", ("simplefoc.p", "motor.phase_resistance", "motor.kv_rating"), _simplefoc, _simplefoc_control),
+    Program(
+        "SimpleFOC",
+        ("bldcmotor.pole_pairs", "motor.phase_resistance", "motor.kv_rating"),
+        _simplefoc,
+        _simplefoc_control,
+    ),
     Program(
         "moteus", ("v_per_hz", "motor.poles", "motor.resistance_ohm", "winding_resistance"), _moteus, _moteus_control
     ),

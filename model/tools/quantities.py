@@ -19,16 +19,26 @@ UNITS: dict[str, dict[str, float]] = {  # of each kind: unit as written, what it
     "A": {"A": 1.0, "mA": 1e-3, "kA": 1e3},
     "V": {"V": 1.0, "mV": 1e-3, "kV": 1e3},
     "N m": {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3, "ozin": 7.0615518e-3, "lbin": 0.11298483},
-    "rpm": {"rpm": 1.0, "rad/s": 1.0 / RPM, "krpm": 1e3, "1/min": 1.0, "rps": 60.0, "Hz": 60.0},
+    "rpm": {
+        "rpm": 1.0,
+        "rad/s": 1.0 / RPM,
+        "krpm": 1e3,
+        "1/min": 1.0,
+        "min-1": 1.0,
+        "r/min": 1.0,
+        "rps": 60.0,
+        "Hz": 60.0,
+    },
     "kg m^2": {"kgm2": 1.0, "kgcm2": 1e-4, "gcm2": 1e-7, "kgmm2": 1e-6, "gmm2": 1e-9},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
     "Hz": {"Hz": 1.0, "kHz": 1e3},
     "rpm/V": {"rpm/V": 1.0},
-    "V s/rad": {"V/krpm": 1e-3 / RPM, "mV/rpm": 1e-3 / RPM, "Vs/rad": 1.0, "V/(rad/s)": 1.0},
-    "N m/A": {"Nm/A": 1.0, "mNm/A": 1e-3, "Ncm/A": 1e-2},
+    "V s/rad": {"V/krpm": 1e-3 / RPM, "V/1000rpm": 1e-3 / RPM, "mV/rpm": 1e-3 / RPM, "Vs/rad": 1.0, "V/(rad/s)": 1.0},
+    "N m/A": {"Nm/A": 1.0, "mNm/A": 1e-3, "Ncm/A": 1e-2, "ozin/A": 7.0615518e-3, "lbin/A": 0.11298483},
     "": {"": 1.0},
 }
-RMS = re.compile(r"_?\(?\b(rms|eff)\)?$|(?<=A|V)(rms|eff)$", re.IGNORECASE)
+RMS = re.compile(r"(?<=[AVb\d\s_(])[\s_(]*(rms|eff)\)?(?=\s*(/|$))|^[\s_(]*(rms|eff)\)?$", re.IGNORECASE)
+PEAK = re.compile(r"(?<=[AVb\d\s_(])[\s_(]*(peak|pk)\)?(?=\s*(/|$))", re.IGNORECASE)
 WRITTEN = re.compile(r"^\s*([-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 
 
@@ -47,7 +57,7 @@ def quantity_of(text: str, kind: str, what: str) -> Quantity:
         raise BadInput(f"{what} = {brief(text)} is no quantity; write a number and its unit, such as {_example(kind)}")
     number, unit = float(found[1].replace(",", ".")), found[2]
     rms = bool(RMS.search(unit))
-    bare = RMS.sub("", unit).strip()
+    bare = PEAK.sub("", RMS.sub("", unit)).strip(" (_")
     plain = re.sub(r"[ ·*^\[\]]", "", bare).replace("²", "2").replace("µ", "u").replace("μ", "u")
     plain = plain.replace("Ω", "ohm").replace("Ohm", "ohm")
     known = UNITS[kind]

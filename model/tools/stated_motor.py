@@ -23,6 +23,12 @@ NEEDED = {  # what no tool or law gives: the key to give it by
 RUN_UP = 0.1  # s: assumed, in which rated torque brings an unknown inertia to rated speed
 PERIOD = 5e-5  # s: assumed sampling of a drive that does not say, 20 kHz
 FULL = 0.9  # of the voltage at the link's end that rated speed without load may take
+OTHERS = {
+    "inertia": 1e-3,
+    "rated_torque": 1.0,
+    "rated_speed_rpm": 1000.0,
+}  # inside their bounds, while others are checked
+QUIET = {"current_resolution": 0.0, "current_noise": 0.0}
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,8 @@ def stated_motor(words: Sequence[str], name: str = "motor") -> StatedMotor:
     """
     stated: dict[str, str] = {}
     given: dict[str, str] = {}
+    origin: dict[str, str] = {}  # of what a configuration states, and of what words say, as they say it
+    said: dict[str, str] = {}
     program = ""
     for word in words:
         key, equals, value = word.partition("=")
@@ -49,27 +57,34 @@ def stated_motor(words: Sequence[str], name: str = "motor") -> StatedMotor:
             if own in given:
                 raise BadInput(f"{own} is given twice ('{given[own]}' and '{value}'); give it once")
             given[own] = value
+            said[own] = f"{key.strip()} = {value.strip()}"
         else:
             read = read_configuration(Path(word))
-            program, stated = read.program, {**stated, **read.stated}
+            if other := next((k for k, v in read.stated.items() if stated.get(k, v) != v), None):
+                raise BadInput(
+                    f"{word}: {read.origin[other]}, and another configuration says {origin[other]}; give one"
+                )
+            program, stated, origin = read.program, {**stated, **read.stated}, {**origin, **read.origin}
     if not words:
         raise BadInput(
             "nothing is stated; give a configuration (VESC, ODrive, moteus, SimpleFOC) or KEY=VALUE, e.g. kv=300"
         )
-    steps = _without_doubles(stated, given)
+    steps = _without_doubles(stated, given, {**origin, **said})
     return StatedMotor(_drive(steps, name, program), tuple(steps), program)
 
 
-def _without_doubles(stated: dict[str, str], given: dict[str, str]) -> list[Step]:
+def _without_doubles(stated: dict[str, str], given: dict[str, str], origin: dict[str, str]) -> list[Step]:
     """Return the conversions, those given by hand in place of a file's of the same value."""
     if not {"pole_pairs", "poles"} & {*stated, *given}:
         raise BadInput("pole_pairs are missing; give them, e.g. pole_pairs=7 (or poles=14)")
     count = {k: v for k, v in (given or stated).items() if k in ("pole_pairs", "poles")}
     count = count or {k: v for k, v in stated.items() if k in ("pole_pairs", "poles")}
-    by_hand = steps_of({**count, **given})
+    by_hand = steps_of({**count, **given}, origin)
     taken = {(s.table, s.key) for s in by_hand if s.key != "pole_pairs"}
     rest = {k: v for k, v in stated.items() if k not in ("pole_pairs", "poles")}
-    of_file = [s for s in steps_of({**count, **rest}) if (s.table, s.key) not in taken and s.key != "pole_pairs"]
+    of_file = [
+        s for s in steps_of({**count, **rest}, origin) if (s.table, s.key) not in taken and s.key != "pole_pairs"
+    ]
     return [*by_hand, *of_file]
 
 
@@ -81,9 +96,10 @@ def _drive(steps: list[Step], name: str, program: str) -> Drive:
             raise BadInput(f"{key} is missing{f' in what {program} says' if program else ''}; give it, e.g. {example}")
     if "dc_bus_voltage" not in drive:
         raise BadInput("the link's voltage is missing; give it, e.g. voltage=24V")
+    _in_bounds(steps, motor, drive)
     _fill(steps, motor, drive)
     values = {**motor, "pole_pairs": int(motor["pole_pairs"]), "name": name}
-    converter = {"current_resolution": 0.0, "current_noise": 0.0} | drive
+    converter = QUIET | drive
     rated = float(motor["rated_current"])
     for key, share in (("current_resolution", 0.002), ("current_noise", 0.0017)):
         converter[key] = share * rated
@@ -94,6 +110,16 @@ def _drive(steps: list[Step], name: str, program: str) -> Drive:
 
     injection = build(Injection, injection_defaults(*built), "injection")
     return Drive(*built, injection, {s.key: s.said for s in steps})
+
+
+def _in_bounds(steps: list[Step], motor: dict[str, float], drive: dict[str, float]) -> None:
+    """Check what is stated by the bounds of a motor's file, before anything is worked out of it."""
+    try:
+        build(Motor, {**OTHERS, **motor, "pole_pairs": int(motor["pole_pairs"]), "name": "motor"}, "motor")
+        build(Converter, {**QUIET, "sampling_period": PERIOD, **drive}, "drive")
+    except BadInput as error:
+        said = next((s.said for s in steps if f"{s.key} = " in str(error)), "")
+        raise BadInput(f"{error} (from '{said}')" if said else str(error)) from None
 
 
 def _fill(steps: list[Step], motor: dict[str, float], drive: dict[str, float]) -> None:

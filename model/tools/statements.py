@@ -6,7 +6,7 @@ pairs and amplitude-invariant vectors:
     between two terminals R_ll = 2 R, L_ll = 2 L at standstill;  rms: peak = sqrt(2) rms;
     Kv (rpm per V between terminals, peak, without load): psi = 1 / (sqrt(3) p Kv);
     back-EMF constant K_e (V between terminals, peak, per mechanical rad/s): psi = K_e / (sqrt(3) p);
-    torque constant (N m per A of peak current): psi = K_t / (3/2 p).
+    torque constant (N m per A of peak current): psi = K_t / (3/2 p); per A rms it is sqrt(2) larger.
 
 Checked: two statements of one motor give one flux (tests); ODrive's torque constant is 8.27 / Kv (its documentation).
 """
@@ -33,14 +33,15 @@ class Step(NamedTuple):
 
 
 class Statement(NamedTuple):
-    """What a key says: unit's kind, the values that it gives ([table], key), the factor (of pole pairs) to them, and
-    the factor in words."""
+    """What a key says: unit's kind, the values that it gives ([table], key), the factor (of pole pairs) to them, the
+    factor in words, whether the value is one over it, and whether its current (or voltage) stands below the line."""
 
     kind: str
     targets: tuple[str, ...]
     factor: Callable[[float], float] = lambda p: 1.0
     said: str = ""
     inverse: bool = False
+    below: bool = False
 
 
 PLAIN = {
@@ -65,11 +66,20 @@ STATEMENTS = PLAIN | {
         "H", ("inductance_d", "inductance_q"), lambda p: 0.5, "half of the value between two terminals"
     ),
     "kv": Statement(
-        "rpm/V", ("magnet_flux",), lambda p: 1.0 / (ROOT_3 * p * RPM), "1 / (sqrt(3) pole_pairs Kv), Kv in rad/s", True
+        "rpm/V",
+        ("magnet_flux",),
+        lambda p: 1.0 / (ROOT_3 * p * RPM),
+        "1 / (sqrt(3) pole_pairs Kv), Kv in rad/s",
+        True,
+        True,
     ),
     "back_emf": Statement("V s/rad", ("magnet_flux",), lambda p: 1.0 / (ROOT_3 * p), "K_e / (sqrt(3) pole_pairs)"),
     "torque_constant": Statement(
-        "N m/A", ("magnet_flux",), lambda p: 1.0 / (1.5 * p), "torque constant / (3/2 pole_pairs)"
+        "N m/A",
+        ("magnet_flux",),
+        lambda p: 1.0 / (1.5 * p),
+        "torque constant / (3/2 pole_pairs)",
+        below=True,
     ),
 }
 OTHER_NAMES = {
@@ -92,16 +102,18 @@ def key_of(name: str) -> str:
     return key
 
 
-def steps_of(stated: Mapping[str, str]) -> list[Step]:
+def steps_of(stated: Mapping[str, str], origin: Mapping[str, str] | None = None) -> list[Step]:
     """Return the conversions of statements (key as in STATEMENTS: quantity as written); BadInput where two contradict
-    each other, or pole pairs are missing."""
+    each other, or pole pairs are missing.  origin: what a configuration says in place of a statement, by key."""
     pairs = _pairs(stated)
     out: list[Step] = []
     for key, text in stated.items():
         statement, given = STATEMENTS[key], quantity_of(text, STATEMENTS[key].kind, key)
-        if key not in ("kv",) and given.value < 0.0:
+        if given.value < 0.0:
             raise BadInput(f"{key} = {brief(text)} is negative; give its size")
-        for step in _steps(key, statement, given, pairs):
+        if given.value == 0.0 and key != "magnet_flux":
+            raise BadInput(f"{key} = {brief(text)} must be above 0")
+        for step in _steps(key, statement, given, pairs, (origin or {}).get(key)):
             _same(out, step)
             out.append(step)
     return out
@@ -117,20 +129,18 @@ def _pairs(stated: Mapping[str, str]) -> float:
     raise BadInput("pole_pairs are missing; give them, e.g. pole_pairs=7 (or poles=14)")
 
 
-def _steps(key: str, s: Statement, given: Quantity, pairs: float) -> list[Step]:
+def _steps(key: str, s: Statement, given: Quantity, pairs: float, origin: str | None) -> list[Step]:
     value, said = given.value, []
     if given.rms:
-        value = value * ROOT_2 if not s.inverse else value / ROOT_2
-        said.append("sqrt(2) for rms")
-    if s.inverse and not value > 0.0:
-        raise BadInput(f"{key} = {brief(given.written)} must be above 0")
+        value = value / ROOT_2 if s.below else value * ROOT_2
+        said.append("1/sqrt(2) for rms" if s.below and not s.inverse else "sqrt(2) for rms")
     value = s.factor(pairs) / value if s.inverse else s.factor(pairs) * value
     said += [s.said] if s.said else []
     how = f": {', '.join(said)}" if said else ""
     steps = []
     for target in s.targets:
         table, _, name = target.rpartition(".")
-        steps.append(Step(table or "motor", name, value, f"{key} = {given.written}{how}"))
+        steps.append(Step(table or "motor", name, value, f"{origin or f'{key} = {given.written}'}{how}"))
     return steps
 
 

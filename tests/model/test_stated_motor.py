@@ -67,10 +67,28 @@ def test_the_sweeps_of_moteus(name):
         ("back_emf=3.333333 V/krpm", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),  # 1000/300
         ("kt=0.0275664 Nm/A", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),  # 8.27/Kv, ODrive
         ("flux=2,6 mWb", "magnet_flux", 2.6e-3),
+        # rms: sqrt(2) V peak a volt, sqrt(2) A peak an ampere, which stands below the line of a torque constant
+        ("back_emf=2.357022 Vrms/krpm", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
+        ("ke=2.357022 V rms/1000rpm", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
+        ("kt=0.03898477 Nm/A rms", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
+        (
+            "kt=5.520708 ozin/Arms",
+            "magnet_flux",
+            60 / (math.tau * math.sqrt(3) * 7 * 300),
+        ),  # 1 ozf in: 7.0615518e-3 N m
+        ("kv=424.2641 rpm/Vrms", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
     ],
 )
 def test_one_flux_by_four_statements(word, name, value):
     assert getattr(stated_motor([*SIMPLE, word]).drive.motor, name) == pytest.approx(value, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "word", ["20 A peak", "20 Apk", "20A (pk)", "14.1421356 A rms", "14.1421356 A_rms", "14.1421356Aeff"]
+)
+def test_a_current_as_data_sheets_write_it(word):
+    words = [*SIMPLE[:3], "kv=300", "voltage=24V", f"current={word}"]
+    assert stated_motor(words).drive.motor.rated_current == pytest.approx(20.0)
 
 
 def test_values_between_terminals_and_rms():
@@ -93,6 +111,9 @@ def test_values_between_terminals_and_rms():
         ([*SIMPLE, "kv=fast"], "is no quantity"),
         ([*SIMPLE[:3], "kv=300", "current=20A"], "the link's voltage is missing"),
         (["nothing.xml"], "does not exist"),
+        ([*SIMPLE[:4], "kv=300", "voltage=0"], "dc_bus_voltage = '0' must be above 0"),
+        ([*SIMPLE, "kv=1e-320"], "magnet_flux = inf is out of range.*from 'kv = 1e-320"),
+        ([*SIMPLE[:2], *REST, "kv=300", "l=30"], r"inductance_d = 30.0 is out of range.*from 'l = 30'"),
     ],
 )
 def test_what_is_wrong_is_told(words, said):
@@ -116,3 +137,54 @@ def test_a_file_of_no_known_tool(tmp_path):
     (tmp_path / "x.xml").write_text("<a><b>1</b></a>")
     with pytest.raises(BadInput, match="nothing of a motor is known in it"):
         read_configuration(tmp_path / "x.xml")
+
+
+def row(found, key):
+    return next(s for s in found.steps if s.key == key)
+
+
+def test_every_conversion_of_a_configuration_is_shown(tmp_path):
+    """In the configuration's own names and numbers, none as if it stood there as it is."""
+    (tmp_path / "vesc").write_text(VESC)
+    found = stated_motor([str(tmp_path / "vesc"), "current=40 A"])
+    said = {
+        "inductance_d": "L - diff/2 (foc_motor_l = 7e-06 H, foc_motor_ld_lq_diff = 2e-06 H)",
+        "resistance": "foc_motor_r = 0.015 ohm", "dc_bus_voltage": "si_battery_cells = 6, 3.7 V a cell",
+        "pwm_frequency": "foc_f_zv = 30000, half of it: centre-aligned", "sampling_period": "1 / pwm_frequency",
+        "pole_pairs": "si_motor_poles = 14: half of the poles", "rated_current": "current = 40 A",
+    }  # fmt: skip
+    assert {k: row(found, k).said for k in said} == said
+    (tmp_path / "old").write_text(VESC.replace("foc_f_zv", "foc_f_sw"))  # its name in firmware before 6
+    assert row(stated_motor([str(tmp_path / "old")]), "pwm_frequency").value == 15_000.0
+
+
+def test_a_configuration_of_two_motors(tmp_path):
+    """Two that differ are refused; an axis without a motor (resistance 0) and one that is the same are not."""
+    second = {k.replace("axis0", "axis1"): v for k, v in ODRIVE.items()}
+    other = {**second, "axis1.config.motor.phase_resistance": 0.09}
+    path, more = tmp_path / "odrive.json", ["voltage=24V"]
+    path.write_text(json.dumps({**other, **ODRIVE}))
+    with pytest.raises(BadInput, match=r"holds 2 motors that differ \(axis1, axis0\)"):
+        stated_motor([str(path), *more])
+    for beside in (second, {**other, "axis1.config.motor.phase_resistance": 0.0}):
+        path.write_text(json.dumps({**beside, **ODRIVE}))
+        assert stated_motor([str(path), *more]).drive.motor.resistance == 0.04
+
+
+def test_two_configurations_that_differ(tmp_path):
+    for name, text in (("one", VESC), ("two", VESC.replace("0.015", "0.03"))):
+        (tmp_path / name).write_text(text)
+    with pytest.raises(BadInput, match=r"foc_motor_r = 0.03 ohm, and another configuration says foc_motor_r = 0.015"):
+        stated_motor([str(tmp_path / "one"), str(tmp_path / "two")])
+
+
+def test_a_sketch_as_people_write_it(tmp_path):
+    """Comments are none of its values; constants stand for numbers."""
+    (tmp_path / "sketch.ino").write_text(
+        "#define POLE_PAIRS 7\nconst float KV = 160.0f;\n// BLDCMotor motor = BLDCMotor(11, 5.0);\n"
+        "BLDCMotor motor = BLDCMotor(POLE_PAIRS, 0.1664 /* ohm */, KV);\nvoid setup() {\n"
+        "  // motor.current_limit = 50;\n  motor.current_limit = 5;\n  motor.phase_inductance = 30e-6;\n}\n"
+    )
+    motor = stated_motor([str(tmp_path / "sketch.ino"), "voltage=12V"]).drive.motor
+    assert (motor.pole_pairs, motor.resistance, motor.inductance_d, motor.rated_current) == (7, 0.1664, 3e-5, 5.0)
+    assert motor.magnet_flux == pytest.approx(60 / (math.tau * math.sqrt(3) * 7 * 160))
