@@ -6,6 +6,8 @@
     L / R       time constant of a winding                  between some microseconds and a second
     J w / T     time from rest to rated speed               between a tenth of a millisecond and a minute
     T w         shaft's power at rated values               at most what link and current give
+    R I^2 / T w copper's loss over the shaft's power         at least some ten-thousandths
+    L_q / L_d   saliency                                    between a fiftieth and fifty
 
 Bounds are far outside what motors have (a gramme to a megawatt), and far inside a mistaken unit, which is 1000 off.
 """
@@ -65,6 +67,15 @@ def _power(d: Drive) -> float:
     return m.rated_torque * m.rated_omega / m.pole_pairs / able
 
 
+def _copper(d: Drive) -> float:
+    m = d.motor
+    return 1.5 * m.resistance * m.rated_current**2 / (m.rated_torque * m.rated_omega / m.pole_pairs)
+
+
+def _saliency(d: Drive) -> float:
+    return d.motor.inductance_q / d.motor.inductance_d
+
+
 def link(d: Drive) -> str:
     """Return the DC link in words, and that it is no stated value where it is none."""
     usual = "dc_bus_voltage" in d.provenance.get(ASSUMED, "")
@@ -81,13 +92,16 @@ PAIRS = (
     Pair(_reactance, 0.0, 12.0, lambda d, x: (
         f"inductance x rated_current at rated_speed_rpm takes {_number(x * d.converter.voltage_limit)} V, "
         f"and {_volts(d)}")),
-    Pair(_own_flux, 1e-4, 60.0, lambda d, x: (
+    Pair(_own_flux, 1e-3, 60.0, lambda d, x: (
         f"inductance x rated_current is {_number(x)} times magnet_flux")),
     Pair(_lag, 2e-6, 3.0, lambda d, x: f"inductance / resistance is {_number(x)} s"),
     Pair(_run_up, 1e-4, 60.0, lambda d, x: (
         f"rated_torque brings inertia to rated_speed_rpm in {_number(x)} s")),
     Pair(_power, 0.0, 2.5, lambda d, x: (
         f"rated_torque at rated_speed_rpm is {_number(x)} times the power that link and rated_current give")),
+    Pair(_copper, 5e-4, math.inf, lambda d, x: (
+        f"the loss of rated_current in resistance is {_number(100.0 * x)} % of the power at rated values")),
+    Pair(_saliency, 0.02, 50.0, lambda d, x: f"inductance_q is {_number(x)} times inductance_d"),
 )  # fmt: skip
 
 
@@ -103,7 +117,8 @@ class Unit:
 INDUCTANCES = ("inductance_d", "inductance_q")
 SMALL = "1000 times too small"
 UNITS = (
-    Unit(INDUCTANCES, "in mH", 1e-3), Unit(INDUCTANCES, "in uH", 1e-6), Unit(("resistance",), "in mohm", 1e-3),
+    Unit(INDUCTANCES, "in mH", 1e-3), Unit(INDUCTANCES, "in uH", 1e-6), Unit(INDUCTANCES[:1], "in mH", 1e-3),
+    Unit(INDUCTANCES[1:], "in mH", 1e-3), Unit(("resistance",), "in mohm", 1e-3),
     Unit(("magnet_flux",), "in mWb", 1e-3), Unit(("inertia",), "in kg cm^2", 1e-4),
     Unit(("inertia",), "in g cm^2", 1e-7), Unit(("rated_current",), "in mA", 1e-3),
     Unit(("rated_torque",), "in mN m", 1e-3), Unit(("rated_speed_rpm",), "in rad/s", 30.0 / math.pi),
@@ -119,7 +134,7 @@ def pairs_off(drive: Drive, beside: Callable[[Drive], bool]) -> tuple[str, ...]:
     beside: whether further tests of a drive find nothing; a unit is named only where it mends those, too.
     """
     if isinstance(drive.motor, MappedMotor):
-        pairs: tuple[Pair, ...] = (PAIRS[0], *PAIRS[4:])
+        pairs: tuple[Pair, ...] = (PAIRS[0], *PAIRS[4:7])
     else:
         pairs = PAIRS
     off = [(p, x) for p in pairs if not p.low <= (x := p.size(drive)) <= p.high]

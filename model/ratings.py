@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from model.drive_files import ASSUMED
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
 from model.rating_pairs import link, pairs_off
@@ -14,6 +15,7 @@ TORQUE_OFF = 3.0
 # Voltage at rated speed over what the link gives.  Field weakening reaches four to five times its base speed; a motor
 # that needs a tenth of its link is one whose speed stands in rad/s (9.5 times too low), or whose link is not stated.
 VOLTAGE_HIGH, VOLTAGE_LOW = 5.0, 0.1
+UNIT_OF = {"sampling_period": "s", "dc_bus_voltage": "V"}
 
 
 def cautions(drive: Drive) -> tuple[str, ...]:
@@ -21,6 +23,15 @@ def cautions(drive: Drive) -> tuple[str, ...]:
     simple = (*_torque(drive.motor), *_speed(drive))
     pairs = pairs_off(drive, lambda d: not _torque(d.motor) and not _speed(d))
     return (*simple, *(pairs if not simple or "?" in "".join(pairs) else ()), *map_notes(drive.motor))
+
+
+def assumed(drive: Drive) -> tuple[str, ...]:
+    """Return a sentence on what [drive] does not state, with the usual values that stand in; nothing where it does."""
+    keys = [k for k in drive.provenance.get(ASSUMED, "").split(", ") if k]
+    if not keys:
+        return ()
+    own = ", ".join(f"{k} = {getattr(drive.converter, k):g} {UNIT_OF[k]}" for k in keys)
+    return (f"[drive] does not state {' and '.join(keys)}; usual values stand in: {own}",)
 
 
 def map_notes(motor: Motor) -> tuple[str, ...]:
@@ -72,6 +83,6 @@ def _speed(drive: Drive) -> list[str]:
     unit = "Hz or electrical" if high else "rad/s"
     return [
         f"at rated_speed_rpm = {m.rated_speed_rpm:g} {said}, and {link(drive)} "
-        f"gives {limit:.4g} V; {unusual} is not usual: is the speed in {unit}, magnet_flux in another unit, "
+        f"gives {_plain(limit)} V; {unusual} is not usual: is the speed in {unit}, magnet_flux in another unit, "
         "or [drive] dc_bus_voltage another one?"
     ]

@@ -116,7 +116,8 @@ def _in_bounds(steps: list[Step], motor: dict[str, float], drive: dict[str, floa
     """Check what is stated by the bounds of a motor's file, before anything is worked out of it."""
     try:
         build(Motor, {**OTHERS, **motor, "pole_pairs": int(motor["pole_pairs"]), "name": "motor"}, "motor")
-        build(Converter, {**QUIET, "sampling_period": PERIOD, **drive}, "drive")
+        period = 1.0 / drive["pwm_frequency"] if "pwm_frequency" in drive else PERIOD
+        build(Converter, {**QUIET, "sampling_period": period, **drive}, "drive")
     except BadInput as error:
         said = next((s.said for s in steps if f"{s.key} = " in str(error)), "")
         raise BadInput(f"{error} (from '{said}')" if said else str(error)) from None

@@ -154,7 +154,10 @@ def attempt(call: Call) -> int:
         code = call.run(*call.bound.args, **call.bound.kwargs) or 0
         sys.stdout.flush()
     except (BadInput, PhysicsError) as error:
-        return _refuse(call.name, str(error), error.exit_code)
+        code = _refuse(call.name, str(error), error.exit_code)
+        for note in getattr(error, "__notes__", ()):
+            print(sentence(note), file=sys.stderr)
+        return code
     except BrokenPipeError:  # the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from model.datasets import locate
-from model.drive_files import mapped_names, motor_file
+from model.drive_files import fetched, load_drive, mapped_names, motor_file
 from model.effects import own
-from model.errors import BadInput, brief
+from model.errors import BadInput, PhysicsError, brief
 from model.given import is_file, is_folder, named_by, read_toml
+from model.parameters import Drive
+from model.ratings import cautions
 from sandbox.output.provenance import Call, digest_of
 from sandbox.recordings.foreign import SUFFIXES
 
@@ -29,7 +31,8 @@ class _Object(Exception):
 
 
 def records_call(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function's result (a dataclass with a field `call`) say how it was called."""
+    """Let a function's result (a dataclass with a field `call`) say how it was called, and its refusal what about the
+    motor's ratings cannot be meant (as notes)."""
     signature = inspect.signature(function)
 
     @wraps(function)
@@ -37,12 +40,27 @@ def records_call(function: Callable[P, R]) -> Callable[P, R]:
         """Return the function's result with its call."""
         bound = signature.bind(*args, **kwargs)
         _check_numbers(signature, bound.arguments)
-        result: Any = function(*args, **kwargs)
+        try:
+            result: Any = function(*args, **kwargs)
+        except (BadInput, PhysicsError) as error:
+            for text in _doubts(bound.arguments.get("motor")):
+                error.add_note(f"caution: {text}")
+            raise
         bound.apply_defaults()
         found: R = dataclasses.replace(result, call=call_of(function.__name__, bound.arguments))
         return found
 
     return call
+
+
+def _doubts(motor: Any) -> tuple[str, ...]:
+    """Return what about a motor's ratings cannot be meant, nothing of one that cannot be read here."""
+    try:
+        if isinstance(motor, (str, Path)) and not fetched(motor):
+            motor = load_drive(motor)
+        return cautions(motor) if isinstance(motor, Drive) else ()
+    except (BadInput, PhysicsError, OSError):
+        return ()
 
 
 def _check_numbers(signature: inspect.Signature, given: Mapping[str, Any]) -> None:

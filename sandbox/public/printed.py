@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from model.errors import PhysicsError
-from model.ratings import cautions
+from model.ratings import assumed, cautions
 from sandbox.evaluation.choice import ANY, standings, which
 from sandbox.evaluation.lost import reasons
 from sandbox.evaluation.pages.compare_figure import NO_THEORY
@@ -103,9 +103,11 @@ def print_simulated(runs: Sequence[Run]) -> None:
 
 
 def print_cautions(drive: Drive) -> None:
-    """Print what about a drive's ratings cannot be meant."""
+    """Print what about a drive's ratings cannot be meant, and what it does not state."""
     for text in cautions(drive):
         print_prose(f"caution: {text}")
+    for text in assumed(drive):
+        print_prose(f"note: {text}")
 
 
 def _sizes(e: ErrorDeg) -> tuple[float, float, float]:

@@ -24,7 +24,7 @@ from model.names import check_file, check_name, fitting
 from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, texts
 from sandbox.recordings.formats.log_table import first_beyond
 from sandbox.recordings.formats.parquet import read_parquet, with_volts
-from sandbox.recordings.nominal_motor import Reached, nominal_motor
+from sandbox.recordings.nominal_motor import RATED, Reached, nominal_motor
 
 if TYPE_CHECKING:
     import pandas
@@ -223,7 +223,7 @@ class Campaign:
     findings: tuple[Finding, ...] = ()  # what `sandbox.recordings.importing` noticed; empty from `read_campaign`
     limits: Limits = NO_LIMITS
     excerpts: Excerpts | None = None
-    stand_ins: tuple[str, ...] = ()  # rated values that are not stated
+    stand_ins: tuple[str, ...] = ()  # values of [motor] that are not stated
     unseen: float = 0.0  # A rms that commands between the rows of a slow log leave open, or an angle of states
 
     def __getitem__(self, file: str) -> CampaignRecording:
@@ -298,17 +298,18 @@ def assemble(
     provenance = texts(table_of(data, "provenance"))
     return Campaign(
         own_name, Drive(motor, converter, injection, {**provenance, **_stand_ins(missing, reached)}), recordings,
-        uncertainty, background, bool(missing), limits=limits, stand_ins=missing,
+        uncertainty, background, any(k in RATED for k in missing), limits=limits, stand_ins=missing,
     )  # fmt: skip
 
 
 def _stand_ins(missing: Sequence[str], reached: Reached | None) -> dict[str, str]:
-    """Return what stands in for rated values that a campaign does not state, as provenance."""
+    """Return what stands in for values that a campaign does not state, as provenance."""
     speed = "largest mean speed of the recordings" if reached and reached.speed else "what the link gives rated current"
     said = {
         "rated_current": "largest of the recordings",
         "rated_torque": "what rated_current gives",
         "rated_speed_rpm": speed,
+        "inertia": "any, as no rotor is free",
     }
     return {k: f"not stated; stands in: {said[k]}" for k in missing}
 

@@ -125,10 +125,12 @@ def _motion_only(file: str, rotor: str, source: Source) -> str | None:
         return f"{lacks_voltages(table, source.mapped)}, {WITHOUT}"
     if rotor == "free" and (sixths := by_states(table, source.mapped)):
         return f"{sixths} {SIXTHS}"
-    period = finite(drive.get("sampling_period")) or _step(file, table, source)
+    stated = finite(drive.get("sampling_period"))
+    period = stated or _step(file, table, source)
     resistance, *inductances = (finite(motor.get(k)) or 0.0 for k in OF_LAG)
     if min(period, resistance, *inductances) > 0.0:
-        return _too_slow(period, resistance, max(inductances))
+        rows = f"sampling_period = {period:.3g} s is" if stated else f"{file}: rows {period:.3g} s apart are"
+        return _too_slow(rows, period, resistance, max(inductances))
     return None
 
 
@@ -313,17 +315,19 @@ def with_replayable(campaign: Campaign) -> Campaign:
 
 def too_slow(campaign: Campaign) -> str | None:
     """Return why a campaign's samples stand too far apart for its electrical part, None where they do not."""
-    m = campaign.drive.motor
-    return _too_slow(campaign.drive.converter.sampling_period, m.resistance, max(m.inductance_d, m.inductance_q))
+    m, period = campaign.drive.motor, campaign.drive.converter.sampling_period
+    rows = f"sampling_period = {period:.3g} s is"
+    return _too_slow(rows, period, m.resistance, max(m.inductance_d, m.inductance_q))
 
 
-def _too_slow(period: float, resistance: float, inductance: float) -> str | None:
+def _too_slow(rows: str, period: float, resistance: float, inductance: float) -> str | None:
+    """Return that rows (in words) are further apart than currents settle, None where they are not."""
     slowest = inductance / resistance
     if period <= slowest:
         return None
     asked = " (hardly a motor has so short a one: are the inductances in H?)" if slowest < SHORT_LAG else ""
     return (
-        f"sampling_period = {period:.3g} s is beyond L/R = {slowest:.3g} s{asked}: between two rows the currents "
+        f"{rows} beyond L/R = {slowest:.3g} s{asked}: between two rows the currents "
         "settle, so electrical effects cannot be told and are no candidates; the motion alone is judged"
     )
 

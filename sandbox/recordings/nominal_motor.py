@@ -27,17 +27,18 @@ class Reached(NamedTuple):
 def nominal_motor(
     stated: Mapping[str, Any], flux_map: Mapping[str, Any] | None, reached: Reached | None, folder: Path, link: float
 ) -> tuple[Motor, tuple[str, ...]]:
-    """Return the nominal motor (a quartic's, or one with a flux map), and which rated values stand in.
+    """Return the nominal motor (a quartic's, or one with a flux map), and which values stand in.
 
     stated: its name and [motor]; flux_map: [flux_map], whose file lies in `folder` or in a data set; link: V, nominal.
     A rated value that is not stated is the largest one `reached` (None: nothing was recorded); the torque is what rated
-    current gives; a speed that no recording reached is what the link gives.  BadInput for wrong values.
+    current gives; a speed that no recording reached is what the link gives; an inertia is any where no rotor is free.
+    BadInput for wrong values.
     """
     values = dict(stated)
-    if "inertia" not in values and reached is not None and not reached.free:
-        values["inertia"] = UNUSED_INERTIA
-    missing = tuple(k for k in RATED if k not in values)
     found = _rated(values, reached or Reached(0.0, 0.0, False))
+    if reached is not None and not reached.free:
+        found["inertia"] = UNUSED_INERTIA
+    missing = tuple(k for k in found if k not in values)
     values = {**values, **{k: found[k] for k in missing}}
     if flux_map is None:
         motor = build(Motor, values, "motor")

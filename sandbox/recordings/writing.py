@@ -64,8 +64,8 @@ def write_campaign(folder: str | Path, campaign: Campaign, flux_map: StatedMap |
 
 def _toml(c: Campaign, flux_map: StatedMap | None) -> str:
     motor = {k: v for k, v in dataclasses.asdict(without_map(c.drive.motor)).items() if k != "name" and v != ""}
-    if c.rated_from_data:
-        motor = {k: v for k, v in motor.items() if k not in RATED}
+    stand_ins = c.stand_ins or (RATED if c.rated_from_data else ())
+    motor = {k: v for k, v in motor.items() if k not in stand_ins}
     if flux_map is not None:
         motor = {k: v for k, v in motor.items() if k not in OF_MAP}
     tables: list[tuple[str, Mapping[str, Any]]] = [

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from model.drive_files import load_drive, motor_names
-from model.ratings import cautions, largest_torque
+from model.ratings import assumed, cautions, largest_torque
 
 
 def changed(**values):
@@ -67,10 +67,14 @@ def small(**values):
         ({"rated_current": 7100.0}, "rated_current in mA"),
         ({"rated_torque": 270.0}, "rated_torque in mN m"),
         ({"inductance_d": 2e-7, "inductance_q": 3e-7}, "inductance_d and inductance_q 1000 times too small"),
+        ({"resistance": 3.6e-4}, "resistance 1000 times too small"),  # copper loses 0.02 % of the power
+        ({"inductance_q": 0.3}, "inductance_q in mH"),
+        ({"inductance_d": 0.2}, "inductance_d in mH"),
     ],
 )
 def test_numbers_that_physics_binds_are_compared(values, said):
-    """R I, w L I, L I / psi, L / R, J w / T and T w against link, time and power; the unit that mends all is named."""
+    """R I, w L I, L I / psi, L / R, J w / T, T w, R I^2 / T w and L_q / L_d against link, time and power; the unit that
+    mends all is named."""
     assert cautions(small()) == ()
     assert said in " ".join(cautions(small(**values)))
 
@@ -79,3 +83,12 @@ def test_a_reluctance_motor_has_torque_without_a_magnet():
     """3/2 p (L_d - L_q)/2 i^2 at 45 degrees."""
     motor = dataclasses.replace(load_drive("ipm_exchanged").motor, magnet_flux=0.0)
     assert largest_torque(motor) == pytest.approx(9.0 * 0.5 * (0.0919 - 0.0458) * 1.2**2, rel=1e-3)
+
+
+def test_what_a_motors_file_does_not_state_is_said(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text("[motor]\n" + "".join(f"{k} = {v}\n" for k, v in SHEET.items()))
+    (said,) = assumed(load_drive(path))
+    assert "does not state sampling_period and dc_bus_voltage" in said
+    assert "dc_bus_voltage = 400 V" in said
+    assert all(assumed(load_drive(name)) == () for name in motor_names())

@@ -15,13 +15,17 @@ from model.effects.library import true_motor
 from model.mapped import MappedMotor
 from model.parameters import Converter, Motor
 from sandbox.gap.diagnose import Diagnosis
+from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import Fit
 from sandbox.gap.location.map_found import with_map_found
-from sandbox.gap.posterior.estimates import estimates, of_motor
+from sandbox.gap.posterior.estimates import SPREAD, estimates, of_motor, spread
+from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report.bounds import at_bound
 from sandbox.output.refitted import Refitted
 from sandbox.plant.sets import BENCH, complete
+
+UNTOLD = 0.9  # of the standard deviation that a value had before: recordings that leave so much say nothing of it
 
 
 def refitted(d: Diagnosis) -> Refitted:
@@ -31,7 +35,8 @@ def refitted(d: Diagnosis) -> Refitted:
     values, turns = judged.fit.point.values, judged.fit.point.turns
     values = rescaled(values, own.motor, stated)
     motor = baked(stated, values)
-    found = {**of_motor(judged), **estimates(judged)}
+    of_values = {k: e for k, e in of_motor(judged).items() if k not in d.campaign.stand_ins}
+    found = {**of_values, **estimates(judged)}
     ci95 = {k: (e.low, e.high) for k, e in found.items()}
     effects = beside(motor, own.converter, values)
     shown = [e for e in d.best.effects if e != UNKNOWN]
@@ -41,14 +46,24 @@ def refitted(d: Diagnosis) -> Refitted:
     if UNKNOWN in d.best.effects:
         said += ", beside something outside the library (believe residuals, not names)"
     told = dict(own.provenance)
-    for key in of_motor(judged):
+    untold = _untold(judged)
+    for key in of_values:
         told[key] = f"refitted to the recordings; nominal {getattr(own.motor, key):.6g}"
+        if key in untold:
+            told[key] = "as stated: these recordings say nothing of it"
     drive = dataclasses.replace(own, motor=motor, provenance=told)
     units = {name: p.unit for name, p in library.parameters().items()} | {name: p.unit for name, p in BENCH.items()}
     parts = {} if d.campaign.excerpts is None else {e.file: e.of for e in d.campaign.excerpts.parts if e.file != e.of}
     angles = {name: turn for name, turn in turns.items() if turn and name not in parts}  # a replay has no parts
     bounds = at_bound(found, d.at_bound)
     return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said, bounds, flux_map)
+
+
+def _untold(judged: EvaluatedModel) -> set[str]:
+    """Return the motor's values that are as uncertain as before."""
+    s, before = spread(judged), prior_of(judged.fit.coordinates).deviation
+    places = {key: s.place[name] for name, key in {**library.replaced(), **library.scaled()}.items() if name in s.place}
+    return {key for key, k in places.items() if 0.0 < UNTOLD * before[k] <= s.sd[k] / SPREAD}
 
 
 def rescaled(values: Mapping[str, float], before: Motor, after: Motor) -> dict[str, float]:

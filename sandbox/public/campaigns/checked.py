@@ -12,6 +12,7 @@ from model.drive_files import load_limits
 from model.effects.library import effect_names, load_effect
 from model.errors import BadInput
 from model.parameters import Drive
+from model.ratings import assumed, cautions
 from sandbox.motion.checked import noticed_in_motion, shaft_contradicted
 from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import CORRECTED
@@ -19,6 +20,7 @@ from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.calls import records_call
 from sandbox.public.campaigns import drafting
 from sandbox.public.loading import load_motor
+from sandbox.public.printed import print_cautions
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import NO_LIMITS, Campaign, Finding
@@ -254,6 +256,7 @@ class PlanResult(Result):
                  "adds": list(p.adds), "setpoints": f"{p.entry.name}.csv"} for p in self.plan.experiments
             ],
             "together_adds": list(self.plan.adds),
+            "cautions": [*cautions(self.plan.drive), *assumed(self.plan.drive)],
             "effects": [{"name": e, "deviations": z, "visible": v.words(e)} for e, z in v.sizes.items()],
             "alike": [list(pair) for pair in v.alike],
         }  # fmt: skip
@@ -302,6 +305,7 @@ class PlanResult(Result):
                 print_prose(f"{said}: {names or 'none of the library' + chr(39) + 's effects'}")
         for a, b, cosine in v.alike[:6]:
             print_prose(f"{a} and {b} still look alike (cosine {cosine:.3f})")
+        print_cautions(self.plan.drive)
 
     def _write_more(self, out: Path) -> dict[str, Any]:
         """Write one table of setpoints an experiment."""

@@ -206,8 +206,19 @@ def test_wrong_motors(old, new, code, words, tmp_path, capsys):
     said = capsys.readouterr()
     for word in words:
         assert word in said.err
-    assert said.err.count("\n") == 1
+    assert all(line.startswith("caution: ") for line in said.err.splitlines()[1:])  # of ratings that do not go together
     assert not out.exists()
+
+
+def test_a_refused_run_says_what_about_the_ratings_cannot_be_meant(tmp_path, capsys):
+    """Inductances in mH: a run ends before it tells anything, and the cause stands beside the refusal."""
+    motor = (MOTORS / "ipm_exchanged.toml").read_text().replace("inductance_d = ", "inductance_d = 1e2 #")
+    motor = motor.replace("inductance_q = ", "inductance_q = 2e2 #")
+    (tmp_path / "mine.toml").write_text(motor.replace("1e2", "9.0").replace("2e2", "9.9"))
+    assert main(["simulate", "--motor", str(tmp_path / "mine.toml"), "--out", str(tmp_path / "o"), "--quiet"]) in (2, 3)
+    first, second = capsys.readouterr().err.strip().splitlines()
+    assert first.startswith("sensorless simulate: ")
+    assert "inductance_d and inductance_q in mH?" in second
 
 
 def test_out_that_cannot_be_written(short, tmp_path, capsys):

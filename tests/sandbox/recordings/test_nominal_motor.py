@@ -9,6 +9,7 @@ from model.drive_files import load_drive
 from model.energy import flux_from_current
 from model.fluxmap import FluxMap, write_map
 from model.ratings import largest_torque
+from sandbox.recordings import importing
 from sandbox.recordings.campaign import REQUIRED, Campaign, CampaignRecording, read_campaign
 from sandbox.recordings.writing import StatedMap, write_campaign
 
@@ -32,3 +33,27 @@ def test_a_map_without_rated_values_gets_the_torque_of_its_own_magnet(tmp_path, 
     assert found.rated_from_data
     assert found.drive.motor.rated_torque == pytest.approx(wanted, rel=2e-3)
     assert wanted > 1.5 * motor.pole_pairs * motor.magnet_flux * i_rated
+
+
+def stated_alone(tmp_path, text):
+    """Return the campaign of a locked rotor at 1 A whose [motor] holds `text` beside what has to be stated."""
+    (tmp_path / "run.csv").write_text(
+        "t,i_a,i_b,i_c,u_alpha,u_beta,theta,u_dc\n0,1,-0.5,-0.5,0,0,0,24\n1e-4,1,-0.5,-0.5,0,0,0,24\n"
+    )
+    (tmp_path / "campaign.toml").write_text(
+        "[drive]\nsampling_period = 1e-4\ndc_bus_voltage = 24.0\ncurrent_noise = 0.01\n"
+        "[motor]\npole_pairs = 4\nresistance = 0.1\nmagnet_flux = 0.02\ninductance_d = 1e-4\ninductance_q = 1e-4\n"
+        f'{text}[[recording]]\nfile = "run.csv"\nrotor = "locked"\n'
+    )
+    return importing.read_recordings(tmp_path)
+
+
+def test_an_inertia_that_nobody_stated_is_said_to_stand_in(tmp_path):
+    """No rotor is free: any value serves, and none is told as stated; a copy of the campaign states it as little."""
+    own = stated_alone(tmp_path, "rated_current = 5.0\n")
+    assert own.stand_ins == ("rated_torque", "rated_speed_rpm", "inertia")
+    assert own.drive.provenance["inertia"] == "not stated; stands in: any, as no rotor is free"
+    again = read_campaign(write_campaign(tmp_path / "copy", own))
+    assert again.stand_ins == own.stand_ins
+    assert dataclasses.replace(again.drive.motor, name=own.drive.motor.name) == own.drive.motor
+    assert again.drive.motor.rated_current == 5.0  # stated, and still so
