@@ -109,6 +109,11 @@ class MappedMotor(Motor):
         return self.spline
 
     @property
+    def has_map(self) -> bool:
+        """Its file names a flux map."""
+        return True
+
+    @property
     def linear(self) -> Motor:
         """The motor linearised at zero current: what a campaign's nominal model can say of it."""
         own = {name: getattr(self, name) for name in Motor.__dataclass_fields__}

@@ -190,6 +190,11 @@ class Motor:
         return Energy(1.0 / self.inductance_d, 1.0 / self.inductance_q, *(float(a) for a in alphas))
 
     @property
+    def has_map(self) -> bool:
+        """Whether a flux map says how it saturates, in place of inductances, magnet flux and alphas of its file."""
+        return False
+
+    @property
     def linear_energy(self) -> Energy:
         """The linear magnetic model: the same motor without its alphas."""
         return Energy(1.0 / self.inductance_d, 1.0 / self.inductance_q, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from model.compiled import inlined
 from model.effects.card import INF, At, Effect, Parameter
-from model.effects.said import quantity
+from model.effects.said import on_q, quantity, wave
 from model.lanes import sine_cosine
 from model.parameters import Converter, Motor
 
@@ -20,13 +20,12 @@ def helping(amplitude, order_mech, phase, turn, omega):
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
-    orders = [k for k in ("", *(f"{k}." for k in range(2, CARD.repeats + 1))) if v[f"cogging_torque.{k}amplitude"]]
-    sizes = (
-        f"{quantity(v[f'cogging_torque.{k}amplitude'], 'N m')} of order {v[f'cogging_torque.{k}order_mech']:g}"
-        for k in orders
-    )
+    parts = [f"cogging_torque.{k}" for k in ("", *(f"{k}." for k in range(2, CARD.repeats + 1)))]
+    there = [p for p in parts if v[f"{p}amplitude"]]
+    waves = (wave(quantity(v[f"{p}amplitude"], "N m"), v[f"{p}order_mech"], v[f"{p}phase"]) for p in there)
+    amps = on_q(max((abs(v[f"{p}amplitude"]) for p in there), default=0.0), motor)
     return (
-        f"add the opposite torque by angle to the q current's reference ({', '.join(sizes)} a turn), or keep it in the "
+        f"subtract {' and '.join(waves)}, x the shaft's angle, from the torque's reference{amps}; or keep it in the "
         "simulator: it comes with the motor"
     )
 

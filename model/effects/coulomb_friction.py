@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Parameter
-from model.effects.said import quantity
+from model.effects.said import on_q, quantity
 from model.effects.shaft_compliance import motor_inertia
 from model.lanes import fading
 from model.parameters import Converter, Motor
@@ -39,12 +39,14 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
-    torque = v["coulomb_friction.torque"]
-    at = ""
-    if motor.magnet_flux:
-        at = f" (about {quantity(torque / (1.5 * motor.pole_pairs * motor.magnet_flux), 'A')} on q)"
+    torque, more = v["coulomb_friction.torque"], v["coulomb_friction.stribeck_torque"]
+    slow = ""
+    if more:
+        slow = (
+            f", and {quantity(more, 'N m')} more well below {quantity(v['coulomb_friction.stribeck_speed'], 'rad/s')}"
+        )
     return (
-        f"feed {quantity(torque, 'N m')} forward against the sense of rotation{at}; "
+        f"add {quantity(torque, 'N m')}{on_q(torque, motor)} to the torque's reference in the sense of rotation{slow}; "
         "much more than on the first day: look at bearings, brake and seals"
     )
 

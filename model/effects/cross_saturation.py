@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from model.effects.card import Effect, Parameter
+from model.effects.said import model_for
 from model.parameters import Converter, Motor
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
-    return (
-        f"give the estimator and the current control a model with alpha_12 = {v['saturation.alpha_12']:.4g} and "
-        f"alpha_22 = {v['saturation.alpha_22']:.4g} (motor.toml has them), or a measured flux map"
-    )
+    return model_for(motor, v, ("alpha_12", "alpha_22"))
 
 
 CARD = Effect(

@@ -22,7 +22,7 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     tau = v["current_filter.time_constant"]
     return (
         f"tell the control a filter of {quantity(tau, 's')} ({quantity(1.0 / (math.tau * tau), 'Hz')}) before the "
-        f"samplers, or take the current {quantity(tau, 's')} late into account as a delay"
+        f"samplers, or count the currents as {quantity(tau, 's')} late"
     )
 
 

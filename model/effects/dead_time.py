@@ -55,10 +55,13 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
-    time = v["dead_time.time"]
+    time, width = v["dead_time.time"], v["dead_time.zone_width"]
     if time < 0.0:
         return f"lower the drive's dead-time compensation by {quantity(-time, 's')}: it adds too much"
-    return f"set the dead-time compensation to {quantity(time, 's')} (more than now by that, where there is one)"
+    if time and v["dead_time.capacitance"]:  # half of the volts lost are there at half of this width (`otherwise`)
+        width = 4.0 * v["dead_time.capacitance"] * converter.dc_bus_voltage / time
+    soft = f", less of it below {quantity(width, 'A')} of a phase's current" if width else ""
+    return f"set the dead-time compensation to {quantity(time, 's')}{soft} (raise it by that, where there is one)"
 
 
 def otherwise(v: Mapping[str, float], width: float, converter: Converter) -> dict[str, float]:

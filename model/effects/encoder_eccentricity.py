@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 from model.compiled import inlined
 from model.effects.card import INF, At, Effect, Parameter
+from model.effects.said import angle, wave
 from model.lanes import sine_cosine
 from model.parameters import Converter, Motor
 
@@ -21,9 +21,10 @@ def off(amplitude_mech, phase, turn, pairs):
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     size, phase = v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
+    told = wave(f"{'−' if size < 0.0 else ''}{angle(size)}", 1, phase)
     return (
-        f"centre the code disc or magnet ring, or subtract {math.degrees(size):.2g}° sin(turn + "
-        f"{math.degrees(phase):.0f}°) (mechanical) from the encoder's reading"
+        f"centre the code disc or magnet ring, or subtract {told}, x the shaft's angle, from the encoder's mechanical "
+        "reading"
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Ordinary, Parameter
-from model.effects.said import degrees
+from model.effects.said import angle
 from model.parameters import Converter, Motor
 
 
@@ -20,10 +20,9 @@ def turned(offset):
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     offset = v["encoder_offset.offset"]
-    return (
-        f"turn the encoder's electrical zero by {degrees(-offset)} ({degrees(-offset / motor.pole_pairs)} mechanical): "
-        "subtract what it reads too much, or align it again"
-    )
+    way = "subtract {} from" if offset > 0.0 else "add {} to"
+    angles = f"{angle(offset)} (electrical; {angle(offset / motor.pole_pairs)} mechanical)"
+    return f"{way.format(angles)} the encoder's reading, or align it again"
 
 
 CARD = Effect(

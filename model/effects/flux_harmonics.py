@@ -69,8 +69,8 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
         size = math.hypot(v[f"flux_harmonics.{k}.psi_d"], v[f"flux_harmonics.{k}.psi_q"])
         sizes += [f"{quantity(size, 'Wb')} of order {v[f'flux_harmonics.{k}.order']:g}"] if size else []
     return (
-        f"feed the back-EMF's harmonics forward ({', '.join(sizes)} in the rotor's frame), or keep them in the "
-        "simulator: they come with the magnets' shape"
+        f"feed the back-EMF's harmonics forward ({', '.join(sizes)} in the rotor's frame; effects.toml has d, q and "
+        "phase), or keep them in the simulator: they come with the magnets' shape"
     )
 
 

@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from model.effects.card import Effect, Ordinary, Parameter
-from model.effects.said import percent, quantity
+from model.effects.said import beside_map, percent, stated
 from model.parameters import Converter, Motor
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
-    own = {x: v[f"inductance.scale_{x}"] * getattr(motor, f"inductance_{x}") for x in "dq"}
+    scales = {x: v[f"inductance.scale_{x}"] for x in "dq" if v[f"inductance.scale_{x}"] != 1.0}
+    if motor.has_map:
+        return beside_map(", ".join(f"L_{x} {percent(s - 1.0)} at zero current" for x, s in scales.items()))
     told = (
-        f"inductance_{x} = {quantity(own[x], 'H', 3)} ({percent(v[f'inductance.scale_{x}'] - 1.0)})"
-        for x in "dq"
-        if v[f"inductance.scale_{x}"] != 1.0
+        f"{stated(f'inductance_{x}', s * getattr(motor, f'inductance_{x}'), 'H')} ({percent(s - 1.0)})"
+        for x, s in scales.items()
     )
-    return f"set {', '.join(told)} in the motor's file, the estimator and the current control"
+    return f"set {' and '.join(told)} in the motor's file, the estimator and the current control"
 
 
 CARD = Effect(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from model.compiled import inlined
 from model.effects.card import EITHER_PHASE, INF, At, Effect, Limit, Parameter, Part
+from model.effects.said import number
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
 from model.parameters import OVERLOAD, Converter, Motor
@@ -161,9 +162,11 @@ def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
+    sixth = [f"order 6, {number(100.0 * abs(v[SIXTH]) * motor.inductance_d)} % of 1/L_d"] if v[SIXTH] else []
+    more = [f"order {v[f'{part}.order']:g}" for part in FURTHER if any(v[f"{part}.{n}"] for n in SIZES)]
     return (
-        "give the estimator inductances that turn with the rotor (effects.toml has them), or expect its error to "
-        "swing with the angle: they come with teeth and winding"
+        f"give the estimator inductances that turn with the rotor ({', '.join([*sixth, *more])}; effects.toml has "
+        "them), or expect its error to swing with the angle: they come with teeth and winding"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from model.effects.card import Effect, Ordinary, Parameter
-from model.effects.said import percent, quantity
+from model.effects.said import percent, stated
 from model.parameters import Converter, Motor
 
 
@@ -13,7 +13,7 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     found = v["inertia.inertia"]
     return (
-        f"set inertia = {quantity(found, 'kg m^2', 3)} ({percent(found / motor.inertia - 1.0)}) in the motor's file "
+        f"set {stated('inertia', found, 'kg m^2')} ({percent(found / motor.inertia - 1.0)}) in the motor's file "
         "and the speed control: it counts the load, too"
     )
 

@@ -5,20 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from model.effects.card import Effect, Ordinary, Parameter
-from model.effects.said import NEODYMIUM, number, percent, quantity
+from model.effects.said import MAGNETS, beside_map, percent, quantity, stated, warmer
 from model.parameters import Converter, Motor
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     found = v["magnet_flux.magnet_flux"]
-    out = f"set magnet_flux = {quantity(found, 'Wb', 3)} in the motor's file and the estimator"
+    out = f"set {stated('magnet_flux', found, 'Wb')} in the motor's file and the estimator"
     if not motor.magnet_flux:
-        return out
+        return beside_map(f"magnet flux {quantity(found, 'Wb', 3)}") if motor.has_map else out
     change = found / motor.magnet_flux - 1.0
-    warm = -change / NEODYMIUM
-    why = f"magnets {number(abs(warm))} K {'warmer' if warm > 0.0 else 'colder'}"
-    return f"{out} ({percent(change)}: {why}{', or partly demagnetised' if warm > 0.0 else ', or a stronger grade'})"
+    warm = {name: warmer(-change / slope) for name, slope in MAGNETS.items()}
+    causes = [f"{name} {kelvin}" for name, kelvin in warm.items() if kelvin]
+    why = ", or ".join([*causes, "partly demagnetised" if change < 0.0 else "a stronger grade"])
+    if motor.has_map:
+        return beside_map(f"magnet flux {percent(change)} ({why})")
+    return f"{out} ({percent(change)}: {why})"
 
 
 CARD = Effect(

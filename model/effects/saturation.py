@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from model.effects.card import Effect, Ordinary, Parameter
+from model.effects.said import model_for
 from model.parameters import Converter, Motor
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     names = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
-    told = (f"{n} = {v[f'saturation.{n}']:.4g}" for n in names if v[f"saturation.{n}"] != getattr(motor, n))
-    return (
-        f"give the estimator and the current control a model with {', '.join(told)} (motor.toml has them), or a "
-        "measured flux map"
-    )
+    return model_for(motor, v, [n for n in names if v[f"saturation.{n}"] != getattr(motor, n)])
 
 
 CARD = Effect(

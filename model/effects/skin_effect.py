@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from model.compiled import inlined
@@ -19,10 +20,11 @@ def ladder(resistance, time_constant):
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
-    ohm = v["skin_effect.resistance"]
+    ohm, tau = v["skin_effect.resistance"], v["skin_effect.time_constant"]
+    corner = quantity(1.0 / (math.tau * tau), "Hz")
     return (
-        f"count {quantity(ohm, 'ohm')} more at the injection's frequency into the estimator's resistance, not at "
-        "standstill"
+        f"count up to {quantity(ohm, 'ohm')} more into the estimator's resistance at the injection's frequency f, "
+        f"x²/(1 + x²) of it with x = f/({corner}), and none for slow currents"
     )
 
 

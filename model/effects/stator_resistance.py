@@ -5,23 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from model.effects.card import Effect, Ordinary, Parameter
-from model.effects.said import COPPER, number, percent, quantity
+from model.effects.said import COPPER, percent, quantity, stated, warmer
 from model.parameters import Converter, Motor
-
-COLDEST = 60.0  # K below 20 °C: no bench is colder
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     found = v["stator_resistance.resistance"]
     change = found / motor.resistance - 1.0
-    warm = change * COPPER
-    out = f"R {percent(change)}: winding {number(abs(warm))} K {'warmer' if warm > 0.0 else 'colder'}"
+    kelvin = warmer(change * COPPER)
+    causes = [f"winding {kelvin}"] if kelvin else []
     if change > 0.0:
-        out += f", or {quantity(found - motor.resistance, 'ohm')} of cable and contacts"
-    elif warm < -COLDEST:
-        out = f"R {percent(change)}, more than a cold winding explains: is the stated value between two terminals?"
-    return f"{out}; set resistance = {quantity(found, 'ohm', 3)}"
+        causes.append(f"{quantity(found - motor.resistance, 'ohm')} of cable and contacts")
+    elif not kelvin:
+        causes.append("more than a cold winding explains: is the stated value between two terminals?")
+    return f"R {percent(change)}: {', or '.join(causes)}; set {stated('resistance', found, 'ohm')}"
 
 
 CARD = Effect(

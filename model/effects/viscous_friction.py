@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Ordinary, Parameter
-from model.effects.said import quantity
+from model.effects.said import quantity, stated
 from model.parameters import Converter, Motor
 
 
@@ -21,7 +21,7 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     found = v["viscous_friction.coefficient"]
     torque = found * motor.rated_omega / motor.pole_pairs
     return (
-        f"set viscous_friction = {quantity(found, 'N m s/rad')} in the motor's file ({quantity(torque, 'N m')} at "
+        f"set {stated('viscous_friction', found, 'N m s/rad')} in the motor's file ({quantity(torque, 'N m')} at "
         f"{motor.rated_speed_rpm:.4g} rpm); far more than stated: look at lubrication and fan"
     )
 

@@ -22,9 +22,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from model.effects.said import COPPER
 from model.tools.configurations import VESC_DEAD_TIME
 
-COPPER = 0.00393  # 1/K of its resistance at 20 degrees
 NEAR = 0.05  # of a factor that explains a difference
 WARM = (0.75, 1.5)  # of the resistance found over that stated: what temperature can explain
 SALIENT = 1.1
@@ -133,7 +133,7 @@ def _because(name: str, own: float, value: float, stated: Mapping[str, float], f
         if name in names and abs(ratio / factor - 1.0) < NEAR:
             return said
     if name == "resistance" and WARM[0] <= value / own <= WARM[1]:
-        kelvin = (value / own - 1.0) / COPPER
+        kelvin = (value / own - 1.0) * COPPER
         return (
             f"copper {abs(kelvin):.0f} K {'warmer' if kelvin > 0.0 else 'colder'} than when it was stated explains it"
         )

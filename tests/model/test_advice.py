@@ -11,9 +11,11 @@ from model.effects import library
 from model.effects.advice import KEEP, advice, completed, what_to_do
 from model.effects.card import Effect
 from model.effects.said import number, percent, quantity
+from model.mapped import OF_MAP
+from model.parameters import Motor
 
 DRIVE = load_drive("ipm_exchanged")
-MOTOR, CONVERTER = DRIVE.motor, DRIVE.converter  # 12.15 ohm, 0.1961 Wb, 6 pole pairs, 250 us, 400 V
+MOTOR, CONVERTER = DRIVE.motor, DRIVE.converter  # 12.15 ohm, 0.0981 Wb, 6 pole pairs, 250 us, 400 V
 R, PERIOD = MOTOR.resistance, CONVERTER.sampling_period
 
 
@@ -61,14 +63,48 @@ def test_no_card_fails_at_a_bound_or_on_a_motor_without_magnets(name):
         ),
         ({"pwm_delay__delay": 2.0 * PERIOD}, "log the command 2 rows later"),
         ({"pwm_delay__delay": 0.1 * PERIOD}, "delay of 0.10 periods: count 25 µs more"),
-        # NdFeB -0.12 %/K: 6 % are 50 K
-        ({"magnet_flux__magnet_flux": 0.94 * MOTOR.magnet_flux}, "magnets 50 K warmer, or partly demagnetised"),
+        # no winding is 510 K warmer: what is left is cable, 2 x 12.15 ohm
+        ({"stator_resistance__resistance": 3.0 * R}, "R +200 %: 24 Ω of cable and contacts; set resistance = 36.5 Ω"),
+        # NdFeB -0.12 %/K: 6 % are 50 K; ferrite -0.2 %/K: 30 K
+        (
+            {"magnet_flux__magnet_flux": 0.94 * MOTOR.magnet_flux},
+            "(−6.0 %: NdFeB 50 K warmer, or ferrite 30 K warmer, or partly demagnetised)",
+        ),
+        # 30 % are 250 K of NdFeB, which no magnet stands, and 150 K of ferrite
+        (
+            {"magnet_flux__magnet_flux": 0.7 * MOTOR.magnet_flux},
+            "(−30 %: ferrite 150 K warmer, or partly demagnetised)",
+        ),
+        # friction brakes: the drive has to push the way that it turns; 1.5 x 6 x 0.0981 Wb = 0.883 N m/A
+        (
+            {"coulomb_friction__torque": 0.0353},
+            "add 35 mN·m (about 40 mA on q) to the torque's reference in the sense of",
+        ),
+        # the slots push by A sin(36 x + phase): so much less is asked for; 0.5 rad are 29 degrees
+        (
+            {"cogging_torque__amplitude": 0.02, "cogging_torque__order_mech": 36.0, "cogging_torque__phase": 0.5},
+            "subtract 20 mN·m sin(36 x + 29°), x the shaft's angle",
+        ),
+        # the drop R1 (i - x) of a first-order lag: R1 w²tau²/(1 + w²tau²), half of it at 1/(2 pi tau)
+        ({"skin_effect__resistance": 2.0, "skin_effect__time_constant": 1.0 / (2.0 * math.pi * 800.0)}, "f/(800 Hz)"),
+        ({"saturation__alpha_30": 10.0}, "alpha_30 = 10 A/Wb²"),
+        ({"saturation__alpha_04": 10.0}, "alpha_04 = 10 A/Wb³"),
+        # half of the dead time's volts are lost where a leg just slews over in it, i t/(2 C) = u; twice that wide
+        ({"dead_time__time": 2e-6, "dead_time__capacitance": 1e-9}, "less of it below 800 mA of a phase's current"),
         ({"current_gain__gain_b": 1.04}, "phase b by 0.9615"),
         ({"current_offset__offset_a": 0.01}, "10 mA from phase a, 0 A from phase b, −10 mA from phase c"),
         ({"dc_link_error__gain_error": 0.03}, "divides by to 412 V (+3.0 %)"),
-        ({"encoder_offset__offset": math.radians(6.0)}, "by −6.0° (−1.0° mechanical)"),
+        (
+            {"encoder_offset__offset": math.radians(6.0)},
+            "subtract 6.0° (electrical; 1.0° mechanical) from the encoder's reading",
+        ),
+        ({"encoder_offset__offset": math.radians(-6.0)}, "add 6.0° (electrical; 1.0° mechanical) to"),
+        (
+            {"encoder_eccentricity__amplitude_mech": math.radians(0.3), "encoder_eccentricity__phase": -0.5},
+            "subtract 0.30° sin(x − 29°)",
+        ),
         ({"current_filter__time_constant": 1.0 / (2.0 * math.pi * 5e3)}, "32 µs (5.0 kHz)"),
-        ({"inductance__scale_d": 0.9}, f"inductance_d = {quantity(0.9 * MOTOR.inductance_d, 'H', 3)} (−10 %)"),
+        ({"inductance__scale_d": 0.9}, "inductance_d = 0.0412 H (−10 %)"),
         (
             {"winding_asymmetry__delta_a": 0.3, "winding_asymmetry__delta_b": -0.2},
             "500 mΩ in phase a, 200 mΩ in phase c",
@@ -78,6 +114,20 @@ def test_no_card_fails_at_a_bound_or_on_a_motor_without_magnets(name):
 )
 def test_what_is_said_by_hand(values, said):
     assert said in told(**values)
+
+
+@pytest.mark.parametrize("name", library.effect_names())
+def test_of_a_motor_with_a_flux_map_nothing_is_set_that_its_file_may_not_state(name):
+    """Inductances, magnet flux and alphas come from the map: [motor] refuses them (`model.mapped.stand_in`)."""
+
+    class OfMap(Motor):
+        has_map = True
+
+    motor = OfMap(**dataclasses.asdict(MOTOR))
+    text = advice(name, completed(library.typical(name, MOTOR, CONVERTER), motor), motor, CONVERTER)
+    assert not re.search(rf"set ({'|'.join(OF_MAP)})|motor.toml", text)
+    own = {"inductance", "magnet_flux", "saturation", "cross_saturation"}
+    assert text.startswith("not as the flux map has it") == (name in own)
 
 
 def test_an_own_effect_without_a_sentence_is_kept_in_the_simulator(monkeypatch):

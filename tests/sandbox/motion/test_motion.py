@@ -122,8 +122,8 @@ def test_each_named_effect_says_what_to_do(planted):
     assert set(said) == set(planted.best.effects)
     s = planted.best.shaft
     current = quantity(s.value("dry") / CONSTANT, "A")
-    assert f"forward against the sense of rotation (about {current} on q)" in said["coulomb_friction"]
-    assert all(f"of order {n}" in said["cogging_torque"] for n in ORDERS)
+    assert f" (about {current} on q) to the torque's reference in the sense of rotation" in said["coulomb_friction"]
+    assert all(f"sin({n} x" in said["cogging_torque"] for n in ORDERS)
     assert f"set inertia = {quantity(s.value('inertia'), 'kg m^2', 3)}" in said["inertia"]
     assert {e["name"]: e["do"] for e in contract(planted)["effects"] if e["do"]} == said
     assert next(t for head, t in sentences(planted) if head == "Do?").endswith(next(iter(said.values())))
