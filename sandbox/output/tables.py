@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 import textwrap
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -13,59 +14,106 @@ from typing import Any
 
 PIPE = 10_000  # columns where no terminal is there: what reads a pipe folds nothing
 PAUSE = 60.0  # s between two lines of progress where no terminal is there
+BEAT = 5.0  # s between two looks at whether a line is due while nothing is reported
 
 
-def _lines(title: str) -> Callable[[str], None]:
-    """Return what writes a line of progress to the standard error once in PAUSE, with the seconds since now."""
-    began = last = time.monotonic()
+class _Lines:
+    """Lines of progress on the standard error, with the seconds since it began: one in PAUSE, also while nothing is
+    reported, as one step takes long or is compiled."""
 
-    def say(text: str) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if now - last >= PAUSE:
-            last = now
-            print(f"{title}: {text}, {now - began:.0f} s", file=sys.stderr, flush=True)
+    def __init__(self, title: str, text: str) -> None:
+        self.title, self.text, self.lock = title, text, threading.Lock()
+        self.began = self.last = time.monotonic()
 
-    return say
+    def say(self, text: str) -> None:
+        """Report how far it is."""
+        self.text = text
+        self.beat()
+
+    def beat(self) -> None:
+        """Write what was reported last, where a line is due."""
+        with self.lock:
+            now = time.monotonic()
+            if now - self.last >= PAUSE:
+                self.last = now
+                print(f"{self.title}: {self.text}, {now - self.began:.0f} s", file=sys.stderr, flush=True)
 
 
-def _effort_lines(title: str, quiet: bool) -> tuple[Callable[[str], None], Callable[[float], None]]:
-    """Return the functions of `effort_bar` where there is no terminal."""
-    say, stage, done = _lines(title), [title], [0.0]
+@contextmanager
+def _lines(title: str, text: str) -> Iterator[Callable[[str], None]]:
+    """Give a function that reports how far it is, as `_Lines` write it; text: what stands there before the first."""
+    lines, over = _Lines(title, text), threading.Event()
 
-    def now(what: str) -> None:
-        stage[0] = what
+    def watch() -> None:
+        while not over.wait(BEAT):
+            lines.beat()
 
-    def count(more: float) -> None:
-        done[0] += more
-        if not quiet:
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield lines.say
+    finally:
+        over.set()
+
+
+@contextmanager
+def _effort_lines(title: str) -> Iterator[tuple[Callable[[str], None], Callable[[float], None]]]:
+    """Give the functions of `effort_bar` where there is no terminal."""
+    stage, done = [title], [0.0]
+    with _lines(title, title) as say:
+
+        def tell() -> None:
             say(f"{stage[0]}, {done[0]:,.0f} simulations")
 
-    return now, count
+        def now(what: str) -> None:
+            stage[0] = what
+            tell()
+
+        def count(more: float) -> None:
+            done[0] += more
+            tell()
+
+        yield now, count
 
 
 @contextmanager
 def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
     """Give a function that shows the fraction done, as lines where there is no terminal; None where it is not asked
-    for."""
-    if quiet or not sys.stderr.isatty():
-        say = _lines(title)
-        yield None if quiet else lambda fraction: say(f"{100.0 * fraction:.0f} %")
+    for. Before there is a fraction the bar moves to and fro."""
+    if quiet:
+        yield None
+        return
+    if not sys.stderr.isatty():
+        with _lines(title, "0 %") as say:
+            yield lambda fraction: say(f"{100.0 * fraction:.0f} %")
         return
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=1.0)
-        yield lambda fraction: bar.update(task, completed=fraction)
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("left"),
+        TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda fraction: bar.update(task, completed=fraction, total=1.0 if fraction > 0.0 else None)
 
 
 @contextmanager
 def rate_bar(title: str, quiet: bool, what: str = "runs") -> Iterator[Callable[[int, int], None] | None]:
     """Give a function that shows how many of how many are done, their rate and the time left; lines, None as above."""
-    if quiet or not sys.stderr.isatty():
-        say = _lines(title)
-        yield None if quiet else lambda done, total: say(f"{done:,.0f} of {total:,.0f} {what}")
+    if quiet:
+        yield None
+        return
+    if not sys.stderr.isatty():
+        with _lines(title, f"0 {what}") as say:
+            yield lambda done, total: say(f"{done:,.0f} of {total:,.0f} {what}")
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -97,8 +145,12 @@ def effort_bar(
     Nobody knows how many there will be: the bar, and the time left, are those to `usual` of them, within which nine of
     ten end; where it takes more, to half as many again.
     """
-    if quiet or not sys.stderr.isatty():
-        yield _effort_lines(title, quiet)
+    if quiet:
+        yield (lambda _: None), (lambda _: None)
+        return
+    if not sys.stderr.isatty():
+        with _effort_lines(title) as both:
+            yield both
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn

@@ -218,11 +218,11 @@ def _check_injection(
     moment = wave.T @ wave
     along = 0.5 * math.atan2(2 * moment[0, 1], moment[0, 0] - moment[1, 1])
     off = abs((along - axis * math.pi / 2 + math.pi / 2) % math.pi - math.pi / 2)
-    if off > WRONG_AXIS and _tracked(r, theta, slice(a * len(wave), b * len(wave))):
+    if off > WRONG_AXIS and _tracked(r, theta):
         raise NoStaircase(
             f"{r.file}: the injected voltage lies {math.degrees(off):.0f} degrees off axis {r.injection_axis}, where "
-            "the recorded estimate (theta_hat) turned it, as cross-saturation turns what an estimator follows; the "
-            "method needs injection on d or q of the rotor: inject by the encoder's angle"
+            "the recorded estimate (theta_hat) turned it, by its start-up or by cross-saturation; the method needs "
+            "injection on d or q of the rotor: inject by the encoder's angle"
         )
     if off > WRONG_AXIS:
         raise BadInput(
@@ -232,12 +232,12 @@ def _check_injection(
         )
 
 
-def _tracked(r: CampaignRecording, theta: float, rows: slice) -> bool:
-    """Tell whether an estimator held the injection: its estimate is recorded, no farther off than cross-saturation
-    turns an axis; then the angle is not what is wrong."""
+def _tracked(r: CampaignRecording, theta: float) -> bool:
+    """Tell whether an estimator held the injection: its estimate is recorded, over the whole recording no farther off
+    than cross-saturation turns an axis (in its start-up it is anywhere); then the angle is not what is wrong."""
     if "theta_hat" not in r.columns:
         return False
-    mean = np.mean(np.exp(2j * (r.columns["theta_hat"][rows] - theta)))  # d has no sign
+    mean = np.mean(np.exp(2j * (r.columns["theta_hat"] - theta)))  # d has no sign
     return bool(abs(np.angle(mean)) / 2.0 <= LARGEST_CROSS)
 
 

@@ -145,13 +145,18 @@ def window_of(columns: Columns) -> int:
     return 1
 
 
-def saturation_explains(r: CampaignRecording, drive: Drive) -> bool:
-    """Return whether a recording agrees with the nominal model once its saturation is asked, too, in at least half of
-    its windows."""
+def with_saturation(r: CampaignRecording, drive: Drive) -> Balance | None:
+    """Return the balance with the nominal model's saturation; None where it holds less than half of the windows."""
     with np.errstate(all="ignore"):  # currents of a wrong unit
         told = balance(r.columns, drive, saturated=True)
     asked = min(LOOKED, len(r.t) // window_of(r.columns))
-    return len(told.rows) >= 0.5 * asked and not told.doubtful
+    return told if len(told.rows) >= 0.5 * asked else None
+
+
+def saturation_explains(r: CampaignRecording, drive: Drive) -> bool:
+    """Return whether a recording agrees with the nominal model once its saturation is asked, too."""
+    told = with_saturation(r, drive)
+    return told is not None and not told.doubtful
 
 
 def percent(share: float) -> str:

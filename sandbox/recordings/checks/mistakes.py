@@ -31,6 +31,7 @@ from sandbox.recordings.checks.balance import (
     percent,
     saturation_explains,
     window_of,
+    with_saturation,
 )
 from sandbox.recordings.checks.changes import (
     ANGLE,
@@ -381,7 +382,7 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
     """Return a finding where another convention of currents, voltages or stated values, or another zero of the angle,
     explains recordings far better."""
     read = [(r, balance(r.columns, drive)) for r in recordings]
-    parts = [Products(r, drive, max(b.share - b.noise, 0.0), b.noise) for r, b in read if math.isfinite(b.noise)]
+    parts = [Products(r, drive, _left_by(r, b, drive), b.noise) for r, b in read if math.isfinite(b.noise)]
     before = float(np.mean([p.before for p in parts])) if parts else 0.0
     if before < NOTICED:
         return []
@@ -412,6 +413,15 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
         f"{', or '.join(c.guess for c in alike)}; then {alike[0].remedy}"
     )
     return [Finding(r.file, alike[0].column, None, text)]
+
+
+def _left_by(r: CampaignRecording, b: Balance, drive: Drive) -> float:
+    """Return the share that the nominal model leaves beyond noise: the saturated one where the linear leaves more."""
+    left = max(b.share - b.noise, 0.0)
+    if left < NOTICED:
+        return left
+    told = with_saturation(r, drive)
+    return left if told is None else min(left, max(told.share - told.noise, 0.0))
 
 
 def _stretched(c: Change, x: float) -> Change:

@@ -2,6 +2,7 @@
 
 import io
 import sys
+import threading
 
 from sandbox.output import tables
 from sandbox.output.tables import effort_bar, progress_bar, rate_bar
@@ -69,3 +70,33 @@ def test_nobody_watches(monkeypatch):
         "a: 50 %, 61 s", "b: 3 of 12 runs, 61 s", "c: fitting, 2,000 simulations, 61 s",
         "a: 50 %, 125 s", "b: 3 of 12 runs, 125 s", "c: fitting, 4,000 simulations, 125 s",
     ]  # fmt: skip
+
+
+def test_a_step_that_takes_long_is_told_meanwhile(monkeypatch):
+    """Nothing is reported, as while the first step is compiled: lines come all the same."""
+
+    class Pipe(io.StringIO):
+        written = threading.Event()
+
+        def flush(self):
+            super().flush()
+            self.written.set()
+
+    out = Pipe()
+    monkeypatch.setattr(sys, "stderr", out)
+    for name in ("PAUSE", "BEAT"):
+        monkeypatch.setattr(tables, name, 1e-3)
+    with progress_bar("planning", False):
+        assert out.written.wait(60.0)  # however slow the machine is
+    assert out.getvalue().startswith("planning: 0 %, 0 s")
+
+
+def test_a_bar_without_a_fraction_shows_no_share(monkeypatch):
+    """0 % that stands still looks as if nothing happened."""
+    seen = terminal(monkeypatch)
+    with progress_bar("planning", False) as progress:
+        progress(0.0)
+    assert "%" not in seen.getvalue()
+    with progress_bar("planning", False) as progress:
+        progress(0.25)
+    assert "25%" in seen.getvalue()
