@@ -100,9 +100,9 @@ def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:
     """Return the share of the reducible gap that a hypothesis closes on recordings held out (or all, if none are).
 
     The best one was fitted without them; for others its parameters without them follow from the equations of the fit
-    to all.  None for `unknown` alone, which predicts nothing, and where no gap stands above the floor.
+    to all.  None for `unknown` alone, which predicts nothing, and where there is no gap.
     """
-    if h.effects == (UNKNOWN,):
+    if h.effects == (UNKNOWN,) or verdict(d) == "no_gap":
         return None
     if not h.effects:
         return 0.0

@@ -170,6 +170,7 @@ def test_no_gap_is_said_plainly(quiet_answers):
     chance = 1.0 - sum(h["probability"] for h in c["hypotheses"] if not h["effects"])
     assert sum(f["share"] for f in c["where"]) <= chance * (1.0 + 1e-12)
     assert c["gap"]["closed"] is None
+    assert all(h["closed"] is None for h in c["hypotheses"])  # over next to nothing any share came out
     assert "None" in which_text(quiet_answers)
     assert "nothing to close" in far_text(quiet_answers)
     assert "Nothing is needed" in next_text(quiet_answers)

@@ -60,6 +60,16 @@ def test_a_plan_is_made_for_a_map_as_for_alphas(name, tmp_path):
     assert sandbox.plan(motor, can=("free",)).plan.experiments
 
 
+def test_a_staircase_without_a_fault_is_not_suspicious_where_the_iron_saturates(tmp_path):
+    """Nothing was planted. Up to 180 % load L_q falls to a seventh of that at no current; the start-up turned the
+    injection."""
+    motor, _ = mapped("brusa", tmp_path)
+    sandbox.simulate(motor, "staircase", "qnull", seed=3, record=tmp_path / "record")
+    found = sandbox.check(tmp_path / "record", effects=False)
+    assert found.mistakes == ()
+    assert not any("give theta in electrical rad" in n.finding.text for n in found.noticed)
+
+
 @pytest.mark.parametrize("name", [*MAP, "quartic"])
 def test_from_a_map_to_a_simulator_that_has_what_was_found(name, tmp_path):
     """Size within four of the stated standard deviations; the two files leave the noise, as the truth does."""
