@@ -1,7 +1,7 @@
 """How large is the simulator's own error, told in effects?
 
 A diagnosis lets every effect have an *ordinary size* beside those it claims, a small share of its wide prior
-(`trace`, up to `trace_most` where the gap is large, `sandbox/gap/posterior/settings.py`).  It stands for the
+(`trace`, up to `trace_most` where the gap is large, `sandbox/gap/settings.py`).  It stands for the
 simulator's own error where that resembles an effect.  This script measures it on campaigns whose truth is known:
 their true effects and the
 ordinary deviations are fitted, then every other effect is freed on its own, one at a time.  What it comes out at,
@@ -35,7 +35,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.posterior.candidates import candidates
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, linear_model
-from sandbox.gap.posterior.settings import USUAL
+from sandbox.gap.settings import USUAL
 from sandbox.output.files import write_json
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign

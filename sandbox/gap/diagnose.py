@@ -19,15 +19,13 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised, rms_of
+from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.map_modes import map_error, with_modes
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.excerpts import begun, excerpted
-from sandbox.gap.location.drifting import Drifting, steadied
-from sandbox.gap.location.pwm_counts import Counted, pwm_counts, with_counts
 from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import held_out, weights_of
@@ -35,7 +33,10 @@ from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis, hypotheses
 from sandbox.gap.posterior.inference import infer
 from sandbox.gap.posterior.remainder import Remainder, remainder
 from sandbox.gap.posterior.search import Problem
-from sandbox.gap.posterior.settings import USUAL as USUAL_SETTINGS
+from sandbox.gap.settings import USUAL as USUAL_SETTINGS
+from sandbox.gap.unstated.drifting import Drifting, drifting
+from sandbox.gap.unstated.pwm_counts import Counted
+from sandbox.gap.unstated.unstated import Unstated
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
 from sandbox.replay.map_error import same_map
@@ -127,40 +128,27 @@ def _diagnosed(
     workers: int,
     memory: float,
     report: Callable[[str], None],
-    drifts: Drifting | None = None,
-    counts: Counted | None = None,
 ) -> Diagnosis:
-    """Return the diagnosis of a campaign, what it took left out; drifts: what its offsets differed by, if that was
-    taken off.  It is looked for at the nominal model and, where this misses too much else, at the best hypothesis.
-    counts: what the campaign's drive rounds duties to, if that was found; looked for in what the best one leaves."""
+    """Return the diagnosis of a campaign, what it took left out.  What recordings' offsets differ by is looked for at
+    the nominal model already, where it misses little else."""
     start, nominal = _nominal(own, memory, workers)
-    if drifts is None:
-        own, drifts = steadied(own, start, shown(start))
-        if drifts is not None:
-            start, nominal = _nominal(own, memory, workers)
+    drifts = Unstated(drifting=drifting(start, shown(start)))
+    if drifts:
+        start = drifts.at(start)
     hidden, count = out_of_sight(own), len(own.recordings)
-    barred = (*exclude, *hidden)
     asked = tuple(s for s in rivals if not set(s) & set(hidden))
-    short = _excerpts(own, start)
-    start, short = _with_map(start, short)
-    found = infer(Problem(start, weights_of(count), barred, asked, USUAL_SETTINGS, workers, report, short))
+    start, short = _with_map(start, _excerpts(start))
+    fitted, barred = weights_of(count), (*exclude, *hidden)
+    found = infer(Problem(start, fitted, barred, asked, USUAL_SETTINGS, workers, report, short, drifts))
+    if found.known:
+        own, start = found.known.in_campaign(own), found.start
+        nominal = normal(start, (), workers=workers)
     noise = noise_of(own)
     report("measuring the gap")
     left = held_out(found.linear)
     before = _without(found.null, start, left, workers)
     told, after = _foretelling(hypotheses(found, misstated(noise), workers=workers), before, start, left, workers)
     best = told[0].evaluated
-    if drifts is None:
-        steady, drifts = steadied(own, best.fit.point, shown(best.fit.point))
-        if drifts is not None:
-            return _diagnosed(steady, exclude, rivals, workers, memory, report, drifts, counts)
-    if counts is None and rms_of(best.fit) > USUAL_SETTINGS.gap:
-        timer = pwm_counts(best.fit.point)
-        if timer is not None:
-            rounded = replace(own, drive=with_counts(own.drive, timer.value))
-            again = _diagnosed(rounded, exclude, rivals, workers, memory, report, drifts, timer)
-            if rms_of(again.best.evaluated.fit) < rms_of(best.fit):
-                return again
     rest = remainder(found.null, best.fit, misstated(noise))
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
     place = {r.file: k for k, r in enumerate(own.recordings)}
@@ -184,9 +172,9 @@ def _diagnosed(
         noise_caution(own),
         hidden,
         noise,
-        drifts,
+        found.known.drifting,
         tuple(held_ordinary(best)),
-        counts,
+        found.known.counts,
     )
 
 
@@ -243,11 +231,12 @@ def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]
     return start, nominal
 
 
-def _excerpts(own: Campaign, start: Point) -> Point | None:
+def _excerpts(start: Point) -> Point | None:
     """Return the nominal point of a campaign cut to excerpts, on which the search for effects begins; None where that
     would save little."""
     if start.prepared.samples <= 2 * USUAL_SETTINGS.samples:
         return None
+    own = start.prepared.campaign
     short = prepare(in_order(begun(excerpted(own, USUAL_SETTINGS.samples))), steps=start.prepared.steps)
     return replace(start, prepared=replace(short, floor=start.prepared.floor, spare=start.prepared.spare))
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from experiments.ordinary_size import RESULTS, summary, values_of
-from sandbox.gap.posterior.settings import USUAL
+from sandbox.gap.settings import USUAL
 
 
 def row(share, deviation, rms=1.0, campaign="a"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,6 +28,13 @@ def shown(point: Point) -> list[Residual]:
     """Return the residuals of every recording at a point, one set."""
     simulated(1.0)
     return residuals(point.prepared, replay(point.turned(), [point.values]))
+
+
+def whole_turns(angle: Array, per_turn: float, turns: float) -> list[tuple[int, int]]:
+    """Return (first, last) of stretches of whole turns with enough samples a turn."""
+    turned = np.floor(np.maximum.accumulate(np.abs(angle - angle[0])) / (turns * math.tau))
+    edges = [0, *(np.flatnonzero(np.diff(turned) > 0.0) + 1).tolist()]
+    return [(a, b) for a, b in itertools.pairwise(edges) if b - a >= per_turn * turns]
 
 
 def link_lines(point: Point, low: float, high: float) -> list[float]:

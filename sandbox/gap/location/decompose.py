@@ -8,7 +8,6 @@ offset), -2 turns backwards (an asymmetry), +-6 are a three-phase machine's or i
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.spectrum import whole_turns
 from sandbox.gap.location.readings import Readings, readings
 from sandbox.recordings.injection import samples_per_period
 from sandbox.replay.inputs import LEGS, Inputs
@@ -199,13 +199,6 @@ def _amplitudes(p: Array, noise: Array, speed, current) -> Array:
             power = np.mean(p[own] ** 2) - np.mean(noise[own] ** 2) if own.sum() >= FEWEST else np.nan
             out[s, c] = math.sqrt(power) if power > 0.0 else np.nan
     return out
-
-
-def whole_turns(angle: Array, per_turn: float, turns: float) -> list[tuple[int, int]]:
-    """Return (first, last) of stretches of whole turns with enough samples a turn."""
-    turned = np.floor(np.maximum.accumulate(np.abs(angle - angle[0])) / (turns * math.tau))
-    edges = [0, *(np.flatnonzero(np.diff(turned) > 0.0) + 1).tolist()]
-    return [(a, b) for a, b in itertools.pairwise(edges) if b - a >= per_turn * turns]
 
 
 def _orders(own: Sequence[Inputs], z: Sequence[Complex], total: float) -> dict[int, float]:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from sandbox.gap.evidence.inverter_or_machine import explained
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.location.decompose import whole_turns
+from sandbox.gap.evidence.spectrum import whole_turns
 from sandbox.replay.replay import Residual, replay, residuals
 
 Array = NDArray[np.float64]

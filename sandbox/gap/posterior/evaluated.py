@@ -11,7 +11,7 @@ from sandbox.gap.evidence.normal import Normal, equations_of
 from sandbox.gap.evidence.priors import STEPS
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.linear_model import LinearModel, linear_model
-from sandbox.gap.posterior.settings import USUAL, Settings
+from sandbox.gap.settings import USUAL, Settings
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from sandbox.gap.evidence.fit import NEAR, Fit, rms_of
-from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.misfit import misfit, weights
+from sandbox.gap.evidence.normal import Normal, Point
 from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
 from sandbox.gap.posterior.linear_model import LinearModel
-from sandbox.gap.posterior.misfit import misfit, weights
 from sandbox.gap.posterior.search import Problem, Search
 from sandbox.gap.posterior.sets import Set, SetPosterior, log_prior, possible
+from sandbox.gap.unstated.unstated import Unstated
 
 STRAIGHT = 0.1  # of an effect's wide prior: a move on which slopes hold (the curvature of a delay makes 5 % of it)
 SMALL = 1e-6  # probability below which a set is not listed
@@ -28,8 +29,11 @@ SMALL = 1e-6  # probability below which a set is not listed
 class Inference:
     """The answer: ordinary deviations alone (far from the floor the first part of a fit), every fitted set evaluated,
     probability of sets of effects (the most probable first), the variance that estimates meet in every segment; linear:
-    the last equations of all candidates."""
+    the last equations of all candidates; start, known: the campaign's nominal point with what it does not state and was
+    found, and that."""
 
+    start: Point
+    known: Unstated
     null: Fit
     evaluated: Mapping[Set, EvaluatedModel]
     sets: Mapping[Set, float]
@@ -58,8 +62,13 @@ class _Weighing:
     """The sets near the most probable one, fitted and weighed; stand_ins: by set."""
 
     def __init__(self, search: Search) -> None:
-        self.search, self.problem = search, search.problem
+        self.search = search
         self.stand_ins: dict[Set, list[Set]] = {}
+
+    @property
+    def problem(self) -> Problem:
+        """What is asked, with what the search found that the campaign does not state."""
+        return self.search.problem
 
     def answer(self) -> Inference:
         """Return the answer."""
@@ -86,7 +95,7 @@ class _Weighing:
         assert self.search.linear is not None
         kept = {k: p for k, p in sets.items() if p > SMALL or k in fitted}
         null = fitted[()].fit if () in fitted else self.search.null
-        return Inference(null, fitted, kept, variance, self.search.linear)
+        return Inference(self.problem.start, self.problem.known, null, fitted, kept, variance, self.search.linear)
 
     def evaluated(
         self, found: Fit, variance: Mapping[tuple[int, str], float], known: Normal | None = None

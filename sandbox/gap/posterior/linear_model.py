@@ -26,7 +26,7 @@ from sandbox.gap.evidence.fit import Weights, objective, tried
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import STEPS, Coordinate, of_effect, ordinary
 from sandbox.gap.posterior.candidates import Candidate
-from sandbox.gap.posterior.settings import USUAL, Settings
+from sandbox.gap.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
 ROUNDS, SETTLED = 8, 0.5  # steps to the most probable point; promised gain of the objective that ends them

@@ -10,7 +10,7 @@ import numpy as np
 from sandbox.gap.evidence.fit import Fit
 from sandbox.gap.evidence.gap_size import DRAWS, FEWEST, UNDEFINED, rms, squares
 from sandbox.gap.evidence.normal import Normal
-from sandbox.gap.posterior.settings import USUAL, Settings
+from sandbox.gap.settings import USUAL, Settings
 
 
 @dataclass(frozen=True)

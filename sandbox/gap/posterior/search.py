@@ -19,14 +19,15 @@ from numpy.typing import NDArray
 from model.effects import library
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
+from sandbox.gap.evidence.misfit import misfit, weights
 from sandbox.gap.evidence.normal import Normal, Point, part_of
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates, free_forms, further
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_model
-from sandbox.gap.posterior.misfit import misfit, weights
 from sandbox.gap.posterior.sets import Chosen, Set, SetPosterior, log_prior
-from sandbox.gap.posterior.settings import USUAL, Settings
+from sandbox.gap.settings import USUAL, Settings
+from sandbox.gap.unstated.unstated import NOTHING, Unstated, unstated
 from sandbox.replay.map_error import same_map
 
 Array = NDArray[np.float64]
@@ -38,7 +39,8 @@ REWEIGHTED = 8  # times at most that sets are weighed anew by what the best of t
 @dataclass(frozen=True)
 class Problem:
     """What is asked: a campaign at its nominal point, recordings that count, effects that are no candidates, sets that
-    are fitted whatever else is, settings, threads, and whom to tell; excerpts: the same of parts of a long campaign."""
+    are fitted whatever else is, settings, threads, and whom to tell; excerpts: the same of parts of a long campaign;
+    known: what the campaign does not state and was found already."""
 
     start: Point
     fitted: Weights
@@ -48,6 +50,12 @@ class Problem:
     workers: int = 1
     report: Report = lambda _: None
     excerpts: Point | None = None
+    known: Unstated = NOTHING
+
+    def stating(self, new: Unstated) -> Problem:
+        """Return the same of a campaign that states what was found."""
+        short = None if self.excerpts is None else new.at(self.excerpts)
+        return replace(self, start=new.at(self.start), excerpts=short, known=self.known.and_then(new))
 
 
 class Search:
@@ -63,6 +71,7 @@ class Search:
         self.met: Weights = {}  # of segments, at their point
         self.chosen: dict[str, Candidate] = {}
         self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
+        self.looked = False  # for what the campaign does not state
 
     def begun(self) -> tuple[Fit, bool]:
         """Return the fit of the set that excerpts name, without effects where there are none, and where ordinary
@@ -76,6 +85,10 @@ class Search:
         with part_of(p.excerpts.prepared.samples / p.start.prepared.samples):
             first = Search(short, rough=0.0)
             found, _ = first.grown(first.null, True, whole=False)
+        new = first.problem.known
+        if new.counts is not p.known.counts:
+            self.state(new)
+            p, alone = self.problem, (self.null, rms_of(self.null) > self.rough)
         if not found.effects:
             return alone
         self.chosen = {e: c for e, c in first.chosen.items() if e in found.effects or not library.load_effect(e).free}
@@ -104,21 +117,52 @@ class Search:
             sets = self.linearised(here, self.found if turn < wide else self.candidates())
             known, self.linear = sets.model.normal, replace(sets.model, normal=sets.model.normal.bare())
             new = self.better(here, known, sets, seen, tried)
-            if new is None:
-                if not rough or not whole:
-                    if turn + 1 < self.problem.settings.rounds and self.freed(here):
-                        wide = turn + 2
-                        continue
-                    break
-                rough, new = False, self.fit_of(here.effects, here, known)
+            if new is not None:
+                here, known, rough = new, None, True
+                continue
+            if rough and whole:
+                new = self.fit_of(here.effects, here, known)
                 if new is None:
                     break
+                here, known, rough = new, None, False
+                continue
+            if turn + 1 == self.problem.settings.rounds:
+                break
+            new = self.told(here, excerpts=not whole)
+            if new is not None:
+                here, known, wide = new, None, turn + 2
+                seen, tried = {_parts(here.effects)}, set()
+            elif self.freed(here):
+                wide = turn + 2
             else:
-                rough = True
-            here, known = new, None
+                break
         if rough and whole:
             return self.fit_of(here.effects, here, known) or here, None
         return here, known
+
+    def told(self, here: Fit, *, excerpts: bool) -> Fit | None:
+        """Return a set fitted again to the campaign that states what its fit's residual tells; None where that tells
+        nothing, or stating it leaves more.  Once, before curves join, which hide it."""
+        if self.looked:
+            return None
+        self.looked = True
+        new = unstated(here, self.problem.known, self.problem.settings, excerpts=excerpts)
+        if not new:
+            return None
+        self.problem.report("fitting what the campaign does not state")
+        again = attempted(
+            new.at(here.point), here.effects, self.problem.fitted, smooth=True, workers=self.problem.workers
+        )
+        if again is None or rms_of(again) >= rms_of(here):
+            return None
+        self.state(new)
+        return again
+
+    def state(self, new: Unstated) -> None:
+        """State in the campaign what was found, and fit ordinary deviations again."""
+        self.problem = p = self.problem.stating(new)
+        self.null = fit(p.start, (), p.fitted, rough=self.rough, workers=p.workers)
+        self.trace = p.settings.trace_at(rms_of(self.null))
 
     def freed(self, here: Fit) -> bool:
         """Return whether curves join the candidates: once, where no set of the others leaves but noise."""

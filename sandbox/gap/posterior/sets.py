@@ -25,7 +25,7 @@ from model.compiled import kernel
 from model.effects import library
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.linear_model import LinearModel
-from sandbox.gap.posterior.settings import USUAL, Settings
+from sandbox.gap.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
 Set = tuple[str, ...]  # of effects

@@ -21,7 +21,7 @@ from scipy.special import expit
 
 from sandbox.gap.evidence.fit import Fit, stray
 from sandbox.gap.evidence.normal import Normal
-from sandbox.gap.posterior.settings import USUAL, Settings
+from sandbox.gap.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
 DECADES = 1e3  # times the mean miss: as far as the grid goes to either side of it at least

@@ -39,7 +39,7 @@ from sandbox.gap.location.where import held_at_neutral
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN
-from sandbox.gap.posterior.settings import USUAL
+from sandbox.gap.settings import USUAL
 
 Array = NDArray[np.float64]
 DRAWS = 400  # of the bootstrap

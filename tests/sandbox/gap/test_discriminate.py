@@ -34,7 +34,7 @@ from sandbox.gap.planning.within import FASTEST, allowed, within
 from sandbox.gap.posterior.candidates import at_typical
 from sandbox.gap.posterior.evaluated import evaluate
 from sandbox.gap.posterior.holdout import weights_of
-from sandbox.gap.posterior.settings import USUAL
+from sandbox.gap.settings import USUAL
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording, read_campaign
 from sandbox.replay.replay import prepare, replay

@@ -11,8 +11,8 @@ from sandbox.gap.posterior.candidates import at_typical
 from sandbox.gap.posterior.evaluated import evaluate
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.hypotheses import Hypothesis
-from sandbox.gap.posterior.settings import USUAL
 from sandbox.gap.report.distinguishability import alike
+from sandbox.gap.settings import USUAL
 from tests.sandbox.gap.conftest import start
 
 SETS = (("dead_time",), ("device_drop",))

@@ -18,7 +18,7 @@ from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.inference import infer
 from sandbox.gap.posterior.linear_model import linear_model, no_weights
 from sandbox.gap.posterior.search import Problem, Search, left_by, log_posterior
-from sandbox.gap.posterior.settings import USUAL
+from sandbox.gap.settings import USUAL
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare

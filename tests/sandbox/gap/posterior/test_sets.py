@@ -14,7 +14,7 @@ from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.gap.posterior.sets import SetPosterior, log_prior, possible
-from sandbox.gap.posterior.settings import Settings
+from sandbox.gap.settings import Settings
 
 NAMES = [e for e in library.causes() if not possible([e, "saturation"]) or e == "saturation"]
 FREE = [e for e in library.causes() if e not in ("saturation", "cross_saturation")]

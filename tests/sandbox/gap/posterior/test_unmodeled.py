@@ -8,8 +8,8 @@ from scipy.integrate import quad
 from scipy.stats import lomax, norm
 
 from sandbox.gap.posterior import unmodeled as module
-from sandbox.gap.posterior.settings import USUAL
 from sandbox.gap.posterior.unmodeled import _log_densities, log_bayes_factor
+from sandbox.gap.settings import USUAL
 
 
 def left(excess, count=20000.0):

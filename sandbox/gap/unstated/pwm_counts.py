@@ -2,11 +2,11 @@
 
 A rounded duty is off by up to half a count, and where resistance is small the current that this adds is many noise
 floors.  No effect of the library looks like it, but each number of counts N foretells it whole, x(N): duties are known,
-and the plant's own transitions say how a voltage goes on.  Nothing of it is free, so beside what the best hypothesis
-leaves, y, the log Bayes factor of N against no rounding is (y x - x x / 2) / v.  v is the variance of
-`posterior.misfit`: what else is missing counts as few shapes, however many readings there are.  It is larger where the
-residual is like x of other numbers, too: a dead time that is not fitted is, to some degree.  What a fit took of x is
-missing in y, which makes the factor a lower bound.
+and the plant's own transitions say how a voltage goes on.  Nothing of it is free, so beside what a fit leaves, y, the
+log Bayes factor of N against no rounding is (y x - x x / 2) / v.  v is the variance of `evidence.misfit` of what the
+best number leaves: what else is missing counts as few shapes, however many readings there are.  It is larger where that
+is like x of other numbers, too: a dead time that is not fitted is, to some degree.  What a fit took of x is missing in
+y, which makes the factor a lower bound.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from model.compiled import inlined, kernel
 from model.parameters import Drive
+from sandbox.gap.evidence.misfit import met
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.posterior.misfit import met
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.transitions import SHARE, displaced, transitions
 
@@ -93,38 +93,54 @@ def pwm_counts(point: Point) -> Counted | None:
     converter = point.prepared.campaign.drive.converter
     if converter.pwm_counts is not None or converter.periods_a_row > 1:
         return None
-    parts = parts_of(point)
-    variance = [met(p.y) for p in parts]
+    likely = settled(parts_of(point))
+    if likely is None or not np.logaddexp.reduce(likely.told) > math.log(SURE / (1.0 - SURE)):
+        return None
+    best, own = int(np.argmax(likely.told)), likely.counts[credible(likely.told)]
+    value, share = int(likely.counts[best]), float(likely.share[best])
+    clock = 2.0 * value / (converter.sampling_period * converter.samples_a_period)
+    return Counted(
+        value, int(own.min()), int(own.max()), clock, share, float((likely.told - log_prior(likely.counts))[best])
+    )
+
+
+class Likely(NamedTuple):
+    """The most probable numbers of counts (m,), their log posterior odds against no rounding (m,), and the shares (m,)
+    of what they foretell that are there."""
+
+    counts: Counts
+    told: Array
+    share: Array
+
+
+def settled(parts: Sequence[Part]) -> Likely | None:
+    """Return the likeliest numbers of counts, where data count as far as what the best of them leaves says: a residual
+    that rounding makes is no misfit of a model that has it.  None where recordings cannot show any."""
+    left, before = list(parts), 0
+    for _ in range(ROUNDS):
+        variance = [met(p.y) for p in left]
+        found = looked(parts, variance)
+        if found is None:
+            return None
+        counts, along, square = found
+        best = int(np.argmax(along - 0.5 * square + log_prior(counts)))
+        left = [p._replace(y=p.y - added(p, counts[best])) for p in parts]
+        told = (along - 0.5 * square) / alike(left, variance, counts[best]) + log_prior(counts)
+        before, same = counts[best], counts[best] == before
+        if same:
+            break
+    return Likely(counts, told, along / square)
+
+
+def looked(parts: Sequence[Part], variance: Sequence[float]) -> tuple[Counts, Array, Array] | None:
+    """Return the numbers that stand out most on the first samples, and their sums (`weighed`) on all of them."""
     counts = numbers(parts, variance)
     if not len(counts):
         return None
     some = min(1.0, WORK / (len(counts) * sum(len(p.duty) for p in parts)))
     along, square = weighed([p.first(some) for p in parts], variance, counts)
     counts = np.sort(counts[np.argsort(along - 0.5 * square + log_prior(counts))[-FINALISTS:]])
-    along, square = weighed(parts, variance, counts)
-    best = int(np.argmax(along - 0.5 * square))
-    factor = (along - 0.5 * square) / alike(parts, variance, counts[best])
-    if not np.logaddexp.reduce(factor + log_prior(counts)) > math.log(SURE / (1.0 - SURE)):
-        return None
-    told, share = _settled(parts, counts, int(np.argmax(factor + log_prior(counts))))
-    best, likely = int(np.argmax(told)), counts[credible(told)]
-    value = int(counts[best])
-    clock = 2.0 * value / (converter.sampling_period * converter.samples_a_period)
-    return Counted(value, int(likely.min()), int(likely.max()), clock, float(share[best]), float(factor[best]))
-
-
-def _settled(parts: Sequence[Part], counts: Counts, best: int) -> tuple[Array, Array]:
-    """Return the log posterior of numbers of counts (m,), up to a constant, where data count as far as what the best of
-    them leaves says, and the shares (m,) of what they foretell that are there; best: the place where this begins."""
-    for _ in range(ROUNDS):
-        left = [p._replace(y=p.y - added(p, counts[best])) for p in parts]
-        variance = [met(p.y) for p in left]
-        along, square = weighed(parts, variance, counts)
-        told = (along - 0.5 * square) / alike(left, variance, counts[best]) + log_prior(counts)
-        before, best = best, int(np.argmax(told))
-        if best == before:
-            break
-    return told, along / square
+    return counts, *weighed(parts, variance, counts)
 
 
 def with_counts(drive: Drive, value: int) -> Drive:

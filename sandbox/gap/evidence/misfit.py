@@ -27,7 +27,7 @@ from scipy.stats import chi2
 
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.posterior.settings import USUAL
+from sandbox.gap.settings import USUAL
 from sandbox.replay.segments import channel
 
 Array = NDArray[np.float64]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sandbox.gap.posterior.misfit import met, octaves
+from sandbox.gap.evidence.misfit import met, octaves
 
 RNG = np.random.default_rng
 

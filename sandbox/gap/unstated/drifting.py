@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from model.effects.said import quantity
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import ORDINARY, deviation_of
-from sandbox.gap.location.decompose import whole_turns
+from sandbox.gap.evidence.spectrum import whole_turns
 from sandbox.plant.sets import BENCH
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import Residual
@@ -65,16 +65,16 @@ class Drifting:
         ]
 
 
-def steadied(campaign: Campaign, point: Point, shown: Sequence[Residual]) -> tuple[Campaign, Drifting | None]:
-    """Return a campaign without what its recordings' offsets differ by, and that; the same and None where they do not
-    differ by more than is ordinary.  shown: the residuals at a point."""
+def drifting(point: Point, shown: Sequence[Residual]) -> Drifting | None:
+    """Return what the offsets of a campaign's recordings differ by; None where they do not differ by more than is
+    ordinary.  shown: the residuals at a point."""
     turns: dict[str, list[Array]] = {}
     for r, x in zip(point.prepared.recordings, shown, strict=True):
         if r.rotor != "locked":
             turns.setdefault(r.of or r.file, []).extend(_by_turn(r.motion.angle, x.current[:, :, 0]))
     own = {file: np.array(x) for file, x in turns.items() if len(x) >= FEWEST}
     if len(own) < 2:
-        return campaign, None
+        return None
     floor = point.prepared.floor
     means = np.array([floor * x[:, 0].mean(axis=0) for x in own.values()])
     errors = np.array([floor * x[:, 0].std(axis=0, ddof=1).max() / math.sqrt(len(x)) for x in own.values()])
@@ -82,14 +82,18 @@ def steadied(campaign: Campaign, point: Point, shown: Sequence[Residual]) -> tup
     beside = means - np.median(means, axis=0)
     size = np.max(np.abs(beside), axis=1)
     common = BENCH["bench.common_offset"].ordinary
-    usual = 0.0 if common is None else deviation_of(campaign, common, 0.0) / common.share
+    usual = 0.0 if common is None else deviation_of(point.prepared.campaign, common, 0.0) / common.share
     far = (size > ORDINARY * usual) & (size > SURE * errors)
     if not np.any(far) or float(even.sum()) > EVEN * float(np.sum(beside**2)):
-        return campaign, None
+        return None
     offsets = {file: (float(a), float(b), float(c)) for file, (a, b, c) in zip(own, beside, strict=True)}
-    recordings = tuple(_without(r, offsets.get(r.origin)) for r in campaign.recordings)
-    found = Drifting(offsets, dict(zip(own, errors.tolist(), strict=True)))
-    return replace(campaign, recordings=recordings), found
+    return Drifting(offsets, dict(zip(own, errors.tolist(), strict=True)))
+
+
+def steadied(campaign: Campaign, found: Drifting) -> Campaign:
+    """Return a campaign without what its recordings' offsets differ by."""
+    recordings = tuple(_without(r, found.offsets.get(r.origin)) for r in campaign.recordings)
+    return replace(campaign, recordings=recordings)
 
 
 def _without(r: CampaignRecording, offsets: Sequence[float] | None) -> CampaignRecording:

@@ -10,9 +10,9 @@ from model.drive_files import load_drive
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.location.pwm_counts import Counted, added, parts_of, pwm_counts, with_counts
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.report.answers import where_text
+from sandbox.gap.unstated.pwm_counts import Counted, added, parts_of, pwm_counts, with_counts
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare, replay
 from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
@@ -55,9 +55,7 @@ def test_foretold_is_what_a_replay_with_counts_adds(counts):
 @pytest.mark.parametrize("counts", [300, 1000, 2000])
 def test_counts_are_found_and_nothing_else(counts):
     """On the switched bench, whose equations are its own: the number itself, and J at the noise (14 400 readings)."""
-    d = diagnose(
-        small(counts), exclude=(*DELAYS, "leg_voltage"), workers=1
-    )  # a curve hides 300 counts so few rows show
+    d = diagnose(small(counts), exclude=DELAYS, workers=1)
     assert (d.counted.value, d.counted.low, d.counted.high) == (counts, counts, counts)
     assert d.counted.clock == pytest.approx(2.0 * counts * 4000.0)
     assert d.best.effects == ()

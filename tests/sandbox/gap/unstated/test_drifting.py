@@ -8,7 +8,7 @@ import pytest
 
 from model.drive_files import load_drive
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.location.drifting import steadied
+from sandbox.gap.unstated.drifting import drifting, steadied
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import Residual
 from tests.sandbox.gap.conftest import TURNING, small_campaign
@@ -20,7 +20,7 @@ N = 4000
 
 
 def at(offsets, *, along=0.0, even=0.0, turns=20, rotor="free", seed=1):
-    """Return a campaign, its point and residuals: noise, an offset (A) of sensor a in each recording (minus half of it
+    """Return a campaign's point and residuals: noise, an offset (A) of sensor a in each recording (minus half of it
     in the others), what moves with the rotor, and its second harmonic (floors)."""
     rng, k = np.random.default_rng(seed), np.arange(N)
     angle = 2.0 * np.pi * turns * (k / N + 0.2 / (2.0 * np.pi) * np.sin(2.0 * np.pi * k / N))  # its speed swings
@@ -36,13 +36,14 @@ def at(offsets, *, along=0.0, even=0.0, turns=20, rotor="free", seed=1):
         for r, x in zip(shown, read, strict=True)
     )
     campaign = Campaign("two", DRIVE, recordings, {}, {"current_offset": USUAL}, False)
-    return campaign, SimpleNamespace(prepared=SimpleNamespace(recordings=own, floor=FLOOR)), shown
+    return SimpleNamespace(prepared=SimpleNamespace(campaign=campaign, recordings=own, floor=FLOOR)), shown
 
 
 def test_offsets_of_two_recordings_are_taken_off():
     """Mean of 4000 readings: known to FLOOR / sqrt(4000); the median of two is their mean, which stays."""
-    campaign, point, shown = at((-0.011, 0.013), along=9.0)
-    steady, found = steadied(campaign, point, shown)
+    point, shown = at((-0.011, 0.013), along=9.0)
+    campaign, found = point.prepared.campaign, drifting(point, shown)
+    steady = steadied(campaign, found)
     error = FLOOR / np.sqrt(N)
     assert found.offsets["r0"] == pytest.approx((-0.012, 0.006, 0.006), abs=5 * error)
     assert all(x < 4.0 * error for x in found.errors.values())
@@ -55,7 +56,7 @@ def test_offsets_of_two_recordings_are_taken_off():
 
 
 def test_one_recording_that_is_off_leaves_the_others():
-    _, found = steadied(*at((0.0, 0.0, 0.012)))
+    found = drifting(*at((0.0, 0.0, 0.012)))
     assert found.offsets["r0"][0] == pytest.approx(0.0, abs=5 * FLOOR / np.sqrt(N))
     assert found.offsets["r2"][0] == pytest.approx(0.012, abs=5 * FLOOR / np.sqrt(N))
 
@@ -73,10 +74,7 @@ def test_one_recording_that_is_off_leaves_the_others():
     ],
 )
 def test_what_is_no_drift_stays(offsets, more):
-    campaign, point, shown = at(offsets, **more)
-    steady, found = steadied(campaign, point, shown)
-    assert found is None
-    assert steady is campaign
+    assert drifting(*at(offsets, **more)) is None
 
 
 def test_a_half_wave_has_a_fifth_of_even_harmonics():
@@ -88,7 +86,7 @@ def test_a_half_wave_has_a_fifth_of_even_harmonics():
 
 
 def test_noise_alone_says_nothing():
-    assert not any(steadied(*at((0.0, 0.0, 0.0), seed=k))[1] for k in range(50))
+    assert not any(drifting(*at((0.0, 0.0, 0.0), seed=k)) for k in range(50))
 
 
 DELAYS = ("pwm_delay", "current_sampling", "current_filter")  # which so little data cannot tell from each other

@@ -1,0 +1,59 @@
+"""What a campaign does not state and a fit's residual tells: it is stated from then on, and the fit made again.
+
+Neither is an effect that a person would look for behind a gap, and neither is free: counts foretell what rounding adds
+whole, offsets of turning recordings are known to the scatter of their turns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from sandbox.gap.evidence.fit import Fit, rms_of
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.settings import Settings
+from sandbox.gap.unstated.drifting import Drifting, drifting, steadied
+from sandbox.gap.unstated.pwm_counts import Counted, pwm_counts, with_counts
+from sandbox.recordings.campaign import Campaign
+from sandbox.replay.map_error import same_map
+from sandbox.replay.replay import prepare
+
+
+@dataclass(frozen=True)
+class Unstated:
+    """What was found, None where nothing was: counts that duties are rounded to, and what offsets of recordings differ
+    by."""
+
+    counts: Counted | None = None
+    drifting: Drifting | None = None
+
+    def __bool__(self) -> bool:
+        return self.counts is not None or self.drifting is not None
+
+    def and_then(self, new: Unstated) -> Unstated:
+        """Return both, what is new beside what was known."""
+        return Unstated(new.counts or self.counts, new.drifting or self.drifting)
+
+    def in_campaign(self, campaign: Campaign) -> Campaign:
+        """Return a campaign that states it: duties rounded to the counts, offsets taken off."""
+        if self.counts is not None:
+            campaign = replace(campaign, drive=with_counts(campaign.drive, self.counts.value))
+        return campaign if self.drifting is None else steadied(campaign, self.drifting)
+
+    def at(self, point: Point) -> Point:
+        """Return a point of the campaign that states it."""
+        old = point.prepared
+        new = prepare(self.in_campaign(old.campaign), old.base, steps=old.steps)
+        return replace(point, prepared=same_map(replace(new, floor=old.floor, spare=old.spare), old))
+
+
+NOTHING = Unstated()
+
+
+def unstated(found: Fit, known: Unstated, settings: Settings, *, excerpts: bool = False) -> Unstated:
+    """Return what a fit's residual tells that is not known yet.  Counts are looked for where it has more than noise,
+    offsets not in excerpts, as the whole recordings have more turns."""
+    point = found.point
+    drifts = None if known.drifting is not None or excerpts else drifting(point, shown(point))
+    looked = known.counts is None and drifts is None and rms_of(found) > settings.gap
+    return Unstated(pwm_counts(point) if looked else None, drifts)
