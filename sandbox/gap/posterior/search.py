@@ -85,9 +85,8 @@ class Search:
         with part_of(p.excerpts.prepared.samples / p.start.prepared.samples):
             first = Search(short, rough=0.0)
             found, _ = first.grown(first.null, True, whole=False)
-        new = first.problem.known
-        if new.counts is not p.known.counts:
-            self.state(new)
+        if first.problem.known.counts is not p.known.counts:
+            self.state(Unstated(counts=first.problem.known.counts))
             p, alone = self.problem, (self.null, rms_of(self.null) > self.rough)
         if not found.effects:
             return alone
@@ -128,7 +127,7 @@ class Search:
                 continue
             if turn + 1 == self.problem.settings.rounds:
                 break
-            new = self.told(here, excerpts=not whole)
+            new = self.restated(here, excerpts=not whole)
             if new is not None:
                 here, known, wide = new, None, turn + 2
                 seen, tried = {_parts(here.effects)}, set()
@@ -140,7 +139,7 @@ class Search:
             return self.fit_of(here.effects, here, known) or here, None
         return here, known
 
-    def told(self, here: Fit, *, excerpts: bool) -> Fit | None:
+    def restated(self, here: Fit, *, excerpts: bool) -> Fit | None:
         """Return a set fitted again to the campaign that states what its fit's residual tells; None where that tells
         nothing, or stating it leaves more.  Once, before curves join, which hide it."""
         if self.looked:
