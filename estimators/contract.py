@@ -57,7 +57,7 @@ def as_sample(row):
     return Sample(i_alpha=row[0], i_beta=row[1], u_alpha=row[2], u_beta=row[3], carrier=row[4])
 
 
-READ_ALPHA, READ_BETA, TOLD_ALPHA, TOLD_BETA = range(4)  # what stands in a row of `Oversampled.readings`
+READ_ALPHA, READ_BETA, COMMANDED_ALPHA, COMMANDED_BETA = range(4)  # what stands in a row of `Oversampled.readings`
 
 
 class Oversampled(NamedTuple):

@@ -167,7 +167,7 @@ def started(state, sample, belief, tuning):
 
 
 @kernel
-def told(state, sample, tuning):
+def estimate_of(state, sample, tuning):
     """Return the estimate at the filter's mean, and the ripple there, which is shown, not used."""
     theta, omega = state[X + 3], state[X + 2]
     state[AXIS], state[OMEGA] = theta, omega
@@ -183,7 +183,7 @@ def step(state, sample, belief, tuning):
         return started(state, sample, belief, tuning)
     predict(state, sample.u_alpha, sample.u_beta, belief, tuning)
     update(state, sample.i_alpha, sample.i_beta, belief, tuning)
-    return told(state, sample, tuning)
+    return estimate_of(state, sample, tuning)
 
 
 def init(belief, tuning, angle=None):

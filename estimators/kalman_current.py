@@ -15,7 +15,7 @@ from __future__ import annotations
 from estimators.believed import believed_flux
 from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, PHASE
-from estimators.kalman import F, K, P, X, doubt, init, sandwich, shrink, told
+from estimators.kalman import F, K, P, X, doubt, estimate_of, init, sandwich, shrink
 from estimators.startup import TRACKING, start
 from model.compiled import kernel, kernel_as
 from model.energy import hessian
@@ -103,7 +103,7 @@ def step(state, sample, belief, tuning):
         return estimate
     predict(state, sample.u_alpha, sample.u_beta, belief, tuning)
     update(state, sample.i_alpha, sample.i_beta, tuning)
-    return told(state, sample, tuning)
+    return estimate_of(state, sample, tuning)
 
 
 ESTIMATOR = Estimator(

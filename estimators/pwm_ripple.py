@@ -22,12 +22,12 @@ import cmath
 
 from estimators.believed import tracked
 from estimators.contract import (
+    COMMANDED_ALPHA,
+    COMMANDED_BETA,
     PWM,
     READ_ALPHA,
     READ_BETA,
     STEP_INSIDE,
-    TOLD_ALPHA,
-    TOLD_BETA,
     Estimator,
 )
 from estimators.demodulation import AXIS, FREE, OMEGA, PHASE, blank
@@ -47,7 +47,7 @@ OWN = TAKEN + 8 * MOST + 2
 @kernel
 def flux_of(readings, j, area, resistance):
     """Return the flux (Wb) at a reading that the voltage and R i have made; area: integral of the current (A s)."""
-    return complex(readings[j, TOLD_ALPHA], readings[j, TOLD_BETA]) - resistance * area
+    return complex(readings[j, COMMANDED_ALPHA], readings[j, COMMANDED_BETA]) - resistance * area
 
 
 @kernel

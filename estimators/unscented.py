@@ -11,7 +11,7 @@ import math
 
 from estimators.contract import STEP, Estimator
 from estimators.demodulation import FREE, PHASE, blank
-from estimators.kalman import P, X, blur, started, stator_current, told
+from estimators.kalman import P, X, blur, estimate_of, started, stator_current
 from estimators.startup import TRACKING, tell
 from model.compiled import kernel, kernel_as
 
@@ -123,7 +123,7 @@ def step(state, sample, belief, tuning):
         return started(state, sample, belief, tuning)
     predict(state, sample.u_alpha, sample.u_beta, belief, tuning)
     update(state, sample.i_alpha, sample.i_beta, belief, tuning)
-    return told(state, sample, tuning)
+    return estimate_of(state, sample, tuning)
 
 
 def init(belief, tuning, angle=None):

@@ -18,7 +18,7 @@ from model.parameters import Drive
 from sandbox.drive.closed import closed_bench, longest_step
 from sandbox.drive.loop import INSTANT, LINK, MEMORY, U_ALPHA, U_BETA, Rig, at_sample, progress
 from sandbox.drive.sensing import encoder, looked_at, read_phases
-from sandbox.plant.period import Push
+from sandbox.plant.period import AppliedTorque
 from sandbox.plant.sets import complete, features_of
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.replay.smoothing import Motion
@@ -55,10 +55,10 @@ def alone(
     n, load = len(recording.t), recording.columns["load_torque"]
     currents, track, until = np.empty((n, 3)), np.empty((n, 2)), period - float(w["delay"][0])
     for k in range(n):
-        push = Push(load[k], 0.0, until, load[min(k + 1, n - 1)], 0.0)
-        track[k] = encoder(w, bench.features, *at_sample(w, rig, push), 0.0)
+        applied = AppliedTorque(load[k], 0.0, until, load[min(k + 1, n - 1)], 0.0)
+        track[k] = encoder(w, bench.features, *at_sample(w, rig, applied), 0.0)
         memory[U_ALPHA], memory[U_BETA] = recording.u_alpha[k], recording.u_beta[k]
-        progress(k, bench, rig, push, memory, looks, seen, rng, False)
+        progress(k, bench, rig, applied, memory, looks, seen, rng, False)
         currents[k] = read_phases(w, rig, rng)
     read = np.stack([recording.i_a, recording.i_b, recording.i_c], axis=1)
     miss = np.sqrt(np.mean(np.sum((currents - read)[settled:] ** 2, axis=1) * 2.0 / 3.0)) / motor.rated_current

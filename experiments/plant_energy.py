@@ -86,15 +86,15 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
         meter.waiting.append((complex(x, y), min(max(acts[0] - t, 0.0), length)))
         kept[2](batch, acts, t, length, x, y)
 
-    def moved(batch: Any, bits: int, course: Any, t: float, length: float) -> Any:
+    def moved(batch: Any, bits: int, trajectory: Any, t: float, length: float) -> Any:
         """Move the rotor, then look."""
         before = (*meter.speeds(), w.slip[0])
-        course = kept[3](batch, bits, course, t, length)
+        trajectory = kept[3](batch, bits, trajectory, t, length)
         meter.moved(length, before)
-        return course
+        return trajectory
 
     plant.at_start, plant.in_middle, plant.lose, plant.moved = at_start, in_middle, lose, moved
-    push = plant.STILL._replace(load=load, load_after=load)
+    applied = plant.STILL._replace(load=load, load_after=load)
     try:
         for k in range(PERIODS):
             u = motor.resistance * i / e + 1j * speed * psi / e + drive.injection.amplitude * (1 if k % 8 < 4 else -1)
@@ -104,10 +104,12 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
             write_edges(room, h)
             theta, omega = motor.pole_pairs * meter.turn(), motor.pole_pairs * meter.speeds()[0]
             surge = w.surge[0] if rotor == "free" else 0.0
-            course = plant.Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, push)
-            span = plant.travel(w, flux_map, timing, features, room, course, k * h, span, looks, seen)
+            trajectory = plant.RotorTrajectory(
+                math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, applied
+            )
+            span = plant.travel(w, flux_map, timing, features, room, trajectory, k * h, span, looks, seen)
         theta = motor.pole_pairs * meter.turn()
-        plant.at_start(w, flux_map, features, math.cos(theta), math.sin(theta), 0.0, course, span)
+        plant.at_start(w, flux_map, features, math.cos(theta), math.sin(theta), 0.0, trajectory, span)
     finally:
         plant.at_start, plant.in_middle, plant.lose, plant.moved = kept
     return meter.total | {"stored": meter.stored() - stored[0]}

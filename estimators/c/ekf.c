@@ -323,7 +323,8 @@ static void demodulate(real *state, const sensorless_sample *sample, real axis, 
 }
 
 /* Return the estimate at the filter's mean, and the ripple there, which is shown, not used. */
-static sensorless_estimate told(real *state, const sensorless_sample *sample, const sensorless_tuning *tuning) {
+static sensorless_estimate estimate_of(real *state, const sensorless_sample *sample,
+    const sensorless_tuning *tuning) {
     real unused_r;
     real theta = state[X + 3];
     real omega = state[X + 2];
@@ -547,7 +548,7 @@ static sensorless_estimate step(real *state, const sensorless_sample *sample, co
     }
     predict(state, sample->u_alpha, sample->u_beta, belief, tuning);
     update(state, sample->i_alpha, sample->i_beta, belief, tuning);
-    return told(state, sample, tuning);
+    return estimate_of(state, sample, tuning);
 }
 
 typedef struct {

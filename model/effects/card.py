@@ -126,7 +126,9 @@ class Port:
 
 PORTS = {
     "link": Port(("time",), 1, "V added to the link's voltage at an instant of the recording (s)"),
-    "drawn": Port(("d_a", "d_b", "d_c", "i_a", "i_b"), 1, "V that the link sags by over a period: duties, current (A)"),
+    "drawn": Port(
+        ("d_a", "d_b", "d_c", "i_alpha", "i_beta"), 1, "V that the link sags by over a period: duties, current (A)"
+    ),
     "edge": Port(
         ("hold", "before", "after", "link"),
         2,
@@ -143,7 +145,7 @@ PORTS = {
     "leg_curve": Port(
         ("before", "after"), 1, "V a leg loses on average while its current (A) goes straight from before to after"
     ),
-    "winding": Port(("i_a", "i_b"), 2, "V lost in the windings, stationary frame, at a current (A)"),
+    "winding": Port(("i_alpha", "i_beta"), 2, "V lost in the windings, stationary frame, at a current (A)"),
     "magnets": Port(("c", "s"), 4, "harmonic flux d, q (Wb) and its slope (Wb/rad) at cos, sin of the rotor's angle"),
     "energy": Port(("c", "s", "d", "q"), 3, "further current i_d, i_q (A) and dH/dtheta (J/rad) at a flux (Wb)"),
     "torque": Port(("turn", "omega"), 1, "N m on the rotor at its mechanical angle (rad) and speed (rad/s)"),

@@ -74,8 +74,8 @@ def turned_to(bench: Bench, theta: float) -> Bench:
     c, s = np.array([math.cos(theta)]), np.array([math.sin(theta)])
     at_rest(w, c, s, rest)
     d, q = w["magnet"] + rest[0], rest[1]
-    w["psi_a"], w["psi_b"] = c * d - s * q, s * d + c * q
-    w["eddy_a"], w["eddy_b"] = w["psi_a"], w["psi_b"]
+    w["psi_alpha"], w["psi_beta"] = c * d - s * q, s * d + c * q
+    w["eddy_alpha"], w["eddy_beta"] = w["psi_alpha"], w["psi_beta"]
     w["angle"][:] = theta
     return bench._replace(w=w, room=blank_room(1))
 
@@ -101,5 +101,5 @@ def rotor_flux(bench: Bench) -> tuple[float, float]:
     w = bench.w
     theta = float(w["angle"][0] + w["pairs"][0] * w["load_share"][0] * w["twist"][0])
     c, s = math.cos(theta), math.sin(theta)
-    a, b = float(w["psi_a"][0]), float(w["psi_b"][0])
+    a, b = float(w["psi_alpha"][0]), float(w["psi_beta"][0])
     return c * a + s * b - float(w["magnet"][0]), c * b - s * a

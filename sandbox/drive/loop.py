@@ -28,7 +28,7 @@ from sandbox.plant.batch import numba_type, room_type
 from sandbox.plant.edges import write_edges
 from sandbox.plant.gates.blocked import block
 from sandbox.plant.gates.modulation import PLAIN, Modulation, given, is_plain, modulated
-from sandbox.plant.period import Course, Push, Timing, travel
+from sandbox.plant.period import AppliedTorque, RotorTrajectory, Timing, travel
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
 # the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value; the last sample's
@@ -132,17 +132,17 @@ def at_pattern(w):
 
 
 @kernel
-def at_sample(w, rig, push):
+def at_sample(w, rig, applied):
     """Return angle and speed at t_k, before the pattern's start: the rotor turned as its last acceleration made it."""
     theta, omega = rotor(w)
-    gained = w.delay[0] * (push.imposed if rig.rotor == DRIVEN else 2.0 * w.surge[0])
+    gained = w.delay[0] * (applied.imposed if rig.rotor == DRIVEN else 2.0 * w.surge[0])
     return theta - w.delay[0] * (omega - 0.5 * gained), omega - gained
 
 
 @kernel
 def at_start(w, theta):
     """Return the terminal current i_d, i_q (A) at the pattern's start, of a rotor at theta (rad)."""
-    return rotate(w.first_a[0], w.first_b[0], -theta)
+    return rotate(w.first_alpha[0], w.first_beta[0], -theta)
 
 
 @kernel
@@ -197,7 +197,7 @@ def record(row, t, motion, measured, reading, true, acting, estimate, wanted, i_
 
 
 @kernel
-def pushed(k, wanted, omega, delay, rig, profile, memory):
+def applied_in(k, wanted, omega, delay, rig, profile, memory):
     """Return what moves the rotor over the pattern that starts `delay` (s) after t_k, omega (rad/s) its speed then.
 
     The load of a sample lasts from it to the next; the acceleration takes a driven rotor to its speed at t_{k+1}, and
@@ -214,18 +214,18 @@ def pushed(k, wanted, omega, delay, rig, profile, memory):
             if rig.rotor == DRIVEN:
                 last, _ = interpolate(profile, (k + 2) * period - rig.start_time, cursor)
                 imposed_after = (last.omega - then.omega) / period
-    return Push(wanted.torque, imposed, period - delay, load, imposed_after)
+    return AppliedTorque(wanted.torque, imposed, period - delay, load, imposed_after)
 
 
 @kernel
-def keep(memory, told, next_u):
+def keep(memory, delivered, next_u):
     """Remember the voltage that acted, as the drive knows it, as the last one and the command as the one to act."""
-    memory[LAST_ALPHA], memory[LAST_BETA] = told
+    memory[LAST_ALPHA], memory[LAST_BETA] = delivered
     memory[U_ALPHA], memory[U_BETA] = next_u
 
 
 @kernel
-def progress(k, bench, rig, push, memory, looks, seen, rng, blocked):
+def progress(k, bench, rig, applied, memory, looks, seen, rng, blocked):
     """Move the plant on over the pattern that starts at t_k + its delay, and hold the current sampled for t_k; return
     the voltage (V) that the drive knows to act: the command, what its modulator made of it, or with blocked gates what
     it measures at the legs.
@@ -236,38 +236,38 @@ def progress(k, bench, rig, push, memory, looks, seen, rng, blocked):
     for m in range(3):
         room.before[m] = room.duty[m]
     u_dc = rig.link * memory[LINK]
-    told = (memory[U_ALPHA], memory[U_BETA])
-    legs = modulated(rig.modulation, told[0], told[1], u_dc)
+    delivered = (memory[U_ALPHA], memory[U_BETA])
+    legs = modulated(rig.modulation, delivered[0], delivered[1], u_dc)
     if not is_plain(rig.modulation):
-        told = given(legs, u_dc)
+        delivered = given(legs, u_dc)
     room.duty[0], room.duty[1], room.duty[2] = legs
     room.blocked = 1 if blocked else 0
     if blocked:
         block(room)
     write_edges(room, period)
     theta, omega = rotor(w)
-    surge = 0.5 * push.imposed if rig.rotor == DRIVEN else w.surge[0]
-    course = Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, push)
+    surge = 0.5 * applied.imposed if rig.rotor == DRIVEN else w.surge[0]
+    trajectory = RotorTrajectory(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, applied)
     early = memory[INSTANT] < 0.0
     after = instant(w, rig, rng)
     looks[0] = -1.0 if early else memory[INSTANT]
     looks[1] = period + after if after < 0.0 else -1.0
     held = (seen[1, 0], seen[1, 1])
     memory[SPAN] = travel(
-        w, bench.flux_map, bench.timing, bench.features, room, course, k * period, memory[SPAN], looks, seen,
+        w, bench.flux_map, bench.timing, bench.features, room, trajectory, k * period, memory[SPAN], looks, seen,
     )  # fmt: skip
     memory[INSTANT] = after
     if bench.timing.first != 0.0 or bench.timing.last != 0.0:
-        w.held_a[0], w.held_b[0] = held if early else (seen[0, 0], seen[0, 1])
+        w.held_alpha[0], w.held_beta[0] = held if early else (seen[0, 0], seen[0, 1])
     if blocked:
-        told = (room.told[0] / period, room.told[1] / period)
-    return told
+        delivered = (room.given[0] / period, room.given[1] / period)
+    return delivered
 
 
 @kernel
 def judge(w, next_u):
     """Return DONE, or what is wrong with the plant after a period: not finite, or no longer convex."""
-    if not math.isfinite(w.psi_a[0] + w.psi_b[0] + w.speed[0] + w.angle[0] + next_u[0] + next_u[1]):
+    if not math.isfinite(w.psi_alpha[0] + w.psi_beta[0] + w.speed[0] + w.angle[0] + next_u[0] + next_u[1]):
         return NOT_FINITE
     aa, ab, bb = w.stiff_aa[0] + w.stiffer_aa[0], w.stiff_ab[0] + w.stiffer_ab[0], w.stiff_bb[0] + w.stiffer_bb[0]
     return DONE if min_eigenvalue(aa, ab, bb) > 0.0 else OUTSIDE_DOMAIN
@@ -298,18 +298,18 @@ def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profi
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR], memory[LINK] = cursor, read_link(rig, rng)
         speed, delay = at_pattern(w)
-        push = pushed(k, wanted, speed, delay, rig, profile, memory)
-        theta, omega = at_sample(w, rig, push)
+        applied = applied_in(k, wanted, speed, delay, rig, profile, memory)
+        theta, omega = at_sample(w, rig, applied)
         angle, slope = encoder(w, bench.features, theta, omega, rig.encoder_step)
         measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
         if inside is not None:
             shift(bench.room, k, inside)
         blocked = wanted.blocked > 0.0 and t >= rig.start_time
-        told = progress(k, bench, rig, push, memory, looks, seen, rng, blocked)
+        delivered = progress(k, bench, rig, applied, memory, looks, seen, rng, blocked)
         reading = read_phases(w, rig, rng)
         sample = sample_of(k, reading, memory, primitive)
         estimate = ask(step, state, sample, inside, belief, tuning)
-        acting = told if blocked else (memory[U_ALPHA], memory[U_BETA])
+        acting = delivered if blocked else (memory[U_ALPHA], memory[U_BETA])
         u_alpha, u_beta, i_q = command(
             k, measured, sample, estimate, wanted, rig, control, controller, waveform, blocked
         )
@@ -319,7 +319,7 @@ def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profi
             record(row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc)
         if inside is not None:
             gather(w, bench.room, rig, inside, rig.link * memory[LINK], seen, rng)
-        keep(memory, told, (u_alpha, u_beta))
+        keep(memory, delivered, (u_alpha, u_beta))
         status = judge(w, (u_alpha, u_beta))
         if status != DONE:
             return status, k

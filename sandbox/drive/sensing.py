@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from estimators.contract import READ_ALPHA, READ_BETA, TOLD_ALPHA, TOLD_BETA
+from estimators.contract import COMMANDED_ALPHA, COMMANDED_BETA, READ_ALPHA, READ_BETA
 from model.compiled import kernel
 from model.frames import stationary
 from sandbox.drive.inside import commanded
@@ -105,9 +105,9 @@ def gather(w, room, rig, inside, u_dc, seen, rng):
             next_a, next_b = a, b
             a, b = ahead[j, 0], ahead[j, 1]
             ahead[j, 0], ahead[j, 1] = next_a, next_b
-        w.held_a[0], w.held_b[0] = a, b
+        w.held_alpha[0], w.held_beta[0] = a, b
         i_a, i_b, i_c = read_phases(w, rig, rng)
         readings[j, READ_ALPHA], readings[j, READ_BETA] = stationary(i_a, i_b, i_c)
-        readings[j, TOLD_ALPHA], readings[j, TOLD_BETA] = commanded(
+        readings[j, COMMANDED_ALPHA], readings[j, COMMANDED_BETA] = commanded(
             (j + 0.5) * period / n, period, room.duty, room.shift, u_dc
         )

@@ -11,14 +11,14 @@ from numba import types
 
 from estimators.contract import (
     BELIEF,
+    COMMANDED_ALPHA,
+    COMMANDED_BETA,
     ESTIMATE,
     OVERSAMPLED,
     READ_ALPHA,
     READ_BETA,
     SAMPLE,
     STATE,
-    TOLD_ALPHA,
-    TOLD_BETA,
     TUNING,
     Belief,
 )
@@ -41,10 +41,10 @@ from sandbox.drive.loop import (
     U_ALPHA,
     U_BETA,
     VECTOR,
+    applied_in,
     command,
     interpolate,
     keep,
-    pushed,
     record,
     sample_of,
 )
@@ -107,7 +107,7 @@ def gather(state, b, acting, u_dc, rng, inside):
             sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng),
             sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng),
         )
-        readings[j, TOLD_ALPHA], readings[j, TOLD_BETA] = commanded(
+        readings[j, COMMANDED_ALPHA], readings[j, COMMANDED_BETA] = commanded(
             (j + 0.5) * b.period / n, b.period, legs, state[SHIFT:], u_dc
         )
 
@@ -115,7 +115,7 @@ def gather(state, b, acting, u_dc, rng, inside):
 @kernel
 def known(b, acting, u_dc):
     """Return the voltage (V) that the drive knows to act: its command, or what its modulator makes of it."""
-    if b.pattern == 0.0 and b.beyond == 0.0 and b.told_pulse == 0.0:
+    if b.pattern == 0.0 and b.beyond == 0.0 and b.drive_least_pulse == 0.0:
         return acting
     d_a, d_b, d_c = leg_duties(b, acting[0], acting[1], u_dc)
     u = u_dc * vector(d_a, d_b, d_c)
@@ -152,7 +152,7 @@ def run_compiled(
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR] = cursor
         read = u_dc * read_link(rig, rng)
-        imposed = pushed(k, wanted, b.pole_pairs * x[SPEED], 0.0, rig, profile, memory).imposed / b.pole_pairs
+        imposed = applied_in(k, wanted, b.pole_pairs * x[SPEED], 0.0, rig, profile, memory).imposed / b.pole_pairs
         acting = (memory[U_ALPHA], memory[U_BETA])
         held = measure(x, b, rig.rotor, acting[0], acting[1], read, wanted.torque, imposed, rng)
         reading = (held.i_a, held.i_b, held.i_c)
@@ -168,10 +168,10 @@ def run_compiled(
         )
         if k % rig.stride == 0:
             record(rows[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, read)
-        told = progress(k, x, b, rig.rotor, acting, read, wanted.torque, imposed, inside, rng, blocked)
+        delivered = progress(k, x, b, rig.rotor, acting, read, wanted.torque, imposed, inside, rng, blocked)
         if blocked and k % rig.stride == 0:
-            rows[k // rig.stride].u_alpha, rows[k // rig.stride].u_beta = told
-        keep(memory, told, (u_alpha, u_beta))
+            rows[k // rig.stride].u_alpha, rows[k // rig.stride].u_beta = delivered
+        keep(memory, delivered, (u_alpha, u_beta))
         if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[SPEED] + x[THETA] + u_alpha + u_beta):
             return NOT_FINITE, k
         if not least_stiffness(b, complex(x[PSI_ALPHA], x[PSI_BETA]), x[THETA]) > 0.0:

@@ -66,14 +66,14 @@ int32_t sensorless_drive_init(sensorless_drive *drive, const sensorless_drive_pa
     w->off_c = R(1.0);
     drive->timing.period = drive->period;
     drive->timing.longest = drive_least(R(0.5) * drive->period, is->drive_longest_step);
-    drive->timing.tardy = commutation_latest(w);
+    drive->timing.max_edge_delay = commutation_latest(w);
     drive->timing.first = w->jitter > R(0.0) ? R(-1.0) : w->sample;
     drive->timing.last = w->jitter > R(0.0) ? R(1.0) : w->sample;
     walking_at_rest(w, &c, &s, rest);
-    w->psi_a = c * (w->magnet + rest[0]) - s * rest[1];
-    w->psi_b = s * (w->magnet + rest[0]) + c * rest[1];
-    w->eddy_a = w->psi_a;
-    w->eddy_b = w->psi_b;
+    w->psi_alpha = c * (w->magnet + rest[0]) - s * rest[1];
+    w->psi_beta = s * (w->magnet + rest[0]) + c * rest[1];
+    w->eddy_alpha = w->psi_alpha;
+    w->eddy_beta = w->psi_beta;
     w->angle = theta;
     w->speed = omega;
     for (int32_t leg = 0; leg < 3; leg++) {
@@ -125,23 +125,23 @@ void sensorless_drive_look(const sensorless_drive *drive, sensorless_drive_outpu
     drive_plant now = drive->plant, *w = &now;
     const drive_rr rotor = loop_rotor(w);
     const drive_real c = COS(rotor._0), s = SIN(rotor._0);
-    const drive_push still = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};
-    const drive_course course = {c, s, R(0.0), R(0.0), rotor._1, R(0.0), R(0.0), rotor._1, still};
+    const drive_applied_torque still = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};
+    const drive_rotor_trajectory trajectory = {c, s, R(0.0), R(0.0), rotor._1, R(0.0), R(0.0), rotor._1, still};
     drive_real across;
-    period_at_start(w$map, drive->features, c, s, R(0.0), course, drive->span);
-    w->mid_a = w->psi_a;
-    w->mid_b = w->psi_b;
-    w->j_a = w->i_a;
-    w->j_b = w->i_b;
+    period_at_start(w$map, drive->features, c, s, R(0.0), trajectory, drive->span);
+    w->mid_alpha = w->psi_alpha;
+    w->mid_beta = w->psi_beta;
+    w->j_alpha = w->i_alpha;
+    w->j_beta = w->i_beta;
     w->turning = R(0.0);
     if (drive->features & ADDITIONS_ANGULAR) {
         additions_turning(w, c, s);
     }
-    across = w->psi_a * (w->i_b - w->core_b) - w->psi_b * (w->i_a - w->core_a);
+    across = w->psi_alpha * (w->i_beta - w->core_beta) - w->psi_beta * (w->i_alpha - w->core_alpha);
     out->torque = R(1.5) * w->pairs * (across - w->turning);
-    out->i_a = w->i_a;
-    out->i_b = R(-0.5) * w->i_a + ELECTRICAL_HALF_ROOT * w->i_b;
-    out->i_c = R(-0.5) * w->i_a - ELECTRICAL_HALF_ROOT * w->i_b;
+    out->i_a = w->i_alpha;
+    out->i_b = R(-0.5) * w->i_alpha + ELECTRICAL_HALF_ROOT * w->i_beta;
+    out->i_c = R(-0.5) * w->i_alpha - ELECTRICAL_HALF_ROOT * w->i_beta;
     out->theta = rotor._0;
     out->omega = rotor._1;
     out->u_dc = w->link;
@@ -156,8 +156,8 @@ static drive_real counted(const sensorless_drive *drive, drive_real value, drive
 
 static void read_sensors(sensorless_drive *drive, const sensorless_drive_input *in, sensorless_drive_output *out) {
     drive_plant *w = &drive->plant;
-    w->held_a = drive->held[0];
-    w->held_b = drive->held[1];
+    w->held_alpha = drive->held[0];
+    w->held_beta = drive->held[1];
     sampling_read(w);
     out->read_a = counted(drive, w->read_a, in->chance[1]);
     out->read_b = counted(drive, w->read_b, in->chance[2]);
@@ -165,19 +165,19 @@ static void read_sensors(sensorless_drive *drive, const sensorless_drive_input *
 }
 
 /* What moves the rotor over this period's pattern. */
-static drive_push pushed(sensorless_drive *drive, const sensorless_drive_input *in) {
+static drive_applied_torque applied_in(sensorless_drive *drive, const sensorless_drive_input *in) {
     const drive_real left = drive->period - drive->plant.delay, omega = loop_rotor(&drive->plant)._1;
-    drive_push push = {in->load, R(0.0), left, in->load, R(0.0)};
+    drive_applied_torque applied = {in->load, R(0.0), left, in->load, R(0.0)};
     if (drive->rotor == SENSORLESS_DRIVEN) {
-        push.imposed = push.imposed_after = (in->omega_then - omega) / left;
+        applied.imposed = applied.imposed_after = (in->omega_then - omega) / left;
     }
     if (drive->plant.delay > R(0.0)) {
-        push.load_after = in->load_then;
+        applied.load_after = in->load_then;
         if (drive->rotor == SENSORLESS_DRIVEN) {
-            push.imposed_after = (in->omega_after - in->omega_then) / drive->period;
+            applied.imposed_after = (in->omega_after - in->omega_then) / drive->period;
         }
     }
-    return push;
+    return applied;
 }
 
 /* Begin a period: take over what acts in it, read encoder and link. */
@@ -189,8 +189,8 @@ static void begin(sensorless_drive *drive, const sensorless_drive_input *in, sen
         room->before[leg] = drive->duty[leg];
         drive->duty[leg] = drive_least(drive_most(in->duty[leg], R(0.0)), R(1.0));
     }
-    drive->push = pushed(drive, in);
-    motion = loop_at_sample(&drive->plant, rig, drive->push);
+    drive->applied = applied_in(drive, in);
+    motion = loop_at_sample(&drive->plant, rig, drive->applied);
     angle = sensing_encoder(&drive->plant, drive->features, motion._0, motion._1, drive->is.drive_encoder_step);
     out->theta_read = angle._0;
     out->omega_read = angle._1;
@@ -236,9 +236,9 @@ int32_t sensorless_drive_part(sensorless_drive *drive, const sensorless_drive_in
     const drive_real length = drive->period / (drive_real)parts, from = (drive_real)part * length;
     drive_real looks[2], seen[4] = {R(0.0)}, surge, beyond = last ? R(2.0) * drive->period : from + length;
     const drive_rr nothing = {R(0.0), R(0.0)};
-    drive_course course;
+    drive_rotor_trajectory trajectory;
     drive_rr rotor;
-    if (parts > 1 && timing.tardy > length) {
+    if (parts > 1 && timing.max_edge_delay > length) {
         return -2;
     }
     if (part == 0) {
@@ -256,26 +256,26 @@ int32_t sensorless_drive_part(sensorless_drive *drive, const sensorless_drive_in
         room->half = part > 0 ? -1 : 0;
     }
     rotor = loop_rotor(w);
-    course.push = drive->push;
-    course.push.until -= from;
-    surge = drive->rotor == SENSORLESS_DRIVEN ? R(0.5) * course.push.imposed : w->surge;
-    course.cos = COS(rotor._0);
-    course.sin = SIN(rotor._0);
-    course.origin = course.lead = course.jerk = R(0.0);
-    course.rate = course.speed = rotor._1;
-    course.bend = surge;
+    trajectory.applied = drive->applied;
+    trajectory.applied.until -= from;
+    surge = drive->rotor == SENSORLESS_DRIVEN ? R(0.5) * trajectory.applied.imposed : w->surge;
+    trajectory.cos = COS(rotor._0);
+    trajectory.sin = SIN(rotor._0);
+    trajectory.origin = trajectory.lead = trajectory.jerk = R(0.0);
+    trajectory.rate = trajectory.speed = rotor._1;
+    trajectory.bend = surge;
     timing.period = length;
     looks[0] = drive->instant < R(0.0) ? R(-1.0) : inside(drive->instant, from, beyond);
     looks[1] = drive->next_instant < R(0.0) ? inside(drive->period + drive->next_instant, from, beyond) : R(-1.0);
     if (plain) {
-        drive->span = period_travel(w$map, timing, drive->features, room, course, clock_of(drive) + from, drive->span,
+        drive->span = period_travel(w$map, timing, drive->features, room, trajectory, clock_of(drive) + from, drive->span,
                                     looks, seen);
         if (part == 0) {
-            drive->held[0] = w->held_a;
-            drive->held[1] = w->held_b;
+            drive->held[0] = w->held_alpha;
+            drive->held[1] = w->held_beta;
         }
     } else {
-        drive->span = $travel_looking(w$map, timing, drive->features, room, course, clock_of(drive) + from, drive->span,
+        drive->span = $travel_looking(w$map, timing, drive->features, room, trajectory, clock_of(drive) + from, drive->span,
                                       looks, seen);
         if (looks[0] >= R(0.0)) {
             drive->held[0] = seen[0];

@@ -50,9 +50,9 @@ typedef struct {
     drive_real u_dc;                   /* V, of the link in the last segment of the step */
 } sensorless_drive_output;
 
-$push
+$applied_torque
 
-$course
+$rotor_trajectory
 
 $timing
 
@@ -68,7 +68,7 @@ typedef struct {
     double time; /* s since init, of the period's beginning */
     drive_real span, instant, next_instant, period; /* s: last segment, instants of sampling, PWM period */
     drive_real duty[3], ahead[2], held[2]; /* of this period; currents sampled for the next and this one */
-    drive_push push; /* what moves the rotor in this period */
+    drive_applied_torque applied; /* what moves the rotor in this period */
     int32_t features, rotor, turns; /* turns: of the shaft taken off the angle */
 } sensorless_drive;
 

@@ -253,7 +253,7 @@ class Function:
             ]  # fmt: skip
         assert isinstance(node.iter, ast.Call)
         assert ast.unparse(node.iter.func) == "range"
-        if ast.unparse(node.iter.args[-1]) in ("w.psi_a.size", "n") and self._lanes(node.iter.args[-1]):
+        if ast.unparse(node.iter.args[-1]) in ("w.psi_alpha.size", "n") and self._lanes(node.iter.args[-1]):
             self.kinds[name] = Lane()  # the only lane
             return self._block(node.body)
         bounds = [bound(e.write(a), 6) for a in node.iter.args]
@@ -345,7 +345,7 @@ def _sets_lanes(statement: ast.Assign, name: str) -> bool:
         pairs = list(zip(target.elts, value.elts, strict=True))
     else:
         pairs = [(target, value)]
-    return any(ast.unparse(t) == name and ast.unparse(v) == "w.psi_a.size" for t, v in pairs)
+    return any(ast.unparse(t) == name and ast.unparse(v) == "w.psi_alpha.size" for t, v in pairs)
 
 
 def passed(kind: Kind) -> bool:

@@ -7,12 +7,14 @@ from model.inverter_table import MOST_POINTS
 from model.spline import SplineEnergy
 from sandbox.export.kinds import INT, LANE, REAL, Kind, Record, Rows, declared
 from sandbox.plant import batch, ports
-from sandbox.plant.period import Course, Push, Timing
+from sandbox.plant.period import AppliedTorque, RotorTrajectory, Timing
 
-PUSH = Record("drive_push", tuple((f, REAL) for f in Push._fields))
-COURSE = Record("drive_course", tuple((f, PUSH if f == "push" else REAL) for f in Course._fields))
+APPLIED_TORQUE = Record("drive_applied_torque", tuple((f, REAL) for f in AppliedTorque._fields))
+ROTOR_TRAJECTORY = Record(
+    "drive_rotor_trajectory", tuple((f, APPLIED_TORQUE if f == "applied" else REAL) for f in RotorTrajectory._fields)
+)
 TIMING = Record("drive_timing", tuple((f, REAL) for f in Timing._fields))
-TUPLES = {Push: PUSH, Course: COURSE, Timing: TIMING}
+TUPLES = {AppliedTorque: APPLIED_TORQUE, RotorTrajectory: ROTOR_TRAJECTORY, Timing: TIMING}
 TABLE = {f"table_{name}": MOST_POINTS for name in ("current", "volts", "sum")}
 
 

@@ -185,13 +185,13 @@ def _translated(energy: SplineEnergy | None) -> tuple[Program, str]:
     p.translate(at_rest, (w, row, row, Rows((2, LANE))))
     p.translate(sampling.read, (w,))
     p.translate(loop.rotor, (w,))
-    p.translate(loop.at_sample, (w, rig, records.PUSH))
+    p.translate(loop.at_sample, (w, rig, records.APPLIED_TORQUE))
     p.translate(sensing.encoder, (w, INT, REAL, REAL, REAL))
     p.translate(loop.judge, (w, p.several((REAL, REAL))))
     p.translate(additions.turning, (w, REAL, REAL))
-    start = (w, the_map, INT, REAL, REAL, REAL, records.COURSE, REAL)
+    start = (w, the_map, INT, REAL, REAL, REAL, records.ROTOR_TRAJECTORY, REAL)
     p.translate(at_start, start)
-    given = (w, the_map, records.TIMING, INT, room, records.COURSE, REAL, REAL)
+    given = (w, the_map, records.TIMING, INT, room, records.ROTOR_TRAJECTORY, REAL, REAL)
     p.translate(travel, (*given, Rows((0,)), Rows((0, 2))))
     looking = p.translate(travel, (*given, Rows((2,)), Rows((2, 2))))
     p.tuples = {"loop_rig": records.definition(rig), **p.tuples}
@@ -324,7 +324,8 @@ def _header(drive: Drive, numbers: list[Number], name: str) -> str:
     lines = [f"    {REAL} {n.field}; /* {n.unit or '1'}: {n.said} */" for n in numbers]
     return _template("drive.h").substitute(
         version=version("sensorless-sandbox"), motor=drive.name, cname=name, parameters="\n".join(lines),
-        count=len(numbers), push=records.definition(records.PUSH), course=records.definition(records.COURSE),
+        count=len(numbers), applied_torque=records.definition(records.APPLIED_TORQUE),
+        rotor_trajectory=records.definition(records.ROTOR_TRAJECTORY),
         timing=records.definition(records.TIMING), plant=records.definition(records.plant(), records.SAID),
         room=records.definition(records.room()),
     )  # fmt: skip

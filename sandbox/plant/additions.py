@@ -24,7 +24,7 @@ def orient(w, share, speed):
 
     share: of the period, at which the deviation is taken between the samples; speed: rad/s electrical.
     """
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         orient_lane(w, j, share, speed)
 
 
@@ -38,27 +38,27 @@ def orient_lane(w, j, share, speed):
 @kernel
 def supply(w, early, late):
     """Write the link's voltage, mean of two instants of the recording (s), later by each lane's delay."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         more = ports.link(w, j, early + w.delay[j]) + ports.link(w, j, late + w.delay[j])
-        w.link[j] = w.supply[j] - w.sunk[j] + 0.5 * more
+        w.link[j] = w.supply[j] - w.link_sag[j] + 0.5 * more
 
 
 @kernel
 def draw(w, d_a, d_b, d_c):
     """Write by how much the period's mean current makes the link sag, and its voltage."""
-    for j in range(w.psi_a.size):
-        w.sunk[j] = ports.drawn(w, j, d_a, d_b, d_c, w.i_a[j], w.i_b[j])
-        w.link[j] = w.supply[j] - w.sunk[j]
+    for j in range(w.psi_alpha.size):
+        w.link_sag[j] = ports.drawn(w, j, d_a, d_b, d_c, w.i_alpha[j], w.i_beta[j])
+        w.link[j] = w.supply[j] - w.link_sag[j]
 
 
 @kernel
 def magnets(w, c_0, s_0):
     """Write the magnets' harmonics at an angle of cos c_0, sin s_0 (as handed in)."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         c, s = facing(w, j, c_0, s_0)
         w.rest_d[j], w.rest_q[j], _, _ = ports.magnets(w, j, c, s)
     for k in range(w.more_magnets):
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             c, s = facing(w, j, c_0, s_0)
             d, q, _, _ = ports.further_magnets(w, k, j, c, s)
             w.rest_d[j], w.rest_q[j] = w.rest_d[j] + d, w.rest_q[j] + q
@@ -77,94 +77,97 @@ def looked_at(w, j, c_0, s_0, a, b):
 
 @kernel
 def further(w, c_0, s_0):
-    """Write the same (extra_a, extra_b) of effects' further parts at the fluxes z_d, z_q; return whether there are any.
+    """Write the same (extra_alpha, extra_beta) of further parts at the fluxes z_d, z_q; return whether there are any.
 
     What is done with these currents is linear in them, so they come in a second pass that mostly is none.
     """
     if w.more_energy == 0:
         return False
-    for j in range(w.psi_a.size):
-        w.extra_a[j] = w.extra_b[j] = 0.0
+    for j in range(w.psi_alpha.size):
+        w.extra_alpha[j] = w.extra_beta[j] = 0.0
     for k in range(w.more_energy):
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             c, s = facing(w, j, c_0, s_0)
             i_d, i_q, _ = ports.further_energy(w, k, j, c, s, w.z_d[j], w.z_q[j])
-            w.extra_a[j] += c * i_d - s * i_q
-            w.extra_b[j] += s * i_d + c * i_q
+            w.extra_alpha[j] += c * i_d - s * i_q
+            w.extra_beta[j] += s * i_d + c * i_q
     return True
 
 
 @inlined
 def more_current(w, j, c_0, s_0, a, b):
     """Return the current (A), stationary frame, of all of the energy's terms beside the motor's own at a flux (Wb)."""
-    i_a, i_b = looked_at(w, j, c_0, s_0, a, b)
+    i_alpha, i_beta = looked_at(w, j, c_0, s_0, a, b)
     c, s = facing(w, j, c_0, s_0)
     for k in range(w.more_energy):
         i_d, i_q, _ = ports.further_energy(w, k, j, c, s, w.z_d[j], w.z_q[j])
-        i_a, i_b = i_a + c * i_d - s * i_q, i_b + s * i_d + c * i_q
-    return i_a, i_b
+        i_alpha, i_beta = i_alpha + c * i_d - s * i_q, i_beta + s * i_d + c * i_q
+    return i_alpha, i_beta
 
 
 @kernel
 def stiffen_further(w, c_0, s_0):
     """Write what these terms add to the inverse incremental inductance (1/H), stationary frame, at the flux of a
     period's start: central differences of their current, exact where it has no third degree."""
-    for j in range(w.psi_a.size):
-        a, b = w.psi_a[j], w.psi_b[j]
+    for j in range(w.psi_alpha.size):
+        a, b = w.psi_alpha[j], w.psi_beta[j]
         h = DIFFERENCE * (abs(a) + abs(b)) + LEAST_DIFFERENCE
         over = 0.5 / h
-        x_a, x_b = more_current(w, j, c_0, s_0, a + h, b)
-        y_a, y_b = more_current(w, j, c_0, s_0, a - h, b)
-        u_a, u_b = more_current(w, j, c_0, s_0, a, b + h)
-        v_a, v_b = more_current(w, j, c_0, s_0, a, b - h)
-        w.stiffer_aa[j], w.stiffer_bb[j] = over * (x_a - y_a), over * (u_b - v_b)
-        w.stiffer_ab[j] = 0.5 * over * (x_b - y_b + (u_a - v_a))
+        x_alpha, x_beta = more_current(w, j, c_0, s_0, a + h, b)
+        y_alpha, y_beta = more_current(w, j, c_0, s_0, a - h, b)
+        u_alpha, u_beta = more_current(w, j, c_0, s_0, a, b + h)
+        v_alpha, v_beta = more_current(w, j, c_0, s_0, a, b - h)
+        w.stiffer_aa[j], w.stiffer_bb[j] = over * (x_alpha - y_alpha), over * (u_beta - v_beta)
+        w.stiffer_ab[j] = 0.5 * over * (x_beta - y_beta + (u_alpha - v_alpha))
 
 
 @inlined
-def entered(w, j, i_a, i_b):
+def entered(w, j, i_alpha, i_beta):
     """Add a current (A) to that at the segment's start; its drop follows."""
-    w.more_a[j], w.more_b[j] = w.more_a[j] + i_a, w.more_b[j] + i_b
-    i_a, i_b = w.i_a[j] + i_a, w.i_b[j] + i_b
-    w.i_a[j], w.i_b[j] = i_a, i_b
-    w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
+    w.more_alpha[j], w.more_beta[j] = w.more_alpha[j] + i_alpha, w.more_beta[j] + i_beta
+    i_alpha, i_beta = w.i_alpha[j] + i_alpha, w.i_beta[j] + i_beta
+    w.i_alpha[j], w.i_beta[j] = i_alpha, i_beta
+    w.drop_alpha[j], w.drop_beta[j] = w.resistance[j] * i_alpha, w.resistance[j] * i_beta
 
 
 @kernel
 def energy_at_start(w, c_0, s_0):
     """Add to the current at the segment's start what the energy's further terms say; the drop follows."""
-    for j in range(w.psi_a.size):
-        w.more_a[j] = w.more_b[j] = 0.0
-        i_a, i_b = looked_at(w, j, c_0, s_0, w.psi_a[j], w.psi_b[j])
-        entered(w, j, i_a, i_b)
+    for j in range(w.psi_alpha.size):
+        w.more_alpha[j] = w.more_beta[j] = 0.0
+        i_alpha, i_beta = looked_at(w, j, c_0, s_0, w.psi_alpha[j], w.psi_beta[j])
+        entered(w, j, i_alpha, i_beta)
     if further(w, c_0, s_0):
-        for j in range(w.psi_a.size):
-            entered(w, j, w.extra_a[j], w.extra_b[j])
+        for j in range(w.psi_alpha.size):
+            entered(w, j, w.extra_alpha[j], w.extra_beta[j])
 
 
 @inlined
-def passed(w, j, i_a, i_b, span):
+def passed(w, j, i_alpha, i_beta, span):
     """Add a current (A) to that in the segment's middle, and what it changes in the terms of `electrical.settle`: the
     way to the middle has all of the current's change."""
     k = 0.25 * span * (w.resistance[j] + w.skin_r[j])
-    x, y = k * (w.stiff_aa[j] * i_a + w.stiff_ab[j] * i_b), k * (w.stiff_ab[j] * i_a + w.stiff_bb[j] * i_b)
-    w.j_a[j], w.j_b[j] = w.j_a[j] + i_a - x, w.j_b[j] + i_b - y
-    w.fall_a[j] -= w.resistance[j] * (x * (4.0 / 3.0))
-    w.fall_b[j] -= w.resistance[j] * (y * (4.0 / 3.0))
+    x, y = (
+        k * (w.stiff_aa[j] * i_alpha + w.stiff_ab[j] * i_beta),
+        k * (w.stiff_ab[j] * i_alpha + w.stiff_bb[j] * i_beta),
+    )
+    w.j_alpha[j], w.j_beta[j] = w.j_alpha[j] + i_alpha - x, w.j_beta[j] + i_beta - y
+    w.fall_alpha[j] -= w.resistance[j] * (x * (4.0 / 3.0))
+    w.fall_beta[j] -= w.resistance[j] * (y * (4.0 / 3.0))
 
 
 @kernel
 def energy_in_middle(w, c_0, s_0, span, turned):
     """Add the same in the segment's middle; the line that turns by `turned` (rad) has none of these terms' change."""
     across = turned * (1.0 / 6.0)
-    for j in range(w.psi_a.size):
-        i_a, i_b = looked_at(w, j, c_0, s_0, w.mid_a[j], w.mid_b[j])
-        passed(w, j, i_a, i_b, span)
-        w.fall_a[j] -= w.resistance[j] * across * w.more_b[j]
-        w.fall_b[j] += w.resistance[j] * across * w.more_a[j]
+    for j in range(w.psi_alpha.size):
+        i_alpha, i_beta = looked_at(w, j, c_0, s_0, w.mid_alpha[j], w.mid_beta[j])
+        passed(w, j, i_alpha, i_beta, span)
+        w.fall_alpha[j] -= w.resistance[j] * across * w.more_beta[j]
+        w.fall_beta[j] += w.resistance[j] * across * w.more_alpha[j]
     if further(w, c_0, s_0):
-        for j in range(w.psi_a.size):
-            passed(w, j, w.extra_a[j], w.extra_b[j], span)
+        for j in range(w.psi_alpha.size):
+            passed(w, j, w.extra_alpha[j], w.extra_beta[j], span)
 
 
 @kernel
@@ -173,40 +176,40 @@ def energy_at(w, c_0, s_0, share):
 
     Harmonics turn many times as fast as the rotor: their mean is taken at two places (Gauss), the flux on its line.
     """
-    for j in range(w.psi_a.size):
-        a = w.mid_a[j] + share * (w.mid_a[j] - w.psi_a[j])
-        b = w.mid_b[j] + share * (w.mid_b[j] - w.psi_b[j])
-        i_a, i_b = looked_at(w, j, c_0, s_0, a, b)
-        w.fall_a[j] += 0.5 * w.resistance[j] * i_a
-        w.fall_b[j] += 0.5 * w.resistance[j] * i_b
+    for j in range(w.psi_alpha.size):
+        a = w.mid_alpha[j] + share * (w.mid_alpha[j] - w.psi_alpha[j])
+        b = w.mid_beta[j] + share * (w.mid_beta[j] - w.psi_beta[j])
+        i_alpha, i_beta = looked_at(w, j, c_0, s_0, a, b)
+        w.fall_alpha[j] += 0.5 * w.resistance[j] * i_alpha
+        w.fall_beta[j] += 0.5 * w.resistance[j] * i_beta
     if further(w, c_0, s_0):
-        for j in range(w.psi_a.size):
-            w.fall_a[j] += 0.5 * w.resistance[j] * w.extra_a[j]
-            w.fall_b[j] += 0.5 * w.resistance[j] * w.extra_b[j]
+        for j in range(w.psi_alpha.size):
+            w.fall_alpha[j] += 0.5 * w.resistance[j] * w.extra_alpha[j]
+            w.fall_beta[j] += 0.5 * w.resistance[j] * w.extra_beta[j]
 
 
 @kernel
 def turning(w, c_0, s_0):
     """Write dH/dtheta in the middle: of the energy's further terms, and of the magnets' harmonics."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         c, s = facing(w, j, c_0, s_0)
-        d, q = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
+        d, q = seen(w, j, c, s, w.mid_alpha[j], w.mid_beta[j])
         _, _, bent = ports.energy(w, j, c, s, d, q)
         _, _, t_d, t_q = ports.magnets(w, j, c, s)
-        m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
-        w.turning[j] = bent - t_d * (c * m_a + s * m_b) - t_q * (c * m_b - s * m_a)
+        m_alpha, m_beta = w.j_alpha[j] - w.core_alpha[j], w.j_beta[j] - w.core_beta[j]
+        w.turning[j] = bent - t_d * (c * m_alpha + s * m_beta) - t_q * (c * m_beta - s * m_alpha)
     for k in range(w.more_energy):
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             c, s = facing(w, j, c_0, s_0)
-            d, q = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
+            d, q = seen(w, j, c, s, w.mid_alpha[j], w.mid_beta[j])
             _, _, bent = ports.further_energy(w, k, j, c, s, d, q)
             w.turning[j] += bent
     for k in range(w.more_magnets):
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             c, s = facing(w, j, c_0, s_0)
             _, _, t_d, t_q = ports.further_magnets(w, k, j, c, s)
-            m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
-            w.turning[j] -= t_d * (c * m_a + s * m_b) + t_q * (c * m_b - s * m_a)
+            m_alpha, m_beta = w.j_alpha[j] - w.core_alpha[j], w.j_beta[j] - w.core_beta[j]
+            w.turning[j] -= t_d * (c * m_alpha + s * m_beta) + t_q * (c * m_beta - s * m_alpha)
 
 
 @kernel
@@ -216,10 +219,13 @@ def air_gap(w, span):
     The mean flux is that of a drop that goes from its start through its mean, not that of the prediction.
     """
     part = THIRD * span
-    for j in range(w.psi_a.size):
-        a, b = w.mid_a[j] - part * (w.fall_a[j] - w.drop_a[j]), w.mid_b[j] - part * (w.fall_b[j] - w.drop_b[j])
+    for j in range(w.psi_alpha.size):
+        a, b = (
+            w.mid_alpha[j] - part * (w.fall_alpha[j] - w.drop_alpha[j]),
+            w.mid_beta[j] - part * (w.fall_beta[j] - w.drop_beta[j]),
+        )
         w.torque[j] = pull(
-            w.pairs[j], a, b, w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j], a - w.psi_a[j], b - w.psi_b[j],
-            w.j_a[j] - w.i_a[j], w.j_b[j] - w.i_b[j],
+            w.pairs[j], a, b, w.j_alpha[j] - w.core_alpha[j], w.j_beta[j] - w.core_beta[j],
+            a - w.psi_alpha[j], b - w.psi_beta[j], w.j_alpha[j] - w.i_alpha[j], w.j_beta[j] - w.i_beta[j],
         ) - 1.5 * w.pairs[j] * w.turning[j]  # fmt: skip
         w.impulse[j] += span * w.torque[j]

@@ -20,10 +20,10 @@ from sandbox.plant.ports import FURTHER, NUMBERS
 NEVER = -1.0  # s: no edge waits
 
 STATES = {  # what a period starts from; stationary frame (alpha, beta) unless said otherwise
-    "psi_a": "flux linkage, Wb", "psi_b": "flux linkage, Wb",
-    "eddy_a": "flux behind the iron's lag, Wb", "eddy_b": "flux behind the iron's lag, Wb",
-    "slow_a": "current behind the skin effect's lag, A", "slow_b": "current behind the skin effect's lag, A",
-    "filter_a": "current behind the sensors' filter, A", "filter_b": "current behind the sensors' filter, A",
+    "psi_alpha": "flux linkage, Wb", "psi_beta": "flux linkage, Wb",
+    "eddy_alpha": "flux behind the iron's lag, Wb", "eddy_beta": "flux behind the iron's lag, Wb",
+    "slow_alpha": "current behind the skin effect's lag, A", "slow_beta": "current behind the skin effect's lag, A",
+    "filter_alpha": "current behind the sensors' filter, A", "filter_beta": "current behind the sensors' filter, A",
     "angle": "rotor less the shaft's twist, rad electrical", "speed": "of it, rad/s electrical",
     "twist": "of the shaft, rad mechanical", "slip": "slope of the twist, rad/s",
     "deviation": "what the angle's readings are off beside a constant, rad electrical",
@@ -33,30 +33,30 @@ SCRATCH = {  # within a period
     "rest_d": "magnets' harmonics in the rotor frame, Wb", "rest_q": "magnets' harmonics in the rotor frame, Wb",
     "z_d": "flux due to currents, rotor frame, Wb", "z_q": "flux due to currents, rotor frame, Wb",
     "i_d": "magnetising current, rotor frame, A", "i_q": "magnetising current, rotor frame, A",
-    "core_a": "iron-loss current, A", "core_b": "iron-loss current, A",
-    "i_a": "terminal current at the segment's start, A", "i_b": "terminal current at the segment's start, A",
-    "first_a": "terminal current at the pattern's start, A", "first_b": "terminal current there, A",
-    "j_a": "terminal current in its middle, A", "j_b": "terminal current in its middle, A",
-    "last_a": "terminal current at the last segment's start, A", "last_b": "terminal current there, A",
-    "more_a": "of it what the energy's further terms say, A", "more_b": "likewise, A",
-    "extra_a": "the same where it was last asked for, A", "extra_b": "likewise, A",
-    "bend_a": "half of what late edges add to the segment's mean flux, Wb", "bend_b": "likewise, Wb",
-    "begun_a": "iron-loss current at the segment's start, A", "begun_b": "likewise, A",
+    "core_alpha": "iron-loss current, A", "core_beta": "iron-loss current, A",
+    "i_alpha": "terminal current at the segment's start, A", "i_beta": "terminal current at the segment's start, A",
+    "first_alpha": "terminal current at the pattern's start, A", "first_beta": "terminal current there, A",
+    "j_alpha": "terminal current in its middle, A", "j_beta": "terminal current in its middle, A",
+    "last_alpha": "terminal current at the last segment's start, A", "last_beta": "terminal current there, A",
+    "more_alpha": "of it what the energy's further terms say, A", "more_beta": "likewise, A",
+    "extra_alpha": "the same where it was last asked for, A", "extra_beta": "likewise, A",
+    "bend_alpha": "half of what late edges add to the segment's mean flux, Wb", "bend_beta": "likewise, Wb",
+    "begun_alpha": "iron-loss current at the segment's start, A", "begun_beta": "likewise, A",
     "core_less": "what a growing drop takes from the mean iron-loss current, A/V",
-    "swell_a": "mean current less that in the middle, A", "swell_b": "likewise, A",
-    "leg_a": "lost in the legs at the start, V", "leg_b": "likewise, V",
-    "drop_a": "resistive voltage at the start, V", "drop_b": "resistive voltage at the start, V",
-    "fall_a": "resistive voltage, mean of the segment, V", "fall_b": "resistive voltage, mean of the segment, V",
-    "volt_a": "volt-seconds of the segment, V s", "volt_b": "volt-seconds of the segment, V s",
-    "mid_a": "flux in the middle, Wb", "mid_b": "flux in the middle, Wb",
-    "late": "s by which the edge just taken acts later", "lost_a": "volt-seconds edges before it take, V s",
-    "lost_b": "V s", "lose_a": "their mean over the segment, V s", "lose_b": "V s",
-    "early_a": "K of late edges, Wb s, see `sandbox.plant.electrical`", "early_b": "likewise, Wb s",
-    "wait_a": "of it the part of edges before", "wait_b": "Wb s",
-    "link": "voltage of the DC link, V", "sunk": "what the load takes off it, V",
+    "swell_alpha": "mean current less that in the middle, A", "swell_beta": "likewise, A",
+    "leg_alpha": "lost in the legs at the start, V", "leg_beta": "likewise, V",
+    "drop_alpha": "resistive voltage at the start, V", "drop_beta": "resistive voltage at the start, V",
+    "fall_alpha": "resistive voltage, mean of the segment, V", "fall_beta": "resistive voltage, mean of the segment, V",
+    "volt_alpha": "volt-seconds of the segment, V s", "volt_beta": "volt-seconds of the segment, V s",
+    "mid_alpha": "flux in the middle, Wb", "mid_beta": "flux in the middle, Wb",
+    "late": "s by which the edge just taken acts later", "lost_alpha": "volt-seconds edges before it take, V s",
+    "lost_beta": "V s", "lose_alpha": "their mean over the segment, V s", "lose_beta": "V s",
+    "early_alpha": "K of late edges, Wb s, see `sandbox.plant.electrical`", "early_beta": "likewise, Wb s",
+    "wait_alpha": "of it the part of edges before", "wait_beta": "Wb s",
+    "link": "voltage of the DC link, V", "link_sag": "what the load takes off it, V",
     "turning": "dH/dtheta of what depends on the angle, J/rad (up to 3/2)",
     "torque": "of the air gap, N m", "impulse": "integral of it, N m s", "last_torque": "at the last period's end, N m",
-    "held_a": "current that the samplers hold, A", "held_b": "current that the samplers hold, A",
+    "held_alpha": "current that the samplers hold, A", "held_beta": "current that the samplers hold, A",
     "when": "instant of a reading in the period, s", "next_deviation": "deviation at the period's end, rad",
     "read_a": "reading of sensor a, A", "read_b": "of sensor b, A", "read_c": "of sensor c, A",
     "stiff_aa": "inverse incremental inductance, 1/H", "stiff_ab": "1/H", "stiff_bb": "1/H",
@@ -70,7 +70,8 @@ SCRATCH = {  # within a period
 }  # fmt: skip
 LAGS = {  # of each lag over the segment under way, a row each for `CORE`, `SKIN`, `FILTER`; see `sandbox.plant.lags`
     "zeroth": "moments of its answer, see `model.lanes.lag_moments`", "first": "likewise", "second": "likewise",
-    "kink_a": "what the kinks that late edges make in the flux add to the lag's flux at the end, Wb", "kink_b": "Wb",
+    "kink_alpha": "what the kinks that late edges make in the flux add to the lag's flux at the end, Wb",
+    "kink_beta": "likewise, Wb",
 }  # fmt: skip
 CORE, SKIN, FILTER = range(3)
 PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` writes them; a mapped motor adds them to its map
@@ -84,7 +85,7 @@ PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` writes them; a 
 FIXED = {  # what effects fix once a batch, as `sandbox.plant.fixed` writes it
     "resistance": "of winding and devices, ohm", "supply": "mean voltage of the DC link, V",
     "delay": "of the pattern, s", "sample": "instant of sampling less t_k and less the pattern's delay, s",
-    "tardy": "latest that an edge acts after its command, s; written by `commutation.latest`",
+    "max_edge_delay": "latest that an edge acts after its command, s; written by `commutation.latest`",
     "jitter": "of the instant of sampling, s rms: in a closed loop, noise elsewhere",
     "core_g": "conductance across the flux slope, 1/ohm", "core_rate": "1/s of the iron's lag",
     "skin_r": "ohm", "skin_rate": "1/s", "filter_rate": "1/s", "offset": "of the angle's reading, rad electrical",
@@ -130,14 +131,14 @@ def room_type(lanes: int) -> np.dtype[Any]:
     The edges of a period in order of time: instant (s), unit vector of the leg, side (1 rises, -1 falls), whether one
     is switched (1 or 0), the leg, the place of the same leg's rising edge before it (-1: none).  duty, before: three
     legs', of this period and the last; shift: how late each leg's pulse is moved (s); half: of a PWM period
-    (`edges.write_edges`).  blocked: 1 with the gates of all switches off; level: of each leg then, of the link; told:
-    V s that the legs gave (`gates.blocked`).  Waiting: six edges of this period, then one of each leg left by the last:
+    (`edges.write_edges`).  blocked: 1 with the gates of all switches off; level: of each leg then, of the link; given:
+    V s by the legs (`gates.blocked`).  Waiting: six edges of this period, then one of each leg left by the last:
     when they act in each lane (s), when all have (s; last: the latest of all), what they change of the legs' vector.
     """
     edge = [(name, np.float64, (EDGES,)) for name in ("time", "x", "y", "side", "real")]
     place = [(name, np.int64, (EDGES,)) for name in ("leg", "mate")]
     legs = [(name, np.float64, (3,)) for name in ("duty", "before", "shift")]
-    legs += [("level", np.float64, (3,)), ("told", np.float64, (2,))]
+    legs += [("level", np.float64, (3,)), ("given", np.float64, (2,))]
     flags = [(name, np.int64) for name in ("half", "blocked")]
     more = [("acts", np.float64, (EDGES + 3, lanes)), ("until", np.float64, (EDGES + 4,))]
     change = [(name, np.float64, (EDGES + 3,)) for name in ("change_x", "change_y")]

@@ -55,46 +55,48 @@ def seen(w, j, c, s, a, b):
 @inlined
 def finished(w, j, span):
     """Return the flux (Wb) at the end of the last segment of length span (s)."""
-    return w.psi_a[j] + (w.volt_a[j] - span * w.fall_a[j]), w.psi_b[j] + (w.volt_b[j] - span * w.fall_b[j])
+    return w.psi_alpha[j] + (w.volt_alpha[j] - span * w.fall_alpha[j]), w.psi_beta[j] + (
+        w.volt_beta[j] - span * w.fall_beta[j]
+    )
 
 
 @inlined
 def terminal(w, j, c, s, i_d, i_q):
     """Return the terminal current (A), stationary frame."""
-    return c * i_d - s * i_q + w.core_a[j], s * i_d + c * i_q + w.core_b[j]
+    return c * i_d - s * i_q + w.core_alpha[j], s * i_d + c * i_q + w.core_beta[j]
 
 
 @inlined
-def take(w, j, i_a, i_b):
+def take(w, j, i_alpha, i_beta):
     """Write lane j's current at the segment's start and its drop."""
-    w.i_a[j], w.i_b[j] = i_a, i_b
-    w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
+    w.i_alpha[j], w.i_beta[j] = i_alpha, i_beta
+    w.drop_alpha[j], w.drop_beta[j] = w.resistance[j] * i_alpha, w.resistance[j] * i_beta
 
 
 @kernel
 def begin(w, flux_map, c_0, s_0, span):
     """End the last segment (span, s) and write current and drop at the next one's start."""
-    n = w.psi_a.size
+    n = w.psi_alpha.size
     if flux_map is None:
         for j in range(n):
             a, b = finished(w, j, span)
-            w.psi_a[j], w.psi_b[j] = a, b
+            w.psi_alpha[j], w.psi_beta[j] = a, b
             c, s = facing(w, j, c_0, s_0)
             d, q = seen(w, j, c, s, a, b)
             i_d, i_q = quartic(w, j, d, q)
-            i_a, i_b = terminal(w, j, c, s, i_d, i_q)
-            take(w, j, i_a, i_b)
+            i_alpha, i_beta = terminal(w, j, c, s, i_d, i_q)
+            take(w, j, i_alpha, i_beta)
     else:
         for j in range(n):
             a, b = finished(w, j, span)
-            w.psi_a[j], w.psi_b[j] = a, b
+            w.psi_alpha[j], w.psi_beta[j] = a, b
             c, s = facing(w, j, c_0, s_0)
             w.z_d[j], w.z_q[j] = seen(w, j, c, s, a, b)
         mapped(w, flux_map)
         for j in range(n):
             c, s = facing(w, j, c_0, s_0)
-            i_a, i_b = terminal(w, j, c, s, w.i_d[j], w.i_q[j])
-            take(w, j, i_a, i_b)
+            i_alpha, i_beta = terminal(w, j, c, s, w.i_d[j], w.i_q[j])
+            take(w, j, i_alpha, i_beta)
 
 
 @inlined
@@ -105,89 +107,97 @@ def early(late, span, inverse):
 
 
 @inlined
-def halfway(w, j, span, inverse, u_a, u_b, x, y):
+def halfway(w, j, span, inverse, u_alpha, u_beta, x, y):
     """Return the mean flux (Wb) over the segment, predicted with the drop at its start; write its volt-seconds.
 
-    inverse: 1/span; (u_a, u_b): vector of the legs' levels; (x, y): what of it the edge just taken changes.
+    inverse: 1/span; (u_alpha, u_beta): vector of the legs' levels; (x, y): what of it the edge just taken changes.
     """
     v, half = w.link[j], 0.5 * span
     r = min(w.late[j], span)
     m, k = r * (1.0 - 0.5 * inverse * r), v * early(r, span, inverse)
-    w.early_a[j], w.early_b[j] = k * x + w.wait_a[j], k * y + w.wait_b[j]
-    w.volt_a[j], w.volt_b[j] = v * (span * u_a - x * r) - w.lost_a[j], v * (span * u_b - y * r) - w.lost_b[j]
-    a = w.psi_a[j] + (v * (half * u_a - x * m) - w.lose_a[j]) - half * w.drop_a[j]
-    b = w.psi_b[j] + (v * (half * u_b - y * m) - w.lose_b[j]) - half * w.drop_b[j]
-    w.mid_a[j], w.mid_b[j] = a, b
+    w.early_alpha[j], w.early_beta[j] = k * x + w.wait_alpha[j], k * y + w.wait_beta[j]
+    w.volt_alpha[j], w.volt_beta[j] = (
+        v * (span * u_alpha - x * r) - w.lost_alpha[j],
+        v * (span * u_beta - y * r) - w.lost_beta[j],
+    )
+    a = w.psi_alpha[j] + (v * (half * u_alpha - x * m) - w.lose_alpha[j]) - half * w.drop_alpha[j]
+    b = w.psi_beta[j] + (v * (half * u_beta - y * m) - w.lose_beta[j]) - half * w.drop_beta[j]
+    w.mid_alpha[j], w.mid_beta[j] = a, b
     return a, b
 
 
 @inlined
-def settled(i_a, i_b, e_a, e_b, mid_a, mid_b, p_a, p_b, r, decay, turned, stiff, kink, core):
+def settled(
+    i_alpha, i_beta, e_alpha, e_beta, mid_alpha, mid_beta, p_alpha, p_beta, r, decay, turned, stiff, kink, core
+):
     """Return the current in a segment's middle, corrected, and its mean drop (V).
 
     i: current at the flux predicted; e, p: its and the flux' change from start to middle; r: ohm; decay: R S/4, with
     the skin effect's part; turned: rad by which the rotor turns in the segment; stiff: inverse inductance, 1/H; kink:
     4/S times K of late edges (Wb); core: 1/H, of the iron-loss current's kink beside the magnetising current's.
     """
-    (stiff_aa, stiff_ab, stiff_bb), (k_a, k_b) = stiff, kink
-    x, y = decay * (stiff_aa * e_a + stiff_ab * e_b), decay * (stiff_ab * e_a + stiff_bb * e_b)
-    z_a = decay * ((stiff_aa + core) * k_a + stiff_ab * k_b)
-    z_b = decay * (stiff_ab * k_a + (stiff_bb + core) * k_b)
-    k_a, k_b = 0.5 * (stiff_aa * z_a + stiff_ab * z_b), 0.5 * (stiff_ab * z_a + stiff_bb * z_b)
-    i_a, i_b = i_a - x + 3.0 * k_a, i_b - y + 3.0 * k_b
-    x, y = x * THIRD + k_a, y * THIRD + k_b
+    (stiff_aa, stiff_ab, stiff_bb), (k_alpha, k_beta) = stiff, kink
+    x, y = decay * (stiff_aa * e_alpha + stiff_ab * e_beta), decay * (stiff_ab * e_alpha + stiff_bb * e_beta)
+    z_alpha = decay * ((stiff_aa + core) * k_alpha + stiff_ab * k_beta)
+    z_beta = decay * (stiff_ab * k_alpha + (stiff_bb + core) * k_beta)
+    k_alpha, k_beta = 0.5 * (stiff_aa * z_alpha + stiff_ab * z_beta), 0.5 * (stiff_ab * z_alpha + stiff_bb * z_beta)
+    i_alpha, i_beta = i_alpha - x + 3.0 * k_alpha, i_beta - y + 3.0 * k_beta
+    x, y = x * THIRD + k_alpha, y * THIRD + k_beta
     square, across = turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
-    p, q = across * p_b - square * mid_a, -across * p_a - square * mid_b
-    y_a, y_b = stiff_aa * p + stiff_ab * q, stiff_ab * p + stiff_bb * q
+    p, q = across * p_beta - square * mid_alpha, -across * p_alpha - square * mid_beta
+    y_alpha, y_beta = stiff_aa * p + stiff_ab * q, stiff_ab * p + stiff_bb * q
     more = 1.0 + square
-    f_a, f_b = r * (more * i_a - across * e_b - x + y_a), r * (more * i_b + across * e_a - y + y_b)
-    return i_a, i_b, f_a, f_b
+    f_alpha, f_beta = (
+        r * (more * i_alpha - across * e_beta - x + y_alpha),
+        r * (more * i_beta + across * e_alpha - y + y_beta),
+    )
+    return i_alpha, i_beta, f_alpha, f_beta
 
 
 @inlined
-def settle(w, j, i_a, i_b, span, turned):
+def settle(w, j, i_alpha, i_beta, span, turned):
     """Write lane j's current in the segment's middle and its mean drop; turned: rad by which the rotor turns in it."""
     r, k = w.resistance[j], 4.0 / span
-    w.j_a[j], w.j_b[j], w.fall_a[j], w.fall_b[j] = settled(
-        i_a, i_b, i_a - w.i_a[j], i_b - w.i_b[j], w.mid_a[j], w.mid_b[j], w.mid_a[j] - w.psi_a[j],
-        w.mid_b[j] - w.psi_b[j], r, 0.25 * span * (r + w.skin_r[j]), turned,
-        (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]), (k * w.early_a[j], k * w.early_b[j]),
+    w.j_alpha[j], w.j_beta[j], w.fall_alpha[j], w.fall_beta[j] = settled(
+        i_alpha, i_beta, i_alpha - w.i_alpha[j], i_beta - w.i_beta[j], w.mid_alpha[j], w.mid_beta[j],
+        w.mid_alpha[j] - w.psi_alpha[j], w.mid_beta[j] - w.psi_beta[j], r, 0.25 * span * (r + w.skin_r[j]), turned,
+        (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]), (k * w.early_alpha[j], k * w.early_beta[j]),
         w.core_g[j] * w.core_rate[j],
     )  # fmt: skip
 
 
 @kernel
-def middle(w, flux_map, c_0, s_0, span, turned, u_a, u_b, x, y):
+def middle(w, flux_map, c_0, s_0, span, turned, u_alpha, u_beta, x, y):
     """Write volt-seconds, mean flux, and the current and drop at it, of a segment of length span (s)."""
-    n, inverse = w.psi_a.size, 1.0 / span
+    n, inverse = w.psi_alpha.size, 1.0 / span
     if flux_map is None:
         for j in range(n):
-            a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
+            a, b = halfway(w, j, span, inverse, u_alpha, u_beta, x, y)
             c, s = facing(w, j, c_0, s_0)
             d, q = seen(w, j, c, s, a, b)
             i_d, i_q = quartic(w, j, d, q)
-            i_a, i_b = terminal(w, j, c, s, i_d, i_q)
-            settle(w, j, i_a, i_b, span, turned)
+            i_alpha, i_beta = terminal(w, j, c, s, i_d, i_q)
+            settle(w, j, i_alpha, i_beta, span, turned)
     else:
         for j in range(n):
-            a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
+            a, b = halfway(w, j, span, inverse, u_alpha, u_beta, x, y)
             c, s = facing(w, j, c_0, s_0)
             w.z_d[j], w.z_q[j] = seen(w, j, c, s, a, b)
         mapped(w, flux_map)
         for j in range(n):
             c, s = facing(w, j, c_0, s_0)
-            i_a, i_b = terminal(w, j, c, s, w.i_d[j], w.i_q[j])
-            settle(w, j, i_a, i_b, span, turned)
+            i_alpha, i_beta = terminal(w, j, c, s, w.i_d[j], w.i_q[j])
+            settle(w, j, i_alpha, i_beta, span, turned)
 
 
 @inlined
-def curved(w, j, c, s, d, q, mid_a, mid_b, p_a, p_b, turned):
+def curved(w, j, c, s, d, q, mid_alpha, mid_beta, p_alpha, p_beta, turned):
     """Return what the quartic's curvature adds to a segment's mean drop (V): H'''/24 of its straight line's square.
 
     d, q: flux due to currents in the middle; mid: all of it, stationary frame; p: its change from the start.
     """
-    p_a, p_b = 2.0 * p_a + turned * mid_b, 2.0 * p_b - turned * mid_a
-    x, y = c * p_a + s * p_b, c * p_b - s * p_a
+    p_alpha, p_beta = 2.0 * p_alpha + turned * mid_beta, 2.0 * p_beta - turned * mid_alpha
+    x, y = c * p_alpha + s * p_beta, c * p_beta - s * p_alpha
     ddd, ddq = 2.0 * w.cubic_d[j] + 6.0 * w.quartic_d[j] * d, 4.0 * w.quartic_dq[j] * q
     dqq, qqq = 2.0 * w.cubic_q[j] + 4.0 * w.quartic_dq[j] * d, 6.0 * w.quartic_q[j] * q
     xx, xy, yy = x * x, 2.0 * x * y, y * y
@@ -199,67 +209,87 @@ def curved(w, j, c, s, d, q, mid_a, mid_b, p_a, p_b, turned):
 @kernel
 def bend(w, c_0, s_0, turned):
     """Add to the mean drop what curvature makes of it."""
-    for j in range(w.psi_a.size):
-        a, b = w.mid_a[j], w.mid_b[j]
+    for j in range(w.psi_alpha.size):
+        a, b = w.mid_alpha[j], w.mid_beta[j]
         c, s = facing(w, j, c_0, s_0)
         d, q = seen(w, j, c, s, a, b)
-        x, y = curved(w, j, c, s, d, q, a, b, a - w.psi_a[j], b - w.psi_b[j], turned)
-        w.fall_a[j], w.fall_b[j] = w.fall_a[j] + x, w.fall_b[j] + y
+        x, y = curved(w, j, c, s, d, q, a, b, a - w.psi_alpha[j], b - w.psi_beta[j], turned)
+        w.fall_alpha[j], w.fall_beta[j] = w.fall_alpha[j] + x, w.fall_beta[j] + y
 
 
 @kernel
-def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y):
+def plain_step(w, here, there, span, turned, long, pulled, u_alpha, u_beta, x, y):
     """Take a whole segment of a plant that nothing is added to, up to the next edge: `middle`, then `begin`, in one.
 
     here, there: cos and sin of the angle handed in, in the middle and at the end; long, pulled: whether curvature, and
     torque, count.
     """
     half, inverse = 0.5 * span, 1.0 / span
-    for j in range(w.psi_a.size):
-        v, late, res, psi_a, psi_b = w.link[j], min(w.late[j], span), w.resistance[j], w.psi_a[j], w.psi_b[j]
-        m, o_a, o_b = late * (1.0 - 0.5 * inverse * late), w.i_a[j], w.i_b[j]
+    for j in range(w.psi_alpha.size):
+        v, late, res, psi_alpha, psi_beta = (
+            w.link[j],
+            min(w.late[j], span),
+            w.resistance[j],
+            w.psi_alpha[j],
+            w.psi_beta[j],
+        )
+        m, o_alpha, o_beta = late * (1.0 - 0.5 * inverse * late), w.i_alpha[j], w.i_beta[j]
         left = 1.0 - late * inverse
         k = (2.0 / 3.0) * v * late * left * left  # 4/S K, see `early`
-        p_a, p_b = v * (half * u_a - x * m) - half * res * o_a, v * (half * u_b - y * m) - half * res * o_b
-        a, b = psi_a + p_a, psi_b + p_b
+        p_alpha, p_beta = (
+            v * (half * u_alpha - x * m) - half * res * o_alpha,
+            v * (half * u_beta - y * m) - half * res * o_beta,
+        )
+        a, b = psi_alpha + p_alpha, psi_beta + p_beta
         c, s = facing(w, j, here[0], here[1])
         d, q = c * a + s * b - w.magnet[j], c * b - s * a
         i_d, i_q = quartic(w, j, d, q)
-        i_a, i_b = c * i_d - s * i_q, s * i_d + c * i_q
-        e_a, e_b = i_a - o_a, i_b - o_b
-        i_a, i_b, f_a, f_b = settled(
-            i_a, i_b, e_a, e_b, a, b, p_a, p_b, res, 0.25 * span * res, turned,
+        i_alpha, i_beta = c * i_d - s * i_q, s * i_d + c * i_q
+        e_alpha, e_beta = i_alpha - o_alpha, i_beta - o_beta
+        i_alpha, i_beta, f_alpha, f_beta = settled(
+            i_alpha, i_beta, e_alpha, e_beta, a, b, p_alpha, p_beta, res, 0.25 * span * res, turned,
             (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]), (k * x, k * y), 0.0,
         )  # fmt: skip
         if long:
-            g_a, g_b = curved(w, j, c, s, d, q, a, b, p_a, p_b, turned)
-            f_a, f_b = f_a + g_a, f_b + g_b
+            g_alpha, g_beta = curved(w, j, c, s, d, q, a, b, p_alpha, p_beta, turned)
+            f_alpha, f_beta = f_alpha + g_alpha, f_beta + g_beta
         if pulled:
-            g_a, g_b = THIRD * span * (f_a - res * o_a), THIRD * span * (f_b - res * o_b)  # see `additions.air_gap`
+            g_alpha, g_beta = (
+                THIRD * span * (f_alpha - res * o_alpha),
+                THIRD * span * (f_beta - res * o_beta),
+            )  # see `additions.air_gap`
             w.impulse[j] += span * pull(
-                w.pairs[j], a - g_a, b - g_b, i_a, i_b, p_a - g_a, p_b - g_b, i_a - o_a, i_b - o_b
+                w.pairs[j],
+                a - g_alpha,
+                b - g_beta,
+                i_alpha,
+                i_beta,
+                p_alpha - g_alpha,
+                p_beta - g_beta,
+                i_alpha - o_alpha,
+                i_beta - o_beta,
             )
-        psi_a += v * (span * u_a - x * late) - span * f_a
-        psi_b += v * (span * u_b - y * late) - span * f_b
-        w.psi_a[j], w.psi_b[j] = psi_a, psi_b
+        psi_alpha += v * (span * u_alpha - x * late) - span * f_alpha
+        psi_beta += v * (span * u_beta - y * late) - span * f_beta
+        w.psi_alpha[j], w.psi_beta[j] = psi_alpha, psi_beta
         c, s = facing(w, j, there[0], there[1])
-        i_d, i_q = quartic(w, j, c * psi_a + s * psi_b - w.magnet[j], c * psi_b - s * psi_a)
-        i_a, i_b = c * i_d - s * i_q, s * i_d + c * i_q
-        w.i_a[j], w.i_b[j] = i_a, i_b
+        i_d, i_q = quartic(w, j, c * psi_alpha + s * psi_beta - w.magnet[j], c * psi_beta - s * psi_alpha)
+        i_alpha, i_beta = c * i_d - s * i_q, s * i_d + c * i_q
+        w.i_alpha[j], w.i_beta[j] = i_alpha, i_beta
 
 
 @inlined
-def pull(pairs, mid_a, mid_b, m_a, m_b, p_a, p_b, e_a, e_b):
+def pull(pairs, mid_alpha, mid_beta, m_alpha, m_beta, p_alpha, p_beta, e_alpha, e_beta):
     """Return the mean torque of a segment (N m) less what turns with the angle: flux and magnetising current go
     straight through (mid, m), having changed by (p, e) since the start."""
-    return 1.5 * pairs * (mid_a * m_b - mid_b * m_a + THIRD * (p_a * e_b - p_b * e_a))
+    return 1.5 * pairs * (mid_alpha * m_beta - mid_beta * m_alpha + THIRD * (p_alpha * e_beta - p_beta * e_alpha))
 
 
 @kernel
 def dropped(w):
     """Write the drop at a segment's start, which plain steps leave out."""
-    for j in range(w.psi_a.size):
-        w.drop_a[j], w.drop_b[j] = w.resistance[j] * w.i_a[j], w.resistance[j] * w.i_b[j]
+    for j in range(w.psi_alpha.size):
+        w.drop_alpha[j], w.drop_beta[j] = w.resistance[j] * w.i_alpha[j], w.resistance[j] * w.i_beta[j]
 
 
 @inlined
@@ -272,7 +302,7 @@ def shared_cell(w, m):
     inside = 0.0 <= x_0 < m.cells.shape[0] and 0.0 <= y_0 < m.cells.shape[1]
     i, k = (int(x_0), int(y_0)) if inside else (0, 0)
     off = 0.0
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         x, y = place(w, j, m, i, k)
         off = max(off, max(abs(x - 0.5), abs(y - 0.5)))
     return i, k, inside and off <= 0.5
@@ -287,7 +317,7 @@ def place(w, j, m, i, k):
 @kernel
 def mapped(w, m):
     """Write i_d, i_q (A) at the fluxes z_d, z_q: those of the map and each lane's own addition to it."""
-    n = w.psi_a.size
+    n = w.psi_alpha.size
     i, k, alike = shared_cell(w, m)
     if alike:
         p = polynomial(m.cells[i, k])
@@ -308,16 +338,16 @@ def stiffen(w, flux_map, c_0, s_0):
 
     On a flux map z_d, z_q are overwritten by that flux.
     """
-    n = w.psi_a.size
+    n = w.psi_alpha.size
     if flux_map is None:
         for j in range(n):
             c, s = facing(w, j, c_0, s_0)
-            d, q = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
+            d, q = seen(w, j, c, s, w.psi_alpha[j], w.psi_beta[j])
             stiff(w, j, c, s, d, q, (0.0, 0.0, 0.0))
     else:
         for j in range(n):
             c, s = facing(w, j, c_0, s_0)
-            w.z_d[j], w.z_q[j] = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
+            w.z_d[j], w.z_q[j] = seen(w, j, c, s, w.psi_alpha[j], w.psi_beta[j])
         i, k, alike = shared_cell(w, flux_map)
         if alike:
             p = polynomial(flux_map.cells[i, k])
@@ -349,17 +379,17 @@ def stiff(w, j, c, s, d, q, more):
 def lose(w, acts, t, span, x, y):
     """Add what an earlier edge of leg vector (x, y), acting at acts (lanes,) s, takes from a segment begun at t (s)."""
     inverse = 1.0 / span
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         r = min(max(acts[j] - t, 0.0), span)
         m, v = r * (1.0 - 0.5 * inverse * r), w.link[j]
         k = v * early(r, span, inverse)
-        w.wait_a[j], w.wait_b[j] = w.wait_a[j] + k * x, w.wait_b[j] + k * y
-        w.lost_a[j], w.lost_b[j] = w.lost_a[j] + v * x * r, w.lost_b[j] + v * y * r
-        w.lose_a[j], w.lose_b[j] = w.lose_a[j] + v * x * m, w.lose_b[j] + v * y * m
+        w.wait_alpha[j], w.wait_beta[j] = w.wait_alpha[j] + k * x, w.wait_beta[j] + k * y
+        w.lost_alpha[j], w.lost_beta[j] = w.lost_alpha[j] + v * x * r, w.lost_beta[j] + v * y * r
+        w.lose_alpha[j], w.lose_beta[j] = w.lose_alpha[j] + v * x * m, w.lose_beta[j] + v * y * m
 
 
 @kernel
 def nothing_lost(w):
     """Clear what earlier edges took."""
-    for j in range(w.psi_a.size):
-        w.lost_a[j] = w.lost_b[j] = w.lose_a[j] = w.lose_b[j] = w.wait_a[j] = w.wait_b[j] = 0.0
+    for j in range(w.psi_alpha.size):
+        w.lost_alpha[j] = w.lost_beta[j] = w.lose_alpha[j] = w.lose_beta[j] = w.wait_alpha[j] = w.wait_beta[j] = 0.0

@@ -29,7 +29,7 @@ def rate_of(time_constant):
 @kernel
 def fix(w, nominal):
     """Write a batch's rows `FIXED`, its effects' parameters and the rows `PLANT` known; nominal: the link's voltage."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         w.resistance[j] = w.winding[j] + ports.resistance(w, j)
         w.supply[j] = (1.0 + ports.supply(w, j)) * nominal
         w.core_g[j], lag = ports.iron(w, j)

@@ -26,7 +26,7 @@ from sandbox.plant.electrical import finished, halfway
 def face(w, c, s):
     """Write the inverse inductance (1/H) with the rotor turned on by an angle of cos c, sin s since it was written."""
     c_2, s_2 = c * c - s * s, 2.0 * c * s
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         mean, half = 0.5 * (w.stiff_aa[j] + w.stiff_bb[j]), 0.5 * (w.stiff_aa[j] - w.stiff_bb[j])
         across = half * c_2 - w.stiff_ab[j] * s_2
         w.faced_aa[j], w.faced_bb[j] = mean + across, mean - across
@@ -37,14 +37,14 @@ def face(w, c, s):
 def weigh(w, lag, rates, span):
     """Write the moments of a lag over a segment of length span (s) and clear its kinks; rates: (lanes,) 1/s."""
     fastest = 0.0
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         fastest = max(fastest, rates[j])
-        w.kink_a[lag, j] = w.kink_b[lag, j] = 0.0
+        w.kink_alpha[lag, j] = w.kink_beta[lag, j] = 0.0
     if span * fastest <= SERIES_BELOW:  # the same numbers sooner
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             w.zeroth[lag, j], w.first[lag, j], w.second[lag, j] = short_lag_moments(span * rates[j])
     else:
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             w.zeroth[lag, j], w.first[lag, j], w.second[lag, j] = lag_moments(span * rates[j])
 
 
@@ -52,19 +52,19 @@ def weigh(w, lag, rates, span):
 def answer(late, steps, gone):
     """Return what a lag answers to the kink of an edge over what that changes (see above); late: share of the segment;
     steps: the segment over the time constant; gone: one minus the decay."""
-    told = (late + (1.0 - late) * (1.0 - gone) - fading(-steps * (1.0 - late))) / steps
-    return told if late > 0.0 else 0.0
+    answered = (late + (1.0 - late) * (1.0 - gone) - fading(-steps * (1.0 - late))) / steps
+    return answered if late > 0.0 else 0.0
 
 
 @inlined
 def kink(w, lag, rates, acts, t, span, x, y):
     """Add the kink of an edge of leg vector (x, y) that acts at acts (lanes,) s, in a segment begun at t (s)."""
     inverse = 1.0 / span
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         late = min(max(acts[j] - t, 0.0), span) * inverse
         flux = w.link[j] * span * answer(late, span * rates[j], w.zeroth[lag, j])
-        w.kink_a[lag, j] -= flux * x
-        w.kink_b[lag, j] -= flux * y
+        w.kink_alpha[lag, j] -= flux * x
+        w.kink_beta[lag, j] -= flux * y
 
 
 @inlined
@@ -72,8 +72,8 @@ def bend(w, j, half):
     """Return half of what late edges add to a segment's mean flux (Wb), beside the straight line between its ends;
     half: of the segment, s."""
     return (
-        0.5 * (w.mid_a[j] - w.psi_a[j] + half * w.drop_a[j] - 0.5 * w.volt_a[j]),
-        0.5 * (w.mid_b[j] - w.psi_b[j] + half * w.drop_b[j] - 0.5 * w.volt_b[j]),
+        0.5 * (w.mid_alpha[j] - w.psi_alpha[j] + half * w.drop_alpha[j] - 0.5 * w.volt_alpha[j]),
+        0.5 * (w.mid_beta[j] - w.psi_beta[j] + half * w.drop_beta[j] - 0.5 * w.volt_beta[j]),
     )
 
 
@@ -92,9 +92,9 @@ def remember(w, span):
     the flux's mean differ from that of its ends by twice `bend`, where Simpson's rule would see two thirds of it.
     """
     half = 0.5 * span
-    for j in range(w.psi_a.size):
-        w.last_a[j], w.last_b[j] = w.i_a[j], w.i_b[j]
-        w.bend_a[j], w.bend_b[j] = bend(w, j, half)
+    for j in range(w.psi_alpha.size):
+        w.last_alpha[j], w.last_beta[j] = w.i_alpha[j], w.i_beta[j]
+        w.bend_alpha[j], w.bend_beta[j] = bend(w, j, half)
 
 
 @kernel
@@ -105,37 +105,39 @@ def close_iron(w, span):
     the middle's current is known, too: of a parabola with this start, mean and end.
     """
     quarter = 0.25 * span
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         a, b = finished(w, j, span)
         gone = w.zeroth[CORE, j]
         w_0, w_m, w_1 = lag_weights(gone, w.first[CORE, j], w.second[CORE, j])
-        m_a = w.mid_a[j] - 2.0 * w.bend_a[j] - quarter * (w.fall_a[j] - w.drop_a[j])
-        m_b = w.mid_b[j] - 2.0 * w.bend_b[j] - quarter * (w.fall_b[j] - w.drop_b[j])
-        y_a = (1.0 - gone) * w.eddy_a[j] + w_0 * w.psi_a[j] + w_m * m_a + w_1 * a + w.kink_a[CORE, j]
-        y_b = (1.0 - gone) * w.eddy_b[j] + w_0 * w.psi_b[j] + w_m * m_b + w_1 * b + w.kink_b[CORE, j]
-        w.eddy_a[j], w.eddy_b[j] = y_a, y_b
+        m_alpha = w.mid_alpha[j] - 2.0 * w.bend_alpha[j] - quarter * (w.fall_alpha[j] - w.drop_alpha[j])
+        m_beta = w.mid_beta[j] - 2.0 * w.bend_beta[j] - quarter * (w.fall_beta[j] - w.drop_beta[j])
+        y_alpha = (
+            (1.0 - gone) * w.eddy_alpha[j] + w_0 * w.psi_alpha[j] + w_m * m_alpha + w_1 * a + w.kink_alpha[CORE, j]
+        )
+        y_beta = (1.0 - gone) * w.eddy_beta[j] + w_0 * w.psi_beta[j] + w_m * m_beta + w_1 * b + w.kink_beta[CORE, j]
+        w.eddy_alpha[j], w.eddy_beta[j] = y_alpha, y_beta
         g = w.core_g[j] * w.core_rate[j]
-        c_a, c_b = g * (a - y_a), g * (b - y_b)
-        w.j_a[j] += 0.5 * w.core_a[j] - 0.25 * (w.begun_a[j] + c_a)
-        w.j_b[j] += 0.5 * w.core_b[j] - 0.25 * (w.begun_b[j] + c_b)
-        w.core_a[j], w.core_b[j] = c_a, c_b
+        c_alpha, c_beta = g * (a - y_alpha), g * (b - y_beta)
+        w.j_alpha[j] += 0.5 * w.core_alpha[j] - 0.25 * (w.begun_alpha[j] + c_alpha)
+        w.j_beta[j] += 0.5 * w.core_beta[j] - 0.25 * (w.begun_beta[j] + c_beta)
+        w.core_alpha[j], w.core_beta[j] = c_alpha, c_beta
 
 
 @kernel
-def iron_in_middle(w, span, u_a, u_b, x, y):
+def iron_in_middle(w, span, u_alpha, u_beta, x, y):
     """Write the mean iron-loss current of the segment, g/S times what the flux behind the lag moves by; the flux goes
     straight on through its middle, but for the kink."""
     inverse, half = 1.0 / span, 0.5 * span
-    for j in range(w.psi_a.size):
-        a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
+    for j in range(w.psi_alpha.size):
+        a, b = halfway(w, j, span, inverse, u_alpha, u_beta, x, y)
         gone, first = w.zeroth[CORE, j], w.first[CORE, j]
-        p, q, g = w.psi_a[j], w.psi_b[j], w.core_g[j] * inverse
+        p, q, g = w.psi_alpha[j], w.psi_beta[j], w.core_g[j] * inverse
         w.core_less[j] = w.core_g[j] * w.second[CORE, j]
-        w.begun_a[j], w.begun_b[j] = w.core_a[j], w.core_b[j]
-        bend_a, bend_b = bend(w, j, half)
-        moved_a = gone * (p - w.eddy_a[j]) + 2.0 * first * (a - 2.0 * bend_a - p) + w.kink_a[CORE, j]
-        moved_b = gone * (q - w.eddy_b[j]) + 2.0 * first * (b - 2.0 * bend_b - q) + w.kink_b[CORE, j]
-        w.core_a[j], w.core_b[j] = g * moved_a, g * moved_b
+        w.begun_alpha[j], w.begun_beta[j] = w.core_alpha[j], w.core_beta[j]
+        bend_alpha, bend_beta = bend(w, j, half)
+        moved_alpha = gone * (p - w.eddy_alpha[j]) + 2.0 * first * (a - 2.0 * bend_alpha - p) + w.kink_alpha[CORE, j]
+        moved_beta = gone * (q - w.eddy_beta[j]) + 2.0 * first * (b - 2.0 * bend_beta - q) + w.kink_beta[CORE, j]
+        w.core_alpha[j], w.core_beta[j] = g * moved_alpha, g * moved_beta
 
 
 @kernel
@@ -143,66 +145,66 @@ def iron_stays(w, turned):
     """Take from the drop what `electrical.settled` gave the iron-loss current for turning with the rotor (by `turned`,
     rad), which it does not."""
     square, across = turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
-    for j in range(w.psi_a.size):
-        r, e_a, e_b = w.resistance[j], w.core_a[j] - w.begun_a[j], w.core_b[j] - w.begun_b[j]
-        w.fall_a[j] -= r * (square * w.core_a[j] - across * e_b)
-        w.fall_b[j] -= r * (square * w.core_b[j] + across * e_a)
+    for j in range(w.psi_alpha.size):
+        r, e_alpha, e_beta = w.resistance[j], w.core_alpha[j] - w.begun_alpha[j], w.core_beta[j] - w.begun_beta[j]
+        w.fall_alpha[j] -= r * (square * w.core_alpha[j] - across * e_beta)
+        w.fall_beta[j] -= r * (square * w.core_beta[j] + across * e_alpha)
 
 
 @kernel
 def iron_bends(w):
     """Take from the mean iron-loss current what the growth of the whole drop over the segment bends the flux: last,
     when all have said what they add to the drop."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         r = w.resistance[j]
-        a, b = w.core_less[j] * (w.fall_a[j] - w.drop_a[j]), w.core_less[j] * (w.fall_b[j] - w.drop_b[j])
-        w.core_a[j], w.core_b[j] = w.core_a[j] - a, w.core_b[j] - b
-        w.j_a[j], w.j_b[j] = w.j_a[j] - a, w.j_b[j] - b
-        w.fall_a[j], w.fall_b[j] = w.fall_a[j] - r * a, w.fall_b[j] - r * b
+        a, b = w.core_less[j] * (w.fall_alpha[j] - w.drop_alpha[j]), w.core_less[j] * (w.fall_beta[j] - w.drop_beta[j])
+        w.core_alpha[j], w.core_beta[j] = w.core_alpha[j] - a, w.core_beta[j] - b
+        w.j_alpha[j], w.j_beta[j] = w.j_alpha[j] - a, w.j_beta[j] - b
+        w.fall_alpha[j], w.fall_beta[j] = w.fall_alpha[j] - r * a, w.fall_beta[j] - r * b
 
 
 @inlined
-def behind(w, lag, j, x_a, x_b):
+def behind(w, lag, j, x_alpha, x_beta):
     """Return the current (A) behind a lag at the end of a segment that ends with the current as it is now.
 
-    (x_a, x_b): the same at its start.  The magnetising current in the middle is that at the mean flux, so it holds the
-    kink's mean once; the iron's, of a parabola, holds it one and a half times.
+    (x_alpha, x_beta): the same at its start.  The magnetising current in the middle is that at the mean flux, so it
+    holds the kink's mean once; the iron's, of a parabola, holds it one and a half times.
     """
-    gone, p, q = w.zeroth[lag, j], 2.0 * w.bend_a[j], 2.0 * w.bend_b[j]
+    gone, p, q = w.zeroth[lag, j], 2.0 * w.bend_alpha[j], 2.0 * w.bend_beta[j]
     w_0, w_m, w_1 = lag_weights(gone, w.first[lag, j], w.second[lag, j])
     g = 0.5 * w_m * w.core_g[j] * w.core_rate[j]
-    k_a, k_b = stiff(w, j, w.kink_a[lag, j] - w_m * p, w.kink_b[lag, j] - w_m * q)
+    k_alpha, k_beta = stiff(w, j, w.kink_alpha[lag, j] - w_m * p, w.kink_beta[lag, j] - w_m * q)
     return (
-        (1.0 - gone) * x_a + w_0 * w.last_a[j] + w_m * w.j_a[j] + w_1 * w.i_a[j] + k_a - g * p,
-        (1.0 - gone) * x_b + w_0 * w.last_b[j] + w_m * w.j_b[j] + w_1 * w.i_b[j] + k_b - g * q,
+        (1.0 - gone) * x_alpha + w_0 * w.last_alpha[j] + w_m * w.j_alpha[j] + w_1 * w.i_alpha[j] + k_alpha - g * p,
+        (1.0 - gone) * x_beta + w_0 * w.last_beta[j] + w_m * w.j_beta[j] + w_1 * w.i_beta[j] + k_beta - g * q,
     )
 
 
 @kernel
 def close_filter(w):
     """Move the sensors' filter on by a segment."""
-    for j in range(w.psi_a.size):
-        w.filter_a[j], w.filter_b[j] = behind(w, FILTER, j, w.filter_a[j], w.filter_b[j])
+    for j in range(w.psi_alpha.size):
+        w.filter_alpha[j], w.filter_beta[j] = behind(w, FILTER, j, w.filter_alpha[j], w.filter_beta[j])
 
 
 @kernel
 def close_skin(w):
     """Move the slow part of the current on by a segment, and add the skin effect's drop at its end."""
-    for j in range(w.psi_a.size):
-        x_a, x_b = behind(w, SKIN, j, w.slow_a[j], w.slow_b[j])
-        w.slow_a[j], w.slow_b[j] = x_a, x_b
-        w.drop_a[j] += w.skin_r[j] * (w.i_a[j] - x_a)
-        w.drop_b[j] += w.skin_r[j] * (w.i_b[j] - x_b)
+    for j in range(w.psi_alpha.size):
+        x_alpha, x_beta = behind(w, SKIN, j, w.slow_alpha[j], w.slow_beta[j])
+        w.slow_alpha[j], w.slow_beta[j] = x_alpha, x_beta
+        w.drop_alpha[j] += w.skin_r[j] * (w.i_alpha[j] - x_alpha)
+        w.drop_beta[j] += w.skin_r[j] * (w.i_beta[j] - x_beta)
 
 
 @kernel
 def swelling(w):
     """Write by how much the mean current exceeds that in the middle (A): the parabola through start and middle is the
     line through them plus 12 times this times s (s - 1/2), s the share of the segment."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         inverse = 1.0 / max(w.resistance[j], 1e-9)
-        w.swell_a[j] = (w.fall_a[j] - w.resistance[j] * w.j_a[j]) * inverse
-        w.swell_b[j] = (w.fall_b[j] - w.resistance[j] * w.j_b[j]) * inverse
+        w.swell_alpha[j] = (w.fall_alpha[j] - w.resistance[j] * w.j_alpha[j]) * inverse
+        w.swell_beta[j] = (w.fall_beta[j] - w.resistance[j] * w.j_beta[j]) * inverse
 
 
 @kernel
@@ -212,19 +214,28 @@ def skin_in_middle(w, span):
     The way to the middle was taken as if this drop grew with the current alone (e: the rest).
     """
     half = 0.5 * span
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         gone, first = w.zeroth[SKIN, j], w.first[SKIN, j]
-        i_a, i_b, square = w.i_a[j], w.i_b[j], 12.0 * (w.second[SKIN, j] - 0.5 * first)
-        bend_a, bend_b = bend(w, j, half)
-        k_a, k_b = stiff(w, j, w.kink_a[SKIN, j] - 4.0 * first * bend_a, w.kink_b[SKIN, j] - 4.0 * first * bend_b)
-        moved_a = gone * (i_a - w.slow_a[j]) + 2.0 * first * (w.j_a[j] - i_a) + square * w.swell_a[j] + k_a
-        moved_b = gone * (i_b - w.slow_b[j]) + 2.0 * first * (w.j_b[j] - i_b) + square * w.swell_b[j] + k_b
+        i_alpha, i_beta, square = w.i_alpha[j], w.i_beta[j], 12.0 * (w.second[SKIN, j] - 0.5 * first)
+        bend_alpha, bend_beta = bend(w, j, half)
+        k_alpha, k_beta = stiff(
+            w, j, w.kink_alpha[SKIN, j] - 4.0 * first * bend_alpha, w.kink_beta[SKIN, j] - 4.0 * first * bend_beta
+        )
+        moved_alpha = (
+            gone * (i_alpha - w.slow_alpha[j])
+            + 2.0 * first * (w.j_alpha[j] - i_alpha)
+            + square * w.swell_alpha[j]
+            + k_alpha
+        )
+        moved_beta = (
+            gone * (i_beta - w.slow_beta[j]) + 2.0 * first * (w.j_beta[j] - i_beta) + square * w.swell_beta[j] + k_beta
+        )
         r = w.skin_r[j] / (span * w.skin_rate[j])
-        v_a, v_b = r * moved_a, r * moved_b
-        d_a = 0.25 * span * (w.skin_r[j] * (w.j_a[j] - w.slow_a[j]) - v_a)
-        d_b = 0.25 * span * (w.skin_r[j] * (w.j_b[j] - w.slow_b[j]) - v_b)
-        e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
-        e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
-        w.j_a[j], w.j_b[j] = w.j_a[j] + e_a, w.j_b[j] + e_b
-        w.fall_a[j] += v_a + w.resistance[j] * (4.0 / 3.0) * e_a
-        w.fall_b[j] += v_b + w.resistance[j] * (4.0 / 3.0) * e_b
+        v_alpha, v_beta = r * moved_alpha, r * moved_beta
+        d_alpha = 0.25 * span * (w.skin_r[j] * (w.j_alpha[j] - w.slow_alpha[j]) - v_alpha)
+        d_beta = 0.25 * span * (w.skin_r[j] * (w.j_beta[j] - w.slow_beta[j]) - v_beta)
+        e_alpha = w.stiff_aa[j] * d_alpha + w.stiff_ab[j] * d_beta
+        e_beta = w.stiff_ab[j] * d_alpha + w.stiff_bb[j] * d_beta
+        w.j_alpha[j], w.j_beta[j] = w.j_alpha[j] + e_alpha, w.j_beta[j] + e_beta
+        w.fall_alpha[j] += v_alpha + w.resistance[j] * (4.0 / 3.0) * e_alpha
+        w.fall_beta[j] += v_beta + w.resistance[j] * (4.0 / 3.0) * e_beta

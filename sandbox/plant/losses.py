@@ -23,17 +23,17 @@ SLIGHT = 1e-9
 @kernel
 def winding_at_start(w):
     """Add to the drop at the segment's start what windings lose beside their resistance."""
-    for j in range(w.psi_a.size):
-        v_a, v_b = ports.winding(w, j, w.i_a[j], w.i_b[j])
-        w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+    for j in range(w.psi_alpha.size):
+        v_alpha, v_beta = ports.winding(w, j, w.i_alpha[j], w.i_beta[j])
+        w.drop_alpha[j], w.drop_beta[j] = w.drop_alpha[j] + v_alpha, w.drop_beta[j] + v_beta
 
 
 @kernel
 def winding_in_middle(w):
     """Add the same in its middle."""
-    for j in range(w.psi_a.size):
-        v_a, v_b = ports.winding(w, j, w.j_a[j], w.j_b[j])
-        w.fall_a[j], w.fall_b[j] = w.fall_a[j] + v_a, w.fall_b[j] + v_b
+    for j in range(w.psi_alpha.size):
+        v_alpha, v_beta = ports.winding(w, j, w.j_alpha[j], w.j_beta[j])
+        w.fall_alpha[j], w.fall_beta[j] = w.fall_alpha[j] + v_alpha, w.fall_beta[j] + v_beta
 
 
 @inlined
@@ -53,19 +53,19 @@ def legs_lose(w, j, shape, x, y, p, q):
 @inlined
 def leg_at_start(w, j, shape):
     """Add to lane j's drop what the legs lose for their currents at the segment's start."""
-    v_a, v_b = legs_lose(w, j, shape, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
-    w.leg_a[j], w.leg_b[j] = v_a, v_b
-    w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+    v_alpha, v_beta = legs_lose(w, j, shape, w.i_alpha[j], w.i_beta[j], w.i_alpha[j], w.i_beta[j])
+    w.leg_alpha[j], w.leg_beta[j] = v_alpha, v_beta
+    w.drop_alpha[j], w.drop_beta[j] = w.drop_alpha[j] + v_alpha, w.drop_beta[j] + v_beta
 
 
 @kernel
 def legs_at_start(w, rounded):
     """Do so for all lanes; rounded: some lane's soft sign (a loop of its own: a straight sign is many times faster)."""
     if rounded:
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             leg_at_start(w, j, w.shape[j])
     else:
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             leg_at_start(w, j, 0.0)
 
 
@@ -76,17 +76,17 @@ def leg_in_middle(w, j, span, shape):
     Around zero a leg is a resistance of threshold over half-width, many times the winding's: what it loses more on the
     way to the middle takes as much from the flux there, and from the current (e); at the end it is four times as much.
     """
-    x, y, r, half = w.i_a[j], w.i_b[j], w.resistance[j], 0.5 * span
-    v_a, v_b = legs_lose(w, j, shape, x, y, w.j_a[j], w.j_b[j])
-    d_a, d_b = half * (w.leg_a[j] - v_a), half * (w.leg_b[j] - v_b)
-    e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
-    e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
-    m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
-    w.j_a[j], w.j_b[j] = m_a, m_b
-    p, q = 2.0 * (m_a + e_a) - x + 6.0 * w.swell_a[j], 2.0 * (m_b + e_b) - y + 6.0 * w.swell_b[j]
-    z_a, z_b = legs_lose(w, j, shape, m_a, m_b, p, q)
-    w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
-    w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
+    x, y, r, half = w.i_alpha[j], w.i_beta[j], w.resistance[j], 0.5 * span
+    v_alpha, v_beta = legs_lose(w, j, shape, x, y, w.j_alpha[j], w.j_beta[j])
+    d_alpha, d_beta = half * (w.leg_alpha[j] - v_alpha), half * (w.leg_beta[j] - v_beta)
+    e_alpha = w.stiff_aa[j] * d_alpha + w.stiff_ab[j] * d_beta
+    e_beta = w.stiff_ab[j] * d_alpha + w.stiff_bb[j] * d_beta
+    m_alpha, m_beta = w.j_alpha[j] + e_alpha, w.j_beta[j] + e_beta
+    w.j_alpha[j], w.j_beta[j] = m_alpha, m_beta
+    p, q = 2.0 * (m_alpha + e_alpha) - x + 6.0 * w.swell_alpha[j], 2.0 * (m_beta + e_beta) - y + 6.0 * w.swell_beta[j]
+    z_alpha, z_beta = legs_lose(w, j, shape, m_alpha, m_beta, p, q)
+    w.fall_alpha[j] += 0.5 * (v_alpha + z_alpha) + r * (4.0 / 3.0) * e_alpha
+    w.fall_beta[j] += 0.5 * (v_beta + z_beta) + r * (4.0 / 3.0) * e_beta
 
 
 @inlined
@@ -99,7 +99,7 @@ def follows(w, j, a, b):
 def corner(w, j, span):
     """Return the share of the segment behind the corner that late edges make, and half of its peak (A)."""
     p, q = bend(w, j, 0.5 * span)
-    along = w.early_a[j] * p + w.early_b[j] * q
+    along = w.early_alpha[j] * p + w.early_beta[j] * q
     least = SLIGHT * span * w.link[j]
     bent = along < 0.0 and p * p + q * q > least * least
     left = -1.5 * along / ((p * p + q * q) * span if bent else 1.0)
@@ -114,49 +114,53 @@ def leg_around_corner(w, j, span, shape):
     d: flux that the drop's change lets through up to the corner (Wb); h: the same, had it stayed as it is there, from
     there to the middle of the rest; e: the current of both in that middle.
     """
-    r, x, y, s_a, s_b = w.resistance[j], w.i_a[j], w.i_b[j], w.swell_a[j], w.swell_b[j]
-    left, b_a, b_b = corner(w, j, span)
+    r, x, y, s_alpha, s_beta = w.resistance[j], w.i_alpha[j], w.i_beta[j], w.swell_alpha[j], w.swell_beta[j]
+    left, b_alpha, b_beta = corner(w, j, span)
     late, half = 1.0 - left, 0.5 * span * left
-    on_a = late * (2.0 * (w.j_a[j] - b_a - x) + 6.0 * s_a)
-    on_b = late * (2.0 * (w.j_b[j] - b_b - y) + 6.0 * s_b)
-    c_a, c_b = x + (on_a + 2.0 * b_a), y + (on_b + 2.0 * b_b)
-    v_a, v_b = legs_lose(w, j, shape, x, y, c_a, c_b)
-    d_a, d_b = late * span * (w.leg_a[j] - v_a), late * span * (w.leg_b[j] - v_b)
-    p, q = follows(w, j, d_a, d_b)
-    c_a, c_b = c_a + p, c_b + q
-    z_a, z_b = legs_lose(w, j, shape, c_a, c_b, c_a, c_b)
-    h_a, h_b = half * (w.leg_a[j] - z_a), half * (w.leg_b[j] - z_b)
+    on_alpha = late * (2.0 * (w.j_alpha[j] - b_alpha - x) + 6.0 * s_alpha)
+    on_beta = late * (2.0 * (w.j_beta[j] - b_beta - y) + 6.0 * s_beta)
+    c_alpha, c_beta = x + (on_alpha + 2.0 * b_alpha), y + (on_beta + 2.0 * b_beta)
+    v_alpha, v_beta = legs_lose(w, j, shape, x, y, c_alpha, c_beta)
+    d_alpha, d_beta = late * span * (w.leg_alpha[j] - v_alpha), late * span * (w.leg_beta[j] - v_beta)
+    p, q = follows(w, j, d_alpha, d_beta)
+    c_alpha, c_beta = c_alpha + p, c_beta + q
+    z_alpha, z_beta = legs_lose(w, j, shape, c_alpha, c_beta, c_alpha, c_beta)
+    h_alpha, h_beta = half * (w.leg_alpha[j] - z_alpha), half * (w.leg_beta[j] - z_beta)
     s = 3.0 * (1.0 - left * left)
-    on_a, on_b = 0.5 * on_a + s * s_a, 0.5 * on_b + s * s_b
-    p, q = follows(w, j, d_a + h_a, d_b + h_b)
-    f_a, f_b = legs_lose(w, j, shape, c_a, c_b, w.j_a[j] + (on_a + p), w.j_b[j] + (on_b + q))
-    e_a, e_b = follows(w, j, d_a + half * (w.leg_a[j] - f_a), d_b + half * (w.leg_b[j] - f_b))
-    m_a, m_b = w.j_a[j] + on_a + e_a, w.j_b[j] + on_b + e_b
-    p, q = follows(w, j, 3.0 * d_a + 2.0 * h_a, 3.0 * d_b + 2.0 * h_b)
-    p, q = p + 2.0 * (b_a + on_a), q + 2.0 * (b_b + on_b)
-    p, q = 2.0 * (m_a + e_a) - x + 6.0 * s_a - p, 2.0 * (m_b + e_b) - y + 6.0 * s_b - q
-    z_a, z_b = legs_lose(w, j, shape, m_a, m_b, p, q)
-    w.j_a[j], w.j_b[j] = w.j_a[j] + e_a, w.j_b[j] + e_b
+    on_alpha, on_beta = 0.5 * on_alpha + s * s_alpha, 0.5 * on_beta + s * s_beta
+    p, q = follows(w, j, d_alpha + h_alpha, d_beta + h_beta)
+    f_alpha, f_beta = legs_lose(
+        w, j, shape, c_alpha, c_beta, w.j_alpha[j] + (on_alpha + p), w.j_beta[j] + (on_beta + q)
+    )
+    e_alpha, e_beta = follows(
+        w, j, d_alpha + half * (w.leg_alpha[j] - f_alpha), d_beta + half * (w.leg_beta[j] - f_beta)
+    )
+    m_alpha, m_beta = w.j_alpha[j] + on_alpha + e_alpha, w.j_beta[j] + on_beta + e_beta
+    p, q = follows(w, j, 3.0 * d_alpha + 2.0 * h_alpha, 3.0 * d_beta + 2.0 * h_beta)
+    p, q = p + 2.0 * (b_alpha + on_alpha), q + 2.0 * (b_beta + on_beta)
+    p, q = 2.0 * (m_alpha + e_alpha) - x + 6.0 * s_alpha - p, 2.0 * (m_beta + e_beta) - y + 6.0 * s_beta - q
+    z_alpha, z_beta = legs_lose(w, j, shape, m_alpha, m_beta, p, q)
+    w.j_alpha[j], w.j_beta[j] = w.j_alpha[j] + e_alpha, w.j_beta[j] + e_beta
     k = left * THIRD
-    p, q = follows(w, j, (0.5 * late - k) * d_a - k * h_a, (0.5 * late - k) * d_b - k * h_b)
-    w.fall_a[j] += late * v_a + left * 0.5 * (f_a + z_a) + (r * (4.0 / 3.0) * e_a * left + r * p)
-    w.fall_b[j] += late * v_b + left * 0.5 * (f_b + z_b) + (r * (4.0 / 3.0) * e_b * left + r * q)
+    p, q = follows(w, j, (0.5 * late - k) * d_alpha - k * h_alpha, (0.5 * late - k) * d_beta - k * h_beta)
+    w.fall_alpha[j] += late * v_alpha + left * 0.5 * (f_alpha + z_alpha) + (r * (4.0 / 3.0) * e_alpha * left + r * p)
+    w.fall_beta[j] += late * v_beta + left * 0.5 * (f_beta + z_beta) + (r * (4.0 / 3.0) * e_beta * left + r * q)
 
 
 @kernel
 def legs_in_middle(w, span, rounded, cornered):
     """Do so for all lanes; cornered: edges of some lane may be late."""
     if cornered and rounded:
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             leg_around_corner(w, j, span, w.shape[j])
     elif cornered:
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             leg_around_corner(w, j, span, 0.0)
     elif rounded:
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             leg_in_middle(w, j, span, w.shape[j])
     else:
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             leg_in_middle(w, j, span, 0.0)
 
 
@@ -201,53 +205,53 @@ def loses(w, j, measured, x, y, p, q):
 
 
 @inlined
-def told_at_start(w, j, measured):
+def curve_at_start(w, j, measured):
     """Add to lane j's drop what legs lose by their table or curve at a segment's start."""
-    v_a, v_b = loses(w, j, measured, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
-    w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+    v_alpha, v_beta = loses(w, j, measured, w.i_alpha[j], w.i_beta[j], w.i_alpha[j], w.i_beta[j])
+    w.drop_alpha[j], w.drop_beta[j] = w.drop_alpha[j] + v_alpha, w.drop_beta[j] + v_beta
 
 
 @inlined
-def told_in_middle(w, j, span, measured):
+def curve_in_middle(w, j, span, measured):
     """Add their mean over the segment, as `leg_in_middle` does."""
-    x, y, r, half = w.i_a[j], w.i_b[j], w.resistance[j], 0.5 * span
-    o_a, o_b = loses(w, j, measured, x, y, x, y)
-    v_a, v_b = loses(w, j, measured, x, y, w.j_a[j], w.j_b[j])
-    d_a, d_b = half * (o_a - v_a), half * (o_b - v_b)
-    e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
-    e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
-    m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
-    w.j_a[j], w.j_b[j] = m_a, m_b
-    v_a, v_b = loses(w, j, measured, x, y, m_a, m_b)
-    p, q = 2.0 * (m_a + e_a) - x + 6.0 * w.swell_a[j], 2.0 * (m_b + e_b) - y + 6.0 * w.swell_b[j]
-    z_a, z_b = loses(w, j, measured, m_a, m_b, p, q)
-    w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
-    w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
+    x, y, r, half = w.i_alpha[j], w.i_beta[j], w.resistance[j], 0.5 * span
+    o_alpha, o_beta = loses(w, j, measured, x, y, x, y)
+    v_alpha, v_beta = loses(w, j, measured, x, y, w.j_alpha[j], w.j_beta[j])
+    d_alpha, d_beta = half * (o_alpha - v_alpha), half * (o_beta - v_beta)
+    e_alpha = w.stiff_aa[j] * d_alpha + w.stiff_ab[j] * d_beta
+    e_beta = w.stiff_ab[j] * d_alpha + w.stiff_bb[j] * d_beta
+    m_alpha, m_beta = w.j_alpha[j] + e_alpha, w.j_beta[j] + e_beta
+    w.j_alpha[j], w.j_beta[j] = m_alpha, m_beta
+    v_alpha, v_beta = loses(w, j, measured, x, y, m_alpha, m_beta)
+    p, q = 2.0 * (m_alpha + e_alpha) - x + 6.0 * w.swell_alpha[j], 2.0 * (m_beta + e_beta) - y + 6.0 * w.swell_beta[j]
+    z_alpha, z_beta = loses(w, j, measured, m_alpha, m_beta, p, q)
+    w.fall_alpha[j] += 0.5 * (v_alpha + z_alpha) + r * (4.0 / 3.0) * e_alpha
+    w.fall_beta[j] += 0.5 * (v_beta + z_beta) + r * (4.0 / 3.0) * e_beta
 
 
 @kernel
 def table_at_start(w):
     """Add to the drop what legs lose by their measured table at a segment's start."""
-    for j in range(w.psi_a.size):
-        told_at_start(w, j, True)
+    for j in range(w.psi_alpha.size):
+        curve_at_start(w, j, True)
 
 
 @kernel
 def table_in_middle(w, span):
     """Add their mean over the segment."""
-    for j in range(w.psi_a.size):
-        told_in_middle(w, j, span, True)
+    for j in range(w.psi_alpha.size):
+        curve_in_middle(w, j, span, True)
 
 
 @kernel
 def curves_at_start(w):
     """Add to the drop what legs lose by the curves of effects at a segment's start."""
-    for j in range(w.psi_a.size):
-        told_at_start(w, j, False)
+    for j in range(w.psi_alpha.size):
+        curve_at_start(w, j, False)
 
 
 @kernel
 def curves_in_middle(w, span):
     """Add their mean over the segment."""
-    for j in range(w.psi_a.size):
-        told_in_middle(w, j, span, False)
+    for j in range(w.psi_alpha.size):
+        curve_in_middle(w, j, span, False)

@@ -21,12 +21,12 @@ def step_shaft(w, features, h, load, imposed):
     torques bound to position; imposed: rad/s^2 electrical.
     """
     if features & add.RUB:
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             w.bound[j] = ports.torque(w, j, w.turn[j], w.omega[j])
         for k in range(w.more_torque):
-            for j in range(w.psi_a.size):
+            for j in range(w.psi_alpha.size):
                 w.bound[j] += ports.further_torque(w, k, j, w.turn[j], w.omega[j])
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         pairs = w.pairs[j]
         taken, net = load * (1.0 + w.load_gain[j]) + w.load_offset[j], w.torque[j]
         if features & add.RUB:
@@ -46,7 +46,7 @@ def swing(w, h):
 
     A lane whose shaft is rigid (swing_rate 0) has neither.
     """
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         there = 1.0 if w.swing_rate[j] > 0.0 else 0.0
         rate, ratio = w.swing_rate[j] + (1.0 - there), w.swing_ratio[j]
         root = math.sqrt(1.0 - ratio * ratio)

@@ -39,12 +39,12 @@ class Timing(NamedTuple):
 
     period: float
     longest: float
-    tardy: float
+    max_edge_delay: float
     first: float
     last: float
 
 
-class Push(NamedTuple):
+class AppliedTorque(NamedTuple):
     """What moves a rotor beside its own torque, over a period: load asked for (N m) and acceleration imposed (rad/s^2,
     electrical), as they are up to an instant (s after the pattern's start) and from there on."""
 
@@ -55,10 +55,10 @@ class Push(NamedTuple):
     imposed_after: float
 
 
-STILL = Push(0.0, 0.0, 0.0, 0.0, 0.0)
+STILL = AppliedTorque(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-class Course(NamedTuple):
+class RotorTrajectory(NamedTuple):
     """The rotor's angle handed in, over a period: theta = that of (cos, sin) + lead + rate z + bend z^2 + jerk z^3, z
     the time from `origin` (s after the pattern's start); speed at the start, rad/s electrical."""
 
@@ -70,27 +70,27 @@ class Course(NamedTuple):
     bend: float
     jerk: float
     speed: float
-    push: Push  # of a rotor that the plant moves
+    applied: AppliedTorque  # of a rotor that the plant moves
 
 
 @inlined
-def facing_at(course, t):
+def facing_at(trajectory, t):
     """Return cos and sin of the angle handed in, t (s) after the pattern's start."""
-    z = t - course.origin
-    angle = course.lead + z * (course.rate + z * (course.bend + z * course.jerk))
+    z = t - trajectory.origin
+    angle = trajectory.lead + z * (trajectory.rate + z * (trajectory.bend + z * trajectory.jerk))
     if abs(angle) < SHORT_TURN:
-        return turned_a_little(course.cos, course.sin, angle)
-    return turned(course.cos, course.sin, angle)
+        return turned_a_little(trajectory.cos, trajectory.sin, angle)
+    return turned(trajectory.cos, trajectory.sin, angle)
 
 
 @kernel
-def open_period(w, room, tardy, rate):
+def open_period(w, room, max_edge_delay, rate):
     """Begin a period: legs that were on to the end fall now, late by what the current says; with double update those
     rise that were off to the end of the half before."""
-    u_a = u_b = 0.0
+    u_alpha = u_beta = 0.0
     for leg in range(3):
         if room.before[leg] >= 1.0 or (room.half < 0 and room.before[leg] > 0.0):
-            u_a, u_b = u_a + TWO_THIRDS * LEG_X[leg], u_b + TWO_THIRDS * LEG_Y[leg]
+            u_alpha, u_beta = u_alpha + TWO_THIRDS * LEG_X[leg], u_beta + TWO_THIRDS * LEG_Y[leg]
     for leg in range(3):
         side = -1.0
         if room.half < 0:
@@ -100,8 +100,8 @@ def open_period(w, room, tardy, rate):
         if side != 0.0:
             x, y, acts = LEG_X[leg], LEG_Y[leg], room.acts[EDGES + leg]
             latest = 0.0
-            commutate(w, room, 0.0, tardy, rate, u_a, u_b, (x, y, side, 1.0), False)
-            for j in range(w.psi_a.size):
+            commutate(w, room, 0.0, max_edge_delay, rate, u_alpha, u_beta, (x, y, side, 1.0), False)
+            for j in range(w.psi_alpha.size):
                 acts[j] = w.late[j]
                 latest = max(latest, acts[j])
                 w.late[j] = 0.0
@@ -116,25 +116,25 @@ def wait(room, m, until, x, y, side):
 
 
 @kernel
-def take_turn(w, room, g, t, tardy):
+def take_turn(w, room, g, t, max_edge_delay):
     """Enter edge g, taken at t: pulses stay positive, and what acts after its segment waits."""
     mate, leg = room.mate[g], room.leg[g]
     own = room.acts[g]
     if mate >= 0 and room.until[mate] > t:
         before = room.acts[mate]
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             w.late[j] = max(w.late[j], before[j] - t)
     elif room.half < 0 and room.until[EDGES + leg] > t:  # its rise, in the half before, still waits
         left = room.acts[EDGES + leg]
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             w.late[j] = max(w.late[j], left[j] - t)
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         own[j] = t + w.late[j]
     if room.side[g] > 0.0 and room.until[EDGES + leg] > t:
         left = room.acts[EDGES + leg]
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             left[j] = min(left[j], own[j])
-    wait(room, g, t + tardy, room.x[g], room.y[g], room.side[g])
+    wait(room, g, t + max_edge_delay, room.x[g], room.y[g], room.side[g])
 
 
 @kernel
@@ -160,7 +160,7 @@ def close_period(w, room, period):
             leg = 0 if room.change_y[g] == 0.0 else (1 if room.change_y[g] * room.change_x[g] < 0.0 else 2)
             acts, left = room.acts[g], room.acts[EDGES + leg]
             latest = 0.0
-            for j in range(w.psi_a.size):
+            for j in range(w.psi_alpha.size):
                 left[j] = max(acts[j] - period, 0.0)
                 latest = max(latest, left[j])
             if latest > 0.0:
@@ -171,10 +171,10 @@ def close_period(w, room, period):
 
 
 @inlined
-def at_start(w, flux_map, features, c, s, share, course, span):
+def at_start(w, flux_map, features, c, s, share, trajectory, span):
     """End the last segment and write all that holds at the start of the next."""
     if features & add.WOBBLE:
-        add.orient(w, share, course.rate)
+        add.orient(w, share, trajectory.rate)
     if features & add.MAGNETS:
         add.magnets(w, c, s)
     if features & add.LAGS:
@@ -199,24 +199,24 @@ def at_start(w, flux_map, features, c, s, share, course, span):
 
 
 @inlined
-def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, x, y, tardy):
-    """Write all that holds in the middle of a segment; long, tardy: whether its curvature counts, and late edges."""
+def in_middle(w, flux_map, features, c, s, share, trajectory, span, long, u_alpha, u_beta, x, y, any_late):
+    """Write all that holds in the middle of a segment; long, any_late: whether its curvature counts, and late edges."""
     if features & add.WOBBLE:
-        add.orient(w, share, course.rate)
+        add.orient(w, share, trajectory.rate)
     if features & add.MAGNETS:
         add.magnets(w, c, s)
     if features & add.IRON:
-        lags.iron_in_middle(w, span, u_a, u_b, x, y)
-    middle(w, flux_map, c, s, span, span * course.rate, u_a, u_b, x, y)
+        lags.iron_in_middle(w, span, u_alpha, u_beta, x, y)
+    middle(w, flux_map, c, s, span, span * trajectory.rate, u_alpha, u_beta, x, y)
     if flux_map is None and long:
-        bend(w, c, s, span * course.rate)
+        bend(w, c, s, span * trajectory.rate)
     if features & add.ENERGY:
-        add.energy_in_middle(w, c, s, span, span * course.rate)
+        add.energy_in_middle(w, c, s, span, span * trajectory.rate)
         for share in (-GAUSS, GAUSS):
-            c_0, s_0 = turned(c, s, 0.5 * share * span * course.rate)
+            c_0, s_0 = turned(c, s, 0.5 * share * span * trajectory.rate)
             add.energy_at(w, c_0, s_0, share)
     if features & add.IRON:
-        lags.iron_stays(w, span * course.rate)
+        lags.iron_stays(w, span * trajectory.rate)
     if features & (add.SKIN | add.LEG | add.CURVE) or w.table_points > 0:
         lags.swelling(w)
     if features & add.SKIN:
@@ -224,7 +224,7 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
     if features & add.WINDING:
         losses.winding_in_middle(w)
     if features & add.LEG:
-        losses.legs_in_middle(w, span, features & add.ROUND != 0, tardy)
+        losses.legs_in_middle(w, span, features & add.ROUND != 0, any_late)
     if features & add.CURVE:
         losses.curves_in_middle(w, span)
     if w.table_points > 0:
@@ -238,11 +238,11 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
 
 
 @inlined
-def lag_through(w, room, lag, rates, tardy, but, t, span, x, y):
+def lag_through(w, room, lag, rates, max_edge_delay, but, t, span, x, y):
     """Write what a lag (rates: (lanes,) 1/s) makes of a segment begun at t (s): its moments, and the kinks of the edge
     just taken (place `but`, -1: none) and of those that still wait."""
     lags.weigh(w, lag, rates, span)
-    if tardy > 0.0:
+    if max_edge_delay > 0.0:
         if but >= 0:
             lags.kink(w, lag, rates, w.late, 0.0, span, x, y)
         for m in range(EDGES + 3 if room.until[LAST] > t else 0):
@@ -251,10 +251,10 @@ def lag_through(w, room, lag, rates, tardy, but, t, span, x, y):
 
 
 @inlined
-def enter(w, room, g, t, span, tardy):
+def enter(w, room, g, t, span, max_edge_delay):
     """Take edge g at t; return whether edges before it that still wait take volt-seconds from its segment."""
-    if room.real[g] > 0.0 and tardy > 0.0 and (span < tardy or room.until[LAST] > t):
-        take_turn(w, room, g, t, tardy)
+    if room.real[g] > 0.0 and max_edge_delay > 0.0 and (span < max_edge_delay or room.until[LAST] > t):
+        take_turn(w, room, g, t, max_edge_delay)
     return room.until[LAST] > t and lose_waiting(w, room, t, span, g)
 
 
@@ -263,53 +263,57 @@ def first_instant(w, features, timing, room, rate):
     """Do what belongs to the pattern's start, its current known: sag of the link, legs that fall now, sampling."""
     if features & add.DRAWN:
         add.draw(w, room.duty[0], room.duty[1], room.duty[2])
-    if timing.tardy > 0.0:
+    if timing.max_edge_delay > 0.0:
         least = min(room.before[0], room.before[1], room.before[2])
         most = max(room.before[0], room.before[1], room.before[2])
         if (least <= 0.0) if room.half < 0 else (most >= 1.0):
-            open_period(w, room, timing.tardy, rate)
+            open_period(w, room, timing.max_edge_delay, rate)
     if timing.first == 0.0 and timing.last == 0.0:
         hold_start(w, features)
-    for j in range(w.psi_a.size):
-        w.first_a[j], w.first_b[j] = w.i_a[j], w.i_b[j]
+    for j in range(w.psi_alpha.size):
+        w.first_alpha[j], w.first_beta[j] = w.i_alpha[j], w.i_beta[j]
 
 
 @inlined
-def pushed(push, t, span):
+def acting_in(applied, t, span):
     """Return load (N m) and imposed acceleration (rad/s^2, electrical), means of a segment (s) from t on, and by how
     much more load it ends."""
-    after = min(max((t + span - push.until) / span, 0.0), 1.0)
-    load = push.load + after * (push.load_after - push.load)
-    rest = push.load_after - load if after > 0.0 else 0.0
-    return load, push.imposed + after * (push.imposed_after - push.imposed), rest
+    after = min(max((t + span - applied.until) / span, 0.0), 1.0)
+    load = applied.load + after * (applied.load_after - applied.load)
+    rest = applied.load_after - load if after > 0.0 else 0.0
+    return load, applied.imposed + after * (applied.imposed_after - applied.imposed), rest
 
 
 @inlined
-def moved(w, features, course, t, span):
-    """Move the rotor itself on by a segment (s) from t and return its course from there."""
-    load, imposed, rest = pushed(course.push, t, span)
+def moved(w, features, trajectory, t, span):
+    """Move the rotor itself on by a segment (s) from t and return its trajectory from there."""
+    load, imposed, rest = acting_in(trajectory.applied, t, span)
     if not features & add.MOTION:  # held, or driven by the acceleration imposed
-        on, omega = span * (course.rate + 0.5 * span * imposed), course.rate + span * imposed
+        on, omega = span * (trajectory.rate + 0.5 * span * imposed), trajectory.rate + span * imposed
         w.angle[0], w.speed[0] = w.angle[0] + on, omega
-        lead, bend = course.lead + on, 0.5 * imposed
-        return Course(course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.push)
-    w.turn[0] = (w.angle[0] + w.pairs[0] * w.load_share[0] * w.twist[0] + 0.5 * span * course.rate) / w.pairs[0]
-    w.omega[0] = (course.rate + span * course.bend) / w.pairs[0]
+        lead, bend = trajectory.lead + on, 0.5 * imposed
+        return RotorTrajectory(
+            trajectory.cos, trajectory.sin, t + span, lead, omega, bend, 0.0, trajectory.speed, trajectory.applied
+        )
+    w.turn[0] = (w.angle[0] + w.pairs[0] * w.load_share[0] * w.twist[0] + 0.5 * span * trajectory.rate) / w.pairs[0]
+    w.omega[0] = (trajectory.rate + span * trajectory.bend) / w.pairs[0]
     swing = w.pairs[0] * w.load_share[0]
     before = w.angle[0] + swing * w.twist[0]
     step_shaft(w, features, span, load, imposed)
     omega, on = w.speed[0] + swing * w.slip[0], w.angle[0] + swing * w.twist[0] - before
     if span > NO_TIME:
-        w.surge[0] = 0.5 * (omega - course.rate) / span
+        w.surge[0] = 0.5 * (omega - trajectory.rate) / span
         if rest != 0.0 and not features & add.TWIST:
             w.surge[0] -= 0.5 * rest * (1.0 + w.load_gain[0]) * w.pairs[0] * w.inertia_inv[0]
-    lead, bend = course.lead + on, w.surge[0]
-    return Course(course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.push)
+    lead, bend = trajectory.lead + on, w.surge[0]
+    return RotorTrajectory(
+        trajectory.cos, trajectory.sin, t + span, lead, omega, bend, 0.0, trajectory.speed, trajectory.applied
+    )
 
 
 @inlined
-def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen):
-    """Move a batch on by one period of its room's edges along a course of the rotor; return its last segment (s).
+def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, seen):
+    """Move a batch on by one period of its room's edges along a trajectory of the rotor; return its last segment (s).
 
     clock: of the pattern less its delay, s after the recording began; span: the last period's last
     segment, whose end is still to be taken (0 at the beginning); looks: (m,)
@@ -317,8 +321,8 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
     the rotor.
     """
     period, magnetics = timing.period, borrowed(flux_map)
-    t, u_a, u_b, begun = 0.0, 0.0, 0.0, False
-    c_0, s_0 = facing_at(course, 0.0)
+    t, u_alpha, u_beta, begun = 0.0, 0.0, 0.0, False
+    c_0, s_0 = facing_at(trajectory, 0.0)
     peeking = timing.first != 0.0 or timing.last != 0.0
     looking = peeking or len(looks) > 0
     plain = flux_map is None and features & ADDED == 0 and not looking and w.table_points == 0 and room.blocked == 0
@@ -332,29 +336,31 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
         while left > 0.0:
             if not begun:
                 if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
-                    add.orient(w, 0.0, course.rate)
-                c, s = facing_at(course, t)
-                at_start(w, magnetics, features, c, s, t / period, course, span)
+                    add.orient(w, 0.0, trajectory.rate)
+                c, s = facing_at(trajectory, t)
+                at_start(w, magnetics, features, c, s, t / period, trajectory, span)
                 if room.blocked != 0 or (t == 0.0 and g == 0):
                     stiffen(w, magnetics, c, s)
                 if t == 0.0 and g == 0:
                     if features & add.ENERGY and features & add.MOVED:
                         add.stiffen_further(w, c, s)
-                    first_instant(w, features, timing, room, course.rate)
+                    first_instant(w, features, timing, room, trajectory.rate)
                 if features & add.COMMUTE:
-                    commutate(w, room, t, timing.tardy, course.rate, u_a, u_b, (x, y, side, real), False)
+                    commutate(
+                        w, room, t, timing.max_edge_delay, trajectory.rate, u_alpha, u_beta, (x, y, side, real), False
+                    )
             span = left if left <= longest else left / math.ceil(left / longest)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
-            u_a, u_b = u_a + x, u_b + y
+            u_alpha, u_beta = u_alpha + x, u_beta + y
             taken = g - 1 if side != 0.0 else -1
             if features & add.LINK:
                 early = clock + t + 0.5 * (1.0 - GAUSS) * span
                 add.supply(w, early, early + GAUSS * span)
             if room.blocked != 0:
                 x = y = 0.0
-                u_a, u_b = float_legs(w, room, span, course.rate)
-            lossy = timing.tardy > 0.0 and (
-                enter(w, room, taken, t, span, timing.tardy)
+                u_alpha, u_beta = float_legs(w, room, span, trajectory.rate)
+            lossy = timing.max_edge_delay > 0.0 and (
+                enter(w, room, taken, t, span, timing.max_edge_delay)
                 if taken >= 0
                 else room.until[LAST] > t and lose_waiting(w, room, t, span, -1)
             )
@@ -363,35 +369,35 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
             if begun and not plainly:
                 dropped(w)
             begun = plainly
-            c, s = facing_at(course, t + 0.5 * span)
+            c, s = facing_at(trajectory, t + 0.5 * span)
             if begun:
-                k, turn = (g if whole else -1), span * course.rate
+                k, turn = (g if whole else -1), span * trajectory.rate
                 edge = (room.x[k], room.y[k], room.side[k], room.real[k]) if whole else (0.0, 0.0, 0.0, 0.0)
                 pulled = features & add.MOTION != 0
-                plain_step(w, (c, s), facing_at(course, t + span), span, turn, long, pulled, u_a, u_b, x, y)
+                plain_step(w, (c, s), facing_at(trajectory, t + span), span, turn, long, pulled, u_alpha, u_beta, x, y)
                 if features & add.COMMUTE:
-                    commutate(w, room, t + span, timing.tardy, course.rate, u_a, u_b, edge, True)
+                    commutate(w, room, t + span, timing.max_edge_delay, trajectory.rate, u_alpha, u_beta, edge, True)
             else:
                 if features & add.LAGS or looking:
                     lags.face(w, c * c_0 + s * s_0, s * c_0 - c * s_0)
                 if features & add.IRON:
-                    lag_through(w, room, CORE, w.core_rate, timing.tardy, taken, t, span, x, y)
+                    lag_through(w, room, CORE, w.core_rate, timing.max_edge_delay, taken, t, span, x, y)
                 if features & add.SKIN:
-                    lag_through(w, room, SKIN, w.skin_rate, timing.tardy, taken, t, span, x, y)
+                    lag_through(w, room, SKIN, w.skin_rate, timing.max_edge_delay, taken, t, span, x, y)
                 if features & add.FILTER:
-                    lag_through(w, room, FILTER, w.filter_rate, timing.tardy, taken, t, span, x, y)
-                share, tardy = (t + 0.5 * span) / period, timing.tardy > 0.0
-                in_middle(w, magnetics, features, c, s, share, course, span, long, u_a, u_b, x, y, tardy)
+                    lag_through(w, room, FILTER, w.filter_rate, timing.max_edge_delay, taken, t, span, x, y)
+                share, any_late = (t + 0.5 * span) / period, timing.max_edge_delay > 0.0
+                in_middle(w, magnetics, features, c, s, share, trajectory, span, long, u_alpha, u_beta, x, y, any_late)
             until = 2.0 * period if g == EDGES and whole else t + span
             if peeking and len(looks) == 0:
-                peek(w, magnetics, features, room, taken, course, t, span, until, u_a, u_b, x, y, period)
+                peek(w, magnetics, features, room, taken, trajectory, t, span, until, u_alpha, u_beta, x, y, period)
             for m in range(len(looks)):
                 if t <= looks[m] < until:
                     w.when[0] = looks[m]
-                    peek(w, magnetics, features, room, taken, course, t, span, until, u_a, u_b, x, y, period)
-                    seen[m, 0], seen[m, 1] = w.held_a[0], w.held_b[0]
+                    peek(w, magnetics, features, room, taken, trajectory, t, span, until, u_alpha, u_beta, x, y, period)
+                    seen[m, 0], seen[m, 1] = w.held_alpha[0], w.held_beta[0]
             if features & add.MOVED:
-                course = moved(w, features, course, t, span)
+                trajectory = moved(w, features, trajectory, t, span)
             if lossy:
                 nothing_lost(w)
             t, left = t + span, left - span

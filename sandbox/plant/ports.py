@@ -122,9 +122,9 @@ def link(w, j, time):
 
 
 @inlined
-def drawn(w, j, d_a, d_b, d_c, i_a, i_b):
+def drawn(w, j, d_a, d_b, d_c, i_alpha, i_beta):
     """Return V that the link sags by over a period: duties, current (A)."""
-    return dc_link_error.sag(w.dc_link_error_sag[j], d_a, d_b, d_c, i_a, i_b)
+    return dc_link_error.sag(w.dc_link_error_sag[j], d_a, d_b, d_c, i_alpha, i_beta)
 
 
 @inlined
@@ -186,9 +186,9 @@ def leg_curve(w, j, before, after):
 
 
 @inlined
-def winding(w, j, i_a, i_b):
+def winding(w, j, i_alpha, i_beta):
     """Return V lost in the windings, stationary frame, at a current (A)."""
-    return winding_asymmetry.drop(w.winding_asymmetry_delta_a[j], w.winding_asymmetry_delta_b[j], i_a, i_b)
+    return winding_asymmetry.drop(w.winding_asymmetry_delta_a[j], w.winding_asymmetry_delta_b[j], i_alpha, i_beta)
 
 
 @inlined

@@ -39,7 +39,7 @@ PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST = 0, 2, 4, 6, 8, 9, 10,
 class Reference:
     """A motor with completed effects `v` (public names, `bench.*` too) on an inverter of given period (s) and link (V).
 
-    course: rotor angle (rad electrical) and speed (rad/s electrical) by time; None: the rotor moves by its torque.
+    trajectory: rotor angle (rad electrical) and speed (rad/s electrical) by time; None: the rotor moves by its torque.
     load: N m asked of the load machine, by time; table: a leg's voltage error (V) against its current (A), measured.
     """
 
@@ -47,10 +47,10 @@ class Reference:
     v: Mapping[str, float]
     period: float
     link: float
-    course: Callable[[float], tuple[float, float]] | None = None
+    trajectory: Callable[[float], tuple[float, float]] | None = None
     load: Callable[[float], float] = lambda t: 0.0
     table: Points | None = None
-    sunk: float = 0.0  # V that the link sags by
+    link_sag: float = 0.0  # V that the link sags by
     legs: Commutating | None = None  # what moves legs between their switches
 
     def gradient(self, z: complex) -> complex:
@@ -137,7 +137,7 @@ class Reference:
         if v["dc_link_ripple.amplitude"]:
             angle = math.tau * v["dc_link_ripple.frequency"] * t + v["dc_link_ripple.phase"]
             ripple = v["dc_link_ripple.amplitude"] * math.sin(angle)
-        return (1.0 + v["dc_link_error.gain_error"]) * self.link - self.sunk + ripple
+        return (1.0 + v["dc_link_error.gain_error"]) * self.link - self.link_sag + ripple
 
     def voltage(self, t: float, y: Array) -> complex:
         """Return the vector of the legs' voltages (V)."""
@@ -146,7 +146,7 @@ class Reference:
 
     def rotor(self, t: float, y: Array) -> tuple[float, float]:
         """Return the rotor's angle (rad electrical) and speed (rad/s electrical)."""
-        return self.course(t) if self.course else (y[THETA], self.motor.pole_pairs * y[OMEGA])
+        return self.trajectory(t) if self.trajectory else (y[THETA], self.motor.pole_pairs * y[OMEGA])
 
     def current(self, t: float, y: Array) -> complex:
         """Return the terminal current (A)."""
@@ -170,7 +170,7 @@ class Reference:
         put(out, SLOW, fast / v["skin_effect.time_constant"])
         if v["current_filter.time_constant"]:
             put(out, FILTER, (i - two(y, FILTER)) / v["current_filter.time_constant"])
-        if not self.course:
+        if not self.trajectory:
             out[THETA] = self.motor.pole_pairs * y[OMEGA]
             out[OMEGA:LEVEL] = self.shaft(t, y, torque)
         return out
@@ -230,7 +230,7 @@ class Reference:
             if kind == "pattern":
                 i, d = self.current(t, y), duty[k]
                 drawn = sum(d[m] * (i * A ** (-m)).real for m in range(3))
-                self.sunk = v["dc_link_error.sag"] * drawn
+                self.link_sag = v["dc_link_error.sag"] * drawn
                 for edge in pulses.commanded(t, d):
                     heapq.heappush(events, edge)
             elif kind in ("fall", "rise"):

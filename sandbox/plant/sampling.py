@@ -27,17 +27,17 @@ def kinks(w, j, room, but, t, h, steps, gone, x, y):
     """Return of lane j, h (s) into the segment that began at t, what a lag answers to the kinks of late edges (Wb);
     steps: h over the lag's time constant; gone: one minus its decay.  See `lags`."""
     inverse, v = 1.0 / max(h, SHORTEST), w.link[j] * h
-    told = v * answer(min(w.late[j], h) * inverse, steps, gone)
-    a, b = -told * x, -told * y
+    answered = v * answer(min(w.late[j], h) * inverse, steps, gone)
+    a, b = -answered * x, -answered * y
     for m in range(EDGES + 3):
         if m != but and room.until[m] > t:
-            told = v * answer(min(max(room.acts[m, j] - t, 0.0), h) * inverse, steps, gone)
-            a, b = a - told * room.change_x[m], b - told * room.change_y[m]
+            answered = v * answer(min(max(room.acts[m, j] - t, 0.0), h) * inverse, steps, gone)
+            a, b = a - answered * room.change_x[m], b - answered * room.change_y[m]
     return a, b
 
 
 @inlined
-def glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y):
+def glimpse(w, j, flux_map, features, room, but, trajectory, t, h, u_alpha, u_beta, x, y):
     """Return lane j's terminal current (A) h (s) into the segment that began at t, and of it the iron-loss current; see
     `sandbox.plant.electrical`.
 
@@ -45,19 +45,31 @@ def glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y):
     """
     v, n = w.link[j], h * w.span_inv[j]
     r = min(w.late[j], h)
-    p, q, k = h * u_a - x * r, h * u_b - y * r, sooner(w.late[j], h, w.span_inv[j])
-    k_a, k_b = k * x, k * y
+    p, q, k = h * u_alpha - x * r, h * u_beta - y * r, sooner(w.late[j], h, w.span_inv[j])
+    k_alpha, k_beta = k * x, k * y
     for m in range(EDGES + 3):
         if m != but and room.until[m] > t:
             acts = max(room.acts[m, j] - t, 0.0)
             r, k = min(acts, h), sooner(acts, h, w.span_inv[j])
             p, q = p - r * room.change_x[m], q - r * room.change_y[m]
-            k_a, k_b = k_a + k * room.change_x[m], k_b + k * room.change_y[m]
-    k_a, k_b = stiff(w, j, k_a, k_b)
-    a = w.psi_a[j] + v * (p + w.resistance[j] * k_a) - h * (w.drop_a[j] + n * (w.fall_a[j] - w.drop_a[j]))
-    b = w.psi_b[j] + v * (q + w.resistance[j] * k_b) - h * (w.drop_b[j] + n * (w.fall_b[j] - w.drop_b[j]))
-    z = t + h - course.origin
-    c_0, s_0 = turned(course.cos, course.sin, course.lead + z * (course.rate + z * (course.bend + z * course.jerk)))
+            k_alpha, k_beta = k_alpha + k * room.change_x[m], k_beta + k * room.change_y[m]
+    k_alpha, k_beta = stiff(w, j, k_alpha, k_beta)
+    a = (
+        w.psi_alpha[j]
+        + v * (p + w.resistance[j] * k_alpha)
+        - h * (w.drop_alpha[j] + n * (w.fall_alpha[j] - w.drop_alpha[j]))
+    )
+    b = (
+        w.psi_beta[j]
+        + v * (q + w.resistance[j] * k_beta)
+        - h * (w.drop_beta[j] + n * (w.fall_beta[j] - w.drop_beta[j]))
+    )
+    z = t + h - trajectory.origin
+    c_0, s_0 = turned(
+        trajectory.cos,
+        trajectory.sin,
+        trajectory.lead + z * (trajectory.rate + z * (trajectory.bend + z * trajectory.jerk)),
+    )
     c, s = c_0 * w.off_c[j] + s_0 * w.off_s[j], s_0 * w.off_c[j] - c_0 * w.off_s[j]
     d, q = c * a + s * b - w.magnet[j], c * b - s * a
     if features & add.MAGNETS:
@@ -76,35 +88,37 @@ def glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y):
         for k in range(w.more_energy):
             e_d, e_q, _ = ports.further_energy(w, k, j, c, s, d, q)
             i_d, i_q = i_d + e_d, i_q + e_q
-    i_a, i_b = c * i_d - s * i_q, s * i_d + c * i_q
+    i_alpha, i_beta = c * i_d - s * i_q, s * i_d + c * i_q
     if features & add.IRON:
         gone, first, second = lag_moments(h * w.core_rate[j])
-        k_a, k_b = kinks(w, j, room, but, t, h, h * w.core_rate[j], gone, x, y)
+        k_alpha, k_beta = kinks(w, j, room, but, t, h, h * w.core_rate[j], gone, x, y)
         g, bent = w.core_g[j] * w.core_rate[j], h * n * (first - second)  # the flux bends as the drop grows, evenly
-        y_a = (gone - first) * w.psi_a[j] + first * a + bent * (w.fall_a[j] - w.drop_a[j])
-        y_b = (gone - first) * w.psi_b[j] + first * b + bent * (w.fall_b[j] - w.drop_b[j])
-        c_a = g * (a - ((1.0 - gone) * w.eddy_a[j] + y_a + k_a))
-        c_b = g * (b - ((1.0 - gone) * w.eddy_b[j] + y_b + k_b))
-        return i_a + c_a, i_b + c_b, c_a, c_b
-    return i_a, i_b, 0.0, 0.0
+        y_alpha = (gone - first) * w.psi_alpha[j] + first * a + bent * (w.fall_alpha[j] - w.drop_alpha[j])
+        y_beta = (gone - first) * w.psi_beta[j] + first * b + bent * (w.fall_beta[j] - w.drop_beta[j])
+        c_alpha = g * (a - ((1.0 - gone) * w.eddy_alpha[j] + y_alpha + k_alpha))
+        c_beta = g * (b - ((1.0 - gone) * w.eddy_beta[j] + y_beta + k_beta))
+        return i_alpha + c_alpha, i_beta + c_beta, c_alpha, c_beta
+    return i_alpha, i_beta, 0.0, 0.0
 
 
 @inlined
-def curving(w, j, span, e_a, e_b, c_a, c_b):
+def curving(w, j, span, e_alpha, e_beta, c_alpha, c_beta):
     """Return by how much the middle of the current's parabola over a segment (s), kinks apart, lies beside the line
     from its start to its end (e; c: iron-loss current there), A: the one that `lags.behind` moves a filter by."""
     p, q = bend(w, j, 0.5 * span)
-    k_a, k_b = stiff(w, j, 2.0 * p, 2.0 * q)
+    k_alpha, k_beta = stiff(w, j, 2.0 * p, 2.0 * q)
     g = w.core_g[j] * w.core_rate[j]
-    m_a = w.j_a[j] + 0.5 * w.core_a[j] - 0.25 * (w.begun_a[j] + c_a) - k_a - g * p  # see `lags.close_iron`
-    m_b = w.j_b[j] + 0.5 * w.core_b[j] - 0.25 * (w.begun_b[j] + c_b) - k_b - g * q
-    return m_a - 0.5 * (w.i_a[j] + e_a), m_b - 0.5 * (w.i_b[j] + e_b)
+    m_alpha = (
+        w.j_alpha[j] + 0.5 * w.core_alpha[j] - 0.25 * (w.begun_alpha[j] + c_alpha) - k_alpha - g * p
+    )  # see `lags.close_iron`
+    m_beta = w.j_beta[j] + 0.5 * w.core_beta[j] - 0.25 * (w.begun_beta[j] + c_beta) - k_beta - g * q
+    return m_alpha - 0.5 * (w.i_alpha[j] + e_alpha), m_beta - 0.5 * (w.i_beta[j] + e_beta)
 
 
 @kernel
-def peek(w, flux_map, features, room, but, course, t, span, until, u_a, u_b, x, y, period):
+def peek(w, flux_map, features, room, but, trajectory, t, span, until, u_alpha, u_beta, x, y, period):
     """Hold the current (behind the filter) of every lane whose reading `when` falls between t and until (s)."""
-    n = w.psi_a.size
+    n = w.psi_alpha.size
     hit = False
     for j in range(n):
         hit = hit | ((w.when[j] >= t) & (w.when[j] < until))
@@ -116,46 +130,60 @@ def peek(w, flux_map, features, room, but, course, t, span, until, u_a, u_b, x, 
         inside = (w.when[j] >= t) & (w.when[j] < until)
         h = min(max(w.when[j] - t, 0.0), span)
         if features & add.WOBBLE:
-            add.orient_lane(w, j, (t + h) / period, course.rate)
-        i_a, i_b, _, _ = glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y)
+            add.orient_lane(w, j, (t + h) / period, trajectory.rate)
+        i_alpha, i_beta, _, _ = glimpse(w, j, flux_map, features, room, but, trajectory, t, h, u_alpha, u_beta, x, y)
         if features & add.FILTER:
             if features & add.WOBBLE:
-                add.orient_lane(w, j, (t + span) / period, course.rate)
-            e_a, e_b, c_a, c_b = glimpse(w, j, flux_map, features, room, but, course, t, span, u_a, u_b, x, y)
-            m_a, m_b = curving(w, j, span, e_a, e_b, c_a, c_b)
+                add.orient_lane(w, j, (t + span) / period, trajectory.rate)
+            e_alpha, e_beta, c_alpha, c_beta = glimpse(
+                w, j, flux_map, features, room, but, trajectory, t, span, u_alpha, u_beta, x, y
+            )
+            m_alpha, m_beta = curving(w, j, span, e_alpha, e_beta, c_alpha, c_beta)
             gone, first, second = lag_moments(h * w.filter_rate[j])
             bent, n = first - second, 2.0 * h * w.span_inv[j]
-            k_a, k_b = kinks(w, j, room, but, t, h, h * w.filter_rate[j], gone, x, y)
-            k_a, k_b = stiff(w, j, k_a, k_b)
-            i_a = (1.0 - gone) * w.filter_a[j] + (gone - first) * w.i_a[j] + first * i_a + bent * n * n * m_a + k_a
-            i_b = (1.0 - gone) * w.filter_b[j] + (gone - first) * w.i_b[j] + first * i_b + bent * n * n * m_b + k_b
-        w.held_a[j] = i_a if inside else w.held_a[j]
-        w.held_b[j] = i_b if inside else w.held_b[j]
+            k_alpha, k_beta = kinks(w, j, room, but, t, h, h * w.filter_rate[j], gone, x, y)
+            k_alpha, k_beta = stiff(w, j, k_alpha, k_beta)
+            i_alpha = (
+                (1.0 - gone) * w.filter_alpha[j]
+                + (gone - first) * w.i_alpha[j]
+                + first * i_alpha
+                + bent * n * n * m_alpha
+                + k_alpha
+            )
+            i_beta = (
+                (1.0 - gone) * w.filter_beta[j]
+                + (gone - first) * w.i_beta[j]
+                + first * i_beta
+                + bent * n * n * m_beta
+                + k_beta
+            )
+        w.held_alpha[j] = i_alpha if inside else w.held_alpha[j]
+        w.held_beta[j] = i_beta if inside else w.held_beta[j]
 
 
 @kernel
 def hold_start(w, features):
     """Hold the current (behind the filter) at the pattern's start."""
     if features & add.FILTER:
-        for j in range(w.psi_a.size):
-            w.held_a[j], w.held_b[j] = w.filter_a[j], w.filter_b[j]
+        for j in range(w.psi_alpha.size):
+            w.held_alpha[j], w.held_beta[j] = w.filter_alpha[j], w.filter_beta[j]
     else:
-        for j in range(w.psi_a.size):
-            w.held_a[j], w.held_b[j] = w.i_a[j], w.i_b[j]
+        for j in range(w.psi_alpha.size):
+            w.held_alpha[j], w.held_beta[j] = w.i_alpha[j], w.i_beta[j]
 
 
 @kernel
 def read(w):
     """Write what the three sensors make of the current held (A)."""
-    for j in range(w.psi_a.size):
-        half, side = -0.5 * w.held_a[j], HALF_ROOT * w.held_b[j]
-        a, b, c = ports.reading(w, j, w.held_a[j], half + side, half - side)
+    for j in range(w.psi_alpha.size):
+        half, side = -0.5 * w.held_alpha[j], HALF_ROOT * w.held_beta[j]
+        a, b, c = ports.reading(w, j, w.held_alpha[j], half + side, half - side)
         w.read_a[j], w.read_b[j], w.read_c[j] = a + w.common[j], b + w.common[j], c + w.common[j]
 
 
 @kernel
 def deviate(w, turn):
     """Write by how much the angle's reading will be off where the encoder's mechanical angle is `turn` (rad)."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         true = turn - (w.offset[j] + w.next_deviation[j]) / w.pairs[j]
         w.next_deviation[j] = ports.angle(w, j, true, w.pairs[j])

@@ -48,7 +48,7 @@ STATES, COVARIANCES, INNOVATION = ("x_0", "x_1", "x_2"), ("p_00", "p_01", "p_02"
 STEP = np.dtype([(name, np.float64) for name in (*STATES, *COVARIANCES, *INNOVATION)], align=True)
 
 
-class Told(NamedTuple):
+class KnownMotion(NamedTuple):
     """What is known beside the readings: acceleration (n,) rad/s^2 electrical, mean over the interval from each sample
     on, variance (n,) of its white part; period, s; first angle (rad), its scale of variance, variance of the first
     speed."""
@@ -72,18 +72,18 @@ class Bounds(NamedTuple):
 
 
 @kernel
-def filtered(read, variance, told, q, work):
+def filtered(read, variance, known, q, work):
     """Return the log likelihood of readings (n,) of variances (n,); work (n,) of STEP, or empty, is filled."""
-    n, t = len(read), told.period
-    x_0, x_1, x_2 = told.angle, 0.0, 0.0
-    p_00, p_01, p_02, p_11, p_12, p_22 = ANYWHERE * told.variance, 0.0, 0.0, told.start, 0.0, CONSTANT**2
+    n, t = len(read), known.period
+    x_0, x_1, x_2 = known.angle, 0.0, 0.0
+    p_00, p_01, p_02, p_11, p_12, p_22 = ANYWHERE * known.variance, 0.0, 0.0, known.start, 0.0, CONSTANT**2
     total = 0.0
     for k in range(n):
         if k:
-            a = told.acceleration[k - 1] + x_2
+            a = known.acceleration[k - 1] + x_2
             x_0 += t * (x_1 + 0.5 * t * a)
             x_1 += t * a
-            h, w = 0.5 * t * t, told.white[k - 1] * t * t
+            h, w = 0.5 * t * t, known.white[k - 1] * t * t
             a_00 = p_00 + t * p_01 + h * p_02  # rows of F P
             a_01, a_02 = p_01 + t * p_11 + h * p_12, p_02 + t * p_12 + h * p_22
             a_11, a_12 = p_11 + t * p_12, p_12 + t * p_22
@@ -176,9 +176,9 @@ def replace_readings(bounds, work, spread, seen, variance):
             continue
         own, precision = 1.0 / variance[k], 1.0 / spread[k]
         others = precision - own  # as all other readings tell the angle
-        told = others > flat
-        mean = ((work[k].x_0 - bounds.read[k]) * precision - seen[k] * own) / others if told else 0.0
-        before = 1.0 / (1.0 / (others if told else flat) + noise)  # as they tell the angle that is rounded
+        known = others > flat
+        mean = ((work[k].x_0 - bounds.read[k]) * precision - seen[k] * own) / others if known else 0.0
+        before = 1.0 / (1.0 / (others if known else flat) + noise)  # as they tell the angle that is rounded
         sd = 1.0 / math.sqrt(before)
         z, v = cut_normal((-half - mean) / sd, (half - mean) / sd)
         new, at = before * (1.0 / v - 1.0), (mean + sd * z) * before / v - mean * before
@@ -203,22 +203,22 @@ def on_counts(read: Array, count: float) -> Array | None:
     return np.asarray(first + count * np.round((read - first) / count))
 
 
-def within_readings(read: Array, count: float, told: Told, q: float) -> NDArray[np.void]:
+def within_readings(read: Array, count: float, known: KnownMotion, q: float) -> NDArray[np.void]:
     """Return the smoothed motion, (n,) of STEP, of a rotor whose readings (n,), rad, are rounded to a count, rad.
 
     Readings that are not (a log that interpolates them), and those whose bounds lead to nothing finite, count as noisy.
     """
-    work, spread, variance = np.empty(len(read), STEP), np.empty(len(read)), np.full(len(read), told.variance)
-    filtered(read, variance, told, q, work)
-    smoothed(work, variance, told.period, spread)
+    work, spread, variance = np.empty(len(read), STEP), np.empty(len(read)), np.full(len(read), known.variance)
+    filtered(read, variance, known, q, work)
+    smoothed(work, variance, known.period, spread)
     rounded, best = on_counts(read, count), work.copy()
     if rounded is None:
         return best
     bounds, seen, before = bounds_of(rounded, count), np.zeros(len(read)), best["x_0"].copy()
     for _ in range(SWEEPS if np.mean(bounds.stray) < FAULTY else 0):
         replace_readings(bounds, work, spread, seen, variance)
-        filtered(rounded + seen, variance, told, q, work)
-        smoothed(work, variance, told.period, spread)
+        filtered(rounded + seen, variance, known, q, work)
+        smoothed(work, variance, known.period, spread)
         if not (np.isfinite(work["x_0"]).all() and np.isfinite(spread).all()):
             return best
         if np.sqrt(np.mean((work["x_0"] - before) ** 2)) < SETTLED * count:

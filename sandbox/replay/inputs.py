@@ -108,7 +108,7 @@ class Inputs:
 def readings_off(w, turn, out):
     """Add to readings (n, lanes) of the angle what the port `angle` says at mechanical angles turn (n,) (rad)."""
     for k in range(len(turn)):
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             out[k, j] += ports.angle(w, j, turn[k], w.pairs[j])
 
 

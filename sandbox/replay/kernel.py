@@ -10,14 +10,14 @@ from model.compiled import kernel
 from sandbox.plant import additions as add
 from sandbox.plant.edges import write_edges
 from sandbox.plant.mechanics import step_shaft
-from sandbox.plant.period import STILL, Course, travel
+from sandbox.plant.period import STILL, RotorTrajectory, travel
 from sandbox.plant.sampling import deviate, hold_start, read
 
 TRACK = np.dtype([(name, np.float64) for name in (
     "d_a", "d_b", "d_c",  # duties
     "half",  # of a PWM period, at double update: 1 legs rise, -1 they fall; else 0
     "link",  # the link's mean voltage over the period, in nominal ones
-    "cos", "sin", "rate", "bend", "jerk",  # the encoder's angle over the period, about its middle (`Course`)
+    "cos", "sin", "rate", "bend", "jerk",  # the encoder's angle over the period, about its middle (`RotorTrajectory`)
     "speed", "turn",  # its speed (rad/s electrical) and mechanical angle (rad) at the sample
     "load",  # asked for, N m
     "read", "gain_angle", "gain_speed", "scale",  # angle read by a free rotor (rad), gains and scale of its innovation
@@ -39,7 +39,7 @@ class Rows(NamedTuple):
 @kernel
 def write(w, out, row, first):
     """Write the readings (A) of all lanes to a row."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         out[row, 0, first + j] = w.read_a[j]
         out[row, 1, first + j] = w.read_b[j]
         out[row, 2, first + j] = w.read_c[j]
@@ -48,7 +48,7 @@ def write(w, out, row, first):
 @kernel
 def write_some(w, out, row, first, early):
     """Write those of lanes that sample before the pattern's start (early), or of the others."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         if (w.sample[j] < 0.0) == early:
             out[row, 0, first + j] = w.read_a[j]
             out[row, 1, first + j] = w.read_b[j]
@@ -59,7 +59,7 @@ def write_some(w, out, row, first, early):
 def correct(w, track, k, moved, row, first):
     """Write the innovation of the encoder's reading over its standard deviation to a row of `moved`, and correct the
     motion with it."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         seen = track[k].read - w.offset[j] - w.deviation[j]
         if k == 0:
             w.angle[j] = seen - w.pairs[j] * w.load_share[j] * w.twist[j]
@@ -75,7 +75,7 @@ def pull(w, period):
 
     The pattern's last part, as long as its delay, lies after the next sample: its torque belongs to the next period.
     """
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         tail = w.torque[j]
         w.torque[j] = (w.impulse[j] + w.delay[j] * (w.last_torque[j] - tail)) / period
         w.impulse[j], w.last_torque[j] = 0.0, tail
@@ -84,7 +84,7 @@ def pull(w, period):
 @kernel
 def predict(w, features, track, k, period):
     """Move a free rotor on by a period under its mean torque; friction at the motion smoothed for all sets."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         w.turn[j] = track[k].middle_turn - (w.offset[j] + w.deviation[j]) / w.pairs[j]
         w.omega[j] = track[k].middle_omega
     step_shaft(w, features, period, track[k].load, 0.0)
@@ -95,7 +95,7 @@ def deviate_at_start(w, track):
     """Write what the encoder is off by at the first sample."""
     deviate(w, track[0].turn)
     deviate(w, track[0].turn)
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         w.deviation[j] = w.next_deviation[j]
 
 
@@ -112,11 +112,11 @@ def turn(w, timing, features, track, rows, eccentric, torque, moved):
             correct(w, track, k, moved, (k - start) // held, 0)
         if wobbling and k < n - 1:
             deviate(w, track[k + 1].turn)
-        for j in range(w.psi_a.size):
+        for j in range(w.psi_alpha.size):
             w.torque[j] = torque[k]
         predict(w, features, track, k, timing.period)
         if wobbling:
-            for j in range(w.psi_a.size):
+            for j in range(w.psi_alpha.size):
                 w.deviation[j] = w.next_deviation[j]
 
 
@@ -131,7 +131,7 @@ def run(w, flux_map, timing, features, room, track, rows, eccentric, supply, spa
     write one row ahead: `out` has a row for period `stop`, unless there is none.  track: (n,) of TRACK; rows: `Rows`;
     eccentric: the angle handed in still holds what encoders are off; supply: w.supply as it began.
     """
-    n, lanes, period = len(track), w.psi_a.size, timing.period
+    n, lanes, period = len(track), w.psi_alpha.size, timing.period
     held, begins, start, stop = rows.held, rows.begins, rows.start, rows.stop
     looks, seen = np.empty(0), np.empty((0, 2))
     wobbling = features & add.WOBBLE != 0 and eccentric
@@ -155,9 +155,11 @@ def run(w, flux_map, timing, features, room, track, rows, eccentric, supply, spa
         write_edges(room, period)
         for j in range(lanes):
             w.supply[j] = row.link * supply[j]
-            w.link[j] = w.supply[j] - w.sunk[j]
-        course = Course(row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, STILL)
-        span = travel(w, flux_map, timing, features, room, course, (begins + k) * period, span, looks, seen)
+            w.link[j] = w.supply[j] - w.link_sag[j]
+        trajectory = RotorTrajectory(
+            row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, STILL
+        )
+        span = travel(w, flux_map, timing, features, room, trajectory, (begins + k) * period, span, looks, seen)
         read(w)
         if shown and timing.first >= 0.0:
             write(w, out, own, first)

@@ -51,8 +51,8 @@ def spare(gigabytes: float, samples: int) -> float:
 
 def spill_folder() -> str:
     """Return where large temporary files go: TMPDIR, else /var/tmp, since /tmp may itself be memory."""
-    told = os.environ.get("TMPDIR")
-    return told or ("/var/tmp" if os.access("/var/tmp", os.W_OK) else tempfile.gettempdir())
+    stated = os.environ.get("TMPDIR")
+    return stated or ("/var/tmp" if os.access("/var/tmp", os.W_OK) else tempfile.gettempdir())
 
 
 class Spill:
@@ -64,8 +64,8 @@ class Spill:
         try:
             free = shutil.disk_usage(folder).free
             if free < size:
-                told = f"{size / GIGA:.1f} GB of slopes fit neither into memory nor into '{folder}'"
-                raise BadInput(f"{told}, where {free / GIGA:.1f} GB are free; {FULL}")
+                need = f"{size / GIGA:.1f} GB of slopes fit neither into memory nor into '{folder}'"
+                raise BadInput(f"{need}, where {free / GIGA:.1f} GB are free; {FULL}")
             self.file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 (it outlives this call)
         except OSError as problem:
             raise BadInput(f"slopes do not fit into memory, nor can a file hold them ({problem}); {FULL}") from None

@@ -187,9 +187,9 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
 
 def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
     """Return each recording's residuals (read less predicted) over their noise floors."""
-    told = zip(prediction.currents, prediction.motion, prediction.angle, strict=True)
+    parts = zip(prediction.currents, prediction.motion, prediction.angle, strict=True)
     n = [r.samples for r in prepared.recordings]
-    return [residual_of(prepared, Stretch(k, 0, n[k], n[k]), Shown(*x)) for k, x in enumerate(told)]
+    return [residual_of(prepared, Stretch(k, 0, n[k], n[k]), Shown(*x)) for k, x in enumerate(parts)]
 
 
 def residual_of(prepared: Prepared, s: Stretch, shown: Shown) -> Residual:
@@ -205,9 +205,9 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
     complete_sets = [complete(drive.motor, drive.converter, s) for s in sets]
     needs = [needs_of(drive.motor, drive.converter, v) for v in complete_sets]
     out = []
-    late = [whole_periods(drive.motor, drive.converter, v) for v in complete_sets]
-    for periods in sorted(set(late)):
-        own = [k for k in range(len(sets)) if late[k] == periods]
+    delay_periods = [whole_periods(drive.motor, drive.converter, v) for v in complete_sets]
+    for periods in sorted(set(delay_periods)):
+        own = [k for k in range(len(sets)) if delay_periods[k] == periods]
         together = grouped([needs[k] for k in own])
         out += [block_of(prepared, [own[k] for k in group], complete_sets) for group in together]
     return out
@@ -234,12 +234,12 @@ def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence
     lanes = room_of(len(own))
     own += [own[0]] * (lanes - len(own))
     lock = np.array([v["bench.lock_angle"] for v in own])
-    batch, late = batch_of(motor, converter, own, lanes), whole_periods(motor, converter, own[0])
-    if late:
-        batch["delay"] -= late * converter.update_period
-        batch["sample"] += late * converter.update_period
+    batch, delay_periods = batch_of(motor, converter, own, lanes), whole_periods(motor, converter, own[0])
+    if delay_periods:
+        batch["delay"] -= delay_periods * converter.update_period
+        batch["sample"] += delay_periods * converter.update_period
         batch["when"] = readings_at(batch["sample"], converter.update_period)
-    return Block(tuple(members), batch, lock, features, late)
+    return Block(tuple(members), batch, lock, features, delay_periods)
 
 
 def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Array, first: int) -> None:

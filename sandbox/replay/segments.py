@@ -49,10 +49,10 @@ def squared_slopes(prepared: Prepared, moves: Moves, cut: int, workers: int) -> 
     spill, at = None if small else Spill(size), 0
     out: list[tuple[Segment, Rows]] = []
     gathering: list[Gathering] = []
-    for s, told in slopes(prepared, moves, groups, workers=workers):
+    for s, found in slopes(prepared, moves, groups, workers=workers):
         if beside:
-            told.current[:, :, len(moves.to) :] = answers.over(s)
-        parts = channels_of(prepared, s, told, len(moves.to) - 2)
+            found.current[:, :, len(moves.to) :] = answers.over(s)
+        parts = channels_of(prepared, s, found, len(moves.to) - 2)
         if not s.first:
             gathering = []
             for part in parts:
@@ -82,11 +82,11 @@ class Part(NamedTuple):
     places: NDArray[np.int64]
 
 
-def channels_of(prepared: Prepared, s: Stretch, told: Slopes, p: int) -> list[Part]:
+def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[Part]:
     """Return the channels of a recording over a stretch, of p coordinates beside two turns and a map's modes."""
-    r, shown = prepared.recordings[s.recording], residual_of(prepared, s, told.base)
+    r, shown = prepared.recordings[s.recording], residual_of(prepared, s, found.base)
     turn, sign = (p, 1.0) if r.rotor == "locked" else (p + 1, -1.0)
-    modes = np.arange(told.current.shape[2] - p - 2)
+    modes = np.arange(found.current.shape[2] - p - 2)
     columns = np.array([*range(p), turn, *(p + 2 + modes)])
     places = np.array([*range(p), p + prepared.angles.index(r.angle_name), *(p + len(prepared.angles) + modes)])
     scale = np.array([*np.ones(p), sign, *np.ones(len(modes))])
@@ -95,12 +95,12 @@ def channels_of(prepared: Prepared, s: Stretch, told: Slopes, p: int) -> list[Pa
         """Return one of them."""
         return Part(name, j, channel(shown, name), columns, size, places)
 
-    out = [part("current", told.current, scale / prepared.floor)]
-    if told.motion is not None:  # innovations are normalised already
-        out.append(part("motion", told.motion[:, None, :], -scale))
-    if told.angle is not None:
-        told.angle[:, turn] = sign  # the reading turns with the angle itself, not with the encoder's offset
-        out.append(part("angle", told.angle[:, None, :], scale / r.angle_floor))
+    out = [part("current", found.current, scale / prepared.floor)]
+    if found.motion is not None:  # innovations are normalised already
+        out.append(part("motion", found.motion[:, None, :], -scale))
+    if found.angle is not None:
+        found.angle[:, turn] = sign  # the reading turns with the angle itself, not with the encoder's offset
+        out.append(part("angle", found.angle[:, None, :], scale / r.angle_floor))
     return out
 
 

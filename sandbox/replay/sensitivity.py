@@ -139,11 +139,11 @@ def sensitivities(
     steps = np.array([m.step for m in moves])
     mechanical = [mechanical_only(name) for name in chosen]
     every = stretches([r.samples for r in prepared.recordings], math.inf)
-    told = [
+    found = [
         x for _, x in slopes(prepared, Moves(at, [m.values for m in moves], steps, mechanical), every, workers=workers)
     ]
     typical = np.array([typical_change(prepared, name, at[name]) for name in chosen])
-    currents, motion, angle = (tuple(getattr(x, name) for x in told) for name in ("current", "motion", "angle"))
+    currents, motion, angle = (tuple(getattr(x, name) for x in found) for name in ("current", "motion", "angle"))
     return Sensitivity(chosen, tuple(m.coordinate for m in moves), steps, typical, at, currents, motion, angle)
 
 
@@ -197,9 +197,9 @@ def slopes(
             if shown.angle is not None:
                 out.angle[:, columns] = (shown.angle[:, 1 : len(columns) + 1] - shown.angle[:, :1]) * inverse
             if first:
-                for own, told in zip(out.base, shown, strict=True):
-                    if told is not None:
-                        own[:] = told[..., :1]
+                for own, base in zip(out.base, shown, strict=True):
+                    if base is not None:
+                        own[:] = base[..., :1]
 
         def turned(job, results=results) -> None:
             """Fill in the slopes of innovations of one block of shafts on one stretch."""

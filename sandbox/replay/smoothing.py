@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
-from sandbox.replay.free_rotor import STEP, Told, filtered, within_readings
+from sandbox.replay.free_rotor import STEP, KnownMotion, filtered, within_readings
 from sandbox.replay.ramps import ramps_of
 from sandbox.replay.rounded import within_counts
 
@@ -89,10 +89,10 @@ def free_motion(theta: Array, acceleration: Array, period: float, count: float, 
     """
     base = np.asarray(theta - theta[0])
     variance = max(count, 1e-9) ** 2 / 12.0
-    told = Told(np.asarray(acceleration), np.asarray(noise) ** 2, period, 0.0, variance, (count / period) ** 2)
+    known = KnownMotion(np.asarray(acceleration), np.asarray(noise) ** 2, period, 0.0, variance, (count / period) ** 2)
     alike = np.full(len(base), variance)
-    likely = [filtered(base, alike, told, q, np.empty(0, STEP)) for q in UNEXPLAINED]
-    work = within_readings(base, count, told, UNEXPLAINED[int(np.argmax(likely))])
+    likely = [filtered(base, alike, known, q, np.empty(0, STEP)) for q in UNEXPLAINED]
+    work = within_readings(base, count, known, UNEXPLAINED[int(np.argmax(likely))])
     return Motion(theta[0] + work["x_0"], work["x_1"].copy())
 
 

@@ -64,7 +64,7 @@ def one_by_one(w, flux_map, timing, features, room, track, samples, eccentric, s
     """Write the transitions of samples (periods each, periods before the track, first, last) in the first three lanes;
     return what `span` is to be afterwards."""
     held, begins, start, stop = samples
-    lanes = w.psi_a.size
+    lanes = w.psi_alpha.size
     read, moved, torque = np.zeros((2, 3, lanes)), np.zeros((1, lanes)), np.empty(len(track))
     for k in range(start, stop):
         base_a, base_b = finished(w, 0, span)
@@ -72,8 +72,8 @@ def one_by_one(w, flux_map, timing, features, room, track, samples, eccentric, s
         out.flux[k - start] = seen(w, 0, math.cos(angle), math.sin(angle), base_a, base_b)
         for j in range(2):
             x, y = finished(w, 1 + j, span)
-            w.psi_a[1 + j] += base_a + (size if j == 0 else 0.0) - x
-            w.psi_b[1 + j] += base_b + (size if j == 1 else 0.0) - y
+            w.psi_alpha[1 + j] += base_a + (size if j == 0 else 0.0) - x
+            w.psi_beta[1 + j] += base_b + (size if j == 1 else 0.0) - y
         rows = Rows(held, begins, held * k, held * (k + 1))
         span = run(w, flux_map, timing, features, room, track, rows, eccentric, supply, span, read, moved, torque, 0)
         base_a, base_b = finished(w, 0, span)

@@ -29,14 +29,14 @@ CURRENT_TOLERANCE = 1e-11  # of 1 A and the current's size: below it rounding ma
 
 @dataclass(frozen=True)
 class Block:
-    """Sets that run together: their places, the batch, lock angles, common features; late: whole periods
+    """Sets that run together: their places, the batch, lock angles, common features; delay_periods: whole periods
     by which the voltage of all of them comes later."""
 
     members: tuple[int, ...]
     batch: Any
     lock: Array
     features: int
-    late: int = 0
+    delay_periods: int = 0
 
     @property
     def lanes(self) -> int:
@@ -78,7 +78,8 @@ class Running:
         features = block.features | (additions.MOTION if r.rotor == "free" else 0)
         start_states(w, r.settling or r, flux_map)
         timing = timing_of(w, drive.converter.update_period, steps)
-        track = later(r.track if r.settling is None else np.concatenate([r.settling.track, r.track]), block.late)
+        whole = r.track if r.settling is None else np.concatenate([r.settling.track, r.track])
+        track = later(whole, block.delay_periods)
         torque = np.empty(len(track) if r.rotor == "free" else 0)
         own = cls(r, w, flux_map, timing, features, blank_room(block.lanes), track, np.array(w["supply"]), torque)
         if r.settling is not None and settled:
@@ -158,8 +159,8 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
         if without >= 0:
             raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {current:.3g} A")
     d, q = flux[0] + w["magnet"] + rest[0], flux[1] + rest[1]
-    w["psi_a"], w["psi_b"] = c * d - s * q, s * d + c * q
-    w["eddy_a"], w["eddy_b"] = w["psi_a"], w["psi_b"]
+    w["psi_alpha"], w["psi_beta"] = c * d - s * q, s * d + c * q
+    w["eddy_alpha"], w["eddy_beta"] = w["psi_alpha"], w["psi_beta"]
     if r.rotor == "free" and (r.turning or r.first > 0):
         start_turning(w, r)
 
@@ -174,7 +175,7 @@ def start_turning(w: Any, r: Inputs) -> None:
 @kernel
 def at_rest(w, c, s, rest):
     """Write the magnets' harmonics (2, lanes) in Wb at angles of cos c, sin s (lanes,)."""
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         rest[0, j], rest[1, j], _, _ = ports.magnets(w, j, c[j], s[j])
         for k in range(w.more_magnets):
             d, q, _, _ = ports.further_magnets(w, k, j, c[j], s[j])
@@ -187,7 +188,7 @@ def flux_as_read(w, flux_map, reading, c, s, flux):
 
     Returns the first lane of which no flux gives that current, and the current (A); else -1.
     """
-    for j in range(w.psi_a.size):
+    for j in range(w.psi_alpha.size):
         p = w.common[j]
         x, y, z = unread(w, j, reading[0] - p, reading[1] - p, reading[2] - p)
         i_a, i_b = stationary(x, y, z)
@@ -204,8 +205,8 @@ def flux_as_read(w, flux_map, reading, c, s, flux):
         if status != SOLVED:
             return j, math.hypot(i_a, i_b)
         flux[0, j], flux[1, j] = d, q
-        w.slow_a[j], w.filter_a[j], w.i_a[j] = i_a, i_a, i_a
-        w.slow_b[j], w.filter_b[j], w.i_b[j] = i_b, i_b, i_b
+        w.slow_alpha[j], w.filter_alpha[j], w.i_alpha[j] = i_a, i_a, i_a
+        w.slow_beta[j], w.filter_beta[j], w.i_beta[j] = i_b, i_b, i_b
     return -1, 0.0
 
 

@@ -131,7 +131,7 @@ class Bench(NamedTuple):
     reluctant: float = 0.0  # H: a current changes by twice the link's voltage over it at most
     pattern: float = 0.0  # how the drive modulates, and what it does beyond the hexagon: see `modulation`
     beyond: float = 0.0
-    told_pulse: float = 0.0  # s: the drive itself leaves out shorter pulses
+    drive_least_pulse: float = 0.0  # s: the drive itself leaves out shorter pulses
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
     harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
     flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
@@ -211,7 +211,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
         "audit": 0.0,
         "pattern": float(MODULATIONS.index(converter.modulation)),
         "beyond": 1.0 + OVERMODULATIONS.index(converter.overmodulation) if converter.overmodulation else 0.0,
-        "told_pulse": converter.least_pulse,
+        "drive_least_pulse": converter.least_pulse,
         "common_offset": 0.0,
     }
     same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")

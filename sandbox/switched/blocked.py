@@ -11,7 +11,19 @@ from __future__ import annotations
 import numpy as np
 
 from model.compiled import kernel
-from sandbox.switched.inverter import CARRIED, I_ALPHA, I_BETA, LAST_DUTY, LEVEL, LOAD, SIZE, SUNK, TIME, WANTED, steps
+from sandbox.switched.inverter import (
+    CARRIED,
+    I_ALPHA,
+    I_BETA,
+    LAST_DUTY,
+    LEVEL,
+    LINK_SAG,
+    LOAD,
+    SIZE,
+    TIME,
+    WANTED,
+    steps,
+)
 from sandbox.switched.link import link_voltage
 from sandbox.switched.load_side import acting_load
 from sandbox.switched.phase_machine import phase_currents, vector
@@ -139,18 +151,18 @@ def coast(state, b, mode, load_torque, acceleration):
 
     Arguments as `inverter.advance`.
     """
-    kept, held, told = state[2 * SIZE :], np.zeros(3), complex(0.0, 0.0)
+    kept, held, delivered = state[2 * SIZE :], np.zeros(3), complex(0.0, 0.0)
     tau = acting_load(b, state[LOAD], load_torque)
     for leg in range(3):
         state[LEVEL + leg] = state[WANTED + leg] = state[CARRIED + leg] = state[LAST_DUTY + leg] = 0.0
-    state[SUNK], t = 0.0, 0.0
+    state[LINK_SAG], t = 0.0, 0.0
     settle_diodes(b, state, held)
     while t < b.period * (1.0 - 1e-12):
         for k in range(SIZE):
             kept[k] = state[k]
         until, legs = one_step(state, b, mode, held, t, min(t + b.period / PARTS, b.period), tau, acceleration, kept)
-        told += legs * link_voltage(b, state[TIME] + 0.5 * (t + until), 0.0) * (until - t)
+        delivered += legs * link_voltage(b, state[TIME] + 0.5 * (t + until), 0.0) * (until - t)
         t = until
     state[TIME] += b.period
     state[LOAD] = acting_load(b, state[LOAD], load_torque)
-    return told / b.period
+    return delivered / b.period

@@ -37,11 +37,17 @@ LAST_DUTY, LEVEL, WANTED, CARRIED = (
 HELD_ALPHA, HELD_BETA, LOOP = 33, 34, 35  # flux that hysteresis holds, current of short-circuited turns
 EDGES = 36  # three legs of ROOM edge times relative to t_k
 ROOM = 8
-SUNK = EDGES + 3 * ROOM  # V, by which the link sags in this period
-DEVICES, COMMANDED = SUNK + 1, SUNK + 2  # audited, too: lost in the devices, from the link without dead time (J)
-SHIFT, LAST_SHIFT = SUNK + 3, SUNK + 6  # three legs each: s by which this period's pulse is late, and the last one's
-LINK_DIP, LINK_FEED = SUNK + 9, SUNK + 10  # V: the link's resonance, see `link`
-READINGS = SUNK + 11  # number of readings inside a period, then the current vector of each (see `reading_due`)
+LINK_SAG = EDGES + 3 * ROOM  # V, by which the link sags in this period
+DEVICES, COMMANDED = (
+    LINK_SAG + 1,
+    LINK_SAG + 2,
+)  # audited, too: lost in the devices, from the link without dead time (J)
+SHIFT, LAST_SHIFT = (
+    LINK_SAG + 3,
+    LINK_SAG + 6,
+)  # three legs each: s by which this period's pulse is late, and the last one's
+LINK_DIP, LINK_FEED = LINK_SAG + 9, LINK_SAG + 10  # V: the link's resonance, see `link`
+READINGS = LINK_SAG + 11  # number of readings inside a period, then the current vector of each (see `reading_due`)
 MOST_READINGS = 32
 EARLY = READINGS + 1 + 2 * MOST_READINGS  # current vectors of phases b and c, where read before t_k after a's
 CORES, LOAD = EARLY + 4, EARLY + 7  # A, what three sensors' cores hold; N m, the load torque that acts
@@ -119,18 +125,18 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
     x, f = moving(state), complex(state[FILTER_ALPHA], state[FILTER_BETA])
     held = complex(state[HELD_ALPHA], state[HELD_BETA])
     t = state[TIME] + begin
-    sunk, link = state[SUNK], complex(state[LINK_DIP], state[LINK_FEED])
-    by = Driving(legs, sunk + link.real, tau, held, mode, acc)
+    link_sag, link = state[LINK_SAG], complex(state[LINK_DIP], state[LINK_FEED])
+    by = Driving(legs, link_sag + link.real, tau, held, mode, acc)
     r1, i1 = slopes(b, t, by, x)
     for _ in range(count):
         x2, link2 = ahead(x, k, r1), stage(b, legs, i1, link, link, k)
-        by2 = Driving(legs, sunk + link2.real, tau, held, mode, acc)
+        by2 = Driving(legs, link_sag + link2.real, tau, held, mode, acc)
         r2, i2 = slopes(b, t + k, by2, x2)
         x3, link3 = ahead(x, k, r2), stage(b, legs, i2, link2, link, k)
-        by3 = Driving(legs, sunk + link3.real, tau, held, mode, acc)
+        by3 = Driving(legs, link_sag + link3.real, tau, held, mode, acc)
         r3, i3 = slopes(b, t + k, by3, x3)
         x4, link4 = ahead(x, h, r3), stage(b, legs, i3, link3, link, h)
-        by4 = Driving(legs, sunk + link4.real, tau, held, mode, acc)
+        by4 = Driving(legs, link_sag + link4.real, tau, held, mode, acc)
         r4, i4 = slopes(b, t + h, by4, x4)
         if b.audit != 0.0:
             audit(state, b, t, by, sixth, x)
@@ -143,7 +149,7 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
             held = x.psi - pull(b, x.psi, held)
         t += h
         before = i1
-        by = Driving(legs, sunk + link.real, tau, held, mode, acc)
+        by = Driving(legs, link_sag + link.real, tau, held, mode, acc)
         r1, i1 = slopes(b, t, by, x)
         if b.filter_time > 0.0:
             f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)
@@ -202,9 +208,10 @@ def leg_duties(b, u_alpha, u_beta, u_dc):
         d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
     else:
         d_a, d_b, d_c = dwelt(b, u_alpha, u_beta, u_dc)
-    if b.told_pulse == 0.0:
+    if b.drive_least_pulse == 0.0:
         return d_a, d_b, d_c
-    return no_short(b, b.told_pulse, d_a), no_short(b, b.told_pulse, d_b), no_short(b, b.told_pulse, d_c)
+    least = b.drive_least_pulse
+    return no_short(b, least, d_a), no_short(b, least, d_b), no_short(b, least, d_c)
 
 
 @kernel
@@ -296,7 +303,7 @@ def slewed(b, level, current, span, link):
 def slice_of(state, b, off, i_a, i_b, i_c):
     """Return the step (s) while legs are off: a small one, or as long as no diode's current can come to zero."""
     step, current = NEVER, (i_a, i_b, i_c)
-    link = link_voltage(b, state[TIME], state[SUNK] + state[LINK_DIP])
+    link = link_voltage(b, state[TIME], state[LINK_SAG] + state[LINK_DIP])
     for leg in range(3):
         if off[leg]:
             level, i = state[LEVEL + leg], current[leg]
@@ -308,7 +315,7 @@ def slice_of(state, b, off, i_a, i_b, i_c):
 @kernel
 def slew(state, b, mode, begin, end, tau, acc, off):
     """Advance from begin to end while legs are off (three of 0 or 1): their levels by the mean current of the step."""
-    link = link_voltage(b, state[TIME] + begin, state[SUNK] + state[LINK_DIP])
+    link = link_voltage(b, state[TIME] + begin, state[LINK_SAG] + state[LINK_DIP])
     levels = (state[LEVEL], state[LEVEL + 1], state[LEVEL + 2])
     before = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
     for leg in range(3):
@@ -389,7 +396,7 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
     while True:
         i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
         if t >= pattern - TIE:
-            state[SUNK], pattern = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c), NEVER
+            state[LINK_SAG], pattern = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c), NEVER
         a_a, t_a, n_a = settle(state, b, 0, a_a, t_a, n_a, t, i_a)
         a_b, t_b, n_b = settle(state, b, 1, a_b, t_b, n_b, t, i_b)
         a_c, t_c, n_c = settle(state, b, 2, a_c, t_c, n_c, t, i_c)

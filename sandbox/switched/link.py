@@ -18,11 +18,11 @@ RESOLVED = 0.2  # rad of the resonance, the longest step
 
 
 @kernel
-def link_voltage(b, t, sunk):
-    """Return the true DC-link voltage (V) at time t from the recording's start; sunk: what the load takes off (V)."""
+def link_voltage(b, t, link_sag):
+    """Return the true DC-link voltage (V) at time t from the recording's start; link_sag: by the load (V)."""
     if b.ripple_amplitude == 0.0:
-        return b.link_voltage - sunk
-    return b.link_voltage - sunk + b.ripple_amplitude * math.sin(b.ripple_rate * t + b.ripple_phase)
+        return b.link_voltage - link_sag
+    return b.link_voltage - link_sag + b.ripple_amplitude * math.sin(b.ripple_rate * t + b.ripple_phase)
 
 
 @kernel

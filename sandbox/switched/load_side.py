@@ -50,6 +50,6 @@ def load_acceleration(b, inertia, torque, angle, speed):
 
 
 @inlined
-def acting_load(b, before, told):
+def acting_load(b, before, asked):
     """Return the load torque (N m) that acts in a period, after that of the last one."""
-    return told if b.load_lag == 0.0 else told + (before - told) * math.exp(-b.period / b.load_lag)
+    return asked if b.load_lag == 0.0 else asked + (before - asked) * math.exp(-b.period / b.load_lag)

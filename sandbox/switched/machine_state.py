@@ -28,7 +28,7 @@ class Driving(NamedTuple):
     moves: LOCKED, DRIVEN with a mechanical acceleration (rad/s^2), or FREE."""
 
     legs: complex
-    sunk: float
+    link_sag: float
     load_torque: float
     held: complex
     mode: int

@@ -227,7 +227,7 @@ def slopes(b, t, by, x):
     i = magnetising + x.core + x.loop
     if b.grip != 0.0:
         i += b.grip * pull(b, x.psi, by.held)
-    d_psi = by.legs * link_voltage(b, t, by.sunk) - b.resistance * (i - x.loop) - phase_drop(b, i)
+    d_psi = by.legs * link_voltage(b, t, by.link_sag) - b.resistance * (i - x.loop) - phase_drop(b, i)
     d_core = d_skin = complex(0.0, 0.0)
     d_loop = 0.0
     if b.skin_resistance != 0.0:
@@ -252,7 +252,7 @@ def powers(b, t, by, wanted, x):
     """Return the powers at t (s) in a state x; wanted: vector of the legs' states as commanded."""
     magnetising, _ = current_and_torque(b, x.psi, x.theta)
     i = magnetising + x.core
-    link = link_voltage(b, t, by.sunk)
+    link = link_voltage(b, t, by.link_sag)
     v, ideal = by.legs * link, wanted * link
     drop = phase_drop(b, i)
     loss = b.resistance * abs(i) ** 2 + drop.real * i.real + drop.imag * i.imag

@@ -30,38 +30,40 @@ def block(room):
         room.duty[leg] = room.before[leg] = 0.0
     for m in range(room.until.size):
         room.until[m] = -1.0
-    room.told[0] = room.told[1] = 0.0
+    room.given[0] = room.given[1] = 0.0
 
 
 @kernel
 def float_legs(w, room, span, rate):
     """Return the vector of the legs' mean levels over a segment (s) with blocked gates; rate: rad/s electrical.
 
-    Its volt-seconds are added to room.told.
+    Its volt-seconds are added to room.given.
     """
     v, (aa, ab, bb) = w.link[0], (w.stiff_aa[0], w.stiff_ab[0], w.stiff_bb[0])
-    psi_a, psi_b = turned(w.psi_a[0], w.psi_b[0], 0.5 * rate * span)  # of the segment's middle: magnets turn
-    u_a = u_b = 0.0
+    psi_alpha, psi_beta = turned(
+        w.psi_alpha[0], w.psi_beta[0], 0.5 * rate * span
+    )  # of the segment's middle: magnets turn
+    u_alpha = u_beta = 0.0
     for leg in range(3):
-        u_a += TWO_THIRDS * LEG_X[leg] * room.level[leg]
-        u_b += TWO_THIRDS * LEG_Y[leg] * room.level[leg]
-    p = v * u_a - w.drop_a[0] + rate * psi_b
-    q = v * u_b - w.drop_b[0] - rate * psi_a
-    i_a = w.i_a[0] + span * (aa * p + ab * q - rate * w.i_b[0])
-    i_b = w.i_b[0] + span * (ab * p + bb * q + rate * w.i_a[0])
+        u_alpha += TWO_THIRDS * LEG_X[leg] * room.level[leg]
+        u_beta += TWO_THIRDS * LEG_Y[leg] * room.level[leg]
+    p = v * u_alpha - w.drop_alpha[0] + rate * psi_beta
+    q = v * u_beta - w.drop_beta[0] - rate * psi_alpha
+    i_alpha = w.i_alpha[0] + span * (aa * p + ab * q - rate * w.i_beta[0])
+    i_beta = w.i_beta[0] + span * (ab * p + bb * q + rate * w.i_alpha[0])
     for _ in range(SWEEPS):
         moved = 0.0
         for leg in range(3):
             x, y = LEG_X[leg], LEG_Y[leg]
-            s_a, s_b = TWO_THIRDS * v * span * (aa * x + ab * y), TWO_THIRDS * v * span * (ab * x + bb * y)
+            s_alpha, s_beta = TWO_THIRDS * v * span * (aa * x + ab * y), TWO_THIRDS * v * span * (ab * x + bb * y)
             before = room.level[leg]
-            room.level[leg] = min(max(before - (x * i_a + y * i_b) / (x * s_a + y * s_b), 0.0), 1.0)
+            room.level[leg] = min(max(before - (x * i_alpha + y * i_beta) / (x * s_alpha + y * s_beta), 0.0), 1.0)
             move = room.level[leg] - before
-            i_a, i_b = i_a + move * s_a, i_b + move * s_b
-            u_a, u_b = u_a + TWO_THIRDS * move * x, u_b + TWO_THIRDS * move * y
+            i_alpha, i_beta = i_alpha + move * s_alpha, i_beta + move * s_beta
+            u_alpha, u_beta = u_alpha + TWO_THIRDS * move * x, u_beta + TWO_THIRDS * move * y
             moved = max(moved, abs(move))
         if moved < SETTLED:
             break
-    room.told[0] += v * span * u_a
-    room.told[1] += v * span * u_b
-    return u_a, u_b
+    room.given[0] += v * span * u_alpha
+    room.given[1] += v * span * u_beta
+    return u_alpha, u_beta

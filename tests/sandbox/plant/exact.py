@@ -41,8 +41,8 @@ class Exact:
         self.memory[U_ALPHA], self.memory[U_BETA] = u.real, u.imag
         if self.inside:
             shift(self.bench.room, self.k, self.inside)
-        push = STILL._replace(load=load, load_after=load)
-        progress(self.k, self.bench, self.rig, push, self.memory, self.looks, self.seen, self.rng, blocked)
+        applied = STILL._replace(load=load, load_after=load)
+        progress(self.k, self.bench, self.rig, applied, self.memory, self.looks, self.seen, self.rng, blocked)
         self.k += 1
         sample = vector(dict(zip(("i_a", "i_b", "i_c"), read_phases(self.w, self.rig, self.rng), strict=True)))
         if self.inside:

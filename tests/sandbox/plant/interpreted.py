@@ -111,7 +111,7 @@ class Meter:
         """Keep what a segment's middle says."""
         w = self.w
         middle = [complex(getattr(w, f"{x}_a")[0], getattr(w, f"{x}_b")[0]) for x in ("j", "core")] + [0j]
-        self.last = span, complex(w.volt_a[0], w.volt_b[0]), impulse, self.begun, middle
+        self.last = span, complex(w.volt_alpha[0], w.volt_beta[0]), impulse, self.begun, middle
 
 
 NAMES = ("input", "copper", "skin", "core", "shaft")
@@ -127,7 +127,7 @@ def energy(steps, turns=8):
     legs = np.stack([u.real, -0.5 * u.real + np.sqrt(0.75) * u.imag, -0.5 * u.real - np.sqrt(0.75) * u.imag], axis=1)
     duty = 0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None]
     (w, features), v = lane(values), complete(DRIVE.motor, DRIVE.converter, values)
-    w.psi_a[0] = w.eddy_a[0] = 0.0
+    w.psi_alpha[0] = w.eddy_alpha[0] = 0.0
     meter = Meter(w, v, speed / pairs, n - TURN - 1)
     start, mid = plant.at_start, plant.in_middle
 
@@ -136,10 +136,10 @@ def energy(steps, turns=8):
         start(*args)
         meter.at_start(args[5])
 
-    def in_middle(batch, flux_map, bits_on, c, s, share, course, span, *more):
+    def in_middle(batch, flux_map, bits_on, c, s, share, trajectory, span, *more):
         """Go to a segment's middle, then look."""
         before = w.impulse[0]
-        mid(batch, flux_map, bits_on, c, s, share, course, span, *more)
+        mid(batch, flux_map, bits_on, c, s, share, trajectory, span, *more)
         meter.in_middle(span, w.impulse[0] - before)
 
     plant.at_start, plant.in_middle = at_start, in_middle

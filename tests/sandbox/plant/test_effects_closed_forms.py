@@ -128,8 +128,8 @@ def test_dead_time_swallows_a_pulse_shorter_than_itself():
         plant = Exact({"dead_time.time": t_d} | NO_RESISTANCE, NO_MAGNET)
         current = -2.0 * u / abs(u)  # a generator: current against the voltage, out of the narrow leg
         for _ in range(2):  # every period alike, so that what a late pattern carries over its end it has carried in
-            plant.w["psi_a"][0], plant.w["psi_b"][0] = L * current.real, L * current.imag
-            plant.w["volt_a"][0] = plant.w["volt_b"][0] = 0.0
+            plant.w["psi_alpha"][0], plant.w["psi_beta"][0] = L * current.real, L * current.imag
+            plant.w["volt_alpha"][0] = plant.w["volt_beta"][0] = 0.0
             plant.advance(u)
         duty, legs = duties_of(u), (current * BACK).real
         narrow = int(np.argmin(duty))

@@ -36,7 +36,7 @@ def test_lanes_have_the_map_s_currents_and_inductances(spline, lanes, spread):
     np.testing.assert_allclose(w["i_d"], told[:, 0] + 2.0 * d, rtol=1e-12)
     np.testing.assert_allclose(w["i_q"], told[:, 1] + 3.0 * q, rtol=1e-12)
     c, s = np.cos(0.3), np.sin(0.3)
-    w["psi_a"], w["psi_b"] = c * d - s * q, s * d + c * q
+    w["psi_alpha"], w["psi_beta"] = c * d - s * q, s * d + c * q
     stiffen(w, spline, c, s)
     turn = np.array([[c, -s], [s, c]])
     for j in range(lanes):

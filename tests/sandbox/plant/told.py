@@ -48,8 +48,10 @@ def reference(drive, values, duty, speed=SPEED, theta=0.3, **more):
     """Return readings and states of the readable reference: at constant speed, or (speed None) moved by its torque."""
     v = complete(drive.motor, drive.converter, values)
     true = theta - v["encoder_offset.offset"]
-    course = None if speed is None else lambda t: (true + speed * t, speed)
-    plant = Reference(drive.motor, v, drive.converter.sampling_period, drive.converter.dc_bus_voltage, course, **more)
+    trajectory = None if speed is None else lambda t: (true + speed * t, speed)
+    plant = Reference(
+        drive.motor, v, drive.converter.sampling_period, drive.converter.dc_bus_voltage, trajectory, **more
+    )
     return plant.run(duty, plant.start(true))
 
 

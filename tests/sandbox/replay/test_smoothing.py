@@ -10,7 +10,7 @@ from sandbox.replay.free_rotor import (
     CONSTANT,
     STATES,
     STEP,
-    Told,
+    KnownMotion,
     cut_normal,
     filtered,
     on_counts,
@@ -34,7 +34,7 @@ def test_the_smoother_solves_the_least_squares_problem_it_stands_for():
     read = np.cumsum(rng.normal(size=n)) * 1e-3
     acceleration, noise = 50.0 * rng.normal(size=n), rng.uniform(1.0, 5.0, n)
     work, spread, alike = np.empty(n, STEP), np.empty(n), np.full(n, variance)
-    filtered(read, alike, Told(acceleration, noise**2, period, read[0], variance, start), q, work)
+    filtered(read, alike, KnownMotion(acceleration, noise**2, period, read[0], variance, start), q, work)
     smoothed(work, alike, period, spread)
 
     unit, rows, right = np.eye(3 * n), [], []
@@ -65,7 +65,7 @@ def test_likelihood_is_that_of_the_readings_distribution():
     """Two readings, by hand: the second is the first, moved by what speed and acceleration at the start allow."""
     period, variance, start, q = 1e-2, 1e-4, 2.0, 0.0
     read = np.array([0.0, 0.05])
-    known = Told(np.zeros(2), np.zeros(2), period, 0.0, variance, start)
+    known = KnownMotion(np.zeros(2), np.zeros(2), period, 0.0, variance, start)
     told = filtered(read, np.full(2, variance), known, q, np.empty(0, STEP))
     first = -0.5 * np.log((ANYWHERE + 1.0) * variance)
     first_known = variance * ANYWHERE / (ANYWHERE + 1.0)  # of the first angle, once read
@@ -153,7 +153,7 @@ def turning(per_sample, first=0.37 * COUNT, n=4000, period=2.5e-4):
     told = np.append(np.diff(speed), 0.0) / period
     noise = 0.01 * np.abs(told).max()
     told += noise * np.random.default_rng(3).standard_normal(n)
-    return theta, Told(told, np.full(n, noise**2), period, first, COUNT**2 / 12.0, (COUNT / period) ** 2)
+    return theta, KnownMotion(told, np.full(n, noise**2), period, first, COUNT**2 / 12.0, (COUNT / period) ** 2)
 
 
 def away(read, theta, known):

@@ -17,9 +17,9 @@ from sandbox.switched.inverter import (
     I_ALPHA,
     I_BETA,
     INPUT,
+    LINK_SAG,
     LOSS,
     OUTPUT,
-    SUNK,
     TIME,
     advance,
 )
@@ -196,7 +196,9 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
         new = np.array(phase_currents(complex(state[I_ALPHA], state[I_BETA])))
         i = 0.5 * (old + new)
         dead += (
-            b.dead_time * link_voltage(b, state[TIME], state[SUNK]) * np.sum(i * np.clip(i / b.soft_current, -1.0, 1.0))
+            b.dead_time
+            * link_voltage(b, state[TIME], state[LINK_SAG])
+            * np.sum(i * np.clip(i / b.soft_current, -1.0, 1.0))
         )
         devices += b.period * np.sum(i * (b.threshold * np.clip(i / b.soft_current, -1.0, 1.0) + b.on_resistance * i))
         old = new

@@ -73,7 +73,7 @@ def test_a_closed_loop_sees_what_harmonics_take(theta):
     own = closed_bench(drive.motor, drive.converter, HARMONICS, "locked", theta, 1e-5)
     c, s = math.cos(theta), math.sin(theta)
     psi = complex(-0.06 + drive.motor.magnet_flux, 0.045) * complex(c, s)
-    own.w["psi_a"][0], own.w["psi_b"][0] = psi.real, psi.imag
+    own.w["psi_alpha"][0], own.w["psi_beta"][0] = psi.real, psi.imag
     stiffen(own.w, None, c, s)
     stiffen_further(own.w, c, s)
     aa, ab, bb = (own.w[f"stiff_{x}"][0] + own.w[f"stiffer_{x}"][0] for x in ("aa", "ab", "bb"))
