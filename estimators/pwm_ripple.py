@@ -36,12 +36,12 @@ from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct_type_3, predict
 from model.compiled import kernel, kernel_as
 
-MOST = 32  # readings of a period
+MAX_READINGS = 32  # readings of a period
 AGE = 2  # periods, one pair: the fit has a matrix in each, what averages is the tracking loop
 # flux and current ripple of the last period and of the new one, each from its own frame, complex
-F, G, NEW_F, NEW_G = range(FREE + TAKEN, FREE + TAKEN + 8 * MOST, 2 * MOST)
-MEAN = FREE + TAKEN + 8 * MOST  # current of the last period, complex
-OWN = TAKEN + 8 * MOST + 2
+F, G, NEW_F, NEW_G = range(FREE + TAKEN, FREE + TAKEN + 8 * MAX_READINGS, 2 * MAX_READINGS)
+MEAN = FREE + TAKEN + 8 * MAX_READINGS  # current of the last period, complex
+OWN = TAKEN + 8 * MAX_READINGS + 2
 
 
 @kernel

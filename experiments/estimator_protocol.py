@@ -34,7 +34,7 @@ from sandbox.public.protocols import ProtocolResult
 ANCHORS = Path("../shared/anchors")
 NAME = "estimator_protocol"
 LIMITS = Path(__file__).resolve().parents[1] / "estimators" / "LIMITS.md"
-TOLD = {
+FAILURES = {
     "static_map": "static map", "load_step": "load step", "creep": "creep", "hand_over": "hand-over",
     "mission": "mission",
 }  # fmt: skip
@@ -82,12 +82,12 @@ def failing(row: Row) -> str:
     elif p95 is not None and p95 > P95_GOAL:
         said.append(f"p95 {p95:.1f}")
     said += [f"{lost:.0f} lost"] * bool(lost)
-    return TOLD[row.unit.test] + (f" ({', '.join(said)})" if said else "")
+    return FAILURES[row.unit.test] + (f" ({', '.join(said)})" if said else "")
 
 
 def verdicts(result: Protocol) -> str:
-    """Return the table of what fails with a saturated belief (tests of TOLD), estimators of one verdict together."""
-    rows = [r for r in result.rows if r.unit.belief == "saturated" and r.unit.test in TOLD]
+    """Return the table of what fails with a saturated belief (FAILURES), estimators of one verdict together."""
+    rows = [r for r in result.rows if r.unit.belief == "saturated" and r.unit.test in FAILURES]
     motors = list(dict.fromkeys(r.unit.motor for r in rows))
     same: dict[tuple[str, ...], list[str]] = {}
     for name in dict.fromkeys(r.unit.estimator for r in rows):

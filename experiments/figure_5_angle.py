@@ -12,7 +12,7 @@ import numpy as np
 from experiments.drawing import COLOURS, new_figure, save
 from experiments.ripple_at_bias import formula_slopes, ripple_scale, true_slopes
 from model.drive_files import load_drive
-from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.identify import identify
 
 
@@ -22,7 +22,7 @@ def main() -> None:
     numbers = {}
     for row, (name, top, step) in zip(axes, (("ipm_exchanged", 2.0, 0.3), ("spm_exchanged", 5.5, 0.5)), strict=True):
         drive, rng = load_drive(name), np.random.default_rng(5)
-        fits = identify(paper_campaign(drive, bench=Bench(noise=0.002, resolution=0.0024))).fits
+        fits = identify(paper_campaign(drive, bench=LockedBench(noise=0.002, resolution=0.0024))).fits
         size = np.arange(0.0, top + 1e-9, step)
         d, q, scale = size * np.cos(np.pi / 3), size * np.sin(np.pi / 3), ripple_scale(drive)
         truth = scale * np.array([true_slopes(drive, x, y, "d") for x, y in zip(d, q, strict=True)]).T

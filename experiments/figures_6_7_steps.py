@@ -14,14 +14,14 @@ from experiments.drawing import COLOURS, new_figure, save
 from model.drive_files import load_drive
 from model.energy import flux_from_current
 from model.parameters import Drive
-from sandbox.drive.locked_test import Bench, paper_campaign, staircase
+from sandbox.drive.locked_test import LockedBench, paper_campaign, staircase
 from sandbox.recordings.identify import identify
 
 LEVELS = np.array([-1.9, 1.9, -1.0, 1.0, -1.9])
 DWELL = 40  # injection periods of 2 ms, so 80 ms a step
 
 
-def step_test(drive: Drive, bench: Bench | None = None):
+def step_test(drive: Drive, bench: LockedBench | None = None):
     """Return t (s), u_d (V), i_d (A) of steps between LEVELS at locked rotor, no injection."""
     r = staircase(drive, "steps", "none", np.column_stack([LEVELS, 0 * LEVELS]), DWELL, bench)
     return r.t, r.u_alpha, r.current[0]
@@ -30,11 +30,11 @@ def step_test(drive: Drive, bench: Bench | None = None):
 def main(name: str = "ipm") -> None:
     """Draw both figures."""
     drive = load_drive(name)
-    fit = identify(paper_campaign(drive, bench=Bench(noise=0.002, resolution=0.0024))).fits["exact"]
+    fit = identify(paper_campaign(drive, bench=LockedBench(noise=0.002, resolution=0.0024))).fits["exact"]
     found = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, **fit.values))
     alphas = {n: 0.0 for n in fit.values if n.startswith("alpha")}
     linear = dataclasses.replace(drive, motor=dataclasses.replace(found.motor, **alphas))
-    t, u, i = step_test(drive, Bench(noise=0.002, resolution=0.0024, seed=8))
+    t, u, i = step_test(drive, LockedBench(noise=0.002, resolution=0.0024, seed=8))
     predicted = {"saturated": step_test(found)[2], "linear": step_test(linear)[2]}
     figure, axes = new_figure(2, 1, 8.0, 2.8)
     axis, rest = axes[:, 0]

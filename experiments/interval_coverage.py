@@ -10,7 +10,7 @@ import numpy as np
 from experiments.drawing import COLOURS, new_figure, save
 from model.drive_files import load_drive
 from model.levels import NAMES
-from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.identify import identify
 
 REPETITIONS, LEVELS, DWELL = 400, 7, 120
@@ -23,7 +23,7 @@ def study(name: str, repetitions: int = REPETITIONS) -> np.ndarray:
     z = []
     for k in range(repetitions):
         c = drive.converter
-        bench = Bench(theta=0.4, noise=c.current_noise, resolution=c.current_resolution, seed=3 * k)
+        bench = LockedBench(theta=0.4, noise=c.current_noise, resolution=c.current_resolution, seed=3 * k)
         fit = identify(paper_campaign(drive, np.linspace(-top, top, LEVELS), DWELL, bench)).fits["exact"]
         z.append([(fit.values[n] - getattr(drive.motor, n)) / fit.sd[n] for n in NAMES])
     return np.array(z)

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.drawing import COLOURS, new_figure, save
 from model.drive_files import load_drive
 from model.levels import NAMES
-from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.identify import identify
 
 THRESHOLDS = (0.0, 1.0, 2.0, 4.0)
@@ -21,7 +21,7 @@ def main(name: str = "ipm_exchanged") -> None:
     """Tabulate and draw the worst relative bias of R, L_d, L_q and of the alphas."""
     drive, rows = load_drive(name), []
     for volts in THRESHOLDS:
-        bench = Bench(
+        bench = LockedBench(
             theta=0.7, threshold=volts, width=0.015 * drive.motor.rated_current, noise=0.002, resolution=0.0024
         )
         found = identify(paper_campaign(drive, bench=bench))

@@ -32,7 +32,7 @@ from sandbox.output.files import plain, version
 HERE = Path(__file__).parent
 PLAN, RESULTS, RUNS = HERE / "yield_curve.toml", HERE / "results" / "yield", Path("sensorless-out") / "yield_curve"
 PIECE = 2000  # points of the scaling measurement: half a minute
-TOLD = 5.0  # % of the runs between two lines of progress
+PROGRESS_STEP = 5.0  # % of the runs between two lines of progress
 
 
 def tables(points: int | None) -> dict[str, Any]:
@@ -46,7 +46,7 @@ def tables(points: int | None) -> dict[str, Any]:
 def told() -> Any:
     """Return a function that prints a line of progress now and then: runs, rate, time left."""
     begun: list[tuple[float, int]] = []
-    last = [-TOLD]
+    last = [-PROGRESS_STEP]
 
     def tell(done: int, total: int) -> None:
         """Print it."""
@@ -54,7 +54,7 @@ def told() -> Any:
             begun.append((time.monotonic(), done))
         share, (start, first) = 100.0 * done / total, begun[0]
         rate = (done - first) / max(time.monotonic() - start, 1e-9)
-        if share - last[0] >= TOLD or done == total:
+        if share - last[0] >= PROGRESS_STEP or done == total:
             last[0] = share
             left = f"{(total - done) / rate:.0f} s left" if rate > 0.0 else ""
             print(f"{done} of {total} runs, {rate:.0f}/s, {left}", flush=True)

@@ -102,7 +102,7 @@ class Done:
         module.__spec__ = self.spec
 
 
-class Beside:
+class SharedNameFinder:
     """Finds a user's file or package of one of our names, and our package with it."""
 
     @staticmethod
@@ -187,11 +187,11 @@ def share_names() -> None:
     for name in NAMES:
         loaded = sys.modules.get(name)
         if loaded is None:
-            Beside.find_spec(name)
+            SharedNameFinder.find_spec(name)
         elif not isinstance(loaded, Shared) and not is_our_file(getattr(loaded, "__file__", None), name):
             share(loaded, name)
-    if Beside not in sys.meta_path:
-        sys.meta_path.insert(0, Beside)
+    if SharedNameFinder not in sys.meta_path:
+        sys.meta_path.insert(0, SharedNameFinder)
 
 
 def share(loaded: ModuleType, name: str) -> None:

@@ -15,7 +15,7 @@ from model.energy import Energy
 FILE = Path(__file__).with_name("golden.json")
 WINDOW = 40  # samples
 COLUMNS = ("i_alpha_A", "i_beta_A", "u_alpha_V", "u_beta_V", "carrier_s")
-TOLD = ("theta_rad", "omega_rad_s", "axis_rad")
+ESTIMATED = ("theta_rad", "omega_rad_s", "axis_rad")
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Golden:
         for key, table in {"samples": self.samples, **self.told}.items():
             rows = ",\n".join(f"[{', '.join(f'{v:.9g}' for v in row)}]" for row in table)
             lines.append(f'"{key}": [\n{rows}]')
-        return "{" + ",\n".join([*lines, f'"columns": {json.dumps([*COLUMNS, *TOLD])}']) + "}\n"
+        return "{" + ",\n".join([*lines, f'"columns": {json.dumps([*COLUMNS, *ESTIMATED])}']) + "}\n"
 
 
 def read_golden(path: Path = FILE) -> Golden:

@@ -97,7 +97,7 @@ int main(void) {
     return angle <= $most ? 0 : 1;
 }
 """)
-MOST = 0.05  # degrees
+TOLERANCE_DEG = 0.05  # degrees
 
 
 def motor_header(golden: Golden, name: str, belief: str) -> str:
@@ -113,7 +113,7 @@ def motor_header(golden: Golden, name: str, belief: str) -> str:
 def check_program(golden: Golden, name: str) -> str:
     """Return check.c: golden vectors, and a program that runs an estimator over them."""
     return CHECK.substitute(
-        name=name, motor=golden.motor, count=len(golden.samples), window=WINDOW, most=MOST,
+        name=name, motor=golden.motor, count=len(golden.samples), window=WINDOW, most=TOLERANCE_DEG,
         angles=", ".join(map(repr, golden.angles)),
         samples=_rows(golden.samples, "(sensorless_real)"), told=_rows(golden.told[name][:, :2]),
     )  # fmt: skip

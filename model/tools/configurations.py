@@ -22,7 +22,7 @@ from xml.etree import ElementTree
 from model.errors import BadInput
 from model.given import given_bytes
 
-MOST = 4_000_000  # bytes of a configuration
+MAX_BYTES = 4_000_000  # bytes of a configuration
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 DEFINED = re.compile(rf"^\s*#\s*define\s+MCCONF_(\w+)\s+\(?({NUMBER})f?\)?", re.MULTILINE)
 ASSIGNED = re.compile(
@@ -63,7 +63,7 @@ def read_configuration(path: Path) -> Configuration:
     """Return what a tool's configuration states of the motor; BadInput where it is of none of the known tools, or of
     two motors."""
     remedy = "give a configuration of VESC, ODrive, moteus or SimpleFOC, or KEY=VALUE"
-    text = given_bytes(path, MOST, remedy).decode("utf-8-sig", errors="replace")
+    text = given_bytes(path, MAX_BYTES, remedy).decode("utf-8-sig", errors="replace")
     numbers = _one_axis(path.name, _numbers(text))
     for program in PROGRAMS:
         if any(_last(numbers, key) is not None for key in program.known_by):

@@ -13,7 +13,7 @@ from model.energy import AnyEnergy
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from model.steps import step_for_orders, step_for_turn, step_for_winding
-from sandbox.drive.loop import Bench
+from sandbox.drive.loop import LoopPlant
 from sandbox.plant import additions as add
 from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, machine_rows, timing_of
@@ -38,7 +38,7 @@ def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_o
 def closed_bench(
     motor: Motor, converter: Converter, effects: Mapping[str, float], rotor: str, theta: float, step: float,
     truth: AnyEnergy | None = None,
-) -> Bench:  # fmt: skip
+) -> LoopPlant:  # fmt: skip
     """Return the plant at rest without current at an electrical angle (rad).
 
     motor: the nominal one; effects: completed parameters; rotor: `locked`, `driven` or `free`; step: s, the longest;
@@ -58,16 +58,16 @@ def closed_bench(
     w["off_c"][:], w["off_s"][:] = 1.0, 0.0
     timing = timing_of(w, converter.sampling_period, 1)
     longest = min(timing.longest, step)
-    bench = Bench(w, flux_map, timing._replace(longest=longest), features, blank_room(1))
+    bench = LoopPlant(w, flux_map, timing._replace(longest=longest), features, blank_room(1))
     return turned_to(looked_into(bench) if w["jitter"][0] > 0.0 else bench, theta)
 
 
-def looked_into(bench: Bench) -> Bench:
+def looked_into(bench: LoopPlant) -> LoopPlant:
     """Return a plant whose current may be held at any instant of its period."""
     return bench._replace(timing=bench.timing._replace(first=-1.0, last=1.0))
 
 
-def turned_to(bench: Bench, theta: float) -> Bench:
+def turned_to(bench: LoopPlant, theta: float) -> LoopPlant:
     """Return a plant like a fresh one at rest without current at another electrical angle (rad)."""
     w = np.frombuffer(bytearray(bench.w.tobytes()), bench.w.dtype)[0]  # a copy, twenty times as fast as .copy()
     rest = np.zeros((2, 1))
@@ -96,7 +96,7 @@ def _magnetics(w: Any, motor: Motor, truth: AnyEnergy | None) -> SplineEnergy | 
     return None
 
 
-def rotor_flux(bench: Bench) -> tuple[float, float]:
+def rotor_flux(bench: LoopPlant) -> tuple[float, float]:
     """Return phi_d, phi_q (Wb), the flux in the rotor frame less the constant magnet flux."""
     w = bench.w
     theta = float(w["angle"][0] + w["pairs"][0] * w["load_share"][0] * w["twist"][0])

@@ -24,7 +24,7 @@ TESTS = (("locked_d", "d", "d"), ("locked_q_inject_d", "d", "q"), ("locked_q_inj
 
 
 @dataclass(frozen=True)
-class Bench:
+class LockedBench:
     """What stands between the motor and the recording; neutral values by default."""
 
     theta: float = 0.0  # rad, lock angle
@@ -37,10 +37,10 @@ class Bench:
 
 
 def staircase(
-    drive: Drive, file: str, axis: str, currents: Array, dwell: int, bench: Bench | None = None
+    drive: Drive, file: str, axis: str, currents: Array, dwell: int, bench: LockedBench | None = None
 ) -> CampaignRecording:
     """Return a recording that holds bias currents (n, 2) A, each for `dwell` injection periods; starts at the first."""
-    bench = bench or Bench()
+    bench = bench or LockedBench()
     motor, h, shape = drive.motor, drive.converter.sampling_period, carrier(drive.injection, drive.converter).waveform
     u = np.repeat(motor.resistance * np.asarray(currents, dtype=float), dwell * len(shape), axis=0)
     if axis != "none":
@@ -77,15 +77,15 @@ def paper_levels(drive: Drive) -> Array:
 
 
 def paper_campaign(
-    drive: Drive, levels: Sequence[float] | Array | None = None, dwell: int = 150, bench: Bench | None = None
+    drive: Drive, levels: Sequence[float] | Array | None = None, dwell: int = 150, bench: LockedBench | None = None
 ) -> Campaign:
     """Return the three staircases of the paper's test on a drive: bias on d and q, injection on d and q."""
     i = paper_levels(drive) if levels is None else np.asarray(levels, dtype=float)
     zero = np.zeros_like(i)
-    bench = bench or Bench()
+    bench = bench or LockedBench()
     recordings = []
     for k, (name, axis, bias) in enumerate(TESTS):
         both = np.column_stack([i, zero] if bias == "d" else [zero, i])
-        own = Bench(**{**bench.__dict__, "seed": bench.seed + k})
+        own = LockedBench(**{**bench.__dict__, "seed": bench.seed + k})
         recordings.append(staircase(drive, f"{name}.parquet", axis, both, dwell, own))
     return Campaign(f"{drive.name}_locked", drive, tuple(recordings), {}, {}, False)

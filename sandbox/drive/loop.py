@@ -66,7 +66,7 @@ ROWS = types.Array(numba.from_dtype(ROW), 1, "C")
 TIMING, ROOM = numba.typeof(Timing(*5 * (0.0,))), numba.from_dtype(room_type(1))
 
 
-class Bench(NamedTuple):
+class LoopPlant(NamedTuple):
     """The plant of a run: its batch of one lane, flux map (None: the quartic), timing, features, room."""
 
     w: Any
@@ -277,7 +277,7 @@ def run_signature(flux_map: Any, belief: Any, inside: Any = ALONE) -> Any:
     """Return the loop's signature for the numba types of a flux map (none: the quartic), of a belief and of what is
     read inside the period (ALONE: nothing)."""
     step = types.FunctionType(ESTIMATE(STATE, SAMPLE if inside == ALONE else OVERSAMPLED, belief, TUNING))
-    bench = types.NamedTuple((numba_type(1), flux_map, TIMING, types.int64, ROOM), Bench)
+    bench = types.NamedTuple((numba_type(1), flux_map, TIMING, types.int64, ROOM), LoopPlant)
     return types.UniTuple(types.int64, 2)(
         step, STATE, bench, inside, RIG, CONTROL, belief, TUNING, PROFILE, VECTOR, VECTOR, RNG, ROWS
     )

@@ -50,7 +50,7 @@ from sandbox.drive.loop import (
 )
 from sandbox.drive.sensing import read_link
 from sandbox.switched.advance import measure, sensor
-from sandbox.switched.bench_numbers import Bench
+from sandbox.switched.bench_numbers import SwitchedBench
 from sandbox.switched.blocked import coast
 from sandbox.switched.inverter import (
     I_ALPHA,
@@ -66,8 +66,8 @@ from sandbox.switched.inverter import (
 )
 from sandbox.switched.phase_machine import least_stiffness, phase_currents, vector
 
-OFF = Bench._field_defaults.values()  # no map, no lists
-PLAIN = Bench._make([*(len(Bench._fields) - len(OFF)) * (0.0,), *OFF])
+OFF = SwitchedBench._field_defaults.values()  # no map, no lists
+PLAIN = SwitchedBench._make([*(len(SwitchedBench._fields) - len(OFF)) * (0.0,), *OFF])
 BENCH = numba.typeof(PLAIN)
 
 
@@ -189,7 +189,7 @@ def run_for(belief: Belief, inside: Any) -> Any:
     """
     kinds = numba.typeof(belief), numba.typeof(inside)
 
-    def run(step: Any, state: Any, x: Any, b: Bench, *rest: Any) -> Any:
+    def run(step: Any, state: Any, x: Any, b: SwitchedBench, *rest: Any) -> Any:
         """Run the loop as `run_compiled`."""
         of_bench = numba.typeof(b)
         plain = (*kinds, of_bench) == (BELIEF, ALONE, BENCH)

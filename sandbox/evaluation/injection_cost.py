@@ -1,6 +1,6 @@
 """What an injection costs the drive: losses, torque ripple, sound, link ripple, volts; worked out of a recording.
 
-Three courses of the current are compared, each at `points` instants of every PWM period:
+Three waveforms of the current are compared, each at `points` instants of every PWM period:
   full   the recorded samples, and between them what the commanded, centred pulses do to the flux;
   base   the same of currents and voltages averaged, in the rotor's frame, over AVERAGED injection periods;
   line   base without pulses: straight lines between the averaged samples.
@@ -88,7 +88,7 @@ class Samples(NamedTuple):
     legs: Array
 
 
-class Course(NamedTuple):
+class Waveforms(NamedTuple):
     """Currents (A) and fluxes of the currents (Wb) of the rotor's frame at every instant, and torque (N m)."""
 
     i: NDArray[np.complex128]
@@ -144,7 +144,7 @@ def injection_cost(
     mean = _averaged(samples, AVERAGED * n)
     own = _cut(samples, AVERAGED * n // 2)
     how = modulation_of(drive.converter)
-    full, base, line = (_course(motor, how, s, h, points) for s in (own, mean, mean._replace(u=0.0 * mean.u)))
+    full, base, line = (_waveforms(motor, how, s, h, points) for s in (own, mean, mean._replace(u=0.0 * mean.u)))
     if full is None or base is None or line is None:
         return None
     copper = 1.5 * motor.resistance * _added(full.i, base.i, line.i)
@@ -184,8 +184,8 @@ def _averaged(s: Samples, n: int) -> Samples:
     return Samples(i, u, rest.theta, rest.u_dc, np.zeros_like(rest.legs))
 
 
-def _course(motor: Motor, how: Modulation, s: Samples, h: float, points: int) -> Course | None:
-    """Return the course through samples; None where a current has no flux."""
+def _waveforms(motor: Motor, how: Modulation, s: Samples, h: float, points: int) -> Waveforms | None:
+    """Return the waveforms through samples; None where a current has no flux."""
     n = s.i.size - 1
     turn = np.exp(1j * 0.5 * (s.theta[:-1] + s.theta[1:]))
     u, out = s.u[:-1] * turn, np.empty((4, n, points))
@@ -194,7 +194,7 @@ def _course(motor: Motor, how: Modulation, s: Samples, h: float, points: int) ->
         return None
     d, q, phi_d, phi_q = out.reshape(4, -1)
     torque = 1.5 * motor.pole_pairs * ((phi_d + motor.magnet_flux) * q - phi_q * d)
-    return Course(d + 1j * q, phi_d + 1j * phi_q, torque)
+    return Waveforms(d + 1j * q, phi_d + 1j * phi_q, torque)
 
 
 def _added(full: NDArray[np.complex128], base: NDArray[np.complex128], line: NDArray[np.complex128]) -> float:
@@ -203,16 +203,16 @@ def _added(full: NDArray[np.complex128], base: NDArray[np.complex128], line: NDA
 
 
 def _iron(
-    effects: Mapping[str, float], motor: Motor, theta: Array, courses: tuple[Course, ...], step: float
+    effects: Mapping[str, float], motor: Motor, theta: Array, waveforms: tuple[Waveforms, ...], step: float
 ) -> float | None:
     """Return the added core loss (W); None where the plant has none."""
     resistance = effects.get("iron_loss.core_resistance", math.inf)
     if not math.isfinite(resistance):
         return None
     periods = theta.size - 1
-    x = np.linspace(0.0, periods, courses[0].phi.size, endpoint=False)
+    x = np.linspace(0.0, periods, waveforms[0].phi.size, endpoint=False)
     turned, lag = np.exp(1j * np.interp(x, np.arange(theta.size), theta)), effects["iron_loss.time_constant"]
-    currents = [branch_current(turned * (c.phi + motor.magnet_flux), step, resistance, lag) for c in courses]
+    currents = [branch_current(turned * (c.phi + motor.magnet_flux), step, resistance, lag) for c in waveforms]
     return 1.5 * resistance * _added(*currents)
 
 
@@ -229,8 +229,8 @@ def branch_current(psi: NDArray[np.complex128], step: float, resistance: float, 
     return np.asarray(found)
 
 
-def sound_levels(motor: Motor, full: Course, base: Course, rate: float) -> tuple[float, float]:
-    """Return the proxy for the sound (dB above REFERENCE) of a course against its base, and its loudest tone's.
+def sound_levels(motor: Motor, full: Waveforms, base: Waveforms, rate: float) -> tuple[float, float]:
+    """Return the proxy for the sound (dB above REFERENCE) of waveforms against its base, and its loudest tone's.
 
     rate: Hz, of the instants.
     """
@@ -247,7 +247,7 @@ def decibels(power: float) -> float:
     return 10.0 * math.log10(max(power, 1e-12 * REFERENCE**2) / REFERENCE**2)
 
 
-def _link(own: Samples, mean: Samples, full: Course, base: Course) -> float:
+def _link(own: Samples, mean: Samples, full: Waveforms, base: Waveforms) -> float:
     """Return the rms (A) of the link current's added part, averaged over each period."""
     n = own.i.size - 1
     currents = []

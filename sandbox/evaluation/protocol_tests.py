@@ -31,7 +31,7 @@ MEAN_GOAL, P95_GOAL, THEORY_GOAL, POLARITY_GOAL = 1.0, 3.0, 0.3, 0.999  # degree
 GOAL_LOAD = 1.8  # of rated current: up to here the goals hold
 INFORMATIVE = 0.1  # slope of the null over that at zero current
 DIRECTIONS, RADII = 12, (0.5, 1.0, 1.5, 2.0)
-TOLD = 24  # first positions told wrong, around the circle
+FIRST_ANGLES = 24  # first positions told wrong, around the circle
 SAME = 15.0  # degrees: final errors nearer than this are one equilibrium
 TURNED = 35.0  # degrees: the wrong pole, where a saturated belief adds the wrong cross-saturation angle
 
@@ -308,8 +308,8 @@ def attraction(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
     back = turned = restless = total = 0
     for load in (0.0, 1.0, 1.8):
         ends = []
-        for k in range(TOLD):
-            wrong = 2.0 * math.pi * k / TOLD
+        for k in range(FIRST_ANGLES):
+            wrong = 2.0 * math.pi * k / FIRST_ANGLES
             wrong = wrong - 2.0 * math.pi if wrong > math.pi else wrong
             scene = Scenario("told", (Segment(0.3, load, settle=0.25),), start_up=False, start_error=wrong)
             run = simulate(drive, scene, load_estimator(estimator), belief, closed_loop=False, seed=seed)

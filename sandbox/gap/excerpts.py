@@ -31,7 +31,7 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording, Excerpt, Ex
 from sandbox.replay.inputs import AT_REST
 
 Array = NDArray[np.float64]
-MOST = 250_000  # samples that are all used: the largest campaign of the blind checks holds 169 920
+MAX_SAMPLES = 250_000  # samples that are all used: the largest campaign of the blind checks holds 169 920
 CUT_TO = 100_000  # samples of a longer one: the other campaigns of the blind checks hold 84 960
 PARTS = 24  # blocks of so many samples: twice the recordings that those campaigns hold
 FEWEST = 6  # blocks, where states take long to settle and blocks are longer for it
@@ -45,13 +45,13 @@ KINDS = 10.0  # of rated values that two kinds of rotor lie apart: each is chose
 def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
     """Return a campaign of blocks of its recordings, of at most so many samples in all (`Campaign.excerpts`).
 
-    One that is not longer is returned as it is.  most: samples, math.inf for all; by default campaigns longer than MOST
-    are cut to CUT_TO.  BadInput below LEAST.
+    One that is not longer is returned as it is.  most: samples, math.inf for all; by default campaigns longer than
+    MAX_SAMPLES are cut to CUT_TO.  BadInput below LEAST.
     """
     check_samples(most)
     n = [len(r.t) for r in campaign.recordings]
     if most is None:
-        most = CUT_TO if sum(n) > MOST else math.inf
+        most = CUT_TO if sum(n) > MAX_SAMPLES else math.inf
     if sum(n) <= most:
         return campaign
     period = campaign.drive.converter.sampling_period

@@ -10,7 +10,7 @@ Two steps over the same recordings:
 Beside the motor the voltage that each leg loses and the offsets of two sensors are fitted.  Deviations are those of
 blocks of time (the "sandwich" of White, Econometrica 48 (1980) 817, with blocks as its independent pieces): what the
 model lacks is alike over many samples, so single samples would promise too much.  A parameter that the recordings
-leave open by more than TOLD of itself is not told: its start stands, and a sentence says why.
+leave open by more than MAX_DEVIATION of itself is not told: its start stands, and a sentence says why.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ OF_EFFECT = {
 THRESHOLD, DEAD = LOST = ("device_drop.threshold", "dead_time.time")
 OFFSETS = ("current_offset.offset_a", "current_offset.offset_b")
 OFFSET_OF, ANGLE = "encoder_offset.offset", "angles."  # of each angle that was made: its zero is nobody's reading
-TOLD = 0.3  # relative standard deviation: beyond it an interval holds a half and twice the value
+MAX_DEVIATION = 0.3  # relative standard deviation: beyond it an interval holds a half and twice the value
 BLOCKS = 40  # blocks of time that all recordings are cut into, for the scatter of what they say
-MOST = 60_000  # samples used: at 10 kHz six seconds of motion
+MAX_SAMPLES = 60_000  # samples used: at 10 kHz six seconds of motion
 STEPS, ENOUGH = 12, 1e-3  # of Gauss and Newton; in standard deviations
 SHARE = 1e-3  # of a parameter: the step of its slope
 OFFSET, DROP = 0.01, 0.02  # priors, one standard deviation: of rated current; of the link, as voltage or as time
@@ -103,7 +103,7 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
     deviation = np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich)))
     told, untold = [], dict(why)
     for k, name in enumerate(known):  # in logarithms: relative
-        if deviation[k] < TOLD and not x.at_bound(k):
+        if deviation[k] < MAX_DEVIATION and not x.at_bound(k):
             told.append(name)
         else:
             untold[name] = _why_open(name, k, names, covariance, float(deviation[k]))
@@ -149,10 +149,10 @@ def complete_neutral(motor: Motor) -> dict[str, float]:
 
 
 def _shortened(campaign: Campaign) -> Campaign:
-    """Return a campaign of at most MOST samples, of each recording the same share from its beginning on, the load's
-    torque left out: it is not asked."""
+    """Return a campaign of at most MAX_SAMPLES samples, of each recording the same share from its beginning on, the
+    load's torque left out: it is not asked."""
     whole = sum(len(r.t) for r in campaign.recordings)
-    share = min(1.0, MOST / whole)
+    share = min(1.0, MAX_SAMPLES / whole)
     return replace(campaign, recordings=tuple(_part(r, share) for r in campaign.recordings))
 
 
@@ -236,7 +236,7 @@ def _why_open(name: str, k: int, names: Sequence[str], covariance: Array, deviat
     alike[k] = 0.0
     other = int(np.argmax(alike))
     spread = f"its standard deviation is {100.0 * deviation:.2g} % of it"
-    if deviation < TOLD:
+    if deviation < MAX_DEVIATION:
         return "it goes to the bound of what is looked for; the model is another one (saturation? units?)"
     if alike[other] > 0.9:
         words = dict.fromkeys(LOST, "the voltage that the inverter loses")

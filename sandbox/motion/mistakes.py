@@ -30,7 +30,7 @@ PACE, FAR = 1.25, 1.6  # factors between angle and speed or back-EMF: noticed, a
 SPREAD_INERTIA, SPREAD_PACE = 0.35, 0.1  # of the logarithm: stated inertia (a factor of 2 is two of it), pace
 FITS = 9.0  # squared deviations up to which a mistake explains what was seen
 ALIKE = 4.0  # squared deviations within which another explains it as well
-TOLD = 4.0  # an estimate over half its 95 % interval, and the correlation below, from which it says anything
+MIN_RATIO = 4.0  # an estimate over half its 95 % interval, and the correlation below, from which it says anything
 TOGETHER = 0.9
 SEEN = 0.1  # of the torque that the inertia takes, from which its size says anything
 FASTEST = 3e5 * math.tau / 60.0  # rad/s mechanical: beyond what machines turn
@@ -158,7 +158,7 @@ def _inertia(campaign: MotionCampaign, parts: list[Averages]) -> float:
     low, high = shaft.ci95("inertia")
     value = shaft.value("inertia")
     speeding, driving = (float(np.sqrt(np.mean(x**2))) for x in (design.acceleration, design.torque))
-    if not abs(value) > TOLD * 0.5 * (high - low) or abs(value) * speeding < SEEN * driving:
+    if not abs(value) > MIN_RATIO * 0.5 * (high - low) or abs(value) * speeding < SEEN * driving:
         return math.nan
     return value / (campaign.inertia or abs(value))
 

@@ -12,7 +12,7 @@ LONGEST = 4096  # samples of a spectrum's stretches
 LEAST_TURN = math.radians(350.0)  # electrical: less is no turn to draw an error over
 SECTORS = 72
 BARS = 128  # of a spectrum: more are too thin to see
-MOST = 4000  # points drawn of a line: more than a page has pixels
+MAX_POINTS = 4000  # points drawn of a line: more than a page has pixels
 
 
 def means(values: NDArray, width: int) -> NDArray:
@@ -64,7 +64,7 @@ def over_angle(error: Array, theta: Array) -> tuple[Array, Array, Array, Array] 
     return (np.arange(SECTORS) + 0.5) * 360.0 / SECTORS, mean, low, high
 
 
-def thinned(t: Array, values: Array, most: int = MOST) -> tuple[Array, Array]:
+def thinned(t: Array, values: Array, most: int = MAX_POINTS) -> tuple[Array, Array]:
     """Return a line with at most 2 `most` points that keeps the extremes of every stretch."""
     if t.size <= 2 * most:
         return t, values

@@ -26,7 +26,7 @@ COSTS = {  # what a run costs is never the same twice
 CLOSE = 1e-6  # of a number: what another machine or another library may change
 NOTHING = 1e-12  # in any unit
 LARGEST = 2**1000  # a whole number beyond is none of ours, and no float
-MOST = 50  # differences that are told
+MAX_DIFFERENCES = 50  # differences that are told
 ROWS = "withheld.rows.jsonl"
 SCORED = "withheld score"
 FUNCTIONS = (
@@ -48,8 +48,8 @@ class Verification(Result):
     """What became of a result when it was made once more.
 
     values: how many were compared; largest: relative difference of numbers (0: the same to the bit); differences: those
-    beyond the tolerance (at most MOST), files of the result that were changed included; changed: what parts this
-    machine from the one that made it.
+    beyond the tolerance (at most MAX_DIFFERENCES), files of the result that were changed included; changed: what parts
+    this machine from the one that made it.
     """
 
     command: ClassVar[str] = "verify"
@@ -131,7 +131,9 @@ def verify(result: str | Path, tolerance: float = CLOSE) -> Verification:
     apart = [Difference(where, a, b) for where, a, b in pairs if not _agree(a, b, tolerance)]
     apart = [*_damaged(path.parent, made["files"]), *apart]
     largest = max((_distance(a, b) for _, a, b in pairs), default=0.0)
-    return Verification(path, made["call"]["function"], len(pairs), largest, tuple(apart[:MOST]), _changed(made))
+    return Verification(
+        path, made["call"]["function"], len(pairs), largest, tuple(apart[:MAX_DIFFERENCES]), _changed(made)
+    )
 
 
 def _json_of(place: Path) -> Path:

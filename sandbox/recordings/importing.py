@@ -101,9 +101,11 @@ class Source:
     def table(self, file: str) -> Table:
         """Return one recording's table as it stands in its file."""
         table = read_table(self.folder / file, self.wanted, self.log.matrix)
-        stranger = next((n for n in table.columns if n not in OURS and not INDEX.fullmatch(n)), None)
-        if not self.foreign and stranger is not None:
-            raise BadInput(f"{file}: {unknown('column', stranger, OURS)}; map other names with --columns FILE.toml")
+        unknown_column = next((n for n in table.columns if n not in OURS and not INDEX.fullmatch(n)), None)
+        if not self.foreign and unknown_column is not None:
+            raise BadInput(
+                f"{file}: {unknown('column', unknown_column, OURS)}; map other names with --columns FILE.toml"
+            )
         return table
 
     @property

@@ -248,7 +248,7 @@ def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Ar
 
 
 @dataclass(frozen=True)
-class Walk:
+class StreamingReplay:
     """Blocks of sets on their way through a campaign, stretch by stretch."""
 
     prepared: Prepared

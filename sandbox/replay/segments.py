@@ -70,7 +70,7 @@ def _readings(r: Inputs) -> int:
     return r.samples * (3 if r.rotor == "locked" else 4)
 
 
-class Part(NamedTuple):
+class ChannelSlopes(NamedTuple):
     """A channel over a stretch: slopes j (m, c, p + 2 and more) and residuals r (m, c); which columns act (q,), what
     they are multiplied by, and the places of their coordinates."""
 
@@ -82,7 +82,7 @@ class Part(NamedTuple):
     places: NDArray[np.int64]
 
 
-def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[Part]:
+def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[ChannelSlopes]:
     """Return the channels of a recording over a stretch, of p coordinates beside two turns and a map's modes."""
     r, shown = prepared.recordings[s.recording], residual_of(prepared, s, found.base)
     turn, sign = (p, 1.0) if r.rotor == "locked" else (p + 1, -1.0)
@@ -91,9 +91,9 @@ def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[P
     places = np.array([*range(p), p + prepared.angles.index(r.angle_name), *(p + len(prepared.angles) + modes)])
     scale = np.array([*np.ones(p), sign, *np.ones(len(modes))])
 
-    def part(name: str, j: Array, size: Array) -> Part:
+    def part(name: str, j: Array, size: Array) -> ChannelSlopes:
         """Return one of them."""
-        return Part(name, j, channel(shown, name), columns, size, places)
+        return ChannelSlopes(name, j, channel(shown, name), columns, size, places)
 
     out = [part("current", found.current, scale / prepared.floor)]
     if found.motion is not None:  # innovations are normalised already
@@ -115,7 +115,7 @@ class Gathering:
     acts: NDArray[np.bool_] | None = None
     residuals: list[Array] = field(default_factory=list)
 
-    def add(self, part: Part, spill: Spill | None, first: int) -> None:
+    def add(self, part: ChannelSlopes, spill: Spill | None, first: int) -> None:
         """Take in a stretch that begins at sample `first`."""
         flat = part.j.reshape(-1, self.width)
         acts = np.asarray(flat.any(axis=0))
@@ -124,7 +124,7 @@ class Gathering:
         if spill is not None:
             spill.write(self.at + 8 * self.width * first * part.j.shape[1], flat)
 
-    def squared(self, recording: int, part: Part, spill: Spill | None, cut: int) -> tuple[Segment, Rows]:
+    def squared(self, recording: int, part: ChannelSlopes, spill: Spill | None, cut: int) -> tuple[Segment, Rows]:
         """Return the segment and the slopes (n c, q) of those coordinates that act on it; part: the last stretch."""
         assert self.acts is not None
         acts = np.flatnonzero(self.acts[part.columns])

@@ -26,7 +26,7 @@ from model.errors import BadInput, unknown
 from sandbox.plant import additions
 from sandbox.plant.sets import BENCH, complete, parameter_names
 from sandbox.replay.grouping import ROOMS, grouped
-from sandbox.replay.replay import Prepared, Set, Shown, Walk, block_of, in_threads, needs_of
+from sandbox.replay.replay import Prepared, Set, Shown, StreamingReplay, block_of, in_threads, needs_of
 from sandbox.replay.stretches import Stretch, stretches
 
 Array = NDArray[np.float64]
@@ -176,7 +176,7 @@ def slopes(
 
     Sets that act on the motion alone have the base set's torque: only their shafts are moved.
     """
-    walk, sets = Walk(prepared), [moves.at, *moves.to]
+    streaming, sets = StreamingReplay(prepared), [moves.at, *moves.to]
     both = [[k for k, m in enumerate(moves.mechanical) if m == only] for only in (False, True)]
     electrical, mechanical = _blocks(prepared, sets, both[0]), _shafts(prepared, sets, both[1])
     for group in groups:
@@ -189,7 +189,7 @@ def slopes(
         def task(job, results=results) -> None:
             """Fill in the slopes of one block of sets on one stretch."""
             s, block, columns, first = job
-            shown, out, inverse = walk.over(s, block), results[s], 1.0 / moves.steps[columns]
+            shown, out, inverse = streaming.over(s, block), results[s], 1.0 / moves.steps[columns]
             m = s.last - s.first
             differences(shown.current.reshape(3 * m, -1), inverse, columns, out.current.reshape(3 * m, -1))
             if shown.motion is not None:
@@ -204,7 +204,7 @@ def slopes(
         def turned(job, results=results) -> None:
             """Fill in the slopes of innovations of one block of shafts on one stretch."""
             s, block, columns = job
-            moved = walk.turned(s, block, electrical[0][0])
+            moved = streaming.turned(s, block, electrical[0][0])
             differences(moved, 1.0 / moves.steps[columns], columns, results[s].motion)
 
         in_threads(task, jobs, workers)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.compiled import kernel
 from model.errors import BadInput, PhysicsError, unknown
-from sandbox.switched.bench_numbers import Bench
+from sandbox.switched.bench_numbers import SwitchedBench
 from sandbox.switched.inverter import (
     CORE_ALPHA,
     CORES,
@@ -63,7 +63,7 @@ class Reading(NamedTuple):
     theta: float  # rad, electrical, of the encoder
 
 
-def flux_for(b: Bench, i: complex, theta: float) -> complex:
+def flux_for(b: SwitchedBench, i: complex, theta: float) -> complex:
     """Return the flux vector (Wb) whose magnetising current is i (A): Newton's method with a difference Jacobian."""
     m = magnet(b, complex(math.cos(theta), math.sin(theta)))[0]
     psi, h = m, 1e-6 * max(abs(b.magnet_flux), abs(i) / (b.flux_map.stiffness if b.flux_map else b.g_0), 1e-6)
@@ -79,7 +79,9 @@ def flux_for(b: Bench, i: complex, theta: float) -> complex:
     raise PhysicsError(f"no flux gives a current of {abs(i):.4g} A; the motor's saturation model ends before it")
 
 
-def start(b: Bench, theta: float = 0.0, speed: float = 0.0, i_alpha: float = 0.0, i_beta: float = 0.0) -> Vector:
+def start(
+    b: SwitchedBench, theta: float = 0.0, speed: float = 0.0, i_alpha: float = 0.0, i_beta: float = 0.0
+) -> Vector:
     """Return a state at rest electrically: theta (rad, electrical), speed (rad/s, mechanical), terminal current (A)."""
     state = np.zeros(3 * SIZE)  # scratch behind it: for looking ahead, and for steps that are taken again
     psi = flux_for(b, complex(i_alpha, i_beta), theta)
@@ -94,7 +96,7 @@ def start(b: Bench, theta: float = 0.0, speed: float = 0.0, i_alpha: float = 0.0
     return state
 
 
-def rotor_flux(b: Bench, state: Vector) -> tuple[float, float]:
+def rotor_flux(b: SwitchedBench, state: Vector) -> tuple[float, float]:
     """Return phi_d, phi_q (Wb), the flux in the rotor frame less the constant magnet flux."""
     seen = complex(state[PSI_ALPHA], state[PSI_BETA]) * complex(math.cos(state[THETA]), -math.sin(state[THETA]))
     return seen.real - b.magnet_flux, seen.imag
@@ -186,7 +188,7 @@ def run(state, b, mode, u_alpha, u_beta, u_dc, load_torque, theta, speed, rng, o
 
 
 def replay(
-    b: Bench,
+    b: SwitchedBench,
     rotor: str,
     u_alpha: ArrayLike,
     u_beta: ArrayLike,
@@ -217,7 +219,7 @@ def replay(
     return {name: out[name] for name in PREDICTED.names or ()}
 
 
-def true_angle(b: Bench, read: ArrayLike) -> Vector:
+def true_angle(b: SwitchedBench, read: ArrayLike) -> Vector:
     """Return the rotor angle (rad, electrical) behind an unquantised encoder reading: `encoder` undone."""
     base = np.asarray(read, dtype=float) - b.encoder_offset
     theta = base

@@ -2,7 +2,7 @@
 
 Names, bounds and neutral values are the effect library's (`model.effects.library`), and so are the forms of the
 effects; their equations are written and integrated anew, apart from the plant.  Giving a neutral
-value builds the very same `Bench`, so nothing changes by a bit.
+value builds the very same `SwitchedBench`, so nothing changes by a bit.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MOST_SWING = 50.0  # rad of a leg's swing in a dead time: faster ones are as goo
 STEPS_WITH_CORNERS = 16.0  # a current that reaches a corner of its sign and turns back inside a step is not seen
 
 
-class Bench(NamedTuple):
+class SwitchedBench(NamedTuple):
     """All numbers of one switched bench as the kernels read them (SI, electrical angles)."""
 
     pole_pairs: float
@@ -137,7 +137,7 @@ class Bench(NamedTuple):
     flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
 
 
-def bench(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> Bench:
+def bench(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> SwitchedBench:
     """Return the compiled bench of a motor, a converter and effects such as {"dead_time.time": 2e-6}.
 
     A motor with a flux map (`model.mapped`) keeps its map: effects on its magnetics are out of bounds.
@@ -147,12 +147,12 @@ def bench(motor: Motor, converter: Converter, effects: Mapping[str, float] | Non
     return _compile(motor, converter, complete(motor, converter, effects))
 
 
-def quiet(b: Bench) -> Bench:
+def quiet(b: SwitchedBench) -> SwitchedBench:
     """Return the same bench without noise, jitter and quantisation, as a prediction needs it."""
     return b._replace(noise=0.0, jitter=0.0, resolution=0.0, encoder_step=0.0)
 
 
-def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Bench:
+def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> SwitchedBench:
     counts = converter.encoder_counts
     m_load = v["shaft_compliance.load_inertia"] if math.isfinite(v["shaft_compliance.stiffness"]) else 0.0
     m_motor = v["inertia.inertia"] - m_load  # total inertia unchanged
@@ -220,7 +220,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     table = _leg_table(motor, converter, v)
     step = _longest_step(period, v, rate, m_motor)
     step = step if table is None else min(step, period / STEPS_WITH_CORNERS)
-    return Bench(**values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map)
+    return SwitchedBench(**values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map)
 
 
 def _leg_table(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Any:

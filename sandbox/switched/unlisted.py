@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from model.errors import BadInput, unknown
-from sandbox.switched.bench_numbers import STEPS_WITH_CORNERS, Bench
+from sandbox.switched.bench_numbers import STEPS_WITH_CORNERS, SwitchedBench
 from sandbox.switched.leg import SHAPES, leg_table
 
 
@@ -62,7 +62,7 @@ UNLISTED = {
 SHORT = {"least_pulse": (0.5, "half"), "least_vector": (0.5, "half"), "channel_lag": (0.1, "a tenth of")}
 
 
-def unlisted(b: Bench, values: Mapping[str, float]) -> Bench:
+def unlisted(b: SwitchedBench, values: Mapping[str, float]) -> SwitchedBench:
     """Return the bench with effects outside the library, e.g. {"fan": 2e-5}; BadInput for what cannot be."""
     for name, value in values.items():
         if name not in UNLISTED:
@@ -88,7 +88,7 @@ def _check(name: str, value: float) -> None:
         raise BadInput(f"{name} = {value!r} is out of range; give a number in {bounds}")
 
 
-def with_sign(b: Bench, shape: str, half_width: float) -> Bench:
+def with_sign(b: SwitchedBench, shape: str, half_width: float) -> SwitchedBench:
     """Return the bench whose currents' sign goes through zero as told: 'linear', 'hard' or 'tanh', half_width in A."""
     if shape not in SHAPES:
         raise unknown("shape of the sign", shape, SHAPES)
@@ -97,7 +97,7 @@ def with_sign(b: Bench, shape: str, half_width: float) -> Bench:
     return b._replace(sign_shape=SHAPES[shape], soft_current=float(half_width))
 
 
-def with_leg_table(b: Bench, current: ArrayLike, volts: ArrayLike) -> Bench:
+def with_leg_table(b: SwitchedBench, current: ArrayLike, volts: ArrayLike) -> SwitchedBench:
     """Return the bench with a measured voltage error of its legs (V lost at A, odd) in place of dead time and drop.
 
     BadInput for a table that is none (`leg.leg_table`), and for a bench that has either of those effects beside it.

@@ -14,7 +14,7 @@ from .design import ALPHAS, UNCERTAINTY, Design
 from .draw import Truth, generator
 from .loop import run
 from .plant import FEW, STATES
-from .types import DRIVEN, FREE, Control, Course
+from .types import DRIVEN, FREE, Control, References
 
 INJECTION_PERIOD = 8  # samples
 COLUMNS = ("u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc", "load_torque")
@@ -28,7 +28,7 @@ class Recording(NamedTuple):
     really: np.ndarray
 
 
-class Bench(NamedTuple):
+class CompiledDesign(NamedTuple):
     """The compiled containers of a design, and what scales its cycles."""
 
     design: Design
@@ -38,7 +38,7 @@ class Bench(NamedTuple):
     injection: float  # V
 
 
-def build(d: Design) -> Bench:
+def build(d: Design) -> CompiledDesign:
     """The bench of a design; slow parts (inverting a map) are done once."""
     drive, n = d.drive, d.nominal
     i = drive.current
@@ -53,7 +53,7 @@ def build(d: Design) -> Bench:
         design.mechanics(d),
         design.sensors(d),
     )
-    return Bench(d, parts, design.shortest(d), scale, injection_amplitude(d))
+    return CompiledDesign(d, parts, design.shortest(d), scale, injection_amplitude(d))
 
 
 def loaded_inductance(d: Design) -> tuple[float, float]:
@@ -65,7 +65,7 @@ def loaded_inductance(d: Design) -> tuple[float, float]:
     return min(l_d, float(jac[0, 0])), min(l_q, float(jac[1, 1]))
 
 
-def control(b: Bench, axis: int) -> Control:
+def control(b: CompiledDesign, axis: int) -> Control:
     """The drive's controller, tuned on nominal values; it goes slower under injection, whose ripple it averages out."""
     d, drive = b.design, b.design.drive
     bandwidth = (0.015 if axis else 0.1) / drive.period
@@ -85,7 +85,7 @@ def control(b: Bench, axis: int) -> Control:
     )
 
 
-def course(b: Bench, plan: cycles.Plan, truth: Truth, rng: np.random.Generator) -> Course:
+def references(b: CompiledDesign, plan: cycles.Plan, truth: Truth, rng: np.random.Generator) -> References:
     """A plan with this bench's noise, jitter, errors of load and start."""
     d, drive, o = b.design, b.design.drive, truth.ordinary
     under_current = rng.uniform() < o["begins_under_current"]
@@ -101,7 +101,7 @@ def course(b: Bench, plan: cycles.Plan, truth: Truth, rng: np.random.Generator) 
     if plan.rotor == DRIVEN:
         a = o["uneven_speed"]
         uneven = ((a, 1.0, float(rng.uniform(-3, 3))), (0.5 * a, 2.0, float(rng.uniform(-3, 3))))
-    return Course(
+    return References(
         rotor=plan.rotor,
         mode=plan.mode,
         before=before,
@@ -118,13 +118,13 @@ def course(b: Bench, plan: cycles.Plan, truth: Truth, rng: np.random.Generator) 
     )
 
 
-def record(b: Bench, plan: cycles.Plan, truth: Truth, rng: np.random.Generator) -> Recording:
+def record(b: CompiledDesign, plan: cycles.Plan, truth: Truth, rng: np.random.Generator) -> Recording:
     """Run one recording.
 
     Raises ArithmeticError where the drive leaves what its bench can hold (not finite, or three times rated current).
     """
     d, drive = b.design, b.design.drive
-    c = course(b, plan, truth, rng)
+    c = references(b, plan, truth, rng)
     mag, loss, inv, mech, sens = b.parts
     more = loss.core or loss.rise or loss.contact[0] > 0 or sens.filter[0] > 0
     y = np.zeros(STATES if more else FEW)

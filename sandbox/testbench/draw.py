@@ -12,7 +12,7 @@ from .design import ALPHAS, UNCERTAINTY, Design, nominal_design
 from .drives import DRIVES
 
 KINDS = ("one", "several", "many", "outside", "none")
-LADDER = (2.0, 1.0, 0.5, 0.25, 0.1, 0.03)  # sizes of a cause alone; 1 is medium
+EFFECT_SIZES = (2.0, 1.0, 0.5, 0.25, 0.1, 0.03)  # sizes of a cause alone; 1 is medium
 TOGETHER = (1.5, 1.0, 0.7, 0.4, 0.2)  # sizes of causes together
 
 
@@ -67,7 +67,7 @@ def draw(kind: str, seed: int, index: int = 0, folder: Path | None = None) -> tu
     if "saturation" in chosen and "cross_saturation" in chosen:
         chosen.remove("cross_saturation")
     for name in chosen:
-        _put(d, truth, name, LADDER if kind == "one" else TOGETHER, rng)
+        _put(d, truth, name, EFFECT_SIZES if kind == "one" else TOGETHER, rng)
     if kind == "outside":
         outside = list(effects.OUTSIDE)
         name = outside[int(rng.integers(len(outside)))]
@@ -78,8 +78,8 @@ def draw(kind: str, seed: int, index: int = 0, folder: Path | None = None) -> tu
     return truth, d
 
 
-def _put(d: Design, truth: Truth, name: str, ladder: tuple[float, ...], rng: np.random.Generator) -> None:
-    size = float(rng.choice(ladder))
+def _put(d: Design, truth: Truth, name: str, sizes: tuple[float, ...], rng: np.random.Generator) -> None:
+    size = float(rng.choice(sizes))
     own = bool(rng.integers(2)) and name not in effects.ONLY_LIBRARY_FORM
     if d.map is not None and name in ("saturation", "cross_saturation"):
         own = True

@@ -124,12 +124,12 @@ def read_angle(sens, pole_pairs, y, turned):
 
 
 @njit(cache=True)
-def command(ctl, course, inv, memo, k, i_abc, theta, link_read, ring):
+def command(ctl, references, inv, memo, k, i_abc, theta, link_read, ring):
     """Voltage command (alpha, beta) for the next period from what has been read.
 
     `memo`: integrators d, q, speed integrator, filtered speed, last angle, angle known.
     """
-    n = course.mode
+    n = references.mode
     ts = inv.period
     w = (theta - memo[4]) / ts if memo[5] > 0.0 else 0.0
     memo[4], memo[5] = theta, 1.0
@@ -144,13 +144,13 @@ def command(ctl, course, inv, memo, k, i_abc, theta, link_read, ring):
     for j in range(period):
         i_d += ring[j, 0] / period
         i_q += ring[j, 1] / period
-    j = min(k + course.before, course.reference_d.size - 1)
-    r_d, r_q = course.reference_d[j], course.reference_q[j]
+    j = min(k + references.before, references.reference_d.size - 1)
+    r_d, r_q = references.reference_d[j], references.reference_q[j]
     if n == VOLTAGE:
         u_d, u_q, e_d, e_q = r_d, r_q, 0.0, 0.0
     else:
         if n == SPEED and math.isnan(r_q):
-            e = course.speed[j] - memo[3] / memo[6]
+            e = references.speed[j] - memo[3] / memo[6]
             r_q = ctl.speed_bandwidth * ctl.inertia / ctl.torque_constant * e + memo[2]
             held = min(max(r_q, -ctl.limit), ctl.limit)
             if held == r_q:
@@ -175,19 +175,19 @@ def command(ctl, course, inv, memo, k, i_abc, theta, link_read, ring):
             u_d += sign * ctl.injection
         else:
             u_q += sign * ctl.injection
-    ahead = theta + (1.5 * ts * memo[3] if course.rotor != LOCKED else 0.0)
+    ahead = theta + (1.5 * ts * memo[3] if references.rotor != LOCKED else 0.0)
     c, s = math.cos(ahead), math.sin(ahead)
     return c * u_d - s * u_q, s * u_d + c * u_q
 
 
 @njit(cache=True)
-def run(mag, loss, inv, mech, sens, ctl, course, y, step, out):
+def run(mag, loss, inv, mech, sens, ctl, references, y, step, out):
     """Run a recording from state y.
 
     `out` (n, 12): u_alpha, u_beta, i_a, i_b, i_c, theta, u_dc, load; then the truth: i_alpha, i_beta, speed, torque.
     """
     ts = inv.period
-    n_total = course.reference_d.size
+    n_total = references.reference_d.size
     times = np.zeros((3, QUEUE))
     kinds = np.zeros((3, QUEUE), dtype=np.int64)
     count = np.zeros(3, dtype=np.int64)
@@ -203,18 +203,25 @@ def run(mag, loss, inv, mech, sens, ctl, course, y, step, out):
     u_alpha, u_beta = 0.0, 0.0
     start_angle = y[2]
     for n in range(n_total):
-        k = n - course.before
+        k = n - references.before
         t0 = k * ts
-        link_read = inv.link + course.link_noise[n]
-        slope = (course.speed[min(n + 1, n_total - 1)] - course.speed[n]) / ts
-        world = World(course.rotor, course.load[n] + course.load_error[n], course.speed[n], slope, t0, course.uneven)
-        if course.rotor == DRIVEN:
-            y[3] = course.speed[n]
+        link_read = inv.link + references.link_noise[n]
+        slope = (references.speed[min(n + 1, n_total - 1)] - references.speed[n]) / ts
+        world = World(
+            references.rotor,
+            references.load[n] + references.load_error[n],
+            references.speed[n],
+            slope,
+            t0,
+            references.uneven,
+        )
+        if references.rotor == DRIVEN:
+            y[3] = references.speed[n]
         theta = read_angle(sens, mech.pole_pairs, y, (y[2] - start_angle) / mech.pole_pairs)
         a, b, torque = currents(mag, loss, y, memory)
         if k >= 0:
             out[k, 0], out[k, 1] = u_alpha, u_beta
-            out[k, 5], out[k, 6], out[k, 7] = theta, link_read, course.load[n]
+            out[k, 5], out[k, 6], out[k, 7] = theta, link_read, references.load[n]
             out[k, 8], out[k, 9], out[k, 10] = a, b, y[3]
             out[k, 11] = 1.5 * mech.pole_pairs * torque
         modulate(inv, t0, u_alpha, u_beta, link_read, times, kinds, count)
@@ -232,13 +239,13 @@ def run(mag, loss, inv, mech, sens, ctl, course, y, step, out):
                 t = stop
             if sample >= 0:
                 done[sample] = True
-                h = course.jitter[n]
+                h = references.jitter[n]
                 if h != 0.0:
                     rk4(t, y, h, trial, work, legs, mag, loss, inv, mech, sens, world, memory)
                     i = seen_current(sens, mag, loss, trial, memory, sample)
                 else:
                     i = seen_current(sens, mag, loss, y, memory, sample)
-                read[sample] = read_current(sens, sample, i, t, course.noise[n, sample], remanence)
+                read[sample] = read_current(sens, sample, i, t, references.noise[n, sample], remanence)
             elif leg >= 0:
                 kind = pop(times, kinds, count, leg)
                 i = a if leg == 0 else 0.0
@@ -254,5 +261,5 @@ def run(mag, loss, inv, mech, sens, ctl, course, y, step, out):
         for i in range(size):
             if not math.isfinite(y[i]):
                 return k
-        u_alpha, u_beta = command(ctl, course, inv, memo, k, i_abc, theta, link_read, ring)
+        u_alpha, u_beta = command(ctl, references, inv, memo, k, i_abc, theta, link_read, ring)
     return n_total

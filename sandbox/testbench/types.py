@@ -111,7 +111,7 @@ class Control(NamedTuple):
     injection_axis: int  # 0 none, 1 d, 2 q
 
 
-class Course(NamedTuple):
+class References(NamedTuple):
     """One recording: references sample by sample (k = -before .. n)."""
 
     rotor: int

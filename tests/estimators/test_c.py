@@ -16,7 +16,7 @@ from estimators.c.build import STRICT, build, compiler
 from estimators.c.collect import collect
 from estimators.c.counting import operations
 from estimators.c.golden import read_golden
-from estimators.c.target import MOST
+from estimators.c.target import TOLERANCE_DEG
 from estimators.c.translate import translated
 from estimators.registry import load_estimator
 from experiments import releases
@@ -72,7 +72,7 @@ def test_in_c_on_golden_vectors(name, libraries):
     twin = in_windows(load_estimator(name), golden)
     np.testing.assert_allclose(in_windows(libraries[name, True], golden), twin, rtol=1e-9, atol=1e-9)
     narrow = wrapped(in_windows(libraries[name, False], golden)[:, 0] - golden.told[name][:, 0])
-    assert np.degrees(np.abs(narrow)).max() <= MOST
+    assert np.degrees(np.abs(narrow)).max() <= TOLERANCE_DEG
 
 
 @needs_compiler
@@ -84,8 +84,8 @@ def test_closed_loop_with_start_up_in_float(name, motor, libraries):
     for ours, theirs in zip(*rows, strict=True):
         assert not ours.lost_lock
         assert not theirs.lost_lock
-        assert ours.error_deg.mean == pytest.approx(theirs.error_deg.mean, abs=MOST)
-        assert ours.error_deg.p95 == pytest.approx(theirs.error_deg.p95, abs=MOST)
+        assert ours.error_deg.mean == pytest.approx(theirs.error_deg.mean, abs=TOLERANCE_DEG)
+        assert ours.error_deg.p95 == pytest.approx(theirs.error_deg.p95, abs=TOLERANCE_DEG)
 
 
 @needs_compiler
@@ -100,7 +100,7 @@ def test_part_of_the_protocol_in_float(libraries):
             assert belief == "linear" or ours.passed == theirs.passed  # theory goes by the name
             assert len(ours.points) == len(theirs.points) > 0
             for a, b in zip(ours.points, theirs.points, strict=True):
-                assert a.mean_deg == pytest.approx(b.mean_deg, abs=MOST)
+                assert a.mean_deg == pytest.approx(b.mean_deg, abs=TOLERANCE_DEG)
 
 
 @needs_compiler

@@ -14,7 +14,7 @@ from model.effect_files import effects_of
 from model.energy import flux_from_current
 from model.fluxmap import FluxMap, write_map
 from sandbox.drive.design import design
-from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.drive.scenario import SCENARIOS, load_scenario
 from sandbox.output.files import plain, write_json
 from sandbox.output.provenance import made_by
@@ -84,7 +84,10 @@ REPORTS = ("diagnoses/w000.json", "diagnoses/resolved/w000.json")
 def small_campaign():
     """Return a campaign of three staircases at locked rotor."""
     return paper_campaign(
-        load_drive("ipm_exchanged"), np.linspace(-1.92, 1.92, 3), 40, Bench(theta=0.7, noise=0.002, resolution=0.0024)
+        load_drive("ipm_exchanged"),
+        np.linspace(-1.92, 1.92, 3),
+        40,
+        LockedBench(theta=0.7, noise=0.002, resolution=0.0024),
     )
 
 

@@ -23,7 +23,7 @@ ARRAYS = {
     **{f"{kind}{n}": np.arange(-3 if kind == "i" else 0, 7).astype(f"{kind}{n}") for kind in "iu" for n in (1, 2, 4,
     8)},
 }  # fmt: skip
-MOST = 10_000_000
+MAX_BYTES = 10_000_000
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -34,7 +34,7 @@ def test_numbers_are_read_as_scipy_reads_them(packed, tmp_path):
         "log": {"i_a": np.arange(3.0), "in": {"u": 2.0}},
     }
     savemat(tmp_path / "m.mat", {**ARRAYS, **other}, do_compression=packed)
-    found, known = read_mat(tmp_path / "m.mat", MOST), loadmat(tmp_path / "m.mat")
+    found, known = read_mat(tmp_path / "m.mat", MAX_BYTES), loadmat(tmp_path / "m.mat")
     assert set(found) == {*ARRAYS, "log.i_a", "log.in.u"}
     for name in ARRAYS:
         np.testing.assert_array_equal(found[name], known[name])
@@ -57,7 +57,7 @@ def test_structures_in_an_array_are_signals_by_their_name_or_numbered(packed, tm
     nothing."""
     names = ["i_a", "\u03c8", "twice", "twice", "", "two\nlines"]
     savemat(tmp_path / "m.mat", {"log": {"Y": structures(names)}}, do_compression=packed)
-    found = read_mat(tmp_path / "m.mat", MOST)
+    found = read_mat(tmp_path / "m.mat", MAX_BYTES)
     assert set(found) == {"i_a", "\u03c8", *(f"log.Y({k}).{n}" for k in (3, 4, 5, 6) for n in ("Data", "more.x"))}
     np.testing.assert_array_equal(found["i_a"].ravel(), np.arange(3.0))
     np.testing.assert_array_equal(found["\u03c8"].ravel(), np.arange(3.0) + 1)
@@ -67,7 +67,7 @@ def test_structures_in_an_array_are_signals_by_their_name_or_numbered(packed, tm
 
 def test_a_measured_map_is_read_as_scipy_reads_it():
     path = real_data() / "baldor_pmsyrm" / "ABB_400rpm_map.mat"
-    found, known = read_mat(path, MOST), loadmat(path)
+    found, known = read_mat(path, MAX_BYTES), loadmat(path)
     numbers = {n for n, a in known.items() if not n.startswith("__") and a.dtype.kind in "fiuc"}
     assert numbers <= set(found)
     for name in numbers:
@@ -84,7 +84,7 @@ def test_damage_is_refused_or_harmless(packed, tmp_path):
     for k in range(1500):
         path.write_bytes(damaged_bytes(whole, random.Random(k)))
         try:
-            found = read_mat(path, MOST)
+            found = read_mat(path, MAX_BYTES)
             assert sum(a.nbytes for a in found.values()) <= 16 * 1100 * len(
                 path.read_bytes()
             )  # zlib: 1 to 1032 at most
@@ -99,13 +99,13 @@ def test_a_small_file_does_not_unpack_to_a_large_one(tmp_path):
     header = b"MATLAB 5.0".ljust(124) + b"\x00\x01IM"
     (tmp_path / "m.mat").write_bytes(header + struct.pack("<II", 15, len(bomb)) + bomb)
     with pytest.raises(Damaged, match="larger than can be read"):
-        read_mat(tmp_path / "m.mat", MOST)
+        read_mat(tmp_path / "m.mat", MAX_BYTES)
 
 
 def test_other_versions_are_named(tmp_path):
     savemat(tmp_path / "m.mat", {"x": np.arange(50.0)}, format="4")
     with pytest.raises(Damaged, match="save it with save"):
-        read_mat(tmp_path / "m.mat", MOST)
+        read_mat(tmp_path / "m.mat", MAX_BYTES)
     (tmp_path / "m.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(600))
     with pytest.raises(Damaged, match=r"7\.3"):
-        read_mat(tmp_path / "m.mat", MOST)
+        read_mat(tmp_path / "m.mat", MAX_BYTES)

@@ -30,8 +30,8 @@ from sandbox.replay.replay import replay
 Array = NDArray[np.float64]
 FINER = (2, 1)  # parts of the map's cells along d and q
 FINEST = max(cells[0] for cells, _ in CHOICES)  # cells along d that a fit may have: one that has more was cut before
-TOLD = 1.0  # of the prior's precision: information in the recordings below which a direction is left away
-MOST = 64  # directions, the best told ones
+MIN_INFORMATION = 1.0  # of the prior's precision: information in the recordings below which a direction is left away
+MAX_DIRECTIONS = 64  # directions, the best told ones
 SAMPLES = 40_000  # that directions are looked for in
 
 
@@ -63,7 +63,7 @@ def with_modes(point: Point, size: float) -> Point:
     unit = size / np.sqrt(path)
     answers = _without(answers, basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0])
     value, vector = np.linalg.eigh(unit**2 * answers / prepared.floor**2)
-    told = np.flatnonzero(value > TOLD)[::-1][:MOST]
+    told = np.flatnonzero(value > MIN_INFORMATION)[::-1][:MAX_DIRECTIONS]
     if not len(told):
         return point
     sizes = np.zeros((len(told), basis.size))

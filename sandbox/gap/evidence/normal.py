@@ -31,7 +31,7 @@ from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import inputs_of
 from sandbox.replay.map_error import with_map_error
 from sandbox.replay.memory import SHARE, Kept
-from sandbox.replay.replay import Prepared, Walk, in_threads, plan, residual_of
+from sandbox.replay.replay import Prepared, StreamingReplay, in_threads, plan, residual_of
 from sandbox.replay.segments import Segment, channel, squared, squared_slopes
 from sandbox.replay.sensitivity import Moves
 from sandbox.replay.stretches import Stretch, stretches
@@ -113,13 +113,13 @@ class Normal:
         drive = points[0].prepared.campaign.drive
         sets = [complete(drive.motor, drive.converter, p.values) for p in points]
         prepared = points[0].turned()
-        walk, together, cut = Walk(prepared), plan(prepared, sets), block_length(prepared)
+        streaming, together, cut = StreamingReplay(prepared), plan(prepared, sets), block_length(prepared)
         out = [[replace(s, g=np.empty_like(s.g), rr=np.empty_like(s.rr)) for s in self.segments] for _ in points]
 
         def task(job: tuple[Stretch, Block]) -> None:
             """Square one block of sets on one stretch with the slopes of every channel there."""
             stretch, block = job
-            shown = residual_of(prepared, stretch, walk.over(stretch, block))
+            shown = residual_of(prepared, stretch, streaming.over(stretch, block))
             for k, (s, rows) in enumerate(zip(self.segments, self.rows, strict=True)):
                 if s.recording == stretch.recording:
                     each = [(channel(shown, s.channel, j), out[m][k]) for j, m in enumerate(block.members)]

@@ -31,7 +31,7 @@ BESIDE = (
     "Sizes are those beside a free regression, so that what is outside the library does not bend them. What they are "
     "without it stands below, and as `parameters` in diagnosis.json."
 )
-MOST = 2  # parameters that stand in the list itself
+MAX_PARAMETERS = 2  # parameters that stand in the list itself
 LESS = 0.1  # chance by which an effect has to be less probable than the set it is in, for a sentence about it
 HIDES = 0.02  # negative share from which an effect is said to cancel others
 SHOWN = 0.01  # chance below which an effect is not listed
@@ -46,7 +46,7 @@ def rows(r: Ranking) -> list[list[str]]:
             share = r.shares.of.get(effect)
             told = "–" if share is None else _between(share.value, share.ci95)
             own = [f"{library.title(k)} {quantity(e)}" for k, e in r.sizes(effect).items()]
-            size = ", ".join(own) if len(own) <= MOST else f"{own[0]}, ..., see below"
+            size = ", ".join(own) if len(own) <= MAX_PARAMETERS else f"{own[0]}, ..., see below"
             out.append([words(effect), f"{100.0 * chance:.1f} %", told, size or "–"])
     if r.unknown >= SHOWN:
         out.append(["something outside the library", f"{100.0 * r.unknown:.1f} %", _unexplained(r), "–"])

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 BEFORE, AFTER = COLOURS["linear"], COLOURS["saturated"]
 RECORDED = GREY
 FINEST = 1e-3  # noise floors: 0 dB of a spectrum's bars
-MOST = 400_000  # samples of a recording that are shown, evenly chosen: more is a file that no viewer opens
+MAX_SAMPLES = 400_000  # samples of a recording that are shown, evenly chosen: more is a file that no viewer opens
 HALF = 0.5  # a bar of width 1 is drawn from its place on
 
 
@@ -88,7 +88,7 @@ def _recording(
 ) -> Iterator[tuple[str, Plot]]:
     """Yield currents and their residuals in the rotor's frame, motion or angle over its floor, of one recording."""
     r = shown["after"][0]
-    few = slice(None, None, -(-r.samples // MOST))
+    few = slice(None, None, -(-r.samples // MAX_SAMPLES))
     t: Array = period * np.arange(r.first, r.first + r.samples, dtype=np.float64)[few]
     turned = np.exp(-1j * r.motion.angle[few])
     currents = {"recorded": _complex(r.read[few]) * turned}

@@ -75,7 +75,7 @@ class Next:
     power: float
 
 
-def foretold(campaign: Campaign, entry: Entry, a: EvaluatedModel) -> tuple[Campaign, dict[str, float]]:
+def simulate_experiment(campaign: Campaign, entry: Entry, a: EvaluatedModel) -> tuple[Campaign, dict[str, float]]:
     """Return an experiment as a campaign with the readings that a hypothesis predicts, without noise, and its set."""
     drive = campaign.drive
     motion = shaft(a.fit.point.values, drive)
@@ -96,7 +96,7 @@ def expected_evidence(
 ) -> tuple[Array, Array, float]:
     """Return the log evidence (n,) for a over each of the others that an experiment is expected to bring if a is true,
     its part (n,) that they cannot follow, and that of what the simulator misses of a's effects."""
-    told, truth = foretold(campaign, entry, a)
+    told, truth = simulate_experiment(campaign, entry, a)
     (own, wide), *rest = (_surprise(told, truth, j, variance, workers) for j in (a, *others))
     apart = np.array([q - own for q, _ in rest])
     return apart + np.array([w - wide for _, w in rest]), apart, _missed(told, truth, a) / variance

@@ -10,7 +10,7 @@ from sandbox.gap.report.answers import Answers
 from sandbox.gap.words import capital, likely, names, percent_fine, times, words
 
 HARDLY = 5e-4  # of what remains: less is nothing
-TOLD = 0.15  # share of a regression below which a kind of functions is not spoken of
+MIN_SHARE = 0.15  # share of a regression below which a kind of functions is not spoken of
 ACTING = {"current": "a current", "voltage": "a voltage", "torque": "a torque", "encoder": "an error of the encoder"}
 HANGS = {"currents": "the currents", "angle": "the angle", "speed": "the speed"}
 ALIKE = 2.0  # variance of sums over that of white noise: less is not spoken of
@@ -52,7 +52,7 @@ def beside_text(a: Answers) -> str:
     own = None if a.ranking is None else a.ranking.open_part
     if own is None:
         return ""
-    described = [x for x in own.beside.described if x.share >= TOLD][:2]
+    described = [x for x in own.beside.described if x.share >= MIN_SHARE][:2]
     acts = " and ".join(f"{ACTING[x.acts_as]} that depends on {HANGS[x.hangs_on]}" for x in described)
     worth = own.beside.worth
     told = "stands" if worth is None else f"predicts {percent_fine(worth)} of it on recordings left out"

@@ -21,7 +21,7 @@ from sandbox.public.result import Result
 
 OF_VOLTAGE = ("pwm_delay", "dead_time", "device_drop", "dc_link_error", "current_sampling", "current_gain")
 FILES = {"identify": "identify.json", "diagnose": "diagnosis.json"}
-MOST = 64_000_000  # bytes of a result's JSON
+MAX_BYTES = 64_000_000  # bytes of a result's JSON
 MOTOR = tuple(UNITS)[:4]
 
 
@@ -124,7 +124,7 @@ def _result(path: Path) -> tuple[Path, dict[str, Any]]:
     for file in (folder / name for name in FILES.values()):
         if is_file(file):
             try:
-                told = json.loads(given_bytes(file, MOST, "give a result of identify or diagnose"))
+                told = json.loads(given_bytes(file, MAX_BYTES, "give a result of identify or diagnose"))
             except (ValueError, RecursionError) as error:
                 raise BadInput(f"{file}: no whole JSON ({error}); make the result again") from None
             if isinstance(told, dict) and isinstance(told.get("campaign"), str):

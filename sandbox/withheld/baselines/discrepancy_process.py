@@ -60,7 +60,7 @@ class Where(NamedTuple):
     theta: Array
 
 
-class Part(NamedTuple):
+class Component(NamedTuple):
     """One component of one recording: slopes j (n, q) of the coordinates at places (q,), residual y (n,), z (n, 5)."""
 
     component: str
@@ -79,7 +79,7 @@ class Gram(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Beside:
+class WithDiscrepancy:
     """Normal equations of a point and the products of every component's features there."""
 
     normal: Normal
@@ -137,7 +137,7 @@ def places_of(point: Point) -> list[Where]:
     return out
 
 
-def parts_of(point: Point, n: Normal, where: Sequence[Where]) -> Iterator[Part]:
+def parts_of(point: Point, n: Normal, where: Sequence[Where]) -> Iterator[Component]:
     """Yield the components of every recording; n: normal equations at the point, with their slopes.
 
     The sum of three phases has no discrepancy: it is not an operating point's current.
@@ -149,15 +149,15 @@ def parts_of(point: Point, n: Normal, where: Sequence[Where]) -> Iterator[Part]:
         y = channel(shown[s.recording], s.channel)
         j = np.asarray(rows[: y.size]).reshape(*y.shape, -1)
         if s.channel != "current":
-            yield Part(s.channel, s.places, j[:, 0], y[:, 0], z)
+            yield Component(s.channel, s.places, j[:, 0], y[:, 0], z)
             continue
         axes = np.sqrt(2.0 / 3.0) * LEGS @ np.array([1.0, 1j])
         turned = np.exp(-1j * theta)[:, None] * axes[None, :]
         for component, own in (("d", turned.real), ("q", turned.imag)):
-            yield Part(component, s.places, np.einsum("ncq,nc->nq", j, own), np.sum(y * own, axis=1), z)
+            yield Component(component, s.places, np.einsum("ncq,nc->nq", j, own), np.sum(y * own, axis=1), z)
 
 
-def grams_of(parts: Iterable[Part], p: int, scales: Scales, drawn: Array) -> dict[str, Gram]:
+def grams_of(parts: Iterable[Component], p: int, scales: Scales, drawn: Array) -> dict[str, Gram]:
     """Return the products of features over parts, by component; p: how many coordinates there are."""
     f, out = 2 * len(drawn), dict[str, Gram]()
     for part in parts:
@@ -169,14 +169,14 @@ def grams_of(parts: Iterable[Part], p: int, scales: Scales, drawn: Array) -> dic
     return out
 
 
-def thinned(parts: Iterable[Part], most: int) -> list[Part]:
+def thinned(parts: Iterable[Component], most: int) -> list[Component]:
     """Return about so many evenly spread instants of every component together."""
     every = list(parts)
     step = max(1, sum(len(p.y) for p in every) // most)
-    return [Part(p.component, p.places, p.j[::step].copy(), p.y[::step], p.z[::step]) for p in every]
+    return [Component(p.component, p.places, p.j[::step].copy(), p.y[::step], p.z[::step]) for p in every]
 
 
-def equations(parts: Sequence[Part], p: int) -> tuple[Array, Array, float]:
+def equations(parts: Sequence[Component], p: int) -> tuple[Array, Array, float]:
     """Return A (p, p), g (p,) and r'r of parts alone."""
     a, g, rr = np.zeros((p, p)), np.zeros(p), 0.0
     for part in parts:
@@ -186,7 +186,7 @@ def equations(parts: Sequence[Part], p: int) -> tuple[Array, Array, float]:
     return a, g, rr
 
 
-def learnt(parts: Sequence[Part], x: Array, prior: Prior, drawn: Array, begin: Scales, tries: int) -> Scales:
+def learnt(parts: Sequence[Component], x: Array, prior: Prior, drawn: Array, begin: Scales, tries: int) -> Scales:
     """Return the scales of most evidence on parts, the coordinates under their priors; by Nelder and Mead's simplex."""
     from scipy.optimize import minimize
 

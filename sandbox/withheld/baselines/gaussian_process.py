@@ -47,7 +47,7 @@ SAMPLED, TRIES = 4000, 100  # readings that scales are learnt from, and how ofte
 BEGIN = gp.Scales(1.0, 1.0, 0.5, 0.5, 0.7)  # a floor; half of rated current and top speed; a sixth of a turn
 FACTORS = (1.0, 0.3, 0.1, 0.03, 0.01)  # of the amplitudes: they fall as effects take over
 ROUNDS, SHARES = 2, (1.0, 0.5, 0.25)  # of Gauss-Newton; of a step, tried in turn
-MOST = 3000  # simulations, as `stepwise`
+MAX_SIMULATIONS = 3000  # simulations, as `stepwise`
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,12 @@ class Process:
     scales: gp.Scales
     exclude: tuple[str, ...]
 
-    def beside(self, point: Point, coordinates: Sequence[Coordinate]) -> gp.Beside:
+    def beside(self, point: Point, coordinates: Sequence[Coordinate]) -> gp.WithDiscrepancy:
         """Return the equations of a point and the products of features there."""
         n = normal(point, coordinates)
-        return gp.Beside(n.bare(), gp.grams_of(gp.parts_of(point, n, self.where), len(n.x), self.scales, self.drawn))
+        return gp.WithDiscrepancy(
+            n.bare(), gp.grams_of(gp.parts_of(point, n, self.where), len(n.x), self.scales, self.drawn)
+        )
 
 
 class Stand(NamedTuple):
@@ -72,7 +74,7 @@ class Stand(NamedTuple):
     effects: tuple[str, ...]
     point: Point
     columns: Columns
-    equations: gp.Beside
+    equations: gp.WithDiscrepancy
     scales: gp.Scales
     evidence: float
 
@@ -91,7 +93,7 @@ class Move(NamedTuple):
 
 
 @dataclass
-class Walk:
+class Search:
     """Whether too much was simulated, and the sets fitted so far; None: it cannot be fitted."""
 
     process: Process
@@ -104,37 +106,37 @@ def by_gaussian_process(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     started, campaign, spent = time.perf_counter(), read_campaign(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
-        walk = Walk(process_of(null.point, exclude), lambda: sum(spent) > MOST)
-        best = walked(walk, stand(walk.process, null.point, ()))
-    return answer(campaign, ranked(walk, best), (raw, null.rms, left(best)), started, round(sum(spent)))
+        search = Search(process_of(null.point, exclude), lambda: sum(spent) > MAX_SIMULATIONS)
+        best = searched(search, stand(search.process, null.point, ()))
+    return answer(campaign, ranked(search, best), (raw, null.rms, left(best)), started, round(sum(spent)))
 
 
-def walked(walk: Walk, best: Stand) -> Stand:
+def searched(search: Search, best: Stand) -> Stand:
     """Return the set of most evidence of all that were fitted, from which no neighbour leads on."""
-    walk.seen[frozenset(best.effects)] = best
-    while (found := better(walk, best)) is not None:
+    search.seen[frozenset(best.effects)] = best
+    while (found := better(search, best)) is not None:
         best = found
     return best
 
 
-def better(walk: Walk, here: Stand) -> Stand | None:
+def better(search: Search, here: Stand) -> Stand | None:
     """Return a neighbour that has more evidence where it is fitted; None where none is left that promises it."""
-    for move in moves(walk.process, here):
-        if walk.tired() or move.promised <= here.evidence:
+    for move in moves(search.process, here):
+        if search.tired() or move.promised <= here.evidence:
             return None
         key = frozenset(move.effects)
-        if key not in walk.seen:
-            walk.seen[key] = found = fitted(walk.process, here, move)
+        if key not in search.seen:
+            search.seen[key] = found = fitted(search.process, here, move)
             if found is not None and found.evidence > here.evidence:
                 return found
     return None
 
 
-def ranked(walk: Walk, best: Stand) -> list[tuple[tuple[str, ...], float, Mapping[str, Any]]]:
+def ranked(search: Search, best: Stand) -> list[tuple[tuple[str, ...], float, Mapping[str, Any]]]:
     """Return sets with their weights, the best first: those fitted with their parameters, and the best one's neighbours
     that promise less.  What promises more and was not fitted in time is not ranked."""
-    known = sorted((s for s in walk.seen.values() if s is not None), key=lambda s: -s.evidence)
-    others = (m for m in moves(walk.process, best) if frozenset(m.effects) not in walk.seen)
+    known = sorted((s for s in search.seen.values() if s is not None), key=lambda s: -s.evidence)
+    others = (m for m in moves(search.process, best) if frozenset(m.effects) not in search.seen)
     told: list[tuple[tuple[str, ...], float, Mapping[str, Any]]]
     told = [(s.effects, s.evidence, parameters(s)) for s in known]
     told += [(m.effects, m.promised, {}) for m in others if m.promised <= best.evidence]

@@ -27,9 +27,9 @@ from sandbox.withheld.baselines.refit import ROUNDS, UNFITTED, Refit
 from sandbox.withheld.baselines.screening import Promise, barred, cleared, count, lesser, screened, staying
 
 REFINED = 3  # effects that are fitted in full after a screening, as `bic` does
-MOST = 3000  # simulations: a single effect takes some 500, the way up to six or seven effects all of them
+MAX_SIMULATIONS = 3000  # simulations: a single effect takes some 500, the way up to six or seven effects all of them
 NEGLIGIBLE = 1400.0  # of BIC behind the best: weights below exp(-700) are none
-TOLD = 20.0  # of BIC behind the best up to which intervals are worked out: weights above 5e-5
+MAX_BEHIND = 20.0  # of BIC behind the best up to which intervals are worked out: weights above 5e-5
 
 
 class Visited(NamedTuple):
@@ -45,14 +45,14 @@ def by_stepwise(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     started, campaign, spent = time.perf_counter(), read_campaign(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
-        walk = Walk(exclude, lambda: sum(spent) > MOST)
-        best = walked(walk, Visited((), null, null.cost))
+        search = Search(exclude, lambda: sum(spent) > MAX_SIMULATIONS)
+        best = searched(search, Visited((), null, null.cost))
     gaps = (raw, null.rms, best.fit.rms)
-    return answer(campaign, ranked(walk.seen.values()), gaps, started, round(sum(spent)))
+    return answer(campaign, ranked(search.seen.values()), gaps, started, round(sum(spent)))
 
 
 @dataclass
-class Walk:
+class Search:
     """Which effects may not be added, whether too much was simulated, and all sets fitted so far."""
 
     exclude: tuple[str, ...]
@@ -68,29 +68,29 @@ class Walk:
         return self.seen.get(key)
 
 
-def walked(walk: Walk, best: Visited) -> Visited:
+def searched(search: Search, best: Visited) -> Visited:
     """Return where adding and dropping effects ends."""
-    walk.seen[frozenset(best.effects)] = best
+    search.seen[frozenset(best.effects)] = best
     while True:
         before = best.criterion
         for step in (grown, shrunk):
-            while not walk.tired():
-                found = step(walk, best)
+            while not search.tired():
+                found = step(search, best)
                 if found is None or found.criterion >= best.criterion:
                     break
                 best = found
-        if best.criterion >= before or walk.tired():
+        if best.criterion >= before or search.tired():
             return best
 
 
-def grown(walk: Walk, best: Visited) -> Visited | None:
+def grown(search: Search, best: Visited) -> Visited | None:
     """Return the best set with one effect more; None where slopes promise no gain.
 
     A candidate that promises less than another has reached already is not fitted.  One that contains an effect of the
     set takes its place; one that is part of an effect of the set is none.
     """
     point, out = best.fit.point, None
-    choices = candidates(point, (*walk.exclude, *barred(best.effects)), left=0.0)
+    choices = candidates(point, (*search.exclude, *barred(best.effects)), left=0.0)
     listed = screened(point, best.fit.normal.coordinates, choices, best.effects)
     own = best.criterion - best.fit.cost  # k log n of the set as it is
     unbent = replace(point, values=with_usual_sign(point.values, point.prepared.campaign.drive.motor))
@@ -98,7 +98,7 @@ def grown(walk: Walk, best: Visited) -> Visited | None:
         if promise.criterion + own >= (best if out is None else out).criterion:
             break
         probe, beside = promise.probe, staying(best.effects, promise.probe.effect)
-        found = walk.tried((*beside, probe.effect), partial(visited, unbent, probe, beside))
+        found = search.tried((*beside, probe.effect), partial(visited, unbent, probe, beside))
         if found is not None and (out is None or found.criterion < out.criterion):
             out = found
     return out
@@ -112,9 +112,9 @@ def firsts(listed: Sequence[Promise]) -> list[Promise]:
     return list(first.values())[:REFINED]
 
 
-def shrunk(walk: Walk, best: Visited) -> Visited | None:
+def shrunk(search: Search, best: Visited) -> Visited | None:
     """Return the best set with one effect less, or with a part of it in its place; None where there is none to drop."""
-    found = [walk.tried(rest, partial(reduced, best, rest)) for rest in lesser(best.effects, walk.exclude)]
+    found = [search.tried(rest, partial(reduced, best, rest)) for rest in lesser(best.effects, search.exclude)]
     return min((f for f in found if f is not None), key=lambda v: v.criterion, default=None)
 
 
@@ -142,7 +142,7 @@ def ranked(found: Iterable[Visited]) -> list[tuple[tuple[str, ...], float, dict[
     out = []
     for v in order:
         far, own = v.criterion - order[0].criterion, {}
-        if far <= TOLD:
+        if far <= MAX_BEHIND:
             with suppress(*UNFITTED):
                 estimates = v.fit.estimates()
                 own = {k: x for e in v.effects for k, x in fit.intervals(estimates, e).items()}

@@ -15,7 +15,7 @@ from model.errors import BadInput, unknown
 from sandbox.withheld.making.cycle_styles import STYLES
 from sandbox.withheld.making.cycles_narrow import PAIRS
 from sandbox.withheld.making.drives import FAMILIES
-from sandbox.withheld.making.ladder import LADDER
+from sandbox.withheld.making.effect_sizes import EFFECT_SIZES
 from sandbox.withheld.making.mapped_drive import FLUX_MAP
 from sandbox.withheld.making.mapped_drive import SUBSYSTEM as OF_MAP
 from sandbox.withheld.making.outside_causes import EVERY, OUTSIDE
@@ -23,10 +23,10 @@ from sandbox.withheld.making.outside_causes import EVERY, OUTSIDE
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
 KINDS = ("mixed", "controls", "pairs", "many", "outside")
 AT_ONCE = (4, 10)  # effects of a campaign of the kind "many", least and most
-MOST = 10000  # campaigns
-PAIR_SIZES = LADDER[1:3]  # large enough to be seen at one operating point
+MAX_CAMPAIGNS = 10000  # campaigns
+PAIR_SIZES = EFFECT_SIZES[1:3]  # large enough to be seen at one operating point
 NESTED = {"saturation", "cross_saturation"}  # the one contains the other: never put in together
-FOUND_SIZES = LADDER[1:]  # for several at once
+FOUND_SIZES = EFFECT_SIZES[1:]  # for several at once
 TABLES = ("ladder", "published")  # where sizes come from
 BESIDE = (True, False, False)  # of the kind "outside": one in three has an effect of the library, too
 FOUND_FROM = 0.25  # place in a published range from which on sizes are drawn for several at once, and for pairs
@@ -86,8 +86,8 @@ def cases(
         raise unknown("style of cycles", style, STYLES)
     if table not in TABLES:
         raise unknown("table of sizes", table, TABLES)
-    if not 1 <= count <= MOST:
-        raise BadInput(f"count = {count} is no number of campaigns; give 1 to {MOST}")
+    if not 1 <= count <= MAX_CAMPAIGNS:
+        raise BadInput(f"count = {count} is no number of campaigns; give 1 to {MAX_CAMPAIGNS}")
     rng = np.random.default_rng([seed, 1])
     if outside is None:
         outside = tuple(EVERY if kind == "outside" else OUTSIDE)
@@ -152,7 +152,7 @@ def _placed(case: Case, rng: Generator) -> Case:
     if not case.names:
         return dataclasses.replace(case, table="published")
     if case.kind == "one" and case.pair is None:
-        places = [(LADDER.index(s) + float(rng.uniform())) / len(LADDER) for s in case.sizes]
+        places = [(EFFECT_SIZES.index(s) + float(rng.uniform())) / len(EFFECT_SIZES) for s in case.sizes]
     else:
         places = [float(rng.uniform(FOUND_FROM, 1.0)) for _ in case.names]
     return dataclasses.replace(case, table="published", sizes=(*places, *case.sizes[len(case.names) :]))
@@ -193,7 +193,7 @@ def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> 
 
 def _sized(names: Sequence[str], rng: Generator) -> list[tuple[str, float]]:
     """Return every name at every size, names in turn and sizes mixed from the first on; both orders are drawn."""
-    order, rungs = rng.permutation(list(names)), rng.permutation(LADDER)
+    order, rungs = rng.permutation(list(names)), rng.permutation(EFFECT_SIZES)
     return [(str(n), float(rungs[(k + r) % len(rungs)])) for r in range(len(rungs)) for k, n in enumerate(order)]
 
 

@@ -23,7 +23,7 @@ from sandbox.switched.bench_numbers import SOFT_SIGN
 from sandbox.withheld.making.case_list import Case
 from sandbox.withheld.making.drives import (
     VALID_TO,
-    Bench,
+    BenchDeviations,
     draw_bench,
     draw_drive,
     misjudge,
@@ -31,7 +31,7 @@ from sandbox.withheld.making.drives import (
     sign_of,
     valid,
 )
-from sandbox.withheld.making.ladder import Planted, plant, truth_of
+from sandbox.withheld.making.effect_sizes import Planted, plant, truth_of
 from sandbox.withheld.making.map_motors import can_be_stated, changed, like_map
 from sandbox.withheld.making.mapped_drive import FLUX_MAP, SUBSYSTEM, identified, missing
 from sandbox.withheld.making.outside_causes import EVERY, OUTSIDE
@@ -48,7 +48,7 @@ class Drawn:
     case: Case
     true: Drive
     stated: Motor  # as campaign.toml states it
-    bench: Bench
+    bench: BenchDeviations
     plant: dict[str, float]
     own: dict[str, float]  # the switched bench's own effects
     sign: dict[str, float]  # how the sign of a current goes through zero on it, where not as usual
@@ -212,7 +212,7 @@ def _put_in(
     return true, values, own
 
 
-def with_deviations(values: dict[str, float], bench: Bench) -> dict[str, float]:
+def with_deviations(values: dict[str, float], bench: BenchDeviations) -> dict[str, float]:
     """Return the plant's parameters with the bench's ordinary deviations on top."""
     offsets = np.array(bench.offsets) - np.mean(bench.offsets)
     more = {f"current_gain.gain_{x}": g - 1.0 for x, g in zip("abc", bench.gains, strict=True)}

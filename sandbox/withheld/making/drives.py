@@ -19,8 +19,7 @@ from model.energy import SOLVED, flux_newton, is_convex_to
 from model.errors import unknown
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
-from sandbox.switched.bench_numbers import SOFT_SIGN
-from sandbox.switched.bench_numbers import Bench as Switched
+from sandbox.switched.bench_numbers import SOFT_SIGN, SwitchedBench
 from sandbox.withheld.making.map_motors import MAPS, changed
 
 OWN = {name: Path(__file__).with_name(f"{name}.toml") for name in ("modern", *MAPS)}
@@ -44,7 +43,7 @@ VALID_TO = 2.2  # times rated current: a drawn motor's energy is convex up to he
 
 
 @dataclass(frozen=True)
-class Bench:
+class BenchDeviations:
     """The ordinary deviations of one bench: [background] as stated, and what was drawn of it (SI)."""
 
     background: Mapping[str, float]
@@ -111,7 +110,7 @@ def valid(motor: Motor) -> bool:
     return True
 
 
-def draw_bench(drive: Drive, rng: Generator, vary: bool = False) -> Bench:
+def draw_bench(drive: Drive, rng: Generator, vary: bool = False) -> BenchDeviations:
     """Return a bench's ordinary deviations, drawn with the standard deviations that its campaign states.
 
     vary: with 1/OFF to OFF times them, see `deviation`.
@@ -127,7 +126,7 @@ def draw_bench(drive: Drive, rng: Generator, vary: bool = False) -> Bench:
     }
     gains = 1.0 + background["current_gain"] * deviations(rng, vary, 3)
     offsets = background["current_offset"] * deviations(rng, vary, 3)
-    return Bench(
+    return BenchDeviations(
         background,
         (float(gains[0]), float(gains[1]), float(gains[2])),
         (float(offsets[0]), float(offsets[1]), float(offsets[2])),
@@ -163,7 +162,7 @@ def deviations(rng: Generator, vary: bool, count: int = 1) -> NDArray[np.float64
     return out
 
 
-def off_by(believed: Motor, stated: Motor, bench: Bench) -> dict[str, float]:
+def off_by(believed: Motor, stated: Motor, bench: BenchDeviations) -> dict[str, float]:
     """Return how far every ordinary value of a drive lies off, in stated standard deviations."""
     out = {k: (getattr(stated, k) / getattr(believed, k) - 1.0) / s for k, s in uncertainty(stated).items()}
     b = bench.background
@@ -179,6 +178,6 @@ def sign_of(motor: Motor, rng: Generator) -> dict[str, float]:
     width for a hard sign, and the linear one for any other.
     """
     shape, width = str(rng.choice(list(SHAPES))), SOFT_SIGN * float(2.0 ** rng.uniform(-1.0, 1.0)) * motor.rated_current
-    if "sign_shape" in Switched._fields:
+    if "sign_shape" in SwitchedBench._fields:
         return {"sign_shape": SHAPES[shape], "soft_current": width}
     return {"soft_current": 0.1 * width if shape == "hard" else width}

@@ -22,7 +22,7 @@ from sandbox.engine.processes import Cluster, spread
 from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
-from sandbox.switched.bench_numbers import Bench, bench
+from sandbox.switched.bench_numbers import SwitchedBench, bench
 from sandbox.withheld.making.case_list import NO_MAPS, Maps, cases
 from sandbox.withheld.making.cycle_styles import cycles
 from sandbox.withheld.making.cycles import LOAD, Cycle, scale_of
@@ -146,21 +146,21 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
     return Campaign(drawn.case.name, nominal, tuple(recordings), told, drawn.bench.background, unrated)
 
 
-def switched(drawn: Drawn) -> Bench:
+def switched(drawn: Drawn) -> SwitchedBench:
     """Return the switched bench of a drawn case."""
     b = bench(drawn.true.motor, drawn.true.converter, drawn.plant)
     own: dict[str, Any] = {**drawn.own, **drawn.sign}
     return b._replace(common_offset=float(np.mean(drawn.bench.offsets)), **own)
 
 
-def drifted(drawn: Drawn, b: Bench, k: int) -> Bench:
+def drifted(drawn: Drawn, b: SwitchedBench, k: int) -> SwitchedBench:
     """Return the bench at the campaign's recording k."""
     warm = 1.0 + drawn.drift * (1.0 - float(np.exp(-k / DRIFT_TIME)))
     return b._replace(resistance=warm * b.resistance)
 
 
 def recording(
-    drawn: Drawn, b: Bench, plan: Cycle, rng: np.random.Generator, link: float | None = None
+    drawn: Drawn, b: SwitchedBench, plan: Cycle, rng: np.random.Generator, link: float | None = None
 ) -> CampaignRecording:
     """Record one cycle; link: nominal DC-link voltage (V) where it is not the drive's."""
     n, converter = len(plan.plan), drawn.true.converter

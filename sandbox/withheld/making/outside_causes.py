@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from numpy.random import Generator
 
 from model.parameters import Drive
-from sandbox.withheld.making.ladder import Planted
+from sandbox.withheld.making.effect_sizes import Planted
 
 DRIFT_TIME = 11.0 / 3.0  # recordings: the winding's temperature settles within a campaign
 TURNS = (2.3, 6.0)  # of the motor for one of a load behind a belt or gear, least and most

@@ -20,7 +20,7 @@ from numpy.random import Generator
 from model.effects.card import scales
 from model.effects.library import replaced, scaled
 from model.parameters import Converter, Motor
-from sandbox.withheld.making.ladder import STEPS, Planted, medium, sign
+from sandbox.withheld.making.effect_sizes import STEPS, Planted, medium, sign
 
 TABLE = Path(__file__).with_name("published.toml")
 INVERSE = ("core_resistance", "stiffness")  # the larger, the smaller the effect

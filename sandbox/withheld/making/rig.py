@@ -18,7 +18,7 @@ from model.compiled import kernel
 from model.errors import PhysicsError
 from model.parameters import Drive, Motor
 from sandbox.switched.advance import MODES, measure, start
-from sandbox.switched.bench_numbers import Bench
+from sandbox.switched.bench_numbers import SwitchedBench
 from sandbox.switched.inverter import PSI_ALPHA, PSI_BETA, THETA, advance
 from sandbox.switched.inverter import SPEED as BENCH_SPEED
 from sandbox.switched.machine_state import DRIVEN
@@ -149,7 +149,7 @@ def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
 
 
 def record(
-    b: Bench, cycle: Cycle, tuning: Tuning, theta: float, load: Array, u_dc: Array, seed: int
+    b: SwitchedBench, cycle: Cycle, tuning: Tuning, theta: float, load: Array, u_dc: Array, seed: int
 ) -> NDArray[np.void]:
     """Return a recorded cycle (n,) of RECORDED; theta: true angle at the start, rad.
 

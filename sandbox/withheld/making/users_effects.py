@@ -16,7 +16,7 @@ from model.effects.card import Effect
 from model.errors import BadInput
 from model.parameters import Converter, Motor
 from sandbox.switched.unlisted import UNLISTED
-from sandbox.withheld.making.ladder import LADDER, Planted
+from sandbox.withheld.making.effect_sizes import EFFECT_SIZES, Planted
 
 
 def users_cards() -> dict[str, Effect]:
@@ -41,7 +41,7 @@ def numbers(card: Effect) -> dict[str, str]:
 
 def size_at(place: float) -> float:
     """Return the multiple of the typical size at a place, 0 to 1, of the range that the ladder spans."""
-    return float(LADDER[0] * (LADDER[-1] / LADDER[0]) ** place)
+    return float(EFFECT_SIZES[0] * (EFFECT_SIZES[-1] / EFFECT_SIZES[0]) ** place)
 
 
 def users_planted(card: Effect, motor: Motor, converter: Converter, size: float, rng: Generator) -> Planted:

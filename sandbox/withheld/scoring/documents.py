@@ -13,7 +13,7 @@ from model.parameters import finite
 
 VERDICTS = ("explained", "ambiguous", "unknown", "no_gap")  # as schemas/diagnosis.json has them
 LONGEST = 60.0  # s of a recommended recording
-MOST = 1000  # hypotheses, effects or places of one report
+MAX_ENTRIES = 1000  # hypotheses, effects or places of one report
 
 
 def check_report(content: Any, name: str) -> dict[str, Any]:
@@ -112,8 +112,8 @@ def _table(value: Any, where: str) -> dict[str, Any]:
 
 
 def _rows(value: Any, where: str) -> list[Any]:
-    if not isinstance(value, list) or len(value) > MOST:
-        raise BadInput(f"{where} = {brief(value)} is no list of at most {MOST}")
+    if not isinstance(value, list) or len(value) > MAX_ENTRIES:
+        raise BadInput(f"{where} = {brief(value)} is no list of at most {MAX_ENTRIES}")
     return value
 
 

@@ -87,7 +87,7 @@ def test_attraction_finds_the_wrong_pole():
     """q ripple goes with sin 2e: half of all first positions end at the wrong pole, none in between (linear belief)."""
     found = t.attraction(DRIVE, "qnull", "linear", 0)
     assert found.metrics["back"] + found.metrics["reversed"] == 1.0
-    assert found.metrics["back"] == pytest.approx(0.5, abs=2.0 / t.TOLD)
+    assert found.metrics["back"] == pytest.approx(0.5, abs=2.0 / t.FIRST_ANGLES)
     assert found.passed
 
 

@@ -49,8 +49,8 @@ def test_slopes_beyond_what_a_drive_can_be_leave_no_regression(monkeypatch):
 
 
 def test_a_stranger_is_described_and_does_not_bend_what_is_known(with_a_stranger):
-    """Dead time was planted with 2 us; the stranger is a current that hangs on the angle, constant times cos(2 theta)
-    along d: one of the regressors itself, so nearly all of it is predicted on recordings that turn."""
+    """Dead time was planted with 2 us; the unmodeled cause is a current that hangs on the angle, constant times
+    cos(2 theta) along d: one of the regressors itself, so nearly all of it is predicted on recordings that turn."""
     j, table = with_a_stranger
     found = beside(table, j.prior)
     first = found.described[0]

@@ -25,9 +25,9 @@ from sandbox.gap.planning.next_recording import (
     Tried,
     as_predicted,
     expected_evidence,
-    foretold,
     power,
     recommend,
+    simulate_experiment,
     surprise,
 )  # fmt: skip
 from sandbox.gap.planning.within import FASTEST, allowed, within
@@ -57,7 +57,7 @@ def pair(small_folder):
 
 def left(campaign, entry, j, changes=None):
     """Return r'r of an experiment that a hypothesis has foretold, replayed at its own set or a changed one."""
-    told, truth = foretold(campaign, entry, j)
+    told, truth = simulate_experiment(campaign, entry, j)
     belief = {**j.fit.point.values, **(changes or {})}
     return normal(Point(as_predicted(prepare(told, belief, steps=1), truth), belief), ()).summed()[2]
 

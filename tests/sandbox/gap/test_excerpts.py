@@ -15,7 +15,7 @@ from model.drive_files import load_drive
 from model.effects.library import effect_names
 from model.errors import BadInput
 from sandbox.gap import excerpts as cutting
-from sandbox.gap.excerpts import CUT_TO, LEAST, MOST, PARTS, SETTLED, excerpted, farthest_first, rows_to_settle
+from sandbox.gap.excerpts import CUT_TO, LEAST, MAX_SAMPLES, PARTS, SETTLED, excerpted, farthest_first, rows_to_settle
 from sandbox.gap.pages.page import part_rows
 from sandbox.gap.report.answers import caveats
 from sandbox.gap.report.diagnosis_json import excerpts
@@ -49,12 +49,12 @@ def campaign(*recordings, drive=DRIVE):
 
 
 def test_a_campaign_of_usual_length_is_left_as_it_is():
-    own = campaign(recording(MOST // 2), recording(MOST // 2, "more.parquet"))
+    own = campaign(recording(MAX_SAMPLES // 2), recording(MAX_SAMPLES // 2, "more.parquet"))
     assert excerpted(own) is own
-    longer = campaign(recording(MOST + 1))
+    longer = campaign(recording(MAX_SAMPLES + 1))
     assert excerpted(longer, math.inf) is longer
     assert 0.9 * CUT_TO < excerpted(longer).excerpts.samples_used <= CUT_TO
-    assert excerpted(own, MOST - 1).excerpts is not None
+    assert excerpted(own, MAX_SAMPLES - 1).excerpts is not None
 
 
 def test_twenty_five_seconds_at_ten_kilohertz_are_used_whole_and_ten_of_a_longer_run():

@@ -16,7 +16,7 @@ LEFT = ("dead_time", "device_drop", "current_offset", "flux_harmonics", "stator_
 
 
 def diagnosed(effects):
-    """Return the diagnosis of a bench with effects, and the stranger."""
+    """Return the diagnosis of a bench with effects, and the unmodeled cause."""
     return of_campaign(with_added(small_campaign(effects, CASES[1::2])))
 
 
@@ -51,8 +51,8 @@ def test_the_known_part_is_named_and_its_size_is_not_bent(both):
 
 
 def test_shares_are_those_of_the_bench_with_dead_time_alone_taken_out(both):
-    """Of the squared residual above the noise the stranger has what is left on a bench without dead time; issue 19 asks
-    for shares within 0.05."""
+    """Of the squared residual above the noise the unmodeled cause has what is left on a bench without dead time;
+    shares within 0.05."""
     d, r = both
     alone = diagnosed({})
     truth = (alone.size.before**2 - 1.0) / (d.size.before**2 - 1.0)
@@ -63,8 +63,8 @@ def test_shares_are_those_of_the_bench_with_dead_time_alone_taken_out(both):
 
 
 def test_where_the_unknown_part_lies_is_told(both):
-    """The stranger turns with twice the electrical angle in the rotor's frame, both senses alike; the sentence and the
-    figures say so, and the regression finds a current that depends on the angle."""
+    """The unmodeled cause turns with twice the electrical angle in the rotor's frame, both senses alike; the sentence
+    and the figures say so, and the regression finds a current that depends on the angle."""
     told = both[1].as_json()["unknown"]
     order = told["regions"]["angle"][0]
     assert (order["order"], order["of"]) == (2, "electrical")

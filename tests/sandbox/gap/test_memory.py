@@ -16,7 +16,7 @@ from sandbox.plant.sets import complete
 from sandbox.replay import memory
 from sandbox.replay.memory import Kept, Spill, spare
 from sandbox.replay.replay import prepare, replay
-from sandbox.replay.segments import Gathering, Part
+from sandbox.replay.segments import ChannelSlopes, Gathering
 from sandbox.replay.stretches import stretches
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, small_campaign
 from tests.sandbox.replay.benches import campaign
@@ -105,7 +105,7 @@ def test_what_acts_in_one_stretch_alone_counts():
     """Two stretches of two samples: the first column acts in one, the third in the other, the second in none."""
     spill, own, columns = Spill(96), Gathering(0, 3, 4), np.arange(3)
     for first, row in ((0, [1.0, 0.0, 0.0]), (2, [0.0, 0.0, 2.0])):
-        part = Part(
+        part = ChannelSlopes(
             "motion", np.array([[row], [row]]), np.ones((2, 1)), columns, np.array([1.0, 1.0, -1.0]), 5 + columns
         )
         own.add(part, spill, first)

@@ -80,7 +80,7 @@ def test_expected_evidence_by_hand(monkeypatch):
     """What b cannot follow, 10, less what a itself cannot, 3; and b's spread 2 less a's 1; what is missed, 6, is told
     at the temperature of 2."""
     told = {"a": (3.0, 1.0), "b": (10.0, 2.0)}
-    monkeypatch.setattr(following, "foretold", lambda *_: (None, None))
+    monkeypatch.setattr(following, "simulate_experiment", lambda *_: (None, None))
     monkeypatch.setattr(following, "_surprise", lambda c, t, j, *_: told[j.effects[0]])
     monkeypatch.setattr(following, "_missed", lambda *_: 6.0)
     whole, apart, missed = following.expected_evidence(None, None, judged("a"), [judged("b")], 2.0)
@@ -146,7 +146,7 @@ def test_a_foretold_recording_holds_what_a_truth_reads(monkeypatch):
     monkeypatch.setattr(following, "replay", lambda steps, sets: SimpleNamespace(currents=[steps * read]))
     values = {"dead_time.time": 1e-6, "inertia.factor": math.nan}
     a = SimpleNamespace(fit=SimpleNamespace(point=SimpleNamespace(values=values)))
-    told, truth = following.foretold(planned, None, a)
+    told, truth = following.simulate_experiment(planned, None, a)
     assert truth == {"dead_time.time": 1e-6}
     assert np.array([told.recordings[0][f"i_{p}"] for p in "abc"]) == pytest.approx(read[:, :, 0].T)
 

@@ -13,7 +13,7 @@ import sandbox
 from model.drive_files import MOTORS
 from model.effect_files import effects_of
 from sandbox.cli import main
-from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.campaign import EXAMPLE
 from tests.sandbox.public.naming import SHORT, of
 from tests.schemas import misfits
@@ -95,7 +95,7 @@ def test_identification_draws_what_was_measured(campaign, tmp_path):
 def test_an_identified_motor_is_a_file_that_meets_the_recordings(tmp_path):
     """The exact fit's motor and inverter, as files, put locked recordings at their noise floor."""
     drive = sandbox.load_motor("ipm_exchanged")
-    between = Bench(theta=0.4, angle_error=0.03, threshold=2.0, width=0.02, noise=0.002, seed=3)
+    between = LockedBench(theta=0.4, angle_error=0.03, threshold=2.0, width=0.02, noise=0.002, seed=3)
     bench = paper_campaign(drive, levels=(-2.0, -1.0, 0.0, 1.0, 2.0), bench=between)
     noisy = dataclasses.replace(drive.converter, current_noise=0.002, current_resolution=0.0)
     bench = dataclasses.replace(bench, drive=dataclasses.replace(drive, converter=noisy))

@@ -11,7 +11,7 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from model.levels import NAMES, UNITS
 from model.parameters import Drive
-from sandbox.drive.locked_test import Bench, paper_campaign, staircase
+from sandbox.drive.locked_test import LockedBench, paper_campaign, staircase
 from sandbox.recordings.campaign import CampaignRecording, read_campaign
 from sandbox.recordings.identify import identify
 from sandbox.recordings.importing import read_recordings
@@ -39,7 +39,7 @@ def _errors(campaign, motor, method="exact"):
 @pytest.mark.parametrize("name", MOTORS)
 def test_planted_motor_is_recovered_from_a_wrong_start(name):
     drive = load_drive(name)
-    campaign = paper_campaign(drive, bench=Bench(theta=0.7))
+    campaign = paper_campaign(drive, bench=LockedBench(theta=0.7))
     errors = _errors(_misled(campaign), drive.motor)
     # the issue asks 1e-3; pulses shift a sample from the mean voltage's current by 9e-5 of rated current (AVERAGING 0),
     # of which terms of fourth order are less than a third
@@ -48,7 +48,7 @@ def test_planted_motor_is_recovered_from_a_wrong_start(name):
 
 def test_inverter_voltage_error_does_not_leak_into_inductances():
     drive = load_drive("ipm_exchanged")
-    campaign = paper_campaign(drive, bench=Bench(theta=0.7, threshold=2.0, width=0.018))
+    campaign = paper_campaign(drive, bench=LockedBench(theta=0.7, threshold=2.0, width=0.018))
     fit = identify(campaign).fits["exact"]
     errors = {n: fit.values[n] / getattr(drive.motor, n) - 1 for n in NAMES}
     # the test's plant holds the error over h/16 substeps, the fit's is continuous: 1/16 of a 2 V error in 30 V
@@ -60,7 +60,7 @@ def test_inverter_voltage_error_does_not_leak_into_inductances():
 
 def test_error_of_the_lock_angle_is_found_by_symmetry():
     drive = load_drive("ipm_exchanged")
-    found = identify(paper_campaign(drive, bench=Bench(theta=2.0, angle_error=0.05))).fits["exact"]
+    found = identify(paper_campaign(drive, bench=LockedBench(theta=2.0, angle_error=0.05))).fits["exact"]
     assert found.nuisance["angle_error"] == pytest.approx(0.05, abs=1e-4)
     assert found.values["alpha_12"] == pytest.approx(drive.motor.alpha_12, rel=1e-3)
 
@@ -74,7 +74,7 @@ def test_another_size_rate_and_waveform():
     converter = dataclasses.replace(base.converter, sampling_period=1e-4, pwm_frequency=None)
     injection = dataclasses.replace(base.injection, waveform="sine")
     drive = Drive(motor, converter, injection, {})
-    campaign = paper_campaign(drive, np.linspace(-40, 40, 9), dwell=100, bench=Bench(theta=-1.0))
+    campaign = paper_campaign(drive, np.linspace(-40, 40, 9), dwell=100, bench=LockedBench(theta=-1.0))
     assert max(map(abs, _errors(_misled(campaign), motor).values())) < 1e-4
 
 
@@ -83,7 +83,7 @@ def test_intervals_cover_the_truth():
     drive, inside = load_drive("ipm_exchanged"), []
     levels = np.linspace(-1.92, 1.92, 5)
     for k in range(100):
-        bench = Bench(theta=0.4, noise=0.002, resolution=0.0024, seed=1000 + 3 * k)
+        bench = LockedBench(theta=0.4, noise=0.002, resolution=0.0024, seed=1000 + 3 * k)
         fit = identify(paper_campaign(drive, levels, 60, bench)).fits["exact"]
         inside += [a <= getattr(drive.motor, n) <= b for n in NAMES for a, b in [fit.ci95(n)]]
     # 8 correlated parameters x 100: standard deviation of the share at most sqrt(.05 * .95 / 100) = 2.2 %
@@ -124,7 +124,7 @@ def _changed(campaign, **columns):
 
 @pytest.fixture(scope="module")
 def good():
-    bench = Bench(theta=0.7, noise=0.002, resolution=0.0024)
+    bench = LockedBench(theta=0.7, noise=0.002, resolution=0.0024)
     return paper_campaign(load_drive("ipm_exchanged"), np.linspace(-1.92, 1.92, 7), 60, bench)
 
 
@@ -211,7 +211,7 @@ def test_what_is_left_of_a_transient_does_not_bias_the_resistance(wrong):
     """SPM, L/R = 23 ms in levels of 100 ms: ignored, the ends of its transients shift R by 1.0e-3 (measured)."""
     drive = load_drive("spm_exchanged")
     motor = dataclasses.replace(drive.motor, resistance=wrong * drive.motor.resistance)
-    campaign = paper_campaign(drive, np.linspace(-8.0, 8.0, 7), 50, Bench(theta=0.4))
+    campaign = paper_campaign(drive, np.linspace(-8.0, 8.0, 7), 50, LockedBench(theta=0.4))
     led = dataclasses.replace(campaign, drive=dataclasses.replace(drive, motor=motor))
     # 9e-5 of rated current by which pulses shift a sample (AVERAGING 0), against levels of 2.7 A and 3.4 A rated
     assert abs(_errors(led, drive.motor)["resistance"]) < 1e-4 + 9e-5 * 3.4 / 2.7

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox.cli import main
-from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.column_map import KIND
 from sandbox.recordings.importing import how_to_map, read_recordings, regular, source_of
@@ -40,7 +40,7 @@ u_dc = {column = "Link", unit = "kV"}
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A campaign of the bench's own format: three staircases at locked rotor."""
-    bench = Bench(theta=0.7, noise=0.002, resolution=0.0024)
+    bench = LockedBench(theta=0.7, noise=0.002, resolution=0.0024)
     campaign = paper_campaign(DRIVE, np.linspace(-1.92, 1.92, 7), 60, bench)
     return write_campaign(tmp_path_factory.mktemp("own") / "c", campaign)
 

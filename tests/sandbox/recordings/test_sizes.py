@@ -17,7 +17,7 @@ from model.arrays import read_arrays
 from model.drive_files import load_drive
 from model.errors import BadInput
 from model.given import read_toml
-from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings import foreign, importing
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.checks import balance
@@ -95,7 +95,9 @@ def test_a_parquet_table_says_how_long_it_is(tmp_path, monkeypatch):
 def _long_campaign(folder, rows):
     """The paper's test with one of its recordings gone over until it has so many rows."""
     drive = load_drive("ipm_exchanged")
-    campaign = paper_campaign(drive, np.linspace(-1.92, 1.92, 3), 40, Bench(theta=0.7, noise=0.002, resolution=0.0024))
+    campaign = paper_campaign(
+        drive, np.linspace(-1.92, 1.92, 3), 40, LockedBench(theta=0.7, noise=0.002, resolution=0.0024)
+    )
     write_campaign(folder, campaign)
     path = folder / "locked_d.parquet"
     table = parquet.read_table(path)

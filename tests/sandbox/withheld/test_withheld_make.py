@@ -25,7 +25,7 @@ from sandbox.withheld.making.cycle_styles import STYLES, cycles
 from sandbox.withheld.making.cycles_narrow import PAIRS
 from sandbox.withheld.making.draw import draw
 from sandbox.withheld.making.drives import DRAWN, FAMILIES, VALID_TO, draw_bench, family_drive
-from sandbox.withheld.making.ladder import LADDER
+from sandbox.withheld.making.effect_sizes import EFFECT_SIZES
 from sandbox.withheld.making.make import campaign_of, make
 from sandbox.withheld.making.outside_causes import EVERY, OUTSIDE
 from tests.sandbox.withheld.known import true_set
@@ -99,7 +99,10 @@ def test_sizes_outside_the_library_are_what_they_say():
 def test_curved_sensors_of_the_largest_size_still_read_what_cycles_ask_for():
     """Three phases of a current X read X (1 - 3/4 c X^2) as a vector: 1.7 at X = 2.0; energies go to 2.2."""
     drive, rng = family_drive("ipm"), np.random.default_rng(0)
-    c = OUTSIDE["sensor_curvature"].planted(drive, LADDER[-1], rng).bench["curvature"] * drive.motor.rated_current**2
+    c = (
+        OUTSIDE["sensor_curvature"].planted(drive, EFFECT_SIZES[-1], rng).bench["curvature"]
+        * drive.motor.rated_current**2
+    )
     x = np.linspace(0.0, VALID_TO, 2000)
     read = x * (1.0 - 0.75 * c * x**2)
     assert np.all(np.diff(read) > 0.0)
@@ -192,16 +195,16 @@ def test_shares_sizes_and_effects_of_a_mixed_check():
     assert {k: kinds.count(k) / 400 for k in SHARES} == pytest.approx(SHARES)
     pairs = [(c.names[0], c.sizes[0]) for c in listed if c.kind == "one"]
     assert len(pairs) == 240
-    assert {pairs.count((n, s)) for n in causes() for s in LADDER} == {2, 3}
+    assert {pairs.count((n, s)) for n in causes() for s in EFFECT_SIZES} == {2, 3}
     first = [s for _, s in pairs[:26]]
-    assert {first.count(s) for s in LADDER} == {6, 7}
+    assert {first.count(s) for s in EFFECT_SIZES} == {6, 7}
     assert all(not {"saturation", "cross_saturation"} <= set(c.names) for c in listed)
     assert {len(c.names) for c in listed if c.kind == "several"} == {2, 3}
     assert {c.family for c in listed} == set(FAMILIES)
     unlisted = outsiders(0)
-    assert {unlisted.count((n, s)) for n in OUTSIDE for s in LADDER} == {1}
+    assert {unlisted.count((n, s)) for n in OUTSIDE for s in EFFECT_SIZES} == {1}
     assert [n for n, _ in unlisted[: len(OUTSIDE)]] != [n for n, _ in outsiders(1)[: len(OUTSIDE)]]
-    assert sorted({s for _, s in unlisted[: len(OUTSIDE)]}) == list(LADDER)
+    assert sorted({s for _, s in unlisted[: len(OUTSIDE)]}) == list(EFFECT_SIZES)
     assert {c.kind for c in cases(20, 0, "controls", "scored")} == {"none"}
     with pytest.raises(BadInput, match="style of cycles"):
         cases(2, 0, "mixed", "score")

@@ -21,7 +21,7 @@ from sandbox.withheld.making import map_motors
 from sandbox.withheld.making.case_list import SHARES, Case, Maps, cases
 from sandbox.withheld.making.draw import draw
 from sandbox.withheld.making.drives import FAMILIES, UNCERTAINTY, family_drive
-from sandbox.withheld.making.ladder import LADDER
+from sandbox.withheld.making.effect_sizes import EFFECT_SIZES
 from sandbox.withheld.making.make import campaign_of, make
 from sandbox.withheld.making.map_motors import FILE, MAPS, changed, map_families, no_maps, stated_map
 from sandbox.withheld.making.mapped_drive import FLUX_MAP
@@ -107,7 +107,7 @@ def currents_at(motor, d, q):
 
 @here
 @pytest.mark.parametrize(
-    ("effect", "size"), [(None, 1.0), *((e, s) for e in MAGNETIC for s in (LADDER[0], LADDER[-1]))]
+    ("effect", "size"), [(None, 1.0), *((e, s) for e in MAGNETIC for s in (EFFECT_SIZES[0], EFFECT_SIZES[-1]))]
 )
 def test_the_stated_file_gives_the_stated_map(effect, size, tmp_path):
     """Within 1e-3 of rated current wherever the true motor goes (2.2 times rated): a noise of the least, 0.1 %.
@@ -158,7 +158,7 @@ def test_on_a_map_the_replay_meets_the_floor_at_the_truth(effect, tmp_path):
 def test_every_effect_and_cause_can_be_drawn_on_a_map():
     """Smallest and largest sizes of both tables in turn, of saturation all; what is stated is not the truth, and the
     seal says by how much."""
-    sizes = [("ladder", LADDER[0]), ("published", 0.95), ("ladder", LADDER[-1]), ("published", 0.05)]
+    sizes = [("ladder", EFFECT_SIZES[0]), ("published", 0.95), ("ladder", EFFECT_SIZES[-1]), ("published", 0.05)]
     for k, name in enumerate(causes()):
         for table, size in sizes if name in map_motors.OF_ALPHAS else [sizes[k % 4]]:
             drawn = draw(Case(0, "one", "mapped", "scored", (name,), (size,), table=table), 5)

@@ -16,7 +16,7 @@ from sandbox.withheld.making.case_list import Case, cases
 from sandbox.withheld.making.cycles import scale_of
 from sandbox.withheld.making.draw import draw, outside_names
 from sandbox.withheld.making.drives import FAMILIES, family_drive
-from sandbox.withheld.making.ladder import LADDER
+from sandbox.withheld.making.effect_sizes import EFFECT_SIZES
 from sandbox.withheld.making.make import switched
 from sandbox.withheld.making.mapped_drive import FLUX_MAP
 from sandbox.withheld.making.outside_causes import EVERY, MORE, OUTSIDE, SOURCES, TURNS
@@ -56,7 +56,7 @@ def test_every_subsystem_has_three_causes_at_least():
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_bench_takes_every_size(name, family):
     """Also behind a shaft that leaves the load the least inertia that is published."""
-    for size in LADDER:
+    for size in EFFECT_SIZES:
         drawn = draw(Case(0, "outside", family, "scored", ("shaft_compliance",), (2.0, size), name), 3)
         values = EVERY[name].planted(drawn.true, size, RNG).bench
         assert set(values) == set(drawn.own) <= set(UNLISTED)
@@ -85,7 +85,7 @@ def test_campaigns_come_from_every_subsystem_and_cause_alike():
     assert {c.kind for c in found} == {"outside"}
     assert {c.family for c in found} == {*FAMILIES, "mapped"}
     assert all((c.family == "mapped") == (c.outside == FLUX_MAP) for c in found)
-    assert {c.sizes[-1] for c in found} == set(LADDER)
+    assert {c.sizes[-1] for c in found} == set(EFFECT_SIZES)
     beside = [c for c in found if c.names]
     assert 13 <= len(beside) <= 16  # every third, but no drive with a flux map
     assert {len(c.names) for c in beside} == {1}
@@ -129,7 +129,7 @@ def test_an_effect_beside_a_cause_is_sealed_with_it():
     assert (out.case.names, out.sizes, out.own) == ((), (2.0,), {"load_lag": 0.04})
     assert out.plant["dead_time.time"] == pytest.approx(drawn.bench.dead_time)
     listed = [c for c in cases(48, 7, "outside", "scored", table="published") if c.names]
-    assert all(0.25 <= c.sizes[0] <= 1.0 and c.sizes[1] in LADDER for c in listed)
+    assert all(0.25 <= c.sizes[0] <= 1.0 and c.sizes[1] in EFFECT_SIZES for c in listed)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

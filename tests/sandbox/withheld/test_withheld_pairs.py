@@ -10,7 +10,7 @@ from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.sets import possible
 from sandbox.withheld.baselines import screening, stepwise
 from sandbox.withheld.baselines.screening import Columns, Promise, barred, lesser, screened, staying
-from sandbox.withheld.baselines.stepwise import Visited, Walk, walked
+from sandbox.withheld.baselines.stepwise import Search, Visited, searched
 from tests.sandbox.withheld.places import NOWHERE, Place, nothing
 
 PART, WHOLE, OTHER = "cross_saturation", "saturation", "dead_time"
@@ -84,4 +84,4 @@ def test_part_and_whole_are_exchanged_and_never_both_named(criteria, best, monke
     monkeypatch.setattr(stepwise, "screened", promises)
     monkeypatch.setattr(stepwise, "visited", lambda point, probe, beside=(): told((*beside, probe.effect)))
     monkeypatch.setattr(stepwise, "reduced", lambda whole, rest: told(rest))
-    assert {*walked(Walk((), lambda: False), told(())).effects} == best
+    assert {*searched(Search((), lambda: False), told(())).effects} == best

@@ -7,7 +7,7 @@ import pytest
 
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.withheld.baselines import gaussian_process
-from sandbox.withheld.baselines.gaussian_process import Move, Walk, ranked, walked
+from sandbox.withheld.baselines.gaussian_process import Move, Search, ranked, searched
 
 
 @pytest.fixture
@@ -29,9 +29,9 @@ def named(monkeypatch):
         monkeypatch.setattr(gaussian_process, "moves", moves)
         monkeypatch.setattr(gaussian_process, "fitted", fitted)
         monkeypatch.setattr(gaussian_process, "parameters", lambda here: dict.fromkeys(here.effects, 1.0))
-        walk = Walk(None, lambda: tired(done))
-        best = walked(walk, SimpleNamespace(effects=(), evidence=0.0))
-        return {"".join(e): (w, own) for e, w, own in ranked(walk, best)}, done
+        search = Search(None, lambda: tired(done))
+        best = searched(search, SimpleNamespace(effects=(), evidence=0.0))
+        return {"".join(e): (w, own) for e, w, own in ranked(search, best)}, done
 
     return of
 

@@ -25,7 +25,7 @@ from sandbox.withheld.making import mapped_drive as mapped
 from sandbox.withheld.making.case_list import TABLES, Case, cases
 from sandbox.withheld.making.draw import SEALED, draw
 from sandbox.withheld.making.drives import FAMILIES, MOST_OFF, SHAPES, draw_bench, family_drive, sign_of
-from sandbox.withheld.making.ladder import LADDER, plant
+from sandbox.withheld.making.effect_sizes import EFFECT_SIZES, plant
 from sandbox.withheld.making.make import campaign_of, switched
 from sandbox.withheld.making.published import core_loss, multiple, planted, resonance, table
 from tests.sandbox.withheld.known import true_set
@@ -48,7 +48,7 @@ def test_every_effect_has_ranges_with_sources_for_parameters_that_it_has():
 def test_a_size_by_its_range_is_the_ladders_at_the_same_amount(name):
     """What the ladder plants at size s, `multiple` calls s; where it draws around a mean step, within that spread."""
     drive, rng = family_drive("ipm"), np.random.default_rng(4)
-    for size in LADDER:
+    for size in EFFECT_SIZES:
         found = multiple(name, drive.motor, drive.converter, plant(name, drive.motor, drive.converter, size, rng))
         spread = 0.45 if name in ("inductance", "saturation", "shaft_compliance") else 1e-9
         assert found == pytest.approx(size, rel=spread), size
@@ -85,7 +85,7 @@ def test_single_effects_come_from_every_quarter_of_their_range_in_turn():
     """As the ladder's four rungs do: over four rounds each effect once from each quarter; otherwise the same cases."""
     one, other = ([c for c in cases(174, 3, "mixed", "scored", table=t) if c.kind == "one"] for t in TABLES)
     assert [(c.names, c.family) for c in one] == [(c.names, c.family) for c in other]
-    assert [LADDER.index(c.sizes[0]) for c in one] == [int(4.0 * c.sizes[0]) for c in other]
+    assert [EFFECT_SIZES.index(c.sizes[0]) for c in one] == [int(4.0 * c.sizes[0]) for c in other]
     assert {c.table for c in other} == {"published"}
     several = [c for c in cases(200, 3, "mixed", "scored", table="published") if c.kind == "several"]
     assert all(0.25 <= s <= 1.0 for c in several for s in c.sizes)
@@ -134,11 +134,11 @@ def test_the_sign_of_a_current_has_other_shapes_and_widths(monkeypatch):
     """On a bench that knows shapes all three; on one that does not, a tenth of the width stands for the hard one."""
     motor, rng = family_drive("ipm").motor, np.random.default_rng(0)
     usual = SOFT_SIGN * motor.rated_current
-    monkeypatch.setattr(drives, "Switched", type("Bench", (), {"_fields": ("soft_current", "sign_shape")}))
+    monkeypatch.setattr(drives, "SwitchedBench", type("SwitchedBench", (), {"_fields": ("soft_current", "sign_shape")}))
     found = [sign_of(motor, rng) for _ in range(60)]
     assert {f["sign_shape"] for f in found} == set(SHAPES.values())
     assert all(0.5 * usual <= f["soft_current"] <= 2.0 * usual for f in found)
-    monkeypatch.setattr(drives, "Switched", type("Bench", (), {"_fields": ("soft_current",)}))
+    monkeypatch.setattr(drives, "SwitchedBench", type("SwitchedBench", (), {"_fields": ("soft_current",)}))
     found = [sign_of(motor, rng)["soft_current"] / usual for _ in range(60)]
     assert min(found) < 0.2 < 0.5 < max(found)
     assert not any(0.2 < x < 0.5 for x in found)

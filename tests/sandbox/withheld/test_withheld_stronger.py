@@ -12,7 +12,7 @@ from sandbox.gap.posterior.candidates import Candidate
 from sandbox.withheld.baselines import discrepancy_process as gp
 from sandbox.withheld.baselines import stepwise
 from sandbox.withheld.baselines.screening import Promise
-from sandbox.withheld.baselines.stepwise import Visited, Walk, ranked, walked
+from sandbox.withheld.baselines.stepwise import Search, Visited, ranked, searched
 from tests.sandbox.withheld.places import NOWHERE, Place, nothing
 
 TABLE = {"": 100.0, "a": 50.0, "b": 60.0, "c": 70.0, "ab": 40.0, "ac": 45.0, "bc": 20.0, "abc": 30.0}
@@ -52,20 +52,20 @@ def fitted(monkeypatch):
 def test_effects_join_and_leave_until_the_criterion_does_not_fall(fitted):
     """a, b and c join (50, 40, 30), then a leaves (20): the best pair, which no way up comes through.  What promises
     less than is reached (b and c alone) is not fitted on the way up, and nothing is fitted twice."""
-    walk = Walk((), lambda: False)
-    best = walked(walk, told(""))
+    search = Search((), lambda: False)
+    best = searched(search, told(""))
     assert best.effects == ("b", "c")
     assert fitted[:3] == ["a", "ab", "abc"]
     assert sorted(fitted) == sorted({*TABLE} - {""})
-    weights = {"".join(e): w for e, w, _ in ranked(walk.seen.values())}
+    weights = {"".join(e): w for e, w, _ in ranked(search.seen.values())}
     assert weights["abc"] / weights["bc"] == pytest.approx(math.exp(-5.0), rel=1e-12)
     assert next(iter(weights)) == "bc"
 
 
 def test_excluded_effects_do_not_join_and_a_spent_walk_stops(fitted):
-    assert walked(Walk(("a",), lambda: False), told("")).effects == ("b", "c")
+    assert searched(Search(("a",), lambda: False), told("")).effects == ("b", "c")
     assert not any("a" in s for s in fitted)
-    assert walked(Walk((), lambda: True), told("")).effects == ()
+    assert searched(Search((), lambda: True), told("")).effects == ()
 
 
 def test_a_discrepancy_is_integrated_out_exactly():
@@ -75,8 +75,10 @@ def test_a_discrepancy_is_integrated_out_exactly():
     scales = gp.Scales(0.8, 2.5, 0.5, 0.7, 0.9)
     mean, deviation, x = np.array([0.3, -1.0, 0.0]), np.array([0.5, 2.0, 0.1]), np.array([0.1, 0.2, -0.3])
     parts = [
-        gp.Part("d", np.array([0, 2]), rng.normal(size=(40, 2)), rng.normal(size=40), rng.normal(size=(40, 5))),
-        gp.Part("motion", np.array([0, 1, 2]), rng.normal(size=(20, 3)), rng.normal(size=20), rng.normal(size=(20, 5))),
+        gp.Component("d", np.array([0, 2]), rng.normal(size=(40, 2)), rng.normal(size=40), rng.normal(size=(40, 5))),
+        gp.Component(
+            "motion", np.array([0, 1, 2]), rng.normal(size=(20, 3)), rng.normal(size=20), rng.normal(size=(20, 5))
+        ),
     ]
     plain = Algebra(*gp.equations(parts, 3), x)
     found, more = gp.marginal(plain, gp.grams_of(parts, 3, scales, drawn), scales)
@@ -117,7 +119,7 @@ def test_scales_that_made_readings_are_learnt():
     prior = Prior(np.zeros(1), np.ones(1), np.array([-np.inf]), np.array([np.inf]))
     for amplitude in (3.0, 0.0):
         y = amplitude * gp.features(z, true, drawn) @ weights + rng.normal(size=600)
-        parts = [gp.Part("d", np.array([0]), rng.normal(size=(600, 1)), y, z)]
+        parts = [gp.Component("d", np.array([0]), rng.normal(size=(600, 1)), y, z)]
         found = gp.learnt(parts, np.zeros(1), prior, drawn, gp.Scales(1.0, 1.0, 0.5, 0.5, 0.7), 60)
         if amplitude:
             assert found.currents == pytest.approx(3.0, rel=0.44)

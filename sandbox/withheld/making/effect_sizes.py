@@ -17,7 +17,7 @@ from model.effects.library import replaced, scaled
 from model.parameters import Converter, Motor
 from sandbox.withheld.making.drives import ALPHAS
 
-LADDER = (0.25, 0.5, 1.0, 2.0)
+EFFECT_SIZES = (0.25, 0.5, 1.0, 2.0)
 STEPS = {  # medium sizes of what the motor states, in its logarithm (viscous friction: rated torque / rated speed);
     # means, where every value has its own
     "stator_resistance": 0.18, "magnet_flux": 0.10, "inertia": 0.26, "inductance": 0.09, "saturation": 0.425,
