@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -34,9 +34,27 @@ def depends_on(path: Path) -> frozenset[Path]:
 @cache
 def source_key(*paths: Path) -> str:
     """Return a short hash of the sources of files and of everything of the rooms that they depend on."""
+    return _digest(frozenset().union(*map(depends_on, paths)))
+
+
+@cache
+def code_files(*patterns: str) -> frozenset[Path]:
+    """Return the files below ROOT that match patterns such as "model/**/*.toml", and all that Python files of them
+    depend on."""
+    found = frozenset(path for pattern in patterns for path in ROOT.glob(pattern))
+    return found.union(*(depends_on(path) for path in found if path.suffix == ".py"))
+
+
+@cache
+def code_key(*patterns: str) -> str:
+    """Return a short hash of these files: results of one state of the code are told by it from those of another."""
+    return _digest(code_files(*patterns))
+
+
+def _digest(files: Iterable[Path]) -> str:
     digest = hashlib.sha256()
-    for file in sorted(frozenset().union(*map(depends_on, paths))):
-        digest.update(file.name.encode() + _body(file))
+    for file in sorted(files):
+        digest.update(file.name.encode() + b"\0" + _body(file) + b"\0")
     return digest.hexdigest()[:16]
 
 

@@ -13,7 +13,7 @@ from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 
-from model.kernels.sources import ROOMS, ROOT
+from model.kernels.sources import ROOMS, ROOT, code_key
 
 PACKAGE = "sensorless-sandbox"
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "control", "filterpy", "matplotlib", "pyarrow", "rerun-sdk")
@@ -73,14 +73,9 @@ def commit() -> str | None:
     return f"{head}+" if changed else head
 
 
-@cache
 def code() -> str:
     """Return a hash of all sources of the project, motors and scenarios included."""
-    found = hashlib.sha256()
-    paths = (path for room in ROOMS for kind in ("py", "toml") for path in (ROOT / room).rglob(f"*.{kind}"))
-    for path in sorted(paths):
-        found.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return found.hexdigest()[:16]
+    return code_key(*(f"{room}/**/*.{kind}" for room in ROOMS for kind in ("py", "toml")))
 
 
 @cache

@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from model.effects import own
 from model.errors import BadInput
-from model.kernels.sources import source_key
+from model.kernels import sources
 from sandbox.sweep.keys import keys
 from sandbox.sweep.plan import Sweep, again, label
 
 if TYPE_CHECKING:
     import pyarrow
 
-ROOT = Path(__file__).parents[2]
 LIBRARIES = ("numpy", "scipy", "numba")
 MADE_BY = (
     "sandbox/sweep/blocks.py",
@@ -200,9 +199,5 @@ def code_key() -> str:
     found = hashlib.sha256(repr([(name, version(name)) for name in LIBRARIES]).encode())
     for file in filter(None, os.environ.get(own.VARIABLE, "").split(os.pathsep)):
         found.update(Path(file).read_bytes())
-    files = sorted(path for pattern in MADE_BY for path in ROOT.glob(pattern))
-    found.update(source_key(*(path for path in files if path.suffix == ".py")).encode())
-    for path in files:
-        if path.suffix == ".toml":
-            found.update(path.name.encode() + path.read_bytes())
+    found.update(sources.code_key(*MADE_BY).encode())
     return found.hexdigest()[:16]

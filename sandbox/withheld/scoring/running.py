@@ -6,30 +6,31 @@ Every report says by `code` which version of the code made it, by `made` when, a
 
 from __future__ import annotations
 
-import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from model.kernels.sources import code_key
 from sandbox.engine.processes import Cluster, spread
 from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.withheld.making.draw import Drawn
 from sandbox.withheld.making.make import CAMPAIGNS
 from sandbox.withheld.scoring.recommended import drawn_again, grow
 
-ROOT = Path(__file__).parents[3]
 Diagnose = Callable[[Path, tuple[str, ...]], Any]
-CODE = (  # what a diagnosis depends on, and what records where a recommended recording is made
-    "model", "estimators", "sandbox/plant", "sandbox/recordings", "sandbox/replay", "sandbox/drive", "sandbox/gap",
-    "sandbox/switched", "sandbox/withheld", "sandbox/engine", "sandbox/output/files.py", "sandbox/output/columns.py",
-    "sandbox/output/provenance.py", "sandbox/output/toml.py", "sandbox/evaluation/score.py",
-    "sandbox/evaluation/injection_cost.py", "sandbox/evaluation/sound.py", "sandbox/shadowing.py",
-)  # fmt: skip
+CODE = (  # what diagnoses and what records, with all that they import; motors, effects and estimators are found by name
+    "sandbox/withheld/**/*.py",
+    "model/**/*.py",
+    "estimators/**/*.py",
+    "model/**/*.toml",
+    "sandbox/**/*.toml",
+    "sandbox/shadowing.py",
+)
 
 
 @dataclass(frozen=True)
@@ -124,17 +125,6 @@ def _write(task: _Task, content: dict[str, Any]) -> None:
     write_whole(task.reports / f"{task.name}.json", text)
 
 
-@cache
 def code_digest() -> str:
     """Return a short hash of the code that diagnoses, which tells reports of one version from those of another."""
-    found = hashlib.sha256()
-    for path in code_files():
-        found.update(f"{path.relative_to(ROOT).as_posix()}\n{path.stat().st_size}\n".encode() + path.read_bytes())
-    return found.hexdigest()[:12]
-
-
-def code_files() -> list[Path]:
-    """Return the files that CODE names, drives (toml) included."""
-    parts = [ROOT / part for part in CODE]
-    inside = [p for part in parts for suffix in ("py", "toml") for p in part.rglob(f"*.{suffix}")]
-    return sorted({*inside, *(part for part in parts if part.is_file())})
+    return code_key(*CODE)[:12]

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from model.errors import BadInput
+from model.kernels.sources import ROOT, code_files
 from sandbox.withheld.making import make as maker
 from sandbox.withheld.making.make import campaign_of, make
 from sandbox.withheld.scoring import running
@@ -115,7 +116,7 @@ def loaded(code):
     code += "\nimport sys\nprint([m.__file__ for m in sys.modules.values() if getattr(m, '__file__', None)])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     files = {Path(f).resolve() for f in ast.literal_eval(done.stdout)}
-    inside = {f: f.relative_to(running.ROOT).parts for f in files if running.ROOT in f.parents}
+    inside = {f: f.relative_to(ROOT).parts for f in files if ROOT in f.parents}
     foreign = {"tests", "site-packages"}  # an environment inside the checkout, as the README makes it, is not the code
     return {f for f, parts in inside.items() if not foreign & set(parts)}
 
@@ -123,22 +124,8 @@ def loaded(code):
 def test_the_codes_hash_covers_whatever_diagnosing_loads():
     used = loaded("import sandbox.withheld.scoring.blind, sandbox.gap.report.answers")
     known = ("recordings/campaign.py", "switched/phase_machine.py")
-    assert used >= {running.ROOT / "sandbox" / name for name in known}
-    assert {f for f in used if f.name != "__init__.py"} <= set(running.code_files())
-
-
-def test_the_codes_hash_knows_names(tmp_path, monkeypatch):
-    """Contents moved from one file to another are another version."""
-    (tmp_path / "model").mkdir()
-    monkeypatch.setattr(running, "ROOT", tmp_path)
-    found = []
-    for names in (("a", "b"), ("a", "c"), ("b", "a")):
-        for name, text in zip(names, ("x = 1", "y = 2"), strict=True):
-            (tmp_path / "model" / f"{name}.py").write_text(text)
-        found.append(code_digest.__wrapped__())
-        for path in (tmp_path / "model").iterdir():
-            path.unlink()
-    assert len(set(found)) == 3
+    assert used >= {ROOT / "sandbox" / name for name in known}
+    assert {f for f in used if f.name != "__init__.py"} <= code_files(*running.CODE)
 
 
 WATCHED = """
