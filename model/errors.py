@@ -53,10 +53,10 @@ def raised(error: BaseException) -> str:
         return kind
     if not type(error).__module__.startswith("numba"):
         return f"{kind}: {' '.join(lines)[:LONGEST_RAISED]}" if any(lines) else kind
-    told = next((line for line in lines if line and not line.startswith(AROUND)), "")
+    message = next((line for line in lines if line and not line.startswith(AROUND)), "")
     place = next((match for line in lines if (match := PLACE.match(line))), None)
     where = f" ({PurePath(place[1]).name}, line {place[2]})" if place else ""
-    return f"{kind}: {told[:LONGEST_RAISED]}{where}"
+    return f"{kind}: {message[:LONGEST_RAISED]}{where}"
 
 
 class BadInput(ValueError):

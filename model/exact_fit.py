@@ -206,8 +206,8 @@ def _finish(levels: Levels, free: NDArray[np.bool_], found: _Solution, problem: 
     bench, is_free = BenchUnknowns.of(unknowns), BenchUnknowns.of(free)
     names = NAMES + tuple(k for k, f in is_free._asdict().items() if k != "angles" and f)
     names += tuple(f"angle_{k}" for k in range(int(is_free.angles.sum())))
-    told = {k: float(v) for k, v in bench._asdict().items() if k != "angles"}
-    nuisance = told | {"width": problem.width * math.exp(bench.width), "angle_error": float(np.mean(bench.angles))}
+    stated = {k: float(v) for k, v in bench._asdict().items() if k != "angles"}
+    nuisance = stated | {"width": problem.width * math.exp(bench.width), "angle_error": float(np.mean(bench.angles))}
     values = dict(zip(NAMES, unknowns[:MOTOR].tolist(), strict=True))
     residual_rms = float(np.sqrt(np.nanmean(left**2)))
     return Fit("exact", names, values, covariance, residual_rms, misfit, nuisance, left)

@@ -51,11 +51,11 @@ def torque_line(p: MapPoints) -> TorqueLine:
         return NO_TORQUE
     good = np.isfinite(p.torque)
     own = 1.5 * (p.psi_d * p.i_q - p.psi_q * p.i_d)[good]
-    told = p.torque[good]
-    if len(told) < 3 or not np.std(own) > 0.0 or not np.std(told) > 0.0:
+    stated_torque = p.torque[good]
+    if len(stated_torque) < 3 or not np.std(own) > 0.0 or not np.std(stated_torque) > 0.0:
         return NO_TORQUE
-    slope, offset = np.polyfit(own, told, 1)
-    return TorqueLine(float(slope), float(np.std(told - slope * own - offset) / np.std(told)))
+    slope, offset = np.polyfit(own, stated_torque, 1)
+    return TorqueLine(float(slope), float(np.std(stated_torque - slope * own - offset) / np.std(stated_torque)))
 
 
 def torque_notes(line: TorqueLine, pole_pairs: int, name: str) -> list[str]:

@@ -62,8 +62,8 @@ def energy_in(path: Path, points: MapPoints) -> tuple[SplineEnergy, float, Choic
         raise BadInput(f"{path.name}: '{ENERGY}' has shape {cells.shape}, no energy of a flux map; {_remedy()}")
     whole = np.ascontiguousarray(cells.reshape(*cells.shape[:2], size, size), dtype=np.float64)
     e = with_stiffness(SplineEnergy(whole, *scales[:4].tolist()))
-    told = np.array([currents(e, d - scales[4], q) for d, q in zip(points.psi_d, points.psi_q, strict=True)])
-    missed = np.max(np.abs(told - np.column_stack([points.i_d, points.i_q])), initial=0.0)
+    mapped = np.array([currents(e, d - scales[4], q) for d, q in zip(points.psi_d, points.psi_q, strict=True)])
+    missed = np.max(np.abs(mapped - np.column_stack([points.i_d, points.i_q])), initial=0.0)
     if not missed <= APART * np.max(np.hypot(points.i_d, points.i_q)):
         raise BadInput(f"{path.name}: '{ENERGY}' gives currents {missed:.3g} A apart from its points'; {_remedy()}")
     return e, float(scales[4]), ((int(scales[5]), int(scales[6])), float(scales[7]))

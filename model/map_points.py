@@ -79,8 +79,8 @@ def read_points(
     i, psi = _vectors(data, columns, path.name, known, notes)
     torque = _first(data, columns["torque"], "fiu")
     torque = None if torque is None else _over_angles(torque)
-    told = torque.ravel().astype(float) if torque is not None and torque.size == i.size else None
-    i, psi, told = _once(i, psi, told, path.name, notes)
+    torques = torque.ravel().astype(float) if torque is not None and torque.size == i.size else None
+    i, psi, torques = _once(i, psi, torques, path.name, notes)
     if i.size > MOST_POINTS:
         raise BadInput(f"{path.name}: {i.size} points; at most {MOST_POINTS} are read, keep every second line")
     good = np.isfinite(i) & np.isfinite(psi)
@@ -99,7 +99,7 @@ def read_points(
             raise BadInput(
                 f"{path.name}: the largest of the {what} is {largest:.3g} {unit}, not in [{low:g}, {high:g}]"
             )
-    kept = None if told is None else told[good]
+    kept = None if torques is None else torques[good]
     turn = TURNS[magnet] * np.exp(1j * angle)
     i, psi = turn * i[good], turn * psi[good]
     return MapPoints(path.stem, i.real.copy(), i.imag.copy(), psi.real.copy(), psi.imag.copy(), tuple(notes), kept)

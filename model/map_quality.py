@@ -74,8 +74,8 @@ def quality(p: MapPoints, choice: Choice = ((10, 8), 1e-3)) -> Quality:
         return Quality(len(p.i_d), inside, edge, None, None, None, tuple(notes))
     now, angle = asymmetry(p), best_angle(p)
     after = asymmetry(p, angle)
-    told = now > TELLING * after and abs(angle) > math.radians(0.2) and abs(angle) < 0.99 * FARTHEST
-    return Quality(len(p.i_d), inside, edge, now, angle if told else None, after, tuple(notes))
+    is_clear = now > TELLING * after and abs(angle) > math.radians(0.2) and abs(angle) < 0.99 * FARTHEST
+    return Quality(len(p.i_d), inside, edge, now, angle if is_clear else None, after, tuple(notes))
 
 
 def asymmetry(p: MapPoints, angle: float = 0.0) -> float:

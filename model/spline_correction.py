@@ -95,8 +95,8 @@ class Basis(NamedTuple):
         """Return a derivative of an axis' B-splines (n, b) at fluxes x (n,)."""
         knots, _ = self._axis(axis)
         inside = np.clip(x, knots[DEGREE], np.nextafter(knots[-DEGREE - 1], -np.inf))
-        told = np.asarray(BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE)(inside, nu=order))
-        return told @ self._fold if axis == 1 else told
+        values = np.asarray(BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE)(inside, nu=order))
+        return values @ self._fold if axis == 1 else values
 
     def _taylor(self, axis: int, cells: int) -> Array:
         """Return coefficients (cell, power, b) of an axis' B-splines about each cell's corner, in cells."""

@@ -163,15 +163,15 @@ def _check_width(file: str, width: int) -> None:
 def _separator(lines: Sequence[str]) -> str:
     """Return what stands between cells: what makes numbers of most rows, of the widest such rows."""
     some = [*lines[:TRIED], *lines[len(lines) // 2 : len(lines) // 2 + TRIED]]
-    told: list[tuple[int, str]] = []
+    scored: list[tuple[int, str]] = []
     for s in SEPARATORS:
         split = [cells(x, s) for x in some if s in x.strip()]
         widths = [len(x) for x in split if _is_data(x)]
         if widths:
             usual = max(set(widths), key=widths.count)
-            told.append((widths.count(usual) * (usual > 1), s))
-    best = max((n for n, _ in told), default=0)
-    return next((s for n, s in told if n == best and n), next((s for s in SEPARATORS[:3] if s in lines[0]), ","))
+            scored.append((widths.count(usual) * (usual > 1), s))
+    best = max((n for n, _ in scored), default=0)
+    return next((s for n, s in scored if n == best and n), next((s for s in SEPARATORS[:3] if s in lines[0]), ","))
 
 
 def _is_data(row: Sequence[str]) -> bool:

@@ -149,12 +149,12 @@ class _Reading:
         header = self.found.header
         own = [" ".join(c.strip().strip('"').split()) for c in row]
         names = [header.again.get(n, n) for n in self.names]
-        told = [c if c in names else header.also.get(c, c) for c in own]
-        if told != names and sorted(told) == sorted(names) and len(names) > 1:
+        columns = [c if c in names else header.also.get(c, c) for c in own]
+        if columns != names and sorted(columns) == sorted(names) and len(names) > 1:
             raise BadInput(
                 f"{self.file}: row {at} is a header of the same columns in another order; make two files of it"
             )
-        return told == names
+        return columns == names
 
     def _width(self, row: int, width: int) -> BadInput:
         return BadInput(
@@ -167,9 +167,9 @@ class _Reading:
         for k, line in enumerate(self.skipped):
             row = max(line.row - 1 - k, 0)
             own = cells(line.text, "\t" if self.found.separator == " " else self.found.separator)
-            told = sum(number(c) is not None for c in own)
+            numbers = sum(number(c) is not None for c in own)
             cut = (row >= self.rows or row in self.again) and line.cells < self.found.width
-            if told and not cut and 2 * told > sum(map(bool, own)):
+            if numbers and not cut and 2 * numbers > sum(map(bool, own)):
                 raise self._width(row, line.cells)
 
     def table(self, columns: list[Array]) -> Table:
@@ -201,8 +201,8 @@ class _Reading:
         if len(rows) < 3:
             return False
         here, before = rows[-1], rows[-2]
-        told = [not np.isnan(x[before]) for x in columns]
-        return bool(told[-1] and np.isnan(columns[-1][here]))
+        filled = [not np.isnan(x[before]) for x in columns]
+        return bool(filled[-1] and np.isnan(columns[-1][here]))
 
 
 def _lines(count: int) -> str:
@@ -218,7 +218,7 @@ def _numbers(column: pyarrow.Array) -> tuple[Array, int | None]:
         found = compute.cast(plain, float64()).to_numpy(zero_copy_only=False)
         values = np.array(found, dtype=np.float64)
     except ArrowException:
-        told = [number(cell) for cell in column.to_pylist()]
-        values = np.array([np.nan if x is None else x for x in told])
-        return values, next((k for k, x in enumerate(told) if x is None), None)
+        own_values = [number(cell) for cell in column.to_pylist()]
+        values = np.array([np.nan if x is None else x for x in own_values])
+        return values, next((k for k, x in enumerate(own_values) if x is None), None)
     return values, None

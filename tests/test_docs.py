@@ -86,10 +86,10 @@ def test_no_table_is_wider_than_its_page(built, wide_tables):
             continue
         for text in wide_tables.TABLE.findall(page.read_text(encoding="utf-8")):
             table = wide_tables.table_of(text)
-            told = f"{page.relative_to(built)}: {table.heads}, at least {table.least:.0f} px"
-            assert table.least <= wide_tables.DESK, told
+            found = f"{page.relative_to(built)}: {table.heads}, at least {table.least:.0f} px"
+            assert table.least <= wide_tables.DESK, found
             narrow = not table.heads or table.least <= wide_tables.PHONE
-            assert narrow or text.startswith('<table class="cards'), told
+            assert narrow or text.startswith('<table class="cards'), found
 
 
 def planted(columns, word):

@@ -52,8 +52,8 @@ def test_a_newcomer_finds_the_core_in_two_steps():
     for name, target in named:
         assert re.search(rf"^ *def {name}\(", (room / target).read_text(), re.M), (name, target)
     asked = ("dead time's volt-seconds", "Hessian", "become volts", "noise floor", "evidence of a set", "P(unknown)")
-    for told in (*asked, "`closed`", "effect added"):
-        assert any(told in row for row in rows), told
+    for got in (*asked, "`closed`", "effect added"):
+        assert any(got in row for row in rows), got
 
 
 def test_continuous_integration_runs_the_second_command():

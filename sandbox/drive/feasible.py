@@ -200,10 +200,10 @@ def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = Fal
             raise PhysicsError(f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}") from None
         ends = [boundary_on_ray(motor.energy, sign * tuning.bias, 0.0)[0] for sign in (-1.0, 1.0)]
         end = min(ends, key=abs)
-        told = ", or set start_up = false in the scenario, whose own loads it can carry" if carried else ""
+        remedy = ", or set start_up = false in the scenario, whose own loads it can carry" if carried else ""
         raise PhysicsError(
             f"starting up tests polarity at +-{tuning.bias:g} A on d, and the energy of '{drive.name}' stops being "
-            f"convex at i_d = {end:.4g} A; {other_set(drive)}{told}"
+            f"convex at i_d = {end:.4g} A; {other_set(drive)}{remedy}"
         ) from None
     if motor.resistance * tuning.bias > room:
         raise PhysicsError(

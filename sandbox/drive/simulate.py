@@ -164,8 +164,8 @@ def run_once(
         raise BadInput(
             f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
         )
-    told = None if scenario.start_up else scenario.start_angle + scenario.start_error
-    state = first_state(estimator, believed, tuning, told)
+    first_angle = None if scenario.start_up else scenario.start_angle + scenario.start_error
+    state = first_state(estimator, believed, tuning, first_angle)
     rows = np.zeros(-(-samples // stride), ROW)
     inside = inside_for(estimator, drive)
     on = _switched if setup.plant == SWITCHED else exact_bench

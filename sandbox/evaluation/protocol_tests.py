@@ -71,8 +71,8 @@ class Outcome:
     @property
     def why_lost(self) -> str | None:
         """Why lock was lost, at the smallest current at which something simple says it; None where nothing does."""
-        told = [(math.hypot(p.load, p.load_d), p.why_lost) for p in self.points if p.lost_lock and p.why_lost]
-        return min(told)[1] if told else None
+        losses = [(math.hypot(p.load, p.load_d), p.why_lost) for p in self.points if p.lost_lock and p.why_lost]
+        return min(losses)[1] if losses else None
 
     def said(self) -> str:
         """Return the verdict in a word or two."""

@@ -50,19 +50,22 @@ class OrdinaryIdentification:
             scales = {n: v / getattr(own.motor, n) for n, v in fit.values.items() if n.startswith("inductance")}
             effects |= {OF_EFFECT[n]: v for n, v in scales.items()}
             effects |= {OF_EFFECT[n]: fit.values[n] for n in ("magnet_flux",) if n in fit.values}
-        told = {**own.provenance, **dict.fromkeys(fit.values, "identified: replay of ordinary recordings")}
-        drive = dataclasses.replace(own, motor=fit.motor, provenance=told)
+        provenance = {**own.provenance, **dict.fromkeys(fit.values, "identified: replay of ordinary recordings")}
+        drive = dataclasses.replace(own, motor=fit.motor, provenance=provenance)
         return Refitted(drive, effects, {}, {n: fit.ci95(n) for n in fit.values}, units, dict(fit.rms), said)
 
     def as_json(self) -> dict[str, Any]:
         """Return the command's JSON body; parameters that the recordings cannot tell stand in `cannot_tell`."""
         fit = self.fit
-        told = {
+        parameters = {
             n: {"value": fit.values[n], "ci95": list(fit.ci95(n)), "unit": UNIT[n]} for n in NAMES if n in fit.values
         }
         method = {
-            "parameters": told, "residual_rms": fit.residual_rms, "misfit": fit.misfit, "nuisance": dict(fit.nuisance)
-        }  # fmt: skip
+            "parameters": parameters,
+            "residual_rms": fit.residual_rms,
+            "misfit": fit.misfit,
+            "nuisance": dict(fit.nuisance),
+        }
         return {
             "campaign": self.campaign.name, "levels": 0, "methods": {"replay": method},
             "cannot_tell": [{"parameter": n, "why": fit.untold[n]} for n in NAMES if n in fit.untold],

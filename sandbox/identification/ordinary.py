@@ -101,19 +101,20 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
     covariance: Array = np.asarray(np.linalg.inv(inner), dtype=np.float64)
     sandwich = covariance @ scatter @ covariance
     deviation = np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich)))
-    told, untold = [], dict(why)
+    estimated, untold = [], dict(why)
     for k, name in enumerate(known):  # in logarithms: relative
         if deviation[k] < MAX_DEVIATION and not x.at_bound(k):
-            told.append(name)
+            estimated.append(name)
         else:
             untold[name] = _why_open(name, k, names, covariance, float(deviation[k]))
     values = x.values()
     prepared, shown = x.prepared, x.residual_rms()
     count = sum(len(r.t) for r in used.recordings)
-    motor = _with(campaign.drive.motor, {n: values[n] for n in told})
+    motor = _with(campaign.drive.motor, {n: values[n] for n in estimated})
     return OrdinaryFit(
-        motor, {n: values[n] for n in told}, {n: float(deviation[known.index(n)]) * values[n] for n in told}, untold,
-        begin, {n: values[n] for n in names[len(known) :]}, prepared.floor * math.sqrt(x.square()), x.square(), shown,
+        motor, {n: values[n] for n in estimated},
+        {n: float(deviation[known.index(n)]) * values[n] for n in estimated}, untold, begin,
+        {n: values[n] for n in names[len(known) :]}, prepared.floor * math.sqrt(x.square()), x.square(), shown,
         count, sum(len(r.t) for r in campaign.recordings),
     )  # fmt: skip
 
@@ -174,11 +175,11 @@ def linear(campaign: Campaign) -> tuple[dict[str, float], dict[str, str]]:
     scale = np.sqrt(np.mean(a**2, axis=0))
     keep = [k for k in keep if scale[k] > 0.0]
     found = np.linalg.lstsq(a[:, keep] / scale[keep], b, rcond=1e-6)[0] / scale[keep]
-    told = dict(zip(keep, found, strict=True))
+    estimated = dict(zip(keep, found, strict=True))
     out = {}
     for k, name in enumerate(NAMES):
         nominal = max(float(getattr(drive.motor, name)), 1e-9)
-        value = float(told.get(k, nominal))
+        value = float(estimated.get(k, nominal))
         out[name] = value if value > 0.0 and 1e-3 < value / nominal < 1e3 else nominal
     return out, why
 
@@ -294,11 +295,11 @@ class _Search:
 
     def residuals(self, places: Sequence[Array]) -> Array:
         """Return residuals (n, places) of all currents over the noise floor."""
-        told = []
+        shown = []
         for angle, own in itertools.groupby(self.prepared.recordings, self._own_angle):
             part = replace(self.prepared, recordings=tuple(own))
-            told += residuals(part, replay(part, [self.as_set(x, angle) for x in places], workers=self.workers))
-        return np.concatenate([t.current.reshape(-1, len(places)) for t in told])
+            shown += residuals(part, replay(part, [self.as_set(x, angle) for x in places], workers=self.workers))
+        return np.concatenate([t.current.reshape(-1, len(places)) for t in shown])
 
     def _own_angle(self, r: Inputs) -> str:
         """Return the name of a recording's angle where its zero is fitted, empty where it was read."""

@@ -296,8 +296,8 @@ def _floor(design: Design, shaft: Shaft) -> Array:
     """
     out = np.empty(len(design.torque))
     seen = np.array([white(shaft.residual[design.owner == k][:: SAMPLES // STEP]) for k in range(len(design.averages))])
-    told = seen[seen > 0.0]
-    usual = float(np.median(told)) if told.size else float(np.sqrt(np.mean(shaft.residual**2)))
+    positive = seen[seen > 0.0]
+    usual = float(np.median(positive)) if positive.size else float(np.sqrt(np.mean(shaft.residual**2)))
     for k, a in enumerate(design.averages):
         known = np.hypot(shaft.value(INERTIA.size) * a.noise_acceleration, a.noise_torque)
         random = 0.0 if np.any(a.noise_torque) else max(seen[k], STEADIEST * usual) if seen[k] > 0.0 else usual

@@ -52,13 +52,13 @@ def load_contradicted(campaign: MotionCampaign) -> list[Finding]:
         torque, load, rest = _equations(held, campaign)
     if not (np.all(np.isfinite(torque)) and np.all(np.isfinite(load)) and np.all(np.isfinite(rest))):
         return []
-    told = _mistakes(campaign, held[0])
+    mistakes = _mistakes(campaign, held[0])
     fitted = _fitted(torque, load, rest)
     if fitted is None:
         net = torque - (campaign.inertia or 0.0) * rest[:, 0]
-        found = _by_size(net, load, [m for m in told if not m.like_friction])
+        found = _by_size(net, load, [m for m in mistakes if not m.like_friction])
     else:
-        found = next((m for m in told if abs(fitted / m.factor - 1.0) < NEAR), None)
+        found = next((m for m in mistakes if abs(fitted / m.factor - 1.0) < NEAR), None)
     if found is None:
         return []
     k = int(np.argmax(np.abs(held[0].load)))

@@ -247,9 +247,9 @@ def _check_fixed(w: Any, motor: Motor, sets: Sequence[Set]) -> None:
             if wrong.any():
                 lane = int(np.flatnonzero(wrong)[0])
                 cards = [library.load_effect(n) for n in library.effect_names()]
-                told = {c.public(1, n) for c in cards for at in c.at if at.port == port for n in at.numbers}
+                hosted = {c.public(1, n) for c in cards for at in c.at if at.port == port for n in at.numbers}
                 v, neutral = sets[lane if lane < len(sets) else 0], library.neutral(motor)
-                given = ", ".join(f"{n} = {v[n]:g}" for n in sorted(told) if v[n] != neutral[n])
+                given = ", ".join(f"{n} = {v[n]:g}" for n in sorted(hosted) if v[n] != neutral[n])
                 raise BadInput(f"what effects say at '{port}' is no part of a drive ({PASSIVE[port]}): correct {given}")
 
 

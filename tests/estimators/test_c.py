@@ -114,8 +114,8 @@ def test_the_worked_example_on_a_linear_motor(libraries):
 @pytest.mark.parametrize("name", generate.NAMES)
 def test_the_readme_states_the_operations_of_the_files(name):
     head = (generate.HERE / f"{name}.c").read_text().partition("*/")[0]
-    told = dict(re.findall(r"(mul|add|div|sqrt|trig|compare) (\d+)", re.sub(r"(\d+) (\w+)", r"\2 \1", head)))
-    numbers = [told.get(k, "0") for k in ("mul", "add", "div", "sqrt", "trig", "compare")]
+    found = dict(re.findall(r"(mul|add|div|sqrt|trig|compare) (\d+)", re.sub(r"(\d+) (\w+)", r"\2 \1", head)))
+    numbers = [found.get(k, "0") for k in ("mul", "add", "div", "sqrt", "trig", "compare")]
     state = re.search(r"(\d+) numbers of state", head)[1]
     readme = (generate.HERE / "README.md").read_text()
     assert f"| `{name}` | {' | '.join(numbers)} | {state} numbers |" in readme

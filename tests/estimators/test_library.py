@@ -44,8 +44,8 @@ SPY = (
 
 def built(folder: Path, text: str = SPY, name: str = "spy", **more: bool) -> Path:
     """Return a library of a text."""
-    told = ", ".join(f"(sensorless_real)s->setup.{f}" for f in SETUP)
-    text = text.replace("HEADER", str(HEADER)).replace("TOLD", told).replace("COUNT", str(len(SETUP)))
+    found = ", ".join(f"(sensorless_real)s->setup.{f}" for f in SETUP)
+    text = text.replace("HEADER", str(HEADER)).replace("TOLD", found).replace("COUNT", str(len(SETUP)))
     file = folder / f"{name}.c"
     file.write_text(text)
     return build(file, folder, **more)
@@ -66,11 +66,11 @@ def test_the_whole_setup_and_sample_arrive(double, tmp_path):
     assert (spy.name, spy.injection, spy.compiled) == ("spy", "none", True)
     state = spy.init(belief, tuning, 0.7)
     sample = Sample(1.1, -2.2, 33.3, -4.4, 5e-4)
-    told = [spy.step(state, sample, belief, tuning) for _ in SETUP]
+    found = [spy.step(state, sample, belief, tuning) for _ in SETUP]
     exact = {"rtol": 0.0 if double else 2.0**-24}
     wanted = [*belief.energy, *belief[1:], *tuning, 1, 0.7]
-    np.testing.assert_allclose([e.ripple_q for e in told], wanted, **exact)
-    first = told[0]
+    np.testing.assert_allclose([e.ripple_q for e in found], wanted, **exact)
+    first = found[0]
     shown = [first.omega, first.axis, first.bias, first.ripple_d]
     np.testing.assert_allclose(shown, [sample.i_alpha, sample.i_beta, sample.u_alpha, sample.carrier], **exact)
     assert first.injection == 1.0  # what it does not tell is the neutral value
@@ -89,8 +89,8 @@ def test_in_the_loop_it_sees_measurements_and_its_angle_is_followed(tmp_path):
     measured = (2.0 * run.i_a - run.i_b - run.i_c) / 3.0
     np.testing.assert_allclose(run.omega_hat, measured, rtol=1e-12, atol=1e-15)
     assert np.max(np.abs(measured - (run.i_d * np.cos(run.theta) - run.i_q * np.sin(run.theta)))) > 1e-4  # noise
-    told = run.ripple_q[SETUP.index("belief.resistance") :: len(SETUP)]
-    np.testing.assert_array_equal(told, motor.motor.resistance)
+    found = run.ripple_q[SETUP.index("belief.resistance") :: len(SETUP)]
+    np.testing.assert_array_equal(found, motor.motor.resistance)
     # told modulo a turn, 0 to 2 pi: recorded as it goes on, a tenth of half a turn a sample
     np.testing.assert_allclose(np.diff(run.theta_hat), np.pi / 10.0, rtol=1e-9)
 

@@ -14,8 +14,8 @@ BELIEF = SimpleNamespace(energy=SimpleNamespace(gamma_d=100.0, gamma_q=50.0))  #
 
 def jumps(monkeypatch, distances, sweeps, seen=None):
     """Return the jump (degrees) at the end of each sweep; distances: of the 24 hypotheses, seen: those at first."""
-    told = lambda state, a, b, c, d, e, belief, tuning: distances[round(e * 24 / math.tau) % 24]  # noqa: E731
-    monkeypatch.setattr(monitor, "distance", told)
+    found = lambda state, a, b, c, d, e, belief, tuning: distances[round(e * 24 / math.tau) % 24]  # noqa: E731
+    monkeypatch.setattr(monitor, "distance", found)
     state = np.zeros(monitor.FREE + monitor.OWN)
     state[monitor.WAITED], state[monitor.SEEN + 2] = 4 * TUNING.period, 1.0
     state[monitor.DISTANCE : monitor.DISTANCE + 24] = distances if seen is None else seen

@@ -40,14 +40,14 @@ def test_the_table_names_what_fails_and_nothing_else(page, tests):
     """Read back from the page, against the JSON itself."""
     table = next(block for block in page.split("\n\n") if block.startswith("| estimator | `ipm`"))
     heads, _, *lines = [line.strip("| ").split(" | ") for line in table.splitlines()]
-    motors, told = [cell.strip("`") for cell in heads[1:]], set()
+    motors, found = [cell.strip("`") for cell in heads[1:]], set()
     for names, *cells in lines:
         for name in re.findall(r"`(\w+)`", names):
             for motor, cell in zip(motors, cells, strict=True):
                 parts = [] if cell == "all passed" else [part.split(" (")[0] for part in cell.split("; ")]
-                told |= {(name, motor, WORDS.get(part, part)) for part in parts}
+                found |= {(name, motor, WORDS.get(part, part)) for part in parts}
     asked = ("static_map", "load_step", "creep", "hand_over", "mission")
-    assert told == {
+    assert found == {
         (r["estimator"], r["motor"], r["test"])
         for r in tests
         if r["belief"] == "saturated" and r["test"] in asked and r["passed"] is False

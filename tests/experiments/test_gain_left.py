@@ -45,7 +45,7 @@ def test_the_front_page_quotes_the_kept_numbers(kept, cases):
     for motor, estimator, *cells in rows:
         for cell, key in zip(cells, (("10 %", False), ("own", True), ("10 %", True)), strict=True):
             case, best = by[(motor, estimator, *key)]
-            told = f"{100 * gain(case, best, case.saturated):.0f} %"
+            found = f"{100 * gain(case, best, case.saturated):.0f} %"
             if key[0] == "10 %":
-                told += f" ({100 * gain(case, best, case.saturated_p95):.0f} %)"
-            assert cell.replace("−", "-") == told, (motor, estimator, key)
+                found += f" ({100 * gain(case, best, case.saturated_p95):.0f} %)"
+            assert cell.replace("−", "-") == found, (motor, estimator, key)

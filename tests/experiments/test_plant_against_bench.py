@@ -60,13 +60,13 @@ def test_a_rotor_left_alone_shows_its_mechanics():
     drive = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, encoder_counts=table.COUNTS))
     names = ("cogging_torque", "coulomb_friction", "viscous_friction", "shaft_compliance", "inertia")
     effects = {k: v for name in names for k, v in sizes(name, drive, 1.0).items()}
-    told = table.record(drive, effects, "free", 0.0, 1.0)
-    same = alone(drive, *told, effects, table.SETTLED)
+    got = table.record(drive, effects, "free", 0.0, 1.0)
+    same = alone(drive, *got, effects, table.SETTLED)
     print(same)
     assert max(same.current, same.speed) < table.LARGEST
     for name in names:
         less = {k: v for k, v in effects.items() if not k.startswith(name)}
-        off = alone(drive, *told, less, table.SETTLED)
+        off = alone(drive, *got, less, table.SETTLED)
         print(name, off)
         assert off.speed > 10.0 * same.speed, name
 

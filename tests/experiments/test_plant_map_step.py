@@ -22,10 +22,10 @@ def drive():
 
 def test_the_equation_says_what_is_seen(drive):
     """At 600 rad/s: 16.2 ppm by the equation, 15.9 between plant and bench (results/plant/against_bench.md)."""
-    told = [record(drive, {}, "driven", 600.0, 1.0)]
-    prepared = prepare(Campaign("bench", drive, (told[0][0],), {}, {}, False), {}, steps=1)
-    (seen,) = apart(drive, told, prepared, {})
-    assert left_out(drive, *told[0], {}, SETTLED) == pytest.approx(seen, rel=0.1)
+    found = [record(drive, {}, "driven", 600.0, 1.0)]
+    prepared = prepare(Campaign("bench", drive, (found[0][0],), {}, {}, False), {}, steps=1)
+    (seen,) = apart(drive, found, prepared, {})
+    assert left_out(drive, *found[0], {}, SETTLED) == pytest.approx(seen, rel=0.1)
 
 
 def test_the_third_derivative_is_the_hessian_s_slope(drive):

@@ -21,9 +21,9 @@ def test_events_and_fine_steps_read_the_same(monkeypatch, run):
 
 def test_readings_are_in_counts_with_noise():
     d, rng = rc.drive(), np.random.default_rng(1)
-    told = rc.read(d, np.zeros((4000, 3)), rng)
+    found = rc.read(d, np.zeros((4000, 3)), rng)
     noise, count = d.converter.current_noise, d.converter.current_resolution
-    for i in told.values():
+    for i in found.values():
         assert np.std(i) == pytest.approx(np.hypot(noise, count / 12**0.5), rel=0.05)
         assert not count or np.allclose(np.round(i / count), i / count)
 

@@ -29,8 +29,8 @@ def test_the_first_set_has_to_be_the_truth_with_unknown_in_it():
 
 def test_a_size_is_off_by_half_widths_of_its_interval():
     """1.05 in 1.00 with 0.95 to 1.10: half of the way up, 0.98 of 1.96 deviations."""
-    told = row("one", [INERTIA], (["inertia"], 0.9), parameters={"inertia.inertia": [1.0, 0.95, 1.1]})
-    assert scores.deviations(told) == [pytest.approx(0.98)]
+    found = row("one", [INERTIA], (["inertia"], 0.9), parameters={"inertia.inertia": [1.0, 0.95, 1.1]})
+    assert scores.deviations(found) == [pytest.approx(0.98)]
 
 
 def test_a_failed_diagnosis_is_wrong_for_sure():
@@ -58,16 +58,16 @@ def test_rivals_are_compared_on_the_same_campaigns():
     """One campaign right by both, three by the rival alone: two-sided, 2 / 2^3; a campaign of the rival's own counts
     nowhere."""
     made = [{**row("one", [INERTIA], (e, 0.9)), "name": str(k)} for k, e in enumerate((["inertia"], [], [], []))]
-    told = [{**row("one", [INERTIA], (["inertia"], 1.0)), "name": str(k), "method": "bic"} for k in range(5)]
-    told.append({**told[0], "name": "elsewhere", "method": "gp"})  # of no campaign of ours: no line
-    line = scores.beside(made, told)[-1]
+    found = [{**row("one", [INERTIA], (["inertia"], 1.0)), "name": str(k), "method": "bic"} for k in range(5)]
+    found.append({**found[0], "name": "elsewhere", "method": "gp"})  # of no campaign of ours: no line
+    line = scores.beside(made, found)[-1]
     assert line.startswith("| bic | 4 | 4 | 1 | 3 | 0 | 0.25 | 0.00 | ")
 
 
 def test_the_page_has_every_goal_and_says_what_was_not_run():
-    told = scores.page([row("none", [], ([], 0.9))], {"none": 2, "one": 1}, 7)
-    assert "1 of 2 none, 0 of 1 one" in told
-    assert sum(line.startswith("| ") for line in told.splitlines()) > sum(len(g) for _, g in scores.GOALS.values())
+    found = scores.page([row("none", [], ([], 0.9))], {"none": 2, "one": 1}, 7)
+    assert "1 of 2 none, 0 of 1 one" in found
+    assert sum(line.startswith("| ") for line in found.splitlines()) > sum(len(g) for _, g in scores.GOALS.values())
 
 
 def test_every_kind_is_run_in_turn():

@@ -72,13 +72,13 @@ def test_all_published_files_follow_from_rows_and_seal(results):
     ],
 )
 def test_few_campaigns_show_an_error_of_chances_by_luck(monkeypatch, stated, half, most):
-    told = f"in {many(len(stated), 'campaign')} they would differ by {half} from the share that was right (half of"
+    found = f"in {many(len(stated), 'campaign')} they would differ by {half} from the share that was right (half of"
     one = [SimpleNamespace(kind="one", failed=False, top_probability=p) for p in stated]
     several = SimpleNamespace(kind="several", failed=False, top_probability=0.1)
     failed = SimpleNamespace(kind="one", failed=True, top_probability=0.0)
     monkeypatch.setattr(withheld_check, "scored", lambda rows: SimpleNamespace(judged=[*one, several, failed]))
     said = if_chances_held([])[0]
-    assert told in said
+    assert found in said
     assert f"by {most} at most in 95 %" in said
 
 
@@ -230,8 +230,8 @@ def test_what_is_committed_follows_from_the_rows_that_are_committed(tmp_path):
     assert {p.name for p in RESULTS.iterdir()} - {"NOTES.md"} == {p.name for p in tmp_path.iterdir()}
     assert (tmp_path / "README.md").read_text() == (RESULTS / "README.md").read_text()
     for path in (p for p in tmp_path.glob("*.json") if not p.name.endswith(".truth.json")):
-        found, told = (json.loads((place / path.name).read_text()) for place in (tmp_path, RESULTS))
-        assert_alike(found | {"version": None}, told | {"version": None}, path.stem)
+        found, got = (json.loads((place / path.name).read_text()) for place in (tmp_path, RESULTS))
+        assert_alike(found | {"version": None}, got | {"version": None}, path.stem)
 
 
 def test_at_least_300_campaigns_are_diagnosed():

@@ -22,8 +22,8 @@ soft_current = 0.02
 def test_a_file_says_what_a_mapping_says(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(FILE)
-    told = {"dead_time.time": 2e-6, "cogging_torque.2.order_mech": 12.0, "bench.soft_current": 0.02}
-    assert effects_of(path) == effects_of(str(path)) == effects_of(told) == told
+    found = {"dead_time.time": 2e-6, "cogging_torque.2.order_mech": 12.0, "bench.soft_current": 0.02}
+    assert effects_of(path) == effects_of(str(path)) == effects_of(found) == found
     assert effects_and_angles(path).angles == {"locked d.parquet": 1e-4}
     assert effects_of("dead_time.time=2e-6") == {"dead_time.time": 2e-6}
     assert effects_of(None) == effects_of("") == {}

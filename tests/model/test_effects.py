@@ -213,15 +213,16 @@ def test_limits_can_be_asked_at_any_values(name):
             drawn = float(rng.choice([p.low, p.high, neutral[n], size * 10.0 ** rng.uniform(-4.0, 4.0), -size]))
             values[n] = min(max(drawn, p.low), p.high)
         try:
-            told = list(card.limits_at(values, MOTOR, CONVERTER))
+            found = list(card.limits_at(values, MOTOR, CONVERTER))
         except BadInput:
             continue
-        assert not any(x.broken for x in told[:-1])
-        assert all(not math.isnan(x.size) for x in told)
+        assert not any(x.broken for x in found[:-1])
+        assert all(not math.isnan(x.size) for x in found)
 
 
 def test_an_inertia_below_that_of_the_load_is_told_before_the_resonance():
     values = library.neutral(MOTOR) | {"shaft_compliance.stiffness": 10.0, "shaft_compliance.load_inertia": 1e-3}
-    told = list(library.load_effect("shaft_compliance").limits_at(values | {"inertia.inertia": 9e-4}, MOTOR, CONVERTER))
-    assert [x.name for x in told] == ["shaft_compliance.load_inertia"]
-    assert told[0].broken
+    card, light = library.load_effect("shaft_compliance"), values | {"inertia.inertia": 9e-4}
+    found = list(card.limits_at(light, MOTOR, CONVERTER))
+    assert [x.name for x in found] == ["shaft_compliance.load_inertia"]
+    assert found[0].broken

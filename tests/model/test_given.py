@@ -32,9 +32,9 @@ def test_a_unit_behind_a_number_is_named_with_its_line(tmp_path, line, unit):
 def test_a_number_alone_is_not_named_for_what_stands_below(tmp_path, number):
     path = tmp_path / "motor.toml"
     path.write_text(f"[motor]\na = {number}\nb = = 3\n")
-    with pytest.raises(BadInput) as told:
+    with pytest.raises(BadInput) as found:
         read_toml(path)
-    assert "line 2" not in str(told.value)
+    assert "line 2" not in str(found.value)
 
 
 @pytest.mark.parametrize("line", ["a = 1,2,3", "a = [1,2", "a = x,5"])

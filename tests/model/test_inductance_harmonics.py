@@ -171,11 +171,11 @@ def test_the_refusal_names_what_the_user_gave():
     alpha = 0.99 / (6.0 * MOTOR.inductance_d**2 * MOTOR.rated_current)
     effects = {"inductance_harmonics.4.alpha_30": -alpha, "inductance_harmonics.4.order": 18.0}
     values = library.complete(MOTOR, DRIVE.converter, effects)
-    with pytest.raises(BadInput, match=r"^inductance_harmonics\.4\.alpha_30: .* below .* A/Wb\^2.*; lower it$") as told:
+    with pytest.raises(BadInput, match=r"^inductance_harmonics\.4\.alpha_30: .* below .* A/Wb\^2.*; lower it$") as got:
         library.check_inside(MOTOR, DRIVE.converter, values)
-    bound = float(re.search(r"below ([\d.]+)", str(told.value)).group(1))
+    bound = float(re.search(r"below ([\d.]+)", str(got.value)).group(1))
     assert 0.3 * alpha < bound < 0.5 * alpha
-    assert f"{alpha:g}" in str(told.value)
+    assert f"{alpha:g}" in str(got.value)
     with pytest.raises(BadInput, match=r"^inductance_harmonics\.4\.alpha_30.* in proportion$"):
         library.check_inside(MOTOR, DRIVE.converter, values | {"inductance_harmonics.gamma_6": 0.1})
 

@@ -27,8 +27,8 @@ def test_the_mean_is_that_of_the_curve_on_the_way(ends, sign):
     v, (x, y) = completed(**dict(zip(VOLTS, sizes, strict=True))), ends
     places = np.array([s * c for c in CORNERS for s in (-1.0, 1.0)]) * DRIVE.motor.rated_current
     t = np.unique([x, y, *(p for p in (*places, 0.0) if min(ends) < p < max(ends))])
-    told = curve(v, DRIVE.motor, t)
-    mean = np.trapezoid(told, t) / abs(y - x) if x != y else told[0]
+    found = curve(v, DRIVE.motor, t)
+    mean = np.trapezoid(found, t) / abs(y - x) if x != y else found[0]
     assert lost(*sizes, DRIVE.motor.rated_current, x, y) == pytest.approx(mean, abs=1e-9)
 
 
@@ -53,7 +53,7 @@ def test_a_drop_and_a_resistance_are_told_as_these():
 def test_the_table_that_it_proposes_is_the_curve():
     """What stands in [drive] inverter_table then: straight between corners, so the same everywhere."""
     v = completed(v_2=0.4, v_7=-0.3, v_9=1.1)
-    told = CARD.do(v, DRIVE.motor, DRIVE.converter).partition("inverter_table = ")[2]
-    points = np.array(json.loads(told))
+    found = CARD.do(v, DRIVE.motor, DRIVE.converter).partition("inverter_table = ")[2]
+    points = np.array(json.loads(found))
     i = np.linspace(0.0, 3.0, 301) * DRIVE.motor.rated_current
     assert np.allclose(np.interp(i, *points.T), curve(v, DRIVE.motor, i), atol=5e-3 * 1.8)  # three digits are given

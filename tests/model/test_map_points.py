@@ -89,10 +89,10 @@ def test_a_turned_frame_is_found_and_undone(tmp_path):
     np.savez(tmp_path / "m.npz", i_d=d, i_q=q, psi_d=psi_d, psi_q=psi_q)
     p = read_points(tmp_path / "m.npz")
     assert best_angle(p) == pytest.approx(angle, abs=2e-3)
-    told = quality(p)
-    assert told.angle == pytest.approx(angle, abs=2e-3)
-    assert told.asymmetry > 10.0 * told.asymmetry_turned
-    assert any("angle offset of 3.0" in s for s in told.sentences())
+    found = quality(p)
+    assert found.angle == pytest.approx(angle, abs=2e-3)
+    assert found.asymmetry > 10.0 * found.asymmetry_turned
+    assert any("angle offset of 3.0" in s for s in found.sentences())
     undone = read_points(tmp_path / "m.npz", angle=angle)
     assert quality(undone).angle is None
     assert held_out(undone).inside < 0.3 * held_out(p).inside
@@ -148,17 +148,17 @@ def test_a_wrong_angle_is_refused(tmp_path):
 def test_the_sew_map_holds_an_angle():
     """The file: 142 of 594 points without a value, rows i_q; psi_q from -34 to +22 mWb hints at about 3 degrees."""
     p = read_points(real_data() / "sew_map" / "LUT_SEW_jax_grad.mat")
-    told = quality(p)
-    assert told.points == 452
-    assert math.degrees(told.angle) == pytest.approx(2.5, abs=0.5)
-    assert held_out(p.turned(told.angle)).inside < 0.5 * told.held_out
+    found = quality(p)
+    assert found.points == 452
+    assert math.degrees(found.angle) == pytest.approx(2.5, abs=0.5)
+    assert held_out(p.turned(found.angle)).inside < 0.5 * found.held_out
 
 
 def test_a_motor_s_map_is_asked_by_its_table(tmp_path):
     np.savez(tmp_path / "m.npz", **dict(zip(("i_d", "i_q", "psi_d", "psi_q"), planted(), strict=True)))
-    told = map_quality({"file": "m.npz"}, tmp_path)
-    assert told.points == 399
-    assert "mWb rms on points held out" in " ".join(told.sentences())
+    found = map_quality({"file": "m.npz"}, tmp_path)
+    assert found.points == 399
+    assert "mWb rms on points held out" in " ".join(found.sentences())
     assert map_quality({"file": "m.npz", "angle": 0.1}, tmp_path).angle == pytest.approx(-0.1, abs=2e-3)
 
 
@@ -182,10 +182,10 @@ def test_too_many_cells_are_told_by_the_errors_of_that_fit(tmp_path):
     (tmp_path / "half.csv").write_text(table_of(half_of_the_measured_map()))
     (tmp_path / "auto.toml").write_text(BALDOR.replace("FILE", "half.csv"))
     (tmp_path / "cells.toml").write_text(BALDOR.replace("FILE", "half.csv") + "cells = [20, 16]\nsmooth = 3e-4\n")
-    told = map_quality({"file": "half.csv", "cells": [20, 16], "smooth": 3e-4}, tmp_path)
+    found = map_quality({"file": "half.csv", "cells": [20, 16], "smooth": 3e-4}, tmp_path)
     auto = map_quality({"file": "half.csv"}, tmp_path)
-    assert told.held_out > 2.0 * auto.held_out
-    assert told.held_out_edge > 2.0 * auto.held_out_edge
+    assert found.held_out > 2.0 * auto.held_out
+    assert found.held_out_edge > 2.0 * auto.held_out_edge
     notes = load_drive(tmp_path / "cells.toml").motor.origin.notes
     assert "20 x 16 = 320 cells for 154 points" in notes[0]
     assert any("the fit's L_dd is" in note and "i_d = 0 A" in note for note in notes[1:])

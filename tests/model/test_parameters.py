@@ -87,9 +87,9 @@ def test_user_motor_with_defaults(tmp_path):
 @pytest.mark.parametrize("text", ["nan H", "inf mH", "1e400 mH", "1,000 H", "-1,250 mH", "45.8 H", "-1 mH"])
 def test_nothing_is_suggested_that_is_no_value_or_not_clear(tmp_path, text):
     """45.8 H is beyond the bound; 1,000 may be one or a thousand."""
-    with pytest.raises(BadInput, match="is not a number") as told:
+    with pytest.raises(BadInput, match="is not a number") as found:
         load_drive(drive_file(tmp_path, GOOD.replace("inductance_d = 0.01", f"inductance_d = '{text}'")))
-    assert "write" not in str(told.value)
+    assert "write" not in str(found.value)
 
 
 @pytest.mark.parametrize(

@@ -30,8 +30,8 @@ def test_motors_of_the_package_have_ratings_that_go_together(name):
     ],
 )
 def test_a_value_in_another_unit_is_named(values, said):
-    told = " ".join(cautions(changed(**values)))
-    assert all(words in told for words in said), told
+    found = " ".join(cautions(changed(**values)))
+    assert all(words in found for words in said), found
 
 
 @pytest.mark.parametrize(

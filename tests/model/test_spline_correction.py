@@ -36,14 +36,14 @@ def test_the_basis_is_what_its_cells_say_and_even_in_q():
     found, mirrored = basis.gradients(FLUX, chosen), basis.gradients(FLUX * [1.0, -1.0], chosen)
     for k in range(len(chosen)):
         own = basis.of._replace(cells=cells[k])
-        told = np.array([currents(own, d, q) for d, q in FLUX])
-        np.testing.assert_allclose(found[:, k], told, rtol=1e-9, atol=1e-9 * PER_D)
+        got = np.array([currents(own, d, q) for d, q in FLUX])
+        np.testing.assert_allclose(found[:, k], got, rtol=1e-9, atol=1e-9 * PER_D)
     np.testing.assert_allclose(mirrored, found * [1.0, -1.0], rtol=1e-9, atol=1e-9 * PER_D)
 
 
 def test_energies_that_are_there_are_those_that_move_a_current():
     basis = Basis(a_map())
-    told = np.isin(np.arange(basis.size), basis.there(FLUX[:2]))
+    found = np.isin(np.arange(basis.size), basis.there(FLUX[:2]))
     moves = np.any(basis.gradients(FLUX[:2], np.arange(basis.size)) != 0.0, axis=(0, 2))
-    assert not np.any(moves & ~told)
-    assert told.sum() <= moves.sum() + 4 < basis.size  # an energy that is flat at each of the fluxes
+    assert not np.any(moves & ~found)
+    assert found.sum() <= moves.sum() + 4 < basis.size  # an energy that is flat at each of the fluxes

@@ -200,18 +200,18 @@ def _told_and_taken(cells, lines, noise):
 @pytest.mark.parametrize(("cells", "lines"), [((4, 4), 60), ((6, 6), 80)])
 def test_what_the_points_of_a_fit_take_is_what_is_told(cells, lines):
     """Cells take 0.03 to 0.07 of it: half or double AT_POINTS would be 1.8 or 0.5 of what is taken."""
-    told, taken = _told_and_taken(cells, lines, 0.0)
-    assert 0.8 < taken / told < 1.05
+    found, taken = _told_and_taken(cells, lines, 0.0)
+    assert 0.8 < taken / found < 1.05
 
 
 @pytest.mark.parametrize("cells", [(14, 12), (16, 14)])
 def test_what_the_cells_of_a_fit_take_is_what_is_told(cells):
     """100 points take 0.07 of it; their noise bends the energy the wrong way at most places, each an inequality: the
     most that cells can take (a smooth map: 0.8 of it)."""
-    told, taken = _told_and_taken(cells, 10, 1.0)
-    assert 0.8 < taken / told < 1.05
-    told, taken = _told_and_taken(cells, 10, 0.0)
-    assert 0.65 < taken / told < 1.0
+    found, taken = _told_and_taken(cells, 10, 1.0)
+    assert 0.8 < taken / found < 1.05
+    found, taken = _told_and_taken(cells, 10, 0.0)
+    assert 0.65 < taken / found < 1.0
 
 
 def test_choices_that_take_too_much_memory_are_not_tried():

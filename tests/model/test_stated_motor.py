@@ -125,9 +125,9 @@ def test_the_command_writes_a_file_that_is_read_again(tmp_path):
     from model.drive_files import load_drive
 
     assert main(["motor", *SIMPLE, "kv=300", "--out", str(tmp_path), "--quiet"]) == 0
-    told = json.loads((tmp_path / "motor.json").read_text())
+    found = json.loads((tmp_path / "motor.json").read_text())
     drive = load_drive(tmp_path / "motor.toml")
-    for row in told["values"]:
+    for row in found["values"]:
         table = drive.motor if row["table"] == "motor" else drive.converter
         assert getattr(table, row["key"]) == pytest.approx(row["value"])
     assert "1 / (sqrt(3) pole_pairs Kv)" in drive.provenance["magnet_flux"]

@@ -137,8 +137,8 @@ def _effects_said(c: Comparison) -> str:
 
 def _lost(c: Comparison) -> Iterator[str]:
     """Yield why lock was lost, where motor, load or speed says it."""
-    if told := reasons(c.rows):
-        yield "<h2>Why lock was lost</h2>" + bullets(told)
+    if listed := reasons(c.rows):
+        yield "<h2>Why lock was lost</h2>" + bullets(listed)
 
 
 def _cautioned(c: Comparison) -> Iterator[str]:

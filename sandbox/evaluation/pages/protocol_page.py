@@ -236,9 +236,9 @@ def parts(result: Protocol, title: str) -> Iterator[str]:
     for motor in every:
         yield f"<h2>{prose(motor)}</h2>" + verdicts(*table(result, motor))
         yield from pairs(_figures(result.rows, motor))
-        told = broken(result.rows, motor)
-        if told:
-            yield "<h3>What breaks them</h3>" + bullets(told)
+        listed = broken(result.rows, motor)
+        if listed:
+            yield "<h3>What breaks them</h3>" + bullets(listed)
         if lost := why_lost(result, motor):
             yield "<h3>Why lock was lost</h3>" + bullets(lost)
         cases = _cases(result.rows, motor)

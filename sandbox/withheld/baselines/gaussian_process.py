@@ -137,10 +137,10 @@ def ranked(search: Search, best: Stand) -> list[tuple[tuple[str, ...], float, Ma
     that promise less.  What promises more and was not fitted in time is not ranked."""
     known = sorted((s for s in search.seen.values() if s is not None), key=lambda s: -s.evidence)
     others = (m for m in moves(search.process, best) if frozenset(m.effects) not in search.seen)
-    told: list[tuple[tuple[str, ...], float, Mapping[str, Any]]]
-    told = [(s.effects, s.evidence, parameters(s)) for s in known]
-    told += [(m.effects, m.promised, {}) for m in others if m.promised <= best.evidence]
-    return [(e, math.exp(max(x - best.evidence, -700.0)), own) for e, x, own in sorted(told, key=lambda t: -t[1])]
+    listed: list[tuple[tuple[str, ...], float, Mapping[str, Any]]]
+    listed = [(s.effects, s.evidence, parameters(s)) for s in known]
+    listed += [(m.effects, m.promised, {}) for m in others if m.promised <= best.evidence]
+    return [(e, math.exp(max(x - best.evidence, -700.0)), own) for e, x, own in sorted(listed, key=lambda t: -t[1])]
 
 
 def process_of(point: Point, exclude: tuple[str, ...]) -> Process:

@@ -142,8 +142,8 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
     # a nameplate states the rated values where few operating points show none, and beside a flux map, of which a
     # campaign's rated torque could not be told without reading it
     unrated = drawn.case.pair is None and not isinstance(stated, MappedMotor)
-    told = uncertainty(stated)
-    return Campaign(drawn.case.name, nominal, tuple(recordings), told, drawn.bench.background, unrated)
+    stated_deviations = uncertainty(stated)
+    return Campaign(drawn.case.name, nominal, tuple(recordings), stated_deviations, drawn.bench.background, unrated)
 
 
 def switched(drawn: Drawn) -> SwitchedBench:

@@ -170,9 +170,11 @@ def sealed(folder: Path) -> bytes:
     stated = path.read_bytes().split()[:1] if path.is_file() else []
     if not stated:
         raise BadInput(f"'{path}' is missing or empty, so the seal cannot be checked; make the check anew")
-    found, told = hashlib.sha256(data).hexdigest(), stated[0].decode("ascii", "replace")
-    if found != told:
-        raise BadInput(f"{SEAL} has SHA-256 {found}, {HASH} says {told}: the truth was changed; make the check anew")
+    found, declared = hashlib.sha256(data).hexdigest(), stated[0].decode("ascii", "replace")
+    if found != declared:
+        raise BadInput(
+            f"{SEAL} has SHA-256 {found}, {HASH} says {declared}: the truth was changed; make the check anew"
+        )
     return data
 
 

@@ -240,8 +240,8 @@ def test_starting_up_waits_eight_time_constants_and_averages_sixteen_millisecond
     found = ds.design(drive)
     assert found.tuning.average == 8
     assert found.tuning.settle == math.ceil(8.0 / found.loops["current"].bandwidth / 2e-3)
-    told = ds.design(drive, start_up=False).tuning
-    assert (told.settle, told.average) == (0, 0)
+    got = ds.design(drive, start_up=False).tuning
+    assert (got.settle, got.average) == (0, 0)
 
 
 def test_what_a_voltage_may_be_off_is_a_four_hundredth_of_the_link():

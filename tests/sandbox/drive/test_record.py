@@ -168,6 +168,6 @@ def test_injection_that_an_estimator_turned_is_not_blamed_on_the_angle():
     bare = {n: x for n, x in r.columns.items() if n != "theta_hat"}
     turned = {**r.columns, "theta": r.theta + 1.2}
     for columns in (bare, turned):  # without an estimate, or far from it, the angle is to blame
-        with pytest.raises(BadInput, match="give theta in electrical rad") as told:
+        with pytest.raises(BadInput, match="give theta in electrical rad") as found:
             levels_of(dataclasses.replace(own, recordings=(dataclasses.replace(r, columns=columns),)))
-        assert not isinstance(told.value, NoStaircase)
+        assert not isinstance(found.value, NoStaircase)

@@ -70,9 +70,9 @@ def test_page_and_protocol_say_why_too(tmp_path):
     points = points_of(case, DRIVE_ROUND, "qnull", "linear", 0)
     assert [p.lost_lock for p in points] == [p.why_lost is not None for p in points]
     row = Row(Unit("round", "load_step", "qnull", "linear"), verdict(points, "linear"), 0.0)
-    (told,) = protocol_reasons(done := Protocol((row,), 0), "round")
-    assert told.startswith("lost lock (qnull, linear, load_step): beyond 1.")
-    assert row.as_json()["why_lost"] in told
+    (found,) = protocol_reasons(done := Protocol((row,), 0), "round")
+    assert found.startswith("lost lock (qnull, linear, load_step): beyond 1.")
+    assert row.as_json()["why_lost"] in found
     write_protocol(tmp_path / "protocol.html", done)
     assert "no saliency is left" in (tmp_path / "protocol.html").read_text()
 
@@ -80,9 +80,9 @@ def test_page_and_protocol_say_why_too(tmp_path):
 def test_a_method_without_injection_needs_speed():
     row = simulate(DRIVE, "staircase", "qnull", duration=0.4).rows[0]
     slow = dataclasses.replace(row, estimator="active_flux", speed_rpm=18.0, lost_lock=True)
-    told = why_lost(slow, DRIVE, DRIVE.motor, load_estimator("active_flux"))
+    found = why_lost(slow, DRIVE, DRIVE.motor, load_estimator("active_flux"))
     back = 2.0 * np.pi / 60.0 * 18.0 * 6 * 0.0981
-    assert f"the back-EMF is {back:.2g} V" in told
+    assert f"the back-EMF is {back:.2g} V" in found
     fast = dataclasses.replace(slow, speed_rpm=900.0)
     assert why_lost(fast, DRIVE, DRIVE.motor, load_estimator("active_flux")) is None
 

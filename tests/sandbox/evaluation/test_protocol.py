@@ -195,11 +195,11 @@ def test_a_motor_file_changed_meanwhile_is_run_again(tmp_path, monkeypatch):
 
 def test_a_cluster_is_handed_names_and_full_paths(tmp_path, monkeypatch):
     """`--dask` and `cluster=`: what its workers are told; a real one runs in the sweep's tests."""
-    told = []
+    found = []
 
     def spread(task, work, jobs, cluster):
         """Do the work here."""
-        told.append((cluster, [(unit.belief, drive.name, place, seed) for unit, drive, place, seed in work]))
+        found.append((cluster, [(unit.belief, drive.name, place, seed) for unit, drive, place, seed in work]))
         return map(task, work)
 
     monkeypatch.setattr(p, "spread", spread)
@@ -212,9 +212,9 @@ def test_a_cluster_is_handed_names_and_full_paths(tmp_path, monkeypatch):
     assert main([*call, "--dask", "tcp://somewhere:8786", "--quiet", "--out", str(tmp_path / "out")]) == 0
     assert len(json.loads((tmp_path / "out" / "protocol.json").read_text())["tests"]) == 2
     beliefs = ("saturated", "linear")
-    assert told.pop() == ("tcp://somewhere:8786", [(b, "ipm_exchanged", "qnull", 3) for b in beliefs])
+    assert found.pop() == ("tcp://somewhere:8786", [(b, "ipm_exchanged", "qnull", 3) for b in beliefs])
     result = sandbox.protocol(["mine.py"], ["ipm_exchanged"], ["creep"], cluster="tcp://other:1")
-    assert told == [("tcp://other:1", [(b, "ipm_exchanged", str(own.resolve()), 0) for b in beliefs])]
+    assert found == [("tcp://other:1", [(b, "ipm_exchanged", str(own.resolve()), 0) for b in beliefs])]
     assert [row.outcome.passed for row in result.protocol.rows] == [True, None]
     with pytest.raises(BadInput, match="workers are told estimators by name or file"):
         sandbox.protocol(load_estimator("qnull"), ["ipm_exchanged"], ["creep"], cluster="tcp://other:1")

@@ -97,13 +97,13 @@ def test_a_state_is_kept_and_set_again(folder, version):
     unit.unit.doStep(next(steps) * 250e-6, 250e-6)
     keep, back = ("getFMUState", "setFMUState") if unit.wide else ("getFMUstate", "setFMUstate")
     state = getattr(unit.unit, keep)()
-    told = []
+    found = []
     for _ in range(2):
         getattr(unit.unit, back)(state)
         unit.unit.doStep(next(steps) * 250e-6, 250e-6)
-        told.append(unit.get(OUTPUTS))
+        found.append(unit.get(OUTPUTS))
     unit.end()
-    assert told[0] == told[1]
+    assert found[0] == found[1]
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -118,11 +118,11 @@ def test_parts_and_other_steps(folder, version):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_parameters_have_bounds_and_units(folder, version):
-    told = fmpy.read_model_description(str(folder / f"ipm_exchanged_fmi{version}.fmu"), validate=True)
+    found = fmpy.read_model_description(str(folder / f"ipm_exchanged_fmi{version}.fmu"), validate=True)
     assert not fmpy.validation.validate_fmu(str(folder / f"ipm_exchanged_fmi{version}.fmu"))
-    by = {v.name: v for v in told.modelVariables}
+    by = {v.name: v for v in found.modelVariables}
     assert (by["dead_time.time"].unit, by["stator_resistance.resistance"].unit) == ("s", "ohm")
-    own = [v for v in told.modelVariables if "." in v.name]
+    own = [v for v in found.modelVariables if "." in v.name]
     assert all(float(v.min) <= float(v.start) <= float(v.max) for v in own)
     with pytest.raises(fmpy.fmi1.FMICallException):
         Unit(folder / f"ipm_exchanged_fmi{version}.fmu", {"dead_time.time": 1.0})

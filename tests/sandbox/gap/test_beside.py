@@ -32,10 +32,10 @@ def test_integrating_a_regression_out_leaves_its_ridge_estimate():
     left = integrated_out(joint, n, joint.of(np.empty(0, dtype=np.int64), 1), ridge)
     stacked = np.vstack([both, np.hstack([np.zeros((q, p)), np.sqrt(ridge * len(r)) * np.eye(q)])])
     target = np.r_[r, np.zeros(q)]
-    told = np.linalg.lstsq(stacked, target, rcond=None)[0]
-    assert np.linalg.solve(left.a, left.g) == pytest.approx(told[:p], rel=1e-10)
-    rest = target - stacked @ told
-    assert left.rr - told[:p] @ left.g == pytest.approx(rest @ rest, rel=1e-10)
+    found = np.linalg.lstsq(stacked, target, rcond=None)[0]
+    assert np.linalg.solve(left.a, left.g) == pytest.approx(found[:p], rel=1e-10)
+    rest = target - stacked @ found
+    assert left.rr - found[:p] @ left.g == pytest.approx(rest @ rest, rel=1e-10)
 
 
 def test_slopes_beyond_what_a_drive_can_be_leave_no_regression(monkeypatch):

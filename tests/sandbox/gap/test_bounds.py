@@ -148,10 +148,10 @@ def test_a_reader_is_told_in_a_sentence():
     assert sentence([]) == ""
     one = sentence(HELD[:1])
     assert one.startswith("The gain of current sensor a stands at its bound of 4 standard deviations: 0.994. Either it")
-    told = sentence(HELD)
-    assert "the stator resistance stands at its bound of 4 standard deviations: 13.5 Ω" in told
-    assert "the angle of a b.parquet stands at its bound of 4 standard deviations: 1 mrad" in told
-    assert "changes its sign stands at its bound of 3 standard deviations: 20 mA. Either they" in told
+    found = sentence(HELD)
+    assert "the stator resistance stands at its bound of 4 standard deviations: 13.5 Ω" in found
+    assert "the angle of a b.parquet stands at its bound of 4 standard deviations: 1 mrad" in found
+    assert "changes its sign stands at its bound of 3 standard deviations: 20 mA. Either they" in found
 
 
 def test_the_files_for_the_simulator_flag_values_at_their_bounds(tmp_path):

@@ -21,8 +21,8 @@ def test_dead_time_by_switches_diodes_and_capacitance(capacitance):
     assert d.best.probability > 0.9
     assert d.size.before > 9.0
     assert d.size.after == pytest.approx(1.0, abs=0.04)
-    told = d.parameters[0]
-    assert set(told) == set(put_in)
+    found = d.parameters[0]
+    assert set(found) == set(put_in)
     for name, true in put_in.items():
-        x = told[name]
+        x = found[name]
         assert abs(x.value - true) < 1.53 * 0.5 * (x.high - x.low), name

@@ -33,7 +33,7 @@ def test_an_effect_is_named_without_a_false_companion(name, size):
     d = diagnose(small_campaign({name: size}, CASES), exclude=OTHERS, workers=1)
     assert d.best.effects == (effect,)
     assert d.best.probability > 0.9
-    told = d.parameters[0][name]
-    assert abs(told.value - size) < 1.22 * 0.5 * (told.high - told.low)
-    assert 0.0 < told.high - told.low < 0.2 * size
-    assert not told.at_bound
+    found = d.parameters[0][name]
+    assert abs(found.value - size) < 1.22 * 0.5 * (found.high - found.low)
+    assert 0.0 < found.high - found.low < 0.2 * size
+    assert not found.at_bound

@@ -193,7 +193,7 @@ def test_segments_that_disagree_widen_estimates_by_as_much_as_they_scatter():
     rng = np.random.default_rng(3)
     k, m, bias, draws = 8, 50, 0.4, 400
     flat = Coordinate("x", 0.0, 1e6, "linear", ("x",))
-    told = []
+    found = []
     for _ in range(draws):
         r = rng.normal(size=(k, m)) + bias * rng.normal(size=(k, 1))
         one = np.ones((m, 1, 1))
@@ -203,9 +203,9 @@ def test_segments_that_disagree_widen_estimates_by_as_much_as_they_scatter():
         n = Normal((flat,), np.zeros(1), segments, 1)
         a, g, _ = n.summed()
         plain = np.linalg.inv(a)
-        told.append(float(between_segments(n, plain @ g, plain)[0, 0]))
+        found.append(float(between_segments(n, plain @ g, plain)[0, 0]))
     true = (bias**2 + 1.0 / m) / k
-    assert np.mean(told) == pytest.approx(true, rel=4.0 * math.sqrt(2.0 / (k - 1) / draws))
+    assert np.mean(found) == pytest.approx(true, rel=4.0 * math.sqrt(2.0 / (k - 1) / draws))
 
 
 def test_bounded_most_probable_point_is_that_of_an_independent_minimiser():

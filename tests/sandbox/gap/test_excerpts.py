@@ -195,13 +195,13 @@ def test_where_states_settle_slowly_parts_are_longer_and_fewer():
 
 def test_contract_and_page_list_the_parts():
     cut = excerpted(campaign(recording(3 * LEAST)), LEAST)
-    told = excerpts(cut.excerpts)
-    assert told["samples_recorded"] == 3 * LEAST
-    assert told["samples_used"] == sum(s["rows"] for s in told["parts"])
-    assert {"of": "run.parquet", "of_rows": 3 * LEAST}.items() <= told["parts"][0].items()
+    found = excerpts(cut.excerpts)
+    assert found["samples_recorded"] == 3 * LEAST
+    assert found["samples_used"] == sum(s["rows"] for s in found["parts"])
+    assert {"of": "run.parquet", "of_rows": 3 * LEAST}.items() <= found["parts"][0].items()
     assert excerpts(None) is None
     period = DRIVE.converter.sampling_period
-    for row, e in zip(part_rows(cut.excerpts, period), told["parts"], strict=True):
+    for row, e in zip(part_rows(cut.excerpts, period), found["parts"], strict=True):
         times = (f"{period * x:.2f}" for x in (e["first"], e["first"] + e["rows"], 3 * LEAST))
         assert row == [e["file"], "run.parquet", *times]
 
@@ -213,12 +213,12 @@ def test_a_long_campaign_is_diagnosed_in_parts_and_its_files_replay_it_whole(tmp
     folder = write_campaign(tmp_path / "long", Campaign("long", BENCH, long, {}, {}, False))
     left = ("dead_time", "stator_resistance", "current_gain")
     found = sandbox.diagnose(folder, samples=LEAST, exclude=[e for e in effect_names() if e not in left], jobs=1)
-    told = json.loads(json.dumps(found.as_json()))
-    assert told["hypotheses"][0]["effects"] == ["dead_time"]
-    low, high = told["hypotheses"][0]["parameters"]["dead_time.time"]["ci95"]
-    assert abs(told["hypotheses"][0]["parameters"]["dead_time.time"]["value"] - DEAD_TIME) < 4.0 * (high - low) / 3.92
-    assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **told}) == []
-    assert told["excerpts"]["samples_recorded"] == 28_000
+    got = json.loads(json.dumps(found.as_json()))
+    assert got["hypotheses"][0]["effects"] == ["dead_time"]
+    low, high = got["hypotheses"][0]["parameters"]["dead_time.time"]["ci95"]
+    assert abs(got["hypotheses"][0]["parameters"]["dead_time.time"]["value"] - DEAD_TIME) < 4.0 * (high - low) / 3.92
+    assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **got}) == []
+    assert got["excerpts"]["samples_recorded"] == 28_000
     assert any(text.startswith("Of 28,000 samples") for text in caveats(found.answers))
     found.refitted.write(tmp_path)
     again = sandbox.replay(folder, tmp_path / "effects.toml", motor=tmp_path / "motor.toml")

@@ -45,9 +45,9 @@ def test_all_five_are_named_and_no_other(found):
 def test_their_sizes_are_those_of_the_bench(found):
     """Within the 95 % intervals; of eight that are looked at together, widened by 1.4 (0.05 / 16 to either side).
     The offset of the other phase, which the effect has too, is zero."""
-    told = found[0].parameters[0]
-    assert set(told) == {*TRUE, "current_offset.offset_a"}
-    for name, x in told.items():
+    got = found[0].parameters[0]
+    assert set(got) == {*TRUE, "current_offset.offset_a"}
+    for name, x in got.items():
         assert abs(x.value - TRUE.get(name, 0.0)) < 1.4 * 0.5 * (x.high - x.low), name
 
 
@@ -59,7 +59,7 @@ def test_what_goes_with_an_effect_alone_is_what_goes_on_the_bench(found):
     1.04 in one phase in the offset's place 0.24 (0.055 stated, -0.183 on the bench), as these recordings do not tell a
     common scale of the gains from inductances and resistance.
     """
-    told = {e["name"]: e["share"]["alone"] for e in found[1].as_json()["effects"] if e["share"] is not None}
+    got = {e["name"]: e["share"]["alone"] for e in found[1].as_json()["effects"] if e["share"] is not None}
     whole = gap_of(recorded())
     for effect in PUT_IN:
-        assert told[effect] == pytest.approx(1.0 - gap_of(recorded(effect)) / whole, abs=0.05), effect
+        assert got[effect] == pytest.approx(1.0 - gap_of(recorded(effect)) / whole, abs=0.05), effect

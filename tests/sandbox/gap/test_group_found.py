@@ -17,11 +17,11 @@ def test_a_short_filter_and_late_sampling_are_a_group():
     what parts them is what their cards say: a link nearly used up."""
     own = small_campaign({"current_filter.time_constant": 5e-6}, CASES[2:])
     d = diagnose(own, exclude=sorted(set(library.effect_names()) - ALIKE - OTHERS), workers=1)
-    told = ranking(d, position=False).as_json()
-    (group,) = told["groups"]
+    found = ranking(d, position=False).as_json()
+    (group,) = found["groups"]
     assert set(group["effects"]) == ALIKE
     assert group["probability"] > 0.99
     assert all("DC link nearly used up" in group["parted_by"][e] for e in group["effects"])
-    chances = {e["name"]: e["probability"] for e in told["effects"]}
+    chances = {e["name"]: e["probability"] for e in found["effects"]}
     assert 0.02 < chances["current_sampling"] < chances["current_filter"] < 0.98
     assert chances["current_filter"] + chances["current_sampling"] == pytest.approx(1.0, abs=0.05)

@@ -62,9 +62,9 @@ def test_it_is_told_by_what_predicts_the_recordings(name):
     b, between, inverter = CASES[name]
     campaign = recorded(b, between)
     point = Point(prepare(campaign), complete(DRIVE.motor, DRIVE.converter))
-    told = explained(point)
-    print(f"{name}: inverter predicts {told[0]:.3f}, machine {told[1]:.3f}; chance {inverters(*told):.3f}")
-    assert (inverters(*told) > 0.5) == inverter
+    found = explained(point)
+    print(f"{name}: inverter predicts {found[0]:.3f}, machine {found[1]:.3f}; chance {inverters(*found):.3f}")
+    assert (inverters(*found) > 0.5) == inverter
 
 
 def test_without_excess_nothing_is_told():

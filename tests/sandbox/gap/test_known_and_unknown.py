@@ -37,12 +37,12 @@ def test_the_known_part_is_named_and_its_size_is_not_bent(both):
     half-widths away, so that the size is told; no other effect is likely."""
     d, r = both
     assert d.best.effects == ("dead_time", "unknown")
-    told = r.as_json()
-    first = told["effects"][0]
-    assert told["unknown"]["probability"] > 0.99
+    found = r.as_json()
+    first = found["effects"][0]
+    assert found["unknown"]["probability"] > 0.99
     assert r.beside_unknown
     assert first["name"] == "dead_time"
-    assert first["probability"] > 0.8 > 0.2 > told["effects"][1]["probability"]
+    assert first["probability"] > 0.8 > 0.2 > found["effects"][1]["probability"]
     beside = first["beside_unknown"]["parameters"]["dead_time.time"]
     assert r.sizes("dead_time")["dead_time.time"].value == beside["value"]
     low, high = beside["ci95"]
@@ -65,11 +65,11 @@ def test_shares_are_those_of_the_bench_with_dead_time_alone_taken_out(both):
 def test_where_the_unknown_part_lies_is_told(both):
     """The unmodeled cause turns with twice the electrical angle in the rotor's frame, both senses alike; the sentence
     and the figures say so, and the regression finds a current that depends on the angle."""
-    told = both[1].as_json()["unknown"]
-    order = told["regions"]["angle"][0]
+    found = both[1].as_json()["unknown"]
+    order = found["regions"]["angle"][0]
     assert (order["order"], order["of"]) == (2, "electrical")
-    assert "of electrical order 2" in told["where"]
-    first = told["beside"]["consists_of"][0]
+    assert "of electrical order 2" in found["where"]
+    first = found["beside"]["consists_of"][0]
     assert (first["acts_as"], "angle" in first["hangs_on"]) == ("current", True)
 
 
@@ -86,11 +86,11 @@ def test_what_the_regression_does_not_hold_bends_the_known_part_no_more(outside)
     saturation may be named beside a knee, which is one); the true 2 us stay within the 95 % interval beside it, widened
     by one half as above."""
     d = of_campaign(small_campaign({"dead_time.time": DEAD_TIME}, outside=outside))
-    told = ranking(d, position=False).as_json()
+    found = ranking(d, position=False).as_json()
     assert {"dead_time", "unknown"} <= set(d.best.effects) <= {"dead_time", "unknown", "saturation"}
     assert d.size.after > 2.0
-    assert told["unknown"]["probability"] > 0.99
-    (own,) = (e for e in told["effects"] if e["name"] == "dead_time")
+    assert found["unknown"]["probability"] > 0.99
+    (own,) = (e for e in found["effects"] if e["name"] == "dead_time")
     beside = own["beside_unknown"]["parameters"]["dead_time.time"]
     low, high = beside["ci95"]
     assert own["probability"] > 0.9

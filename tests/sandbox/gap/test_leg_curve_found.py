@@ -39,8 +39,8 @@ def test_it_is_the_table_where_currents_were(found):
     amps, volts = np.array(TABLE).T
     i = np.linspace(0.0, DRIVE.motor.rated_current, 60)
     ohm = found.best.evaluated.fit.point.values["stator_resistance.resistance"] - DRIVE.motor.resistance
-    told = np.interp(i, c.at, c.value) + ohm * i
-    assert np.max(np.abs(told - np.interp(i, amps, volts))) < 0.15
+    got = np.interp(i, c.at, c.value) + ohm * i
+    assert np.max(np.abs(got - np.interp(i, amps, volts))) < 0.15
     assert np.all(np.array(c.low) <= c.value)
     assert np.all(np.array(c.high) >= c.value)
     assert "A threshold of" in c.text

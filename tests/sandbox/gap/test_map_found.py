@@ -46,21 +46,21 @@ def diagnosed(tmp_path_factory):
 
 
 def test_what_the_map_misses_is_no_effect(diagnosed):
-    _, _, told = diagnosed
-    assert not set(told["hypotheses"][0]["effects"]) & set(LEFT)  # what is left may stay without a name
-    of_map = told["flux_map"]
+    _, _, found = diagnosed
+    assert not set(found["hypotheses"][0]["effects"]) & set(LEFT)  # what is left may stay without a name
+    of_map = found["flux_map"]
     assert of_map["residual"] ** 2 - 1.0 < 0.25 * (of_map["as_stated"] ** 2 - 1.0)
     assert 0.0 < of_map["rms"] < of_map["largest"]
     assert json.loads(json.dumps(of_map)) == of_map
 
 
 def test_the_motor_that_is_written_leaves_what_is_said(diagnosed, tmp_path):
-    folder, found, told = diagnosed
+    folder, found, got = diagnosed
     out = tmp_path / "out"
     found.save(out)
     assert (out / "flux_map_found.npz").is_file()
     own = sandbox.load_motor(out / "motor.toml").motor
     assert np.hypot(*currents(own.spline, 0.0, 0.0)) < 1e-9 * own.rated_current  # no current at the magnet's flux
-    stated = {r["file"]: r["rms"] for r in told["simulator"]["residual"]}
+    stated = {r["file"]: r["rms"] for r in got["simulator"]["residual"]}
     left = sandbox.replay(folder, motor=out / "motor.toml", effects=out / "effects.toml").rms
     assert left == pytest.approx(stated, rel=0.01)  # within rounding of a free fit's end: its last step

@@ -174,11 +174,11 @@ def test_regressions_are_made_on_what_memory_allows():
 
 def test_what_is_simulated_is_counted():
     """Where it is listened to: equations cost one simulation and one a move (two of them turns), points one each."""
-    told, at = [], point()
-    with counted(told.append):
+    found, at = [], point()
+    with counted(found.append):
         n = normal(at, coordinates_of(at, ("dead_time",)))
         n.at_each([at, at])
     n.at(at)
-    assert told == [n.simulations, 2.0]
+    assert found == [n.simulations, 2.0]
     own = [c for c in n.coordinates if c.form != "turn" and not c.mechanical]  # no rotor is free
     assert n.simulations == 1 + len(own) + 2  # three recordings' turns are moved by two

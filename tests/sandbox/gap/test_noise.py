@@ -55,8 +55,8 @@ def test_stated_noise_far_from_the_sensors_is_told(small_folder):
     with pytest.raises(BadInput, match="no current of any recording ever changes"):
         noise_caution(with_currents(campaign, lambda i: 0.0 * i))
     small = dataclasses.replace(campaign.drive.converter, current_noise=floor / 10.0, current_resolution=0.0)
-    told = noise_caution(dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=small)))
-    assert "may look larger than it is" in told
+    found = noise_caution(dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=small)))
+    assert "may look larger than it is" in found
 
 
 def test_the_sum_of_two_sensors_tells_nothing_of_noise(small_folder):
@@ -108,10 +108,10 @@ def test_coarse_counts_at_rest_are_cautioned_not_refused(small_folder):
     """
     counts = with_counts(read_campaign(small_folder), 6e-3, 50e-3)
     assert np.ptp(counts.recordings[0].i_a) == 0.0
-    told = noise_caution(counts)
-    assert "a count of 0.05 A hides the noise" in told
+    found = noise_caution(counts)
+    assert "a count of 0.05 A hides the noise" in found
     used = floor_of(counts, noise_floor(counts.drive.converter))
-    assert f"units of {used:.3g} A" in told
+    assert f"units of {used:.3g} A" in found
     assert used == pytest.approx(0.0156, rel=0.1)  # (6^2 + 50^2/12)^(1/2) mA; a quarter of the readings is at rest
     slip = dataclasses.replace(counts.drive.converter, current_resolution=5.0)
     with pytest.raises(BadInput, match="nothing could be seen below the stated noise"):
@@ -134,13 +134,13 @@ def slips(text):
 
 
 def test_slips_in_campaign_toml_are_one_sentence(small_folder, tmp_path, capsys):
-    for k, (text, told) in enumerate(slips((small_folder / "campaign.toml").read_text())):
+    for k, (text, found) in enumerate(slips((small_folder / "campaign.toml").read_text())):
         folder, out = tmp_path / f"c{k}", tmp_path / f"out{k}"
         shutil.copytree(small_folder, folder)
         (folder / "campaign.toml").write_text(text)
         assert main(["diagnose", str(folder), "--out", str(out), "--quiet"]) == 2
         error = capsys.readouterr().err
-        assert told in error
+        assert found in error
         assert error.count("\n") == 1
         assert not out.exists()
 

@@ -22,20 +22,20 @@ def test_a_bent_sensor_is_told_by_the_sum_of_readings():
     """cos^3 = 3/4 cos + 1/4 cos of the triple, which is alike in all phases: a tenth of the squares, by hand."""
     sizes = excesses([shown(20.0 * np.cos(ANGLE) ** 3)])
     assert sizes["sum"] / sizes["current"] == pytest.approx(0.1, rel=0.05)
-    told = shares(sizes, NONE)
-    assert max(told, key=lambda s: told[s]) == "sensor"
-    assert told["sensor"] > 0.9
+    found = shares(sizes, NONE)
+    assert max(found, key=lambda s: found[s]) == "sensor"
+    assert found["sensor"] > 0.9
 
 
 def test_what_a_machine_can_do_is_the_machines_although_sensors_could_mimic_it():
-    told = shares(excesses([shown(20.0 * np.cos(5.0 * ANGLE))]), NONE)
-    assert max(told, key=lambda s: told[s]) == "machine"
-    assert sum(told.values()) == pytest.approx(1.0)
+    found = shares(excesses([shown(20.0 * np.cos(5.0 * ANGLE))]), NONE)
+    assert max(found, key=lambda s: found[s]) == "machine"
+    assert sum(found.values()) == pytest.approx(1.0)
 
 
 def test_what_only_motion_shows_is_the_mechanics():
-    told = shares(excesses([shown(np.zeros((3000, 3)), np.full(3000, 5.0))]), NONE)
-    assert told["mechanics"] > 0.95
+    found = shares(excesses([shown(np.zeros((3000, 3)), np.full(3000, 5.0))]), NONE)
+    assert found["mechanics"] > 0.95
 
 
 def test_noise_is_no_excess():

@@ -14,12 +14,12 @@ from sandbox.gap.planning.visible import Visible
 def planned():
     """Return a plan of two experiments of the menu, what they tell made up."""
     drive = load_drive("ipm_exchanged")
-    told = Visible(
+    found = Visible(
         {"dead_time": 40.0, "device_drop": 2.0, "viscous_friction": 0.1}, (("dead_time", "device_drop", 0.999),)
     )
     chosen = {e.rotor: e for e in menu(drive)}
-    own = [Planned(chosen[r], settings(chosen[r], drive), told, ("dead_time",)) for r in ("locked", "driven")]
-    return Plan(drive, tuple(own), told)
+    own = [Planned(chosen[r], settings(chosen[r], drive), found, ("dead_time",)) for r in ("locked", "driven")]
+    return Plan(drive, tuple(own), found)
 
 
 def test_setpoints_are_those_of_the_experiment(planned):

@@ -75,9 +75,9 @@ def test_a_mechanical_turn_at_the_speed_that_the_page_names(monkeypatch, estimat
 
 def test_values_no_drive_can_have_are_said_to_be_none(found):
     assert set(found["odd"]) == {"qnull", "ekf", "active_flux"}
-    told = found["odd"]["qnull"].as_json()
-    assert "no drive can have" in told.pop("not_run")
-    assert told == {"mean_deg": None, "ripple_deg": None, "lost": False}
+    got = found["odd"]["qnull"].as_json()
+    assert "no drive can have" in got.pop("not_run")
+    assert got == {"mean_deg": None, "ripple_deg": None, "lost": False}
 
 
 @pytest.mark.parametrize(("fails", "why"), [(True, "on this drive: no saliency"), (False, "loses the rotor")])
@@ -93,9 +93,9 @@ def test_an_estimator_that_cannot_run_says_so(monkeypatch, fails, why):
     found = moved(None, {"inertia": {}})["inertia"]
     assert set(found) == set(position_moved.ESTIMATORS)
     assert all(why in m.not_run for m in found.values())
-    told = list(not_run_sentences(SimpleNamespace(moved={"inertia": found, "saturation": found})))
-    assert len(told) == 1
-    assert told[0].startswith("`qnull`, `ekf` and `active_flux` were not run: ")
+    got = list(not_run_sentences(SimpleNamespace(moved={"inertia": found, "saturation": found})))
+    assert len(got) == 1
+    assert got[0].startswith("`qnull`, `ekf` and `active_flux` were not run: ")
     assert position_rows(listing({"inertia": found}))[1] == [["inertia", *["not run"] * len(found)]]
 
 
@@ -126,9 +126,9 @@ def test_lost_is_said_only_where_a_run_breaks_off(monkeypatch, error, lost):
     monkeypatch.setattr(position_moved, "_error", run)
     own = moved(None, {"inertia": {"inertia.inertia": 1.0}, "saturation": {}})
     assert own["saturation"]["ekf"] == Moved(0.0, 0.0)
-    told = own["inertia"]["ekf"].as_json()
-    assert told["lost"] == lost
-    assert bool(told["not_run"]) != lost
+    got = own["inertia"]["ekf"].as_json()
+    assert got["lost"] == lost
+    assert bool(got["not_run"]) != lost
     said = list(not_run_sentences(SimpleNamespace(moved=own)))
     assert said == ([] if lost else [
         "`qnull`, `ekf` and `active_flux` were not run with inertia: "

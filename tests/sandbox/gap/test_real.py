@@ -79,8 +79,8 @@ def test_laas_says_what_it_hides():
     drive = real_drives("laas_bldc")[0]
     assert set(HIDDEN) < set(library.effect_names())
     assert drive.hidden == HIDDEN
-    told = drive.campaign.drive.provenance
-    assert any("no replay of" in told[k] for k in told if k.startswith("cannot show"))
+    found = drive.campaign.drive.provenance
+    assert any("no replay of" in found[k] for k in found if k.startswith("cannot show"))
 
 
 def test_thors_slots_are_order_18_and_hang_on_the_current():

@@ -22,5 +22,5 @@ def test_a_shaft_is_named_without_something_unknown():
     assert d.best.probability > 0.9  # the prior gives 0.15 to one effect more
     assert sum(h.probability for h in d.hypotheses if "unknown" in h.effects) < 0.05
     for name, true in drawn.sealed()["parameters"].items():
-        told = d.parameters[0][name]
-        assert abs(told.value - true) < 1.15 * 0.5 * (told.high - told.low), name
+        found = d.parameters[0][name]
+        assert abs(found.value - true) < 1.15 * 0.5 * (found.high - found.low), name

@@ -56,9 +56,9 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
             dataclasses.replace(r, columns={**r.columns, "i_b": r.i_b + offset}) for r in quiet.recordings
         ),
     )
-    told = diagnose(misstated(moved, share), exclude=sorted(set(library.effect_names()) - SMALL), workers=1)
-    assert told.best.effects == ("current_offset",)
-    assert unknown_of(told) < 0.1
+    got = diagnose(misstated(moved, share), exclude=sorted(set(library.effect_names()) - SMALL), workers=1)
+    assert got.best.effects == ("current_offset",)
+    assert unknown_of(got) < 0.1
 
 
 @pytest.mark.parametrize(
@@ -72,9 +72,9 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
 def test_a_stated_noise_that_is_overruled_or_stands_against_the_readings_is_told(seen, said):
     """The seen one counts for more than half from 1.5 % x sqrt(2 ln 2) = 1.766 % on (0.975: the issue's campaign),
     and not at all beyond 1.5 times."""
-    told = parting(Noise(1.0, seen, noise.voted(1.0, seen)))
-    assert said in told
-    assert bool(told) == bool(said)
+    found = parting(Noise(1.0, seen, noise.voted(1.0, seen)))
+    assert said in found
+    assert bool(found) == bool(said)
 
 
 def test_counts_that_hide_noise_are_not_said_to_be_overruled(small_folder, monkeypatch):
@@ -83,9 +83,9 @@ def test_counts_that_hide_noise_are_not_said_to_be_overruled(small_folder, monke
     own = dataclasses.replace(campaign.drive.converter, current_noise=1e-4, current_resolution=0.1)
     coarse = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=own))
     monkeypatch.setattr(noise, "counted", lambda campaign: True)
-    told = noise.noise_caution(coarse)
-    assert f"in units of {noise_of(coarse).used:.3g} A" in told
-    assert "follows" not in told
+    found = noise.noise_caution(coarse)
+    assert f"in units of {noise_of(coarse).used:.3g} A" in found
+    assert "follows" not in found
 
 
 @pytest.mark.parametrize(("seen", "chance", "told"), [(None, 0.2, True), (None, 0.01, False), (0.004, 0.2, False)])

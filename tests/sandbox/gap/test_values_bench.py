@@ -94,18 +94,18 @@ def test_a_typical_move_by_hand():
 def test_two_effects_look_alike_from_a_cosine_of_98_hundredths(cosine, sizes, found):
     """Moves of 2 and 3 along slopes of length 1 and 4; both are to be seen at all."""
     a = 1e-3 * np.array([[1.0, 4.0 * cosine], [4.0 * cosine, 16.0]])
-    told = visible._alike(
+    got = visible._alike(
         a, np.zeros(2), {"e": ["e"], "f": ["f"]}, {"e": 0, "f": 1}, {"e": np.array([2.0]), "f": np.array([3.0])},
         dict(zip("ef", sizes, strict=True)),
     )  # fmt: skip
-    assert told == (() if found is None else (("e", "f", pytest.approx(found)),))
+    assert got == (() if found is None else (("e", "f", pytest.approx(found)),))
 
 
 def test_the_most_alike_are_told_first():
     a = np.array([[1.0, 0.985, 0.99], [0.985, 1.0, 0.0], [0.99, 0.0, 1.0]])
     groups, one = {e: [e] for e in "efg"}, dict.fromkeys("efg", np.ones(1))
-    told = visible._alike(a, np.zeros(3), groups, {"e": 0, "f": 1, "g": 2}, one, dict.fromkeys("efg", 9.0))
-    assert [x[:2] for x in told] == [("e", "g"), ("e", "f")]
+    found = visible._alike(a, np.zeros(3), groups, {"e": 0, "f": 1, "g": 2}, one, dict.fromkeys("efg", 9.0))
+    assert [x[:2] for x in found] == [("e", "g"), ("e", "f")]
 
 
 def test_sizes_grow_with_the_samples_left_out(monkeypatch):
@@ -142,8 +142,8 @@ def test_a_drive_that_names_no_encoder_is_planned_with_4096_counts(monkeypatch, 
 
 def test_experiments_are_in_the_order_of_what_they_add(monkeypatch):
     monkeypatch.setattr(bench_plan, "settings", lambda *_: "")
-    told = [("x", {"a": 9.0, "b": 5.9}), ("y", {"a": 6.1, "b": 6.1}), ("z", {"b": 99.0, "c": 9.0}), ("w", {"c": 7.0})]
-    found = bench_plan._ordered(DRIVE, [(named(n), Visible(sizes, ())) for n, sizes in told])
+    got = [("x", {"a": 9.0, "b": 5.9}), ("y", {"a": 6.1, "b": 6.1}), ("z", {"b": 99.0, "c": 9.0}), ("w", {"c": 7.0})]
+    found = bench_plan._ordered(DRIVE, [(named(n), Visible(sizes, ())) for n, sizes in got])
     assert [(p.entry.name, p.adds) for p in found] == [("y", ("a", "b")), ("z", ("c",))]
 
 

@@ -96,8 +96,8 @@ def test_control_follows_within_five_milliseconds():
 def test_settings_in_words():
     """15 and -30 rad/s electrical of two pole pairs: 7.5 / (2 pi) x 60 = 71.6 rpm."""
     e = entry_of(i_d=np.array([-0.5, 1.5]), speed=np.array([-30.0, 15.0]), n=2, link=0.5, injection=(5.0, 0.0))
-    told = "-143 to 72 rpm, i_d -0.5 to 1.5 A, 5 V square wave on d, DC link 86.6 V"
-    assert settings(e, drive_at()) == told
+    found = "-143 to 72 rpm, i_d -0.5 to 1.5 A, 5 V square wave on d, DC link 86.6 V"
+    assert settings(e, drive_at()) == found
 
 
 def test_voltages_of_a_steady_motor_by_hand():

@@ -44,8 +44,8 @@ def test_effects_are_listed_from_a_chance_of_one_in_a_hundred():
 @pytest.mark.parametrize(("count", "size"), [(1, "n0 1"), (2, "n0 1, n1 1"), (3, "n0 1, ..., see below")])
 def test_two_parameters_stand_in_the_list(count, size):
     own = {f"inertia.n{k}": Estimate(1.0, 1.0, 1.0, "") for k in range(count)}
-    told = listed.rows(ranking({"inertia": 1.0}, parameters={"inertia": own}))[0][3]
-    assert told.replace("1.00", "1") == size
+    found = listed.rows(ranking({"inertia": 1.0}, parameters={"inertia": own}))[0][3]
+    assert found.replace("1.00", "1") == size
 
 
 def test_groups_and_the_waterfall():
@@ -93,10 +93,10 @@ def test_hypotheses_below_one_in_a_thousand_are_folded(monkeypatch):
 def test_a_probability_is_a_number_and_a_bar(monkeypatch):
     monkeypatch.setattr(page, "closed_by", lambda d, h: 0.25)
     own = hypotheses(0.9)
-    told = page._hypotheses(SimpleNamespace(shares={}, diagnosis=SimpleNamespace(best=own[0])), own)
-    assert "width:90.0%" in told
-    assert ">90.0&nbsp;%<" in told
-    assert ">25.0&nbsp;%<" in told
+    found = page._hypotheses(SimpleNamespace(shares={}, diagnosis=SimpleNamespace(best=own[0])), own)
+    assert "width:90.0%" in found
+    assert ">90.0&nbsp;%<" in found
+    assert ">25.0&nbsp;%<" in found
 
 
 def test_six_hypotheses_are_printed(monkeypatch, capsys):
@@ -123,9 +123,9 @@ def test_six_hypotheses_are_printed(monkeypatch, capsys):
 @pytest.mark.parametrize(("fall", "said"), [(2.9, "Flat"), (3.1, "It falls by 3 on")])
 def test_a_likelihood_is_flat_up_to_a_fall_of_three(drawn, fall, said):
     x = Alike(("inertia",), (), {"inertia": 0.5}, (0.0, 0.5, 1.0), (-1.0, -1.0 - fall, -1.5))
-    told = list(page._why_alike(x))
-    assert said in told[-1]
-    assert "looks like what ordinary deviations can do: cosine 0.5000" in told[1]
+    found = list(page._why_alike(x))
+    assert said in found[-1]
+    assert "looks like what ordinary deviations can do: cosine 0.5000" in found[1]
 
 
 @pytest.mark.parametrize(
@@ -163,14 +163,14 @@ def test_charts_are_of_the_parts_that_sentences_speak_of(drawn):
     """Two subsystems: the sensors' chart has what is constant in a phase, the inverter's the voltage's direction."""
     parts = [SimpleNamespace(subsystem="inverter", share=0.7, left=apart(), of_readings=False),
              SimpleNamespace(subsystem="sensor", share=0.3, left=apart(), of_readings=True)]  # fmt: skip
-    told = "".join(charts.of_parts(parts, None, apart()))
-    assert told.index(" part, 70&nbsp;% of the gap") < told.index(" part, 30&nbsp;% of the gap")
+    found = "".join(charts.of_parts(parts, None, apart()))
+    assert found.index(" part, 70&nbsp;% of the gap") < found.index(" part, 30&nbsp;% of the gap")
     assert [x[0] for x in drawn] == [
         ["on the d axis", "at standstill"],
         ["constant in phase a", "constant in phase b", "constant in phase c", "at standstill"],
     ]
     assert drawn[1][1]["before"] == pytest.approx([25.0, 0.0, 0.0, 40.0])
-    assert told.count("Bars of speed and current are shares of squared residuals") == 2
+    assert found.count("Bars of speed and current are shares of squared residuals") == 2
     drawn.clear()
     list(charts.of_parts(parts[:1], None, apart()))  # one subsystem's: its own, not that of the whole
     assert [x[0] for x in drawn] == [["on the d axis", "at standstill"]]
@@ -189,9 +189,9 @@ def test_a_waterfall_is_drawn_for_one_effect_and_more(monkeypatch, drawn, count,
             campaign=SimpleNamespace(drive=DRIVE),
         ),
     )  # fmt: skip
-    told = "".join(page._listed(a))
-    assert ("Residual on the recordings held out as" in told) == bool(held and count)
-    assert ("Residual on all recordings as" in told) == bool(not held and count)
+    found = "".join(page._listed(a))
+    assert ("Residual on the recordings held out as" in found) == bool(held and count)
+    assert ("Residual on all recordings as" in found) == bool(not held and count)
     assert len(drawn) == figures
     assert [x[2] for x in drawn] == ["x"] * figures
 
@@ -246,14 +246,14 @@ def test_residuals_over_time_by_hand(monkeypatch, drawn, n, period, points, mill
     campaign.drive = SimpleNamespace(converter=SimpleNamespace(sampling_period=period))
     a = SimpleNamespace(diagnosis=SimpleNamespace(start=SimpleNamespace(prepared=prepared), campaign=campaign))
     monkeypatch.setattr(signals.looks, "spectrum", lambda x, period: (np.ones(1), np.ones(1)))
-    told = "".join(signals.waves(a, SimpleNamespace(recordings={"r": 1.0}), shown, shown))
-    assert f"sample by sample, {milliseconds} ms" in told
+    found = "".join(signals.waves(a, SimpleNamespace(recordings={"r": 1.0}), shown, shown))
+    assert f"sample by sample, {milliseconds} ms" in found
     t, peaks = drawn[0][0][0][1]["before"]
     assert len(t) == points
     assert t[1] == pytest.approx(n // points * period)
     assert min(peaks) == -3.0 * 0.5  # in A: the floor is 0.5 A
     assert drawn[0][1] == [0.5, 0.5, 0.5, 1.0]  # one floor of each panel as a band
-    assert "Grey: one noise floor either way (500 mA, rms of the noise)" in told
+    assert "Grey: one noise floor either way (500 mA, rms of the noise)" in found
     assert max(peaks) == 0.0
     assert drawn[0][0][3][0] == "motion\n(noise floors)"
     assert drawn[0][0][3][1]["after"][1] == [-4.0] * points
@@ -339,6 +339,6 @@ def test_two_sets_of_many_effects_are_told_apart_by_their_rows():
 
 def test_a_value_at_its_bound_has_a_nominal_one_that_is_at_none():
     a = SimpleNamespace(diagnosis=SimpleNamespace(campaign=SimpleNamespace(drive=DRIVE)))
-    ((name, told, nominal),) = page._parameters(a, {"dc_link_error.sag": Estimate(0.0, 0.0, 0.1, "ohm", True)})
+    ((name, found, nominal),) = page._parameters(a, {"dc_link_error.sag": Estimate(0.0, 0.0, 0.1, "ohm", True)})
     assert (name, nominal) == ("dc_link_error.sag", "0 Ω")
-    assert told.endswith("(at the bound of the search)")
+    assert found.endswith("(at the bound of the search)")

@@ -60,11 +60,11 @@ def test_what_a_simulator_misses_leans_by_three_tenths(missed, apart):
 def test_rivals_on_one_side_go_together(between, sides):
     """Both are 2 from the truth, so deviations of 2; 0, 4 or 8 from each other: the same, independent or opposite.  In
     the mean each is as far behind as both together may be: half of the cases, fewer, none."""
-    told, away = SURE_OF_TWO + math.log(2.0), np.array([[0.0, 2.0, 2.0], [2.0, 0.0, between], [2.0, between, 0.0]])
+    found, away = SURE_OF_TWO + math.log(2.0), np.array([[0.0, 2.0, 2.0], [2.0, 0.0, between], [2.0, between, 0.0]])
     a, b = 2.0 * np.random.default_rng(5).standard_normal((2, 400_000))
     b = sides * a if sides else b
     alone = np.mean(np.exp(-a) + np.exp(-b) <= 2.0)
-    assert power(even(3), tried(told, away, n=3)) == pytest.approx(alone / 3.0, abs=DRAWN / 3.0)
+    assert power(even(3), tried(found, away, n=3)) == pytest.approx(alone / 3.0, abs=DRAWN / 3.0)
 
 
 def test_a_longer_recording_brings_as_much_more():
@@ -79,9 +79,9 @@ def judged(*effects):
 def test_expected_evidence_by_hand(monkeypatch):
     """What b cannot follow, 10, less what a itself cannot, 3; and b's spread 2 less a's 1; what is missed, 6, is told
     at the temperature of 2."""
-    told = {"a": (3.0, 1.0), "b": (10.0, 2.0)}
+    found = {"a": (3.0, 1.0), "b": (10.0, 2.0)}
     monkeypatch.setattr(following, "simulate_experiment", lambda *_: (None, None))
-    monkeypatch.setattr(following, "_surprise", lambda c, t, j, *_: told[j.effects[0]])
+    monkeypatch.setattr(following, "_surprise", lambda c, t, j, *_: found[j.effects[0]])
     monkeypatch.setattr(following, "_missed", lambda *_: 6.0)
     whole, apart, missed = following.expected_evidence(None, None, judged("a"), [judged("b")], 2.0)
     assert (whole, apart, missed) == ([8.0], [7.0], 3.0)
@@ -90,7 +90,7 @@ def test_expected_evidence_by_hand(monkeypatch):
 def replayed(monkeypatch, n):
     """Equations n stand for a replay; returns the set it is asked at."""
     seen = {}
-    monkeypatch.setattr(following, "prepare", lambda told, truth, steps: steps)
+    monkeypatch.setattr(following, "prepare", lambda found, truth, steps: steps)
     monkeypatch.setattr(following, "as_predicted", lambda steps, truth: steps)
     monkeypatch.setattr(following, "Point", lambda steps, values: seen.update(values, steps=steps))
     monkeypatch.setattr(following, "normal", lambda point, own, workers=1: n)
@@ -103,9 +103,9 @@ def test_what_a_simulator_misses_by_hand(monkeypatch):
         segments=[SimpleNamespace(n=np.array([400.0, 600.0]))], summed=lambda: SimpleNamespace(rr=20000.0)
     )
     seen = replayed(monkeypatch, n)
-    told = SimpleNamespace(drive=DRIVE)
+    found = SimpleNamespace(drive=DRIVE)
     truth = {"dead_time.time": 1e-6, "magnet_flux.factor": 0.9}
-    assert following._missed(told, truth, judged("dead_time")) == pytest.approx(0.5 * (12.0 + 6.0))
+    assert following._missed(found, truth, judged("dead_time")) == pytest.approx(0.5 * (12.0 + 6.0))
     assert seen["steps"] == 1
     assert seen["dead_time.time"] == 0.0
     assert seen["magnet_flux.factor"] == 0.9
@@ -128,9 +128,9 @@ def test_surprise_by_hand(monkeypatch):
         prior=SimpleNamespace(deviation=np.array([0.5, 0.0, 0.5])),
         normal=SimpleNamespace(coordinates=(x, y, turn)),
     )  # fmt: skip
-    told, wide = following._surprise(None, {}, j, 2.0, 1)
+    found, wide = following._surprise(None, {}, j, 2.0, 1)
     assert (asked, seen) == (["x"], {"steps": 1})
-    assert told == pytest.approx(4.8)
+    assert found == pytest.approx(4.8)
     assert wide == pytest.approx(0.5 * (math.log(10.0 / 8.0 * 7.0 / 4.0) - 0.2 - 3.0 / 7.0))
 
 
@@ -142,13 +142,13 @@ def test_a_foretold_recording_holds_what_a_truth_reads(monkeypatch):
     planned = Campaign("x", DRIVE, (CampaignRecording("r.parquet", "locked", "none", columns),), {}, {}, False)
     monkeypatch.setattr(following, "shaft", lambda *_: None)
     monkeypatch.setattr(following, "recording_of", lambda *_: planned)
-    monkeypatch.setattr(following, "prepare", lambda told, truth, steps: steps)
+    monkeypatch.setattr(following, "prepare", lambda found, truth, steps: steps)
     monkeypatch.setattr(following, "replay", lambda steps, sets: SimpleNamespace(currents=[steps * read]))
     values = {"dead_time.time": 1e-6, "inertia.factor": math.nan}
     a = SimpleNamespace(fit=SimpleNamespace(point=SimpleNamespace(values=values)))
-    told, truth = following.simulate_experiment(planned, None, a)
+    found, truth = following.simulate_experiment(planned, None, a)
     assert truth == {"dead_time.time": 1e-6}
-    assert np.array([told.recordings[0][f"i_{p}"] for p in "abc"]) == pytest.approx(read[:, :, 0].T)
+    assert np.array([found.recordings[0][f"i_{p}"] for p in "abc"]) == pytest.approx(read[:, :, 0].T)
 
 
 @pytest.mark.parametrize(("rotor", "off"), [("driven", 0.1), ("locked", 0.0)])
@@ -202,9 +202,9 @@ def recommending(monkeypatch):
 
         def once(campaign, entry, own, temperature, workers):
             asked.tried.append((entry.name, len(own)))
-            told = powers.get((entry.name, entry.seconds))
+            found = powers.get((entry.name, entry.seconds))
             away = (missed or {}).get(entry.name, 0.0)
-            return None if told is None else tried(told, 0.0, away, entry.name, entry.seconds, len(own))
+            return None if found is None else tried(found, 0.0, away, entry.name, entry.seconds, len(own))
 
         def chance(own, x):
             assert len(own) == len(x.told)

@@ -108,5 +108,5 @@ def test_recordings_are_numbered_from_one(monkeypatch):
     d.start = SimpleNamespace(prepared=SimpleNamespace(floor=0.002))
     said = traces._text(SimpleNamespace(diagnosis=d))
     assert "One noise floor is 2 mA." in said
-    told = said.splitlines()[-2:]
-    assert told == ["| 1 | a.parquet | 4.00 | 2.00 |", "| 2 | b.parquet (held out) | 3.00 | 1.00 |"]
+    found = said.splitlines()[-2:]
+    assert found == ["| 1 | a.parquet | 4.00 | 2.00 |", "| 2 | b.parquet (held out) | 3.00 | 1.00 |"]

@@ -147,8 +147,8 @@ def test_an_interval_needs_a_gap_in_nineteen_of_twenty_draws():
 def test_three_values_are_looked_at(monkeypatch):
     """Of five orders that would gain 1 to 25, the three that gain most, the best first."""
     g = np.repeat([1.0, 3.0, 5.0, 2.0, 4.0], 2) / math.sqrt(2.0)
-    told = SimpleNamespace(summed=lambda: (np.eye(10), g, 0.0))
-    monkeypatch.setattr(spectrum, "normal", lambda point, coordinates: told)
+    found = SimpleNamespace(summed=lambda: (np.eye(10), g, 0.0))
+    monkeypatch.setattr(spectrum, "normal", lambda point, coordinates: found)
     monkeypatch.setattr(spectrum, "replace", lambda prepared, **_: prepared)
     prepared = SimpleNamespace(recordings=[SimpleNamespace(rotor="free")], samples=1)
     pair = ("cogging_torque.a", "cogging_torque.b")

@@ -16,8 +16,8 @@ from tests.sandbox.gap.entries import drive_at, entry_of
 
 def looked_at(monkeypatch, *peaks):
     """An experiment has these peaks (current; or current, speed, voltage) when looked at again and again."""
-    told = iter([Peaks(*x) if isinstance(x, tuple) else Peaks(x, 0.0, 0.0) for x in peaks])
-    monkeypatch.setattr(limiting, "_peaks", lambda entry, drive: next(told))
+    found = iter([Peaks(*x) if isinstance(x, tuple) else Peaks(x, 0.0, 0.0) for x in peaks])
+    monkeypatch.setattr(limiting, "_peaks", lambda entry, drive: next(found))
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,9 @@ from sandbox.recordings.campaign import Made
 from tests.sandbox.gap.conftest import DRIVE
 
 
-def diagnosis(*told, closed=0.5):
+def diagnosis(*found, closed=0.5):
     """A diagnosis of these (effects, probability)."""
-    hypotheses = [SimpleNamespace(effects=e, probability=p, evaluated=SimpleNamespace(effects=A)) for e, p in told]
+    hypotheses = [SimpleNamespace(effects=e, probability=p, evaluated=SimpleNamespace(effects=A)) for e, p in found]
     own = SimpleNamespace(
         hypotheses=hypotheses, best=hypotheses[0], size=SimpleNamespace(closed=closed), out_of_sight=(),
         parameters=[{}], evaluated=(), campaign=SimpleNamespace(limits=None, recordings=()),
@@ -126,8 +126,8 @@ def test_shares_stand_beside_something_outside_too():
         "of it: iron loss (19.7 % of the gap) + current gain (2.1 % of the gap)."
     )
     assert which_text(diagnosis((AU, 0.99)), {"dead_time": 0.4}).endswith("of it: dead time (40.0 % of the gap).")
-    told = which_text(diagnosis((MANY[:3], 0.5), (MANY[1:], 0.5)), {"device_drop": 0.6, "dead_time": 0.3})
-    assert told.startswith("These recordings cannot tell apart: device drop + dead time + current filter (50 %); or")
+    found = which_text(diagnosis((MANY[:3], 0.5), (MANY[1:], 0.5)), {"device_drop": 0.6, "dead_time": 0.3})
+    assert found.startswith("These recordings cannot tell apart: device drop + dead time + current filter (50 %); or")
 
 
 def test_effects_of_every_likely_set_are_told_as_sure():
@@ -148,10 +148,10 @@ def test_an_odd_phase_outside_leads_to_exchanging_sensors():
     both = ("current_gain", "iron_loss", "unknown")
     a = SimpleNamespace(diagnosis=diagnosis((both, 0.99)), following=None, verdict="unknown",
                         odd_phase=OddPhase("a", 5.0), shares={})  # fmt: skip
-    told = answers.next_text(a)
-    assert told.startswith("Exchange the current sensors of phases a and b, ")
-    assert "record again" in told
-    assert "iron loss" not in told
+    found = answers.next_text(a)
+    assert found.startswith("Exchange the current sensors of phases a and b, ")
+    assert "record again" in found
+    assert "iron loss" not in found
     assert OddPhase("b", None).exchange.startswith("Exchange the current sensors of phases b and a,")
     a.diagnosis = diagnosis((A, 0.9), (("iron_loss",), 0.1))
     a.verdict = "ambiguous"
@@ -193,8 +193,8 @@ def test_each_named_effect_says_what_to_do():
     assert [t.partition(":")[0] for t in todo(one, r)] == ["If it is stator resistance", "Dead time"]
     out = diagnosis((AU, 0.97))
     out.campaign.drive = DRIVE
-    (told,) = todo(out, r)
-    assert told.startswith("Find first what is outside the library: it may bend these sizes. Then, dead time: set")
+    (found,) = todo(out, r)
+    assert found.startswith("Find first what is outside the library: it may bend these sizes. Then, dead time: set")
 
 
 def test_half_a_percent_of_the_gap_is_told():
@@ -206,8 +206,8 @@ def test_what_many_effects_have_in_common_is_sure():
     """Three of four are in both sets; the fourth is there or not."""
     shares = {"stator_resistance": 0.5, "dead_time": 0.3, "device_drop": 0.2}
     rest = tuple(e for e in MANY if e != "current_filter")
-    told = ((MANY, 0.55), (rest, 0.41), ((*rest, "unknown"), 0.04))
-    assert which_text(diagnosis(*told), shares) == (
+    found = ((MANY, 0.55), (rest, 0.41), ((*rest, "unknown"), 0.04))
+    assert which_text(diagnosis(*found), shares) == (
         "3 effects are in every likely set. By their share of the gap: stator resistance (50.0 %), dead time (30.0 %), "
         "device drop (20.0 %). Their sizes stand below. Not sure beside them: current filter (55 %)."
     )
@@ -238,10 +238,10 @@ def test_many_effects_without_shares_are_all_named():
 def test_an_effect_less_sure_than_its_set_is_explained(chance, said):
     d = diagnosis((("dead_time", "skin_effect"), 0.96), (("dead_time",), 0.04))
     inclusion = SimpleNamespace(chances={"dead_time": 1.0, "skin_effect": chance, "inertia": 0.02})
-    told = listed.less_sure_sentence(
+    found = listed.less_sure_sentence(
         SimpleNamespace(diagnosis=d, ranking=SimpleNamespace(inclusion=inclusion, open_part=None))
     )
-    assert told.rpartition(": ")[2].rstrip(".") == said
+    assert found.rpartition(": ")[2].rstrip(".") == said
     assert listed.less_sure_sentence(SimpleNamespace(diagnosis=d, ranking=None)) == ""
 
 

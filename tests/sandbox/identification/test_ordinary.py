@@ -173,10 +173,10 @@ def test_least_squares_alone_is_near():
     zero = np.zeros(n)
     columns = {"t": h * np.arange(n), "u_alpha": u, "u_beta": zero, "theta": zero, "u_dc": zero + 400.0, **abc}
     one = CampaignRecording("d.parquet", "locked", "none", columns)
-    told, why = linear(Campaign("exact", drive, (one,), {}, {}, False))
+    found, why = linear(Campaign("exact", drive, (one,), {}, {}, False))
     assert set(why) == {"inductance_q", "magnet_flux"}
-    assert told["inductance_d"] == pytest.approx(l_d, rel=0.01)
-    assert told["resistance"] == pytest.approx(r, rel=0.01)
+    assert found["inductance_d"] == pytest.approx(l_d, rel=0.01)
+    assert found["resistance"] == pytest.approx(r, rel=0.01)
 
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")

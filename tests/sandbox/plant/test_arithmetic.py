@@ -62,9 +62,9 @@ def exact_moments(x):
 def test_a_lag_s_moments():
     """Relative error at 0.25, where the series ends: 3e-15 of exp(-x) (six squarings), over x^2/2 and over x/3."""
     for x in STEPS:
-        told, exact = lanes.lag_moments.py_func(float(x)), exact_moments(float(x))
-        assert abs(1.0 - told[0] - mpmath.exp(-mpmath.mpf(float(x)))) < 1e-13
-        for a, b in zip(told, exact, strict=True):
+        found, exact = lanes.lag_moments.py_func(float(x)), exact_moments(float(x))
+        assert abs(1.0 - found[0] - mpmath.exp(-mpmath.mpf(float(x)))) < 1e-13
+        for a, b in zip(found, exact, strict=True):
             assert abs(a - b) <= 2e-12 * abs(b)
 
 
@@ -93,12 +93,12 @@ def test_a_lag_s_answer_to_a_kink(late, x):
 
     1e-15 of exp(-x) over x; rounding of what is late.
     """
-    told = lags.answer.py_func(late, x, lanes.lag_moments.py_func(x)[0])
+    found = lags.answer.py_func(late, x, lanes.lag_moments.py_func(x)[0])
     x, rho = mpmath.mpf(x), mpmath.mpf(late)
     places = sorted({mpmath.mpf(0), rho, 1 - min(1, 40 / x), mpmath.mpf(1)})
     exact = mpmath.quad(lambda s: x * mpmath.exp(-x * (1 - s)) * (min(s, rho) - s * rho), places)
-    assert abs(told - exact) < 1e-13 / min(1.0, float(x))
-    assert late not in (0.0, 1.0) or abs(told) < 1e-12
+    assert abs(found - exact) < 1e-13 / min(1.0, float(x))
+    assert late not in (0.0, 1.0) or abs(found) < 1e-12
 
 
 def test_how_much_sooner_a_kinked_drop_changes():
@@ -112,8 +112,8 @@ def test_how_much_sooner_a_kinked_drop_changes():
             exact = mpmath.quad(lambda t: min(t, late) - 2 * mean * t / span, places)  # noqa: B023
             assert abs(sampling.sooner.py_func(late, h, 1.0 / span) - exact) < 1e-15 * span
         exact = mpmath.quad(lambda t: (span - t) * (min(t, late) - 2 * mean * t / span), [0, late, span]) / span  # noqa: B023
-        told = electrical.early.py_func(late, span, 1.0 / span)
-        assert abs(told - exact) < 1e-12 * span**2
+        found = electrical.early.py_func(late, span, 1.0 / span)
+        assert abs(found - exact) < 1e-12 * span**2
 
 
 def answers(gains, times, s, *, iron):

@@ -143,7 +143,7 @@ def test_what_is_asked_once_is_zero_in_neutral_lanes(port):
         off = {**neutral, **{n: x for n, x in typical.items() if n not in card.switched_by[0]}}
         more = [drive.motor.inertia] if port == "shaft" else []
         for at in (at for at in card.at if at.port == port):
-            told = at.equation(*(off[card.public(1, n)] for n in at.numbers), *more)
+            got = at.equation(*(off[card.public(1, n)] for n in at.numbers), *more)
             found += 1
-            assert (told[0] if isinstance(told, tuple) else told) == 0.0
+            assert (got[0] if isinstance(got, tuple) else got) == 0.0
     assert found

@@ -45,11 +45,11 @@ def test_open_terminals_show_what_the_magnets_induce():
     for k in range(20):
         current = plant.advance(0j, blocked=True)
         assert abs(current) < 1e-5 * MOTOR.rated_current
-        told = complex(*plant.bench.room["told"]) / H
+        found = complex(*plant.bench.room["told"]) / H
         theta = 0.3 + omega * H * (k + 0.5)
         x = 0.5 * omega * H
         induced = 1j * omega * MOTOR.magnet_flux * np.exp(1j * theta) * math.sin(x) / x
-        assert told == pytest.approx(induced, rel=1e-5)
+        assert found == pytest.approx(induced, rel=1e-5)
 
 
 def test_a_current_dies_away_against_the_link():

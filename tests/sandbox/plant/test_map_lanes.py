@@ -32,9 +32,9 @@ def test_lanes_have_the_map_s_currents_and_inductances(spline, lanes, spread):
     w["z_d"], w["z_q"] = d, q
     w["gamma_d"], w["gamma_q"], w["off_c"] = 2.0, 3.0, 1.0  # beside the map's: currents and inductances add up
     mapped(w, spline)
-    told = np.array([currents(spline, *z) for z in zip(d, q, strict=True)])
-    np.testing.assert_allclose(w["i_d"], told[:, 0] + 2.0 * d, rtol=1e-12)
-    np.testing.assert_allclose(w["i_q"], told[:, 1] + 3.0 * q, rtol=1e-12)
+    found = np.array([currents(spline, *z) for z in zip(d, q, strict=True)])
+    np.testing.assert_allclose(w["i_d"], found[:, 0] + 2.0 * d, rtol=1e-12)
+    np.testing.assert_allclose(w["i_q"], found[:, 1] + 3.0 * q, rtol=1e-12)
     c, s = np.cos(0.3), np.sin(0.3)
     w["psi_alpha"], w["psi_beta"] = c * d - s * q, s * d + c * q
     stiffen(w, spline, c, s)

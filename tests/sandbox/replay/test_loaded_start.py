@@ -30,9 +30,9 @@ def apart(drive, effects):
     """Return by how much (A) a part of the plant's own recording, replayed from its first reading, differs from it."""
     prepared = prepare(Campaign("own", drive, (record({}, "driven", 100.0),), {}, {}, False), effects, steps=1)
     (whole,) = replay(prepared, [effects]).currents
-    told = dataclasses.replace(prepared.recordings[0], read=np.ascontiguousarray(whole[:, :, 0]))
-    part = dataclasses.replace(prepared, recordings=(told.cut(FIRST, LAST),))
-    assert np.abs(told.read[FIRST]).max() > 0.2 * drive.motor.rated_current
+    found = dataclasses.replace(prepared.recordings[0], read=np.ascontiguousarray(whole[:, :, 0]))
+    part = dataclasses.replace(prepared, recordings=(found.cut(FIRST, LAST),))
+    assert np.abs(found.read[FIRST]).max() > 0.2 * drive.motor.rated_current
     (again,) = replay(part, [effects]).currents
     return np.abs(again - whole[FIRST:LAST])[:, :, 0].max(axis=1)
 
@@ -69,7 +69,7 @@ def test_rounding_keeps_no_small_current_from_its_flux(amperes):
     prepared = prepare(Campaign("own", MAPPED, (record({}, "driven", 100.0),), {}, {}, False), SCALES, steps=1)
     whole = prepared.recordings[0]
     read = amperes * np.array([np.cos(1.0 + x) for x in (0.0, -2.0 * np.pi / 3.0, 2.0 * np.pi / 3.0)])
-    told = dataclasses.replace(whole, read=np.tile(read, (whole.samples, 1))).cut(FIRST, LAST)
+    found = dataclasses.replace(whole, read=np.tile(read, (whole.samples, 1))).cut(FIRST, LAST)
     sets = [{"inductance.scale_d": 0.9 + 1e-3 * k, "inductance.scale_q": 1.0 + 1e-4 * k} for k in range(200)]
-    (shown,) = replay(dataclasses.replace(prepared, recordings=(told,)), sets).currents
+    (shown,) = replay(dataclasses.replace(prepared, recordings=(found,)), sets).currents
     assert np.abs(shown[0] - read[:, None]).max() < 2e-11

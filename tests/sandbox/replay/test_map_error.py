@@ -34,8 +34,8 @@ def prepared(request):
     recorded = (record({}, *request.param),)
     p = prepare(Campaign("own", MAPPED, recorded, {}, {}, False), steps=1)
     basis = Basis(refined(MAPPED.motor.spline, 8, 8))
-    (told,) = replay(p, [{}]).currents
-    path = rotor_currents(told[:, :, 0], p.recordings[0].motion.angle)
+    (found,) = replay(p, [{}]).currents
+    path = rotor_currents(found[:, :, 0], p.recordings[0].motion.angle)
     psi = np.column_stack([path[:, 0] * NUMBERS["inductance_d"], path[:, 1] * NUMBERS["inductance_q"]])
     there = basis.there(psi)  # of these the four that move the current most
     chosen = there[np.argsort(np.sum(basis.gradients(psi, there) ** 2, axis=(0, 2)))[-4:]]

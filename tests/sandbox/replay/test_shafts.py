@@ -55,8 +55,8 @@ def test_slopes_of_shafts_alone_are_differences_of_whole_replays(name, effects):
     found = sensitivities(prepared, names, effects)
     moved = [displaced(prepared, found.base, n, 1e-4) for n in names]
     base = {k: v for k, v in found.base.items() if compliant or not k.startswith("shaft_compliance")}
-    told = replay(prepared, [base, *({**base, n: m.values[n]} for n, m in zip(names, moved, strict=True))])
-    (there,), (slope,) = told.motion, found.motion
+    got = replay(prepared, [base, *({**base, n: m.values[n]} for n, m in zip(names, moved, strict=True))])
+    (there,), (slope,) = got.motion, found.motion
     away = there[:, :1] + slope * found.steps - there[:, 1:]
     print(float(np.abs(away).max()), float(np.abs(there).max()))
     assert np.abs(away).max() < ROUNDING * max(1.0, np.abs(there).max())

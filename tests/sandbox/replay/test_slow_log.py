@@ -59,10 +59,10 @@ def slow_log(effects, rotor, way, speed=60.0):
 def test_replay_is_the_bench_that_runs_every_period(name, rotor, way):
     """The last row of interpolated commands is no longer followed by one, so it is left out.  A free rotor's angle is
     known between rows as well as a count is: as much flux over inductance may be left, by chance."""
-    told = stated(slow_log(EFFECTS[name], rotor, way), way)
-    found = replay(prepare(told, EFFECTS[name]), [EFFECTS[name]])
+    got = stated(slow_log(EFFECTS[name], rotor, way), way)
+    found = replay(prepare(got, EFFECTS[name]), [EFFECTS[name]])
     (own,), (moved,) = found.currents, found.motion
-    r = told.recordings[0]
+    r = got.recordings[0]
     miss = np.stack([r.i_a, r.i_b, r.i_c], axis=1) - own[:, :, 0]
     print(np.abs(miss[:-1]).max() / DRIVE.motor.rated_current, None if moved is None else np.abs(moved).max())
     allowed = (COUNTED if rotor == "free" else EXACT) * DRIVE.motor.rated_current
@@ -115,7 +115,7 @@ def test_more_recordings_of_a_gap_are_no_surer():
 @pytest.mark.parametrize("kept", [0.0, 0.9])
 def test_deviation_of_a_fitted_shape_is_that_of_drawn_misfits(kept):
     """A slow wave beside white noise, and noise of which 0.9 stays from one window to the next: 2000 draws."""
-    rng, n, sizes, told = np.random.default_rng(2), 60, [], []
+    rng, n, sizes, found = np.random.default_rng(2), 60, [], []
     shape = np.exp(2j * np.pi * np.arange(n) / 40.0)
     for _ in range(2000):
         x = rng.standard_normal(n + 50) + 1j * rng.standard_normal(n + 50)
@@ -123,16 +123,16 @@ def test_deviation_of_a_fitted_shape_is_that_of_drawn_misfits(kept):
             x[k] += kept * x[k - 1]
         x = x[50:]
         sizes.append(np.vdot(shape, x) / n)  # of the real and of the imaginary shape
-        told.append(_deviation(np.concatenate([shape.real, shape.imag]), np.concatenate([x.real, x.imag])))
+        found.append(_deviation(np.concatenate([shape.real, shape.imag]), np.concatenate([x.real, x.imag])))
     most = np.sqrt(np.mean(np.abs(sizes) ** 2))  # both parts at once, as where phases agree
-    assert np.sqrt(np.mean(np.square(told))) == pytest.approx(most, rel=0.1)
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(most, rel=0.1)
 
 
 def test_injection_between_rows_is_refused():
-    told = slow_log({}, "locked", "held")
-    own = dataclasses.replace(told.recordings[0], injection_axis="d")
+    found = slow_log({}, "locked", "held")
+    own = dataclasses.replace(found.recordings[0], injection_axis="d")
     with pytest.raises(BadInput, match=r"injection of 500 Hz needs .* log every PWM period while injecting"):
-        with_slow_rows(dataclasses.replace(told, recordings=(own,)))
+        with_slow_rows(dataclasses.replace(found, recordings=(own,)))
 
 
 def test_rows_that_are_no_whole_number_of_periods_are_refused():
@@ -161,9 +161,9 @@ def test_a_simulated_drive_samples_in_every_period():
 @pytest.mark.parametrize("frequency", [9000.0, 17000.0])
 def test_the_sampling_period_that_is_told_is_taken(frequency):
     slow = dataclasses.replace(SLOW, sampling_period=9.0 / frequency, pwm_frequency=frequency)
-    with pytest.raises(BadInput) as told:
+    with pytest.raises(BadInput) as found:
         check_inside(DRIVE.motor, slow, complete(DRIVE.motor, slow))
-    right = dataclasses.replace(slow, sampling_period=float(str(told.value).split()[-1]))
+    right = dataclasses.replace(slow, sampling_period=float(str(found.value).split()[-1]))
     check_inside(DRIVE.motor, right, complete(DRIVE.motor, right))
 
 
@@ -240,5 +240,5 @@ def test_what_scattering_commands_leave_open_counts_as_noise(decay):
 
 def test_two_rows_show_no_scatter():
     drive = dataclasses.replace(DRIVE, converter=SLOW)
-    told = Campaign("slow", drive, (turning_log(30.0 * np.ones(2), drive),), {}, {}, False)
-    assert with_slow_rows(stated(told, "interpolated")).unseen == 0.0
+    found = Campaign("slow", drive, (turning_log(30.0 * np.ones(2), drive),), {}, {}, False)
+    assert with_slow_rows(stated(found, "interpolated")).unseen == 0.0

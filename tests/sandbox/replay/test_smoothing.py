@@ -66,11 +66,11 @@ def test_likelihood_is_that_of_the_readings_distribution():
     period, variance, start, q = 1e-2, 1e-4, 2.0, 0.0
     read = np.array([0.0, 0.05])
     known = KnownMotion(np.zeros(2), np.zeros(2), period, 0.0, variance, start)
-    told = filtered(read, np.full(2, variance), known, q, np.empty(0, STEP))
+    found = filtered(read, np.full(2, variance), known, q, np.empty(0, STEP))
     first = -0.5 * np.log((ANYWHERE + 1.0) * variance)
     first_known = variance * ANYWHERE / (ANYWHERE + 1.0)  # of the first angle, once read
     second = first_known + period**2 * start + (0.5 * period**2 * CONSTANT) ** 2 + variance
-    assert told == pytest.approx(first - 0.5 * (0.05**2 / second + np.log(second)), rel=1e-12)
+    assert found == pytest.approx(first - 0.5 * (0.05**2 / second + np.log(second)), rel=1e-12)
 
 
 @pytest.mark.parametrize("torque_known", [True, False])
@@ -87,8 +87,8 @@ def test_a_known_motion_is_found_far_below_a_count(torque_known):
     theta, speed, acceleration = 2.0 * np.sin(w * t), 2.0 * w * np.cos(w * t), -2.0 * w * w * np.sin(w * t)
     read = np.round(theta / COUNT + rng.uniform()) * COUNT
     read -= np.mean(read - theta)
-    told = 0.5 * (acceleration + np.roll(acceleration, -1)) if torque_known else np.zeros(n)
-    motion = free_motion(read, told, period, COUNT, np.full(n, 1.0))
+    found = 0.5 * (acceleration + np.roll(acceleration, -1)) if torque_known else np.zeros(n)
+    motion = free_motion(read, found, period, COUNT, np.full(n, 1.0))
     inner = slice(n // 10, -n // 10)
     angle_error = np.sqrt(np.mean((motion.angle - theta)[inner] ** 2))
     speed_error = np.sqrt(np.mean((motion.speed - speed)[inner] ** 2))
@@ -105,12 +105,12 @@ def test_a_step_of_load_acts_from_the_sample_it_is_asked_at():
     of it are left by readings in counts (65536 a turn) and by torque inside a sample.
     """
     recorded = campaign({}, cases=(("free", 0.0),))
-    (told,) = prepare(recorded, {}, steps=1).recordings
+    (found,) = prepare(recorded, {}, steps=1).recordings
     theta, period, motor = recorded.recordings[0].theta, DRIVE.converter.sampling_period, DRIVE.motor
     k = np.concatenate([np.arange(280, 298), np.arange(304, 320)])  # the step comes at 301; differences reach over two
     differences = (theta[k - 2] - 8.0 * theta[k - 1] + 8.0 * theta[k + 1] - theta[k + 2]) / (12.0 * period)
     change = motor.pole_pairs * 0.2 / motor.inertia * period
-    assert np.max(np.abs(told.motion.speed[k] - differences)) < 0.02 * change
+    assert np.max(np.abs(found.motion.speed[k] - differences)) < 0.02 * change
 
 
 @kernel
@@ -150,10 +150,10 @@ def turning(per_sample, first=0.37 * COUNT, n=4000, period=2.5e-4):
     t = period * np.arange(n)
     speed = per_sample * COUNT / period * (1.0 - 0.1 * np.exp(-0.5 * ((t - 0.5) / 0.03) ** 2))
     theta = first + np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * period
-    told = np.append(np.diff(speed), 0.0) / period
-    noise = 0.01 * np.abs(told).max()
-    told += noise * np.random.default_rng(3).standard_normal(n)
-    return theta, KnownMotion(told, np.full(n, noise**2), period, first, COUNT**2 / 12.0, (COUNT / period) ** 2)
+    found = np.append(np.diff(speed), 0.0) / period
+    noise = 0.01 * np.abs(found).max()
+    found += noise * np.random.default_rng(3).standard_normal(n)
+    return theta, KnownMotion(found, np.full(n, noise**2), period, first, COUNT**2 / 12.0, (COUNT / period) ** 2)
 
 
 def away(read, theta, known):

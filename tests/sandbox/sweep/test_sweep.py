@@ -221,9 +221,9 @@ def test_an_interrupted_sweep_goes_on_where_it_was(reference, tmp_path):
     second.write_bytes(second.read_bytes()[:-9])  # half a file is not taken for a whole one
     half = aside_of((tmp_path / "runs" / "block-000000020.parquet").resolve())
     half.with_name(half.name.replace(f"-{os.getpid()}-", f"-{DEAD}-")).write_bytes(b"half")  # of a process killed
-    told = []
-    run_sweep(plan, tmp_path, progress=lambda done, total: told.append((done, total)))
-    assert told == [(20, 40), (30, 40), (40, 40)]
+    found = []
+    run_sweep(plan, tmp_path, progress=lambda done, total: found.append((done, total)))
+    assert found == [(20, 40), (30, 40), (40, 40)]
     assert digests(tmp_path) == reference
     assert first.stat().st_mtime_ns == kept
     assert len(list((tmp_path / "runs").iterdir())) == 4
@@ -341,7 +341,7 @@ def wait_for_blocks(place, running, count):
 def signalled(place, kind):
     """Return the exit code of a sweep that a signal met, its children, and what it printed; one that was done before is
     begun anew."""
-    told, own, said = 0, [], ""
+    found, own, said = 0, [], ""
     for _ in range(6):
         running = command(place, "--jobs", "2")
         wait_for_blocks(place, running, blocks_of(place) + 1)
@@ -353,11 +353,11 @@ def signalled(place, kind):
             own += children(running.pid)
         running.send_signal(kind)
         said = running.communicate(timeout=600)[1]  # until its resource tracker has ended, too
-        told = running.returncode
-        if told != 0:
+        found = running.returncode
+        if found != 0:
             break
         shutil.rmtree(place / "out")
-    return told, own, said
+    return found, own, said
 
 
 def alive(pid):
@@ -372,8 +372,8 @@ def alive(pid):
 def test_killed_workers_and_signals_leave_no_child_and_the_same_results(tmp_path):
     (tmp_path / "long.toml").write_text(LONG)
     for kind, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
-        told, own, said = signalled(tmp_path, kind)
-        assert told == code
+        found, own, said = signalled(tmp_path, kind)
+        assert found == code
         rows = sum(b["rows"] for b in json.loads((tmp_path / "out" / "manifest.json").read_text())["blocks"])
         line = f"sensorless sweep: interrupted; {rows} of 120 runs are kept; the same command goes on"
         assert said.splitlines()[-1] == line  # no leaked semaphores behind it
@@ -381,9 +381,9 @@ def test_killed_workers_and_signals_leave_no_child_and_the_same_results(tmp_path
         while any(map(alive, own)) and time.monotonic() < end:
             time.sleep(0.05)
         assert not [pid for pid in own if alive(pid)]
-    plan, told = read_sweep(tmp_path / "long.toml"), []
-    run_sweep(plan, tmp_path / "out", progress=lambda done, total: told.append(done))
-    assert len(told) < len(tasks_of(plan))  # some were there
+    plan, found = read_sweep(tmp_path / "long.toml"), []
+    run_sweep(plan, tmp_path / "out", progress=lambda done, total: found.append(done))
+    assert len(found) < len(tasks_of(plan))  # some were there
     run_sweep(plan, tmp_path / "whole")
     assert digests(tmp_path / "out") == digests(tmp_path / "whole")
 

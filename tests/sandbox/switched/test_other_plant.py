@@ -22,10 +22,10 @@ def test_control():
 def test_double_update():
     """Two samples a PWM period: dead time is the true one with the key, half of it without (issue 21: 1.0004 for 2)."""
     half = plant(period=125e-6, double=True, dead_time=2e-6)
-    told = recorded(half, {"pwm_frequency": 4000.0})
-    assert missed(told, {"dead_time.time": 2e-6}) < 3.0 * CLOSE
-    away = missed(told)
-    assert missed(told, {"dead_time.time": 1e-6}) == pytest.approx(0.5 * away, rel=0.1)
+    found = recorded(half, {"pwm_frequency": 4000.0})
+    assert missed(found, {"dead_time.time": 2e-6}) < 3.0 * CLOSE
+    away = missed(found)
+    assert missed(found, {"dead_time.time": 1e-6}) == pytest.approx(0.5 * away, rel=0.1)
     untold = recorded(half, {})
     best = min((1e-6, 2e-6), key=lambda x: missed(untold, {"dead_time.time": x}))
     assert best == 1e-6

@@ -49,9 +49,9 @@ def test_flux_that_leaves_the_domain_ends_the_run(plant):
     """
     drive = load_drive("spm_exchanged")
     edge = 1.0 / math.sqrt(60.0 * drive.motor.inductance_q)
-    with pytest.raises(PhysicsError, match=r"after 0\.16\d* s the fluxes .* left the domain") as told:
+    with pytest.raises(PhysicsError, match=r"after 0\.16\d* s the fluxes .* left the domain") as found:
         simulate(drive, STEP, load_estimator("qnull"), effects=EFFECTS, plant=plant)
-    phi_q = float(str(told.value).partition("(")[2].partition(")")[0].split(",")[1])
+    phi_q = float(str(found.value).partition("(")[2].partition(")")[0].split(",")[1])
     more = 400.0 / math.sqrt(3.0) * drive.converter.sampling_period if plant == "exact" else 0.0
     assert edge < phi_q < 1.05 * edge + more
 
@@ -92,9 +92,9 @@ def test_harmonics_that_take_convexity_away_end_the_run(plant, monkeypatch):
     drive, effects = load_drive("ipm_exchanged"), {"inductance_harmonics.2.alpha_30": 45.0}
     steps = [Segment(0.02), Segment(0.2, 0.0, 0.05, current_d=-2.0, ramp=0.1)]
     scene = Scenario("deep", tuple(steps), rotor="driven", start_up=False)
-    with pytest.raises(PhysicsError, match=r"the fluxes .* left the domain .* with what effects add") as told:
+    with pytest.raises(PhysicsError, match=r"the fluxes .* left the domain .* with what effects add") as found:
         simulate(drive, scene, load_estimator("ekf"), closed_loop=False, effects=effects, plant=plant)
-    phi_d = float(str(told.value).partition("(")[2].partition(",")[0])
+    phi_d = float(str(found.value).partition("(")[2].partition(",")[0])
     assert -0.13 < phi_d < -0.06
 
 

@@ -139,8 +139,8 @@ def test_on_a_map_the_replay_meets_the_floor_at_the_truth(effect, tmp_path):
     drawn = dataclasses.replace(drawn, true=dataclasses.replace(drawn.true, converter=fine))
     campaign = written(drawn, tmp_path / "c")
     values = truth(drawn, campaign)
-    told = {k.partition(".")[0] for k in drawn.as_json()["parameters"]}
-    assert told == set(names)
+    got = {k.partition(".")[0] for k in drawn.as_json()["parameters"]}
+    assert got == set(names)
     without = {k: v for k, v in values.items() if k.partition(".")[0] not in names}
     if effect == "cross_saturation":
         without = {k: v for k, v in without.items() if not k.startswith("saturation.")}

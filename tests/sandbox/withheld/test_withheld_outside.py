@@ -165,8 +165,8 @@ def test_no_effect_of_the_library_describes_them():
     assert min(turns) > 2.0
     sensors = {p.name for e in ("current_sampling", "current_filter") for p in load_effect(e).parameters}
     assert sensors == {"delay", "jitter", "time_constant"}  # of all phases alike
-    told = {"load": ("omega",), "torque": ("turn", "omega"), "friction": ("omega",)}  # no torque or inertia to change
-    assert {k: PORTS[k].quantities for k in told} == told
+    found = {"load": ("omega",), "torque": ("turn", "omega"), "friction": ("omega",)}  # no torque or inertia to change
+    assert {k: PORTS[k].quantities for k in found} == found
 
 
 @pytest.mark.parametrize("name", MORE)

@@ -166,8 +166,8 @@ def test_what_is_drawn_from_a_range_is_in_the_data_as_the_seal_says(name, monkey
 def test_the_bench_gets_the_sign_that_is_sealed(family):
     drawn = draw(Case(0, "none", family, "scored", table="published"), 5)
     b = switched(drawn)
-    told = drawn.as_json()["bench"]
-    assert all(getattr(b, k) == v == told[k] for k, v in drawn.sign.items())
+    found = drawn.as_json()["bench"]
+    assert all(getattr(b, k) == v == found[k] for k, v in drawn.sign.items())
     assert "soft_current" in drawn.sign
     assert switched(draw(Case(0, "none", family, "scored"), 5)).soft_current == pytest.approx(
         SOFT_SIGN * draw(Case(0, "none", family, "scored"), 5).true.motor.rated_current

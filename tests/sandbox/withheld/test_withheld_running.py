@@ -155,9 +155,9 @@ def test_diagnosing_opens_nothing_but_its_campaign(quiet_folder, tmp_path):
         shutil.copytree(quiet_folder, folder / "campaigns" / name)
     for name in ("truth.sealed", "SHA256"):
         (folder / name).write_text("{}")
-    own, told = folder / "campaigns" / "w000", tmp_path / "seen.json"
-    subprocess.run([sys.executable, "-c", WATCHED, str(own), str(told)], check=True, timeout=500)
-    report = json.loads(told.read_text())
+    own, found = folder / "campaigns" / "w000", tmp_path / "seen.json"
+    subprocess.run([sys.executable, "-c", WATCHED, str(own), str(found)], check=True, timeout=500)
+    report = json.loads(found.read_text())
     assert report["verdict"] in ("no_gap", "ambiguous", "explained", "unknown")
     paths = {Path(p) for p in report["seen"]}
     assert own.resolve() / "campaign.toml" in paths  # the hook sees what is opened

@@ -124,10 +124,10 @@ def test_causes_outside_by_their_subsystem():
     judged = [judge("a", sensor, found), judge("b", sensor, missed)]
     judged.append(judge("c", truth_of(("unknown",), "outside", parameters={}), found))
     known = [judge("d", truth_of(), diagnosis_of((["dead_time"], 0.9), (["unknown"], p))) for p in (0.1, 0.3)]
-    told = by_subsystem(judged, known)
-    assert list(told) == ["machine", "sensor"]
-    assert {k: f.value for k, f in told["sensor"].items()} == {"found": 0.5, "named": 0.0, "blamed": 0.5, "auroc": 0.75}
-    assert told["machine"]["auroc"].value == 1.0
+    got = by_subsystem(judged, known)
+    assert list(got) == ["machine", "sensor"]
+    assert {k: f.value for k, f in got["sensor"].items()} == {"found": 0.5, "named": 0.0, "blamed": 0.5, "auroc": 0.75}
+    assert got["machine"]["auroc"].value == 1.0
     assert by_subsystem(judged)["sensor"]["auroc"].value is None
     assert by_subsystem(known) == {}
 
@@ -431,6 +431,6 @@ def test_a_damaged_report_is_named(damage, tmp_path):
 
 
 def test_chances_of_effects_are_summed_over_hypotheses_where_none_are_stated():
-    told = [(["a", "unknown"], 0.5), (["a", "b"], 0.3), ([], 0.2)]
-    found = chances({"hypotheses": [{"effects": e, "probability": p} for e, p in told]})
+    got = [(["a", "unknown"], 0.5), (["a", "b"], 0.3), ([], 0.2)]
+    found = chances({"hypotheses": [{"effects": e, "probability": p} for e, p in got]})
     assert found == pytest.approx({"a": 0.8, "b": 0.3})

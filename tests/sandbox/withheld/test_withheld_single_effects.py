@@ -25,10 +25,10 @@ def log_marginal(x, y, variance):
 def test_chances_of_one_effect_are_those_of_marginal_likelihoods():
     rng = np.random.default_rng(1)
     x, y, v = rng.standard_normal((40, 5)), rng.standard_normal(40), np.array([1.0, 0.5, 2.0, 1.0, 0.1])
-    told = [log_marginal(x[:, [k]], y, v[[k]]) + np.log(ONE / 5) for k in range(5)]
-    told.append(log_marginal(x[:, :0], y, v[:0]) + np.log(1 - ONE))
+    found = [log_marginal(x[:, [k]], y, v[[k]]) + np.log(ONE / 5) for k in range(5)]
+    found.append(log_marginal(x[:, :0], y, v[:0]) + np.log(1 - ONE))
     chances, _ = single(problem(x, y, v), x.T @ y, 1.0)
-    assert chances == pytest.approx(np.exp(told) / np.sum(np.exp(told)), rel=1e-9)
+    assert chances == pytest.approx(np.exp(found) / np.sum(np.exp(found)), rel=1e-9)
 
 
 def test_ordinary_deviations_are_integrated_out():
@@ -38,11 +38,11 @@ def test_ordinary_deviations_are_integrated_out():
     j, y, x = rng.standard_normal((50, 3)), rng.standard_normal(50), np.array([0.3, -0.2, 0.0])
     y = y + 0.8 * j[:, 1]
     sizes = [0.4, 0.5, 1.0]
-    told = [Coordinate(c, 0.1 if c == "a" else 0.0, s, "linear", (c,)) for c, s in zip("abc", sizes, strict=True)]
+    found = [Coordinate(c, 0.1 if c == "a" else 0.0, s, "linear", (c,)) for c, s in zip("abc", sizes, strict=True)]
     segment = Segment(0, "current", np.arange(3), (j.T @ j)[None], (j.T @ y)[None], np.array([y @ y]), np.array([50.0]))
-    n = Normal(tuple(told), x, (segment,), 0.0)
+    n = Normal(tuple(found), x, (segment,), 0.0)
     wide = Coordinate("b", 0.0, 2.0, "linear", ("b",))
-    e = equations(n, {"a", "b"}, [[wide], [told[2]]])
+    e = equations(n, {"a", "b"}, [[wide], [found[2]]])
     at_means = y + j[:, :2] @ (x[:2] - np.array([0.1, 0.0]))
     own, v = j[:, :2], np.array([0.16, 0.25])
     log = [

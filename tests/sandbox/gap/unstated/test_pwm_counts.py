@@ -48,8 +48,8 @@ def test_foretold_is_what_a_replay_with_counts_adds(counts):
     rounded = prepare(dataclasses.replace(campaign, drive=with_counts(LOW, counts)), steps=point.prepared.steps)
     before, after = (replay(p, [point.values]).currents for p in (point.prepared, rounded))
     for part, a, b in zip(parts_of(point), before, after, strict=True):
-        moved, told = (b - a)[:, :, 0] / point.prepared.floor, added(part, counts)
-        assert np.std(told - moved) < 0.03 * np.std(moved)
+        moved, found = (b - a)[:, :, 0] / point.prepared.floor, added(part, counts)
+        assert np.std(found - moved) < 0.03 * np.std(moved)
 
 
 @pytest.mark.parametrize("counts", [300, 1000, 2000])
