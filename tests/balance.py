@@ -22,9 +22,9 @@ def compile_replays(drive: Drive | None, rooms: slice) -> None:
     """Have the replay's kernels for some of the numbers of sets that run side by side."""
     from sandbox.replay.grouping import ROOMS
     from sandbox.replay.replay import replay
-    from tests.sandbox.plant.told import DRIVE, duties, told, turning
+    from tests.sandbox.plant.stated_duties import DRIVE, duties, from_duties, turning
 
-    prepared = told(drive or DRIVE, duties(4), *turning(4))
+    prepared = from_duties(drive or DRIVE, duties(4), *turning(4))
     for count in ROOMS[rooms]:
         replay(prepared, [{}] * count)
 

@@ -17,7 +17,7 @@ from sandbox.plant.fixed import fix
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.kernel import Rows, run
 from sandbox.replay.walking import start_states
-from tests.sandbox.plant.told import DRIVE, duties, told, turning
+from tests.sandbox.plant.stated_duties import DRIVE, duties, from_duties, turning
 
 SHORT = 12  # periods
 TURN = 40  # periods an electrical turn
@@ -64,7 +64,7 @@ def room():
 
 def bits():
     """Return the readings of one lane with every effect as hexadecimal numbers."""
-    prepared = told(DRIVE, duties(SHORT), *turning(SHORT))
+    prepared = from_duties(DRIVE, duties(SHORT), *turning(SHORT))
     r, (w, features) = prepared.recordings[0], lane(every())
     start_states(w, r, None)
     out = np.empty((SHORT, 3, 1))
@@ -143,7 +143,7 @@ def energy(steps, turns=8):
         meter.in_middle(span, w.impulse[0] - before)
 
     plant.at_start, plant.in_middle = at_start, in_middle
-    prepared = told(DRIVE, duty, *turning(n, speed))
+    prepared = from_duties(DRIVE, duty, *turning(n, speed))
     timing = timing_of(w, period, steps)
     track, out, moved = [Fields(x) for x in prepared.recordings[0].track], np.empty((n, 3, 1)), np.zeros((n, 1))
     run(

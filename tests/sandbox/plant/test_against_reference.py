@@ -9,7 +9,7 @@ from model.effects import library
 from sandbox.plant.sets import complete
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import replay
-from tests.sandbox.plant.told import DRIVE, SPEED, apart, duties, finer, reference, told, turning
+from tests.sandbox.plant.stated_duties import DRIVE, SPEED, apart, duties, finer, from_duties, reference, turning
 
 PERIODS = 24
 FEW = {"fast filter": 8}  # one square wave: the reference takes 2500 of this filter's time constants a period, in steps
@@ -25,7 +25,7 @@ def typical(name):
 
 def kernel(values, duty, steps, speed=SPEED):
     """Return the kernel's readings (n, 3)."""
-    prepared = finer(told(DRIVE, duty, *turning(len(duty), speed)), steps)
+    prepared = finer(from_duties(DRIVE, duty, *turning(len(duty), speed)), steps)
     return replay(prepared, [values]).currents[0][:, :, 0]
 
 
@@ -93,7 +93,7 @@ def test_a_measured_table_of_the_inverter():
     told_by_reference, _ = reference(drive, values, duty, 120.0, table=points)
     found = {}
     for steps, with_table in ((2, drive), (32, drive), (2, DRIVE)):
-        prepared = finer(told(with_table, duty, *turning(len(duty), 120.0)), steps)
+        prepared = finer(from_duties(with_table, duty, *turning(len(duty), 120.0)), steps)
         now = replay(prepared, [values]).currents[0][:, :, 0]
         found[steps, with_table is drive] = apart(DRIVE, now, told_by_reference)
     print({k: f"{x * 1e6:.2f} ppm" for k, x in found.items()})
@@ -175,7 +175,7 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
     size, phase = pairs * v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
     read = theta + size * np.sin(theta / pairs + phase)
     slope = speed * (1.0 + size / pairs * np.cos(theta / pairs + phase))
-    found = replay(finer(told(DRIVE, duty, read, slope, "free", load), 4), [values])
+    found = replay(finer(from_duties(DRIVE, duty, read, slope, "free", load), 4), [values])
     change = np.ptp(np.diff(speed)) / PERIOD
     miss, gap = np.abs(found.motion[0][:, 0]).max(), apart(DRIVE, found.currents[0][:, :, 0], readings)
     print(f"{name}: motion {miss:.1e} rad of {np.ptp(theta):.2f}, currents {gap * 1e6:.1f} ppm")
@@ -184,7 +184,7 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
     assert gap < EXACT + late * np.abs(np.diff(speed)).max() * delay * 0.5
     assert miss < 3.0 * PERIOD**2 / 12.0 * change + 1e-5
     if name in ("load", "both", "teeth", "cogging_torque", "coulomb_friction", "inertia", "shaft_compliance"):
-        assert np.abs(replay(told(DRIVE, duty, read, slope, "free", load), [{}]).motion[0]).max() > 20.0 * miss
+        assert np.abs(replay(from_duties(DRIVE, duty, read, slope, "free", load), [{}]).motion[0]).max() > 20.0 * miss
 
 
 @pytest.mark.parametrize("size", [0.0, 0.02])

@@ -18,9 +18,9 @@ from sandbox.plant.fixed import FASTEST
 from sandbox.plant.sets import complete, features_of
 from sandbox.replay.replay import replay
 from tests.sandbox.plant import interpreted
-from tests.sandbox.plant.told import DRIVE, duties, told, turning
+from tests.sandbox.plant.stated_duties import DRIVE, duties, from_duties, turning
 
-PREPARED = told(DRIVE, duties(40), *turning(40))
+PREPARED = from_duties(DRIVE, duties(40), *turning(40))
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -95,7 +95,7 @@ def test_a_lane_knows_nothing_of_its_neighbours():
 def test_one_lane_without_a_compiler_is_sixteen_with_one():
     """Strict arithmetic: vector code of sixteen lanes and an interpreter of one give the same bits."""
     n = interpreted.SHORT
-    prepared = told(DRIVE, duties(n), *turning(n))
+    prepared = from_duties(DRIVE, duties(n), *turning(n))
     compiled = replay(prepared, [interpreted.every()]).currents[0][:, :, 0]
     assert [float(x).hex() for x in compiled.ravel()] == without_compiler("bits")
 

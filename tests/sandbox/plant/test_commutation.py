@@ -13,7 +13,7 @@ from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
 from tests.sandbox.plant.effect_motors import LINEAR
 from tests.sandbox.plant.six_switches import Circuit
-from tests.sandbox.plant.told import DRIVE, apart, finer, reference, told, turning
+from tests.sandbox.plant.stated_duties import DRIVE, apart, finer, from_duties, reference, turning
 
 MOTOR = dataclasses.replace(LINEAR, magnet_flux=0.1)
 COIL = dataclasses.replace(DRIVE, motor=MOTOR)
@@ -94,7 +94,7 @@ def test_readings_are_those_of_six_switches(name, capacitance):
         m.resistance, m.inductance_d, m.magnet_flux, speed, 0.3, LINK, COIL.converter.sampling_period, TIME, capacitance
     ).run(duty)
     values = {"dead_time.time": TIME, "dead_time.capacitance": capacitance or NO_CAPACITANCE}
-    prepared = finer(told(COIL, duty, *turning(PERIODS, speed, COIL)), 4)
+    prepared = finer(from_duties(COIL, duty, *turning(PERIODS, speed, COIL)), 4)
     with_it, without = (replay(prepared, [v]).currents[0][:, :, 0] for v in (values, {}))
     found = apart(COIL, with_it, by_circuit)
     print(f"{name}, {capacitance * 1e12:g} pF: {found * 1e6:.2f} ppm; dead time {apart(COIL, without, by_circuit):.3f}")

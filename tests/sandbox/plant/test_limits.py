@@ -11,7 +11,7 @@ from sandbox.replay.inputs import duties
 from sandbox.replay.replay import replay
 from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
-from tests.sandbox.plant.told import DRIVE, SPEED, apart, finer, told, turning
+from tests.sandbox.plant.stated_duties import DRIVE, SPEED, apart, finer, from_duties, turning
 
 PERIOD, LINK, RATED = DRIVE.converter.sampling_period, DRIVE.converter.dc_bus_voltage, DRIVE.motor.rated_current
 SAMPLES, SETTLED = 120, 60  # the bench turns before the first late pattern, the replay starts with it
@@ -28,7 +28,7 @@ def both(effects, u, speed, width=None, steps=4):
     angle, omega = turning(SAMPLES, speed)
     r = switched(b, "driven", u.real.copy(), u.imag.copy(), LINK, theta=angle, speed=omega / DRIVE.motor.pole_pairs)
     duty = duties(u.real, u.imag, np.full(SAMPLES, LINK))
-    found = replay(finer(told(DRIVE, duty, angle, omega), steps), [values]).currents[0][:, :, 0]
+    found = replay(finer(from_duties(DRIVE, duty, angle, omega), steps), [values]).currents[0][:, :, 0]
     read = np.stack([r[x] for x in ("i_a", "i_b", "i_c")], axis=1)
     return apart(DRIVE, found[SETTLED - 1 :], read[SETTLED - 1 :]), duty
 

@@ -14,7 +14,7 @@ from sandbox.plant.electrical import mapped
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare, replay
 from tests.data import real_data
-from tests.sandbox.plant.told import apart, duties, finer, reference, told, turning
+from tests.sandbox.plant.stated_duties import apart, duties, finer, from_duties, reference, turning
 
 EXACT = 2e-5  # of rated current
 
@@ -43,7 +43,7 @@ def test_a_map_is_that_of_the_reference(drive):
     speed, size = 0.002 / period, 0.004
     duty = duties(16, speed, size, drive)
     readings, _ = reference(drive, {}, duty, speed)
-    prepared = told(drive, duty, *turning(16, speed, drive))
+    prepared = from_duties(drive, duty, *turning(16, speed, drive))
     coarse, fine = (apart(drive, replay(finer(prepared, n), [{}]).currents[0][:, :, 0], readings) for n in (8, 32))
     print(drive.motor.name, np.abs(readings).max() / drive.motor.rated_current, coarse, fine)
     assert fine < 2e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sandbox.replay.replay import replay
-from tests.sandbox.plant.told import DRIVE, apart, duties, finer, told, turning
+from tests.sandbox.plant.stated_duties import DRIVE, apart, duties, finer, from_duties, turning
 
 LINEAR = dataclasses.replace(
     DRIVE,
@@ -20,7 +20,7 @@ STEPS = (8, 16, 32)  # of at most a sixteenth, ... of a period: nearly all segme
 def errors(drive, values, speed, size=0.25):
     """Return the rms differences from 256 steps a period over rated current."""
     duty = duties(40, speed, size, drive)
-    prepared = told(drive, duty, *turning(40, speed, drive))
+    prepared = from_duties(drive, duty, *turning(40, speed, drive))
     best = replay(finer(prepared, 256), [values]).currents[0][:, :, 0]
     return [apart(drive, replay(finer(prepared, n), [values]).currents[0][:, :, 0], best) for n in STEPS]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sandbox.replay.replay import replay
-from tests.sandbox.plant.told import DRIVE, apart, duties, finer, reference, told, turning
+from tests.sandbox.plant.stated_duties import DRIVE, apart, duties, finer, from_duties, reference, turning
 
 N, LEFT = 16, 3e-9  # periods; of rated current
 PERIOD = DRIVE.converter.sampling_period
@@ -52,7 +52,7 @@ CASES = [
 def test_short_pulses_are_those_of_the_reference(pattern, lags, blank):
     values, duty = LAGS[lags] | blank, PATTERNS[pattern]
     told_by_reference, _ = reference(DRIVE, values, duty, 0.0)
-    prepared = told(DRIVE, duty, *turning(N, 0.0))
+    prepared = from_duties(DRIVE, duty, *turning(N, 0.0))
     some, many = (replay(finer(prepared, k), [values]).currents[0][:, :, 0] for k in (16, 64))
     left, step = apart(DRIVE, many, told_by_reference), apart(DRIVE, some, many)
     print(f"{left * 1e6:.4f} ppm of rated current with 64 steps, {step * 1e6:.4f} between 16 and 64")
@@ -64,5 +64,5 @@ def test_short_pulses_are_those_of_the_reference(pattern, lags, blank):
 def test_legs_that_do_not_switch_take_no_current():
     """All off, or all at a half: no voltage between the legs, so no current, with dead time and every lag."""
     for duty in (np.zeros((N, 3)), np.ones((N, 3)), np.full((N, 3), 0.5)):
-        found = replay(told(DRIVE, duty, *turning(N, 0.0)), [LAGS["all"] | BLANK]).currents[0]
+        found = replay(from_duties(DRIVE, duty, *turning(N, 0.0)), [LAGS["all"] | BLANK]).currents[0]
         assert np.abs(found).max() < 1e-12

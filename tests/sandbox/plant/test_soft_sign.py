@@ -14,7 +14,7 @@ from sandbox.replay.replay import replay
 from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
 from sandbox.switched.unlisted import with_sign
-from tests.sandbox.plant.told import DRIVE, apart, finer, told, turning
+from tests.sandbox.plant.stated_duties import DRIVE, apart, finer, from_duties, turning
 
 PERIOD, LINK, RATED = DRIVE.converter.sampling_period, DRIVE.converter.dc_bus_voltage, DRIVE.motor.rated_current
 SAMPLES, SETTLED, SPEED = 240, 60, 120.0
@@ -32,7 +32,7 @@ def missed(effects, shape, said):
     u = 0.03 * LINK * np.exp(1j * (1.9 + SPEED * PERIOD * (np.arange(SAMPLES) + 0.5)))
     r = switched(b, "driven", u.real.copy(), u.imag.copy(), LINK, theta=angle, speed=omega / DRIVE.motor.pole_pairs)
     duty = duties(u.real, u.imag, np.full(SAMPLES, LINK))
-    found = replay(finer(told(DRIVE, duty, angle, omega), 4), [{**effects, **said}]).currents[0][:, :, 0]
+    found = replay(finer(from_duties(DRIVE, duty, angle, omega), 4), [{**effects, **said}]).currents[0][:, :, 0]
     read = np.stack([r[x] for x in ("i_a", "i_b", "i_c")], axis=1)
     return apart(DRIVE, found[SETTLED - 1 :], read[SETTLED - 1 :])
 

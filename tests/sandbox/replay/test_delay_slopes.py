@@ -9,7 +9,7 @@ import pytest
 
 from model.effects import library
 from sandbox.replay.replay import replay
-from tests.sandbox.plant.told import DRIVE, duties, told, turning
+from tests.sandbox.plant.stated_duties import DRIVE, duties, from_duties, turning
 
 SHORT, LONG = 3e-9, 2e-8  # s; longer ones meet corners: a current reaches the width of its sign, a reading an edge
 CLOSE = 0.01  # of the slope's rms: a filter's curvature leaves 0.001 over LONG, before extrapolation
@@ -24,7 +24,7 @@ def test_slope_of_a_delay_is_the_same_over_short_and_long_steps(names, delay):
     for name in names:
         own = library.typical(name, DRIVE.motor, DRIVE.converter)
         base |= {k: v for k, v in own.items() if not k.endswith("jitter")}
-    prepared = told(DRIVE, duties(200), *turning(200))
+    prepared = from_duties(DRIVE, duties(200), *turning(200))
     steps = (SHORT, LONG, 2.0 * LONG)
     currents = replay(prepared, [base, *({**base, delay: base.get(delay, 0.0) + h} for h in steps)]).currents[0]
     short, long, longer = ((currents[10:, :, k + 1] - currents[10:, :, 0]) / h for k, h in enumerate(steps))

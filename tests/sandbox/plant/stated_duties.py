@@ -1,4 +1,4 @@
-"""Duties and a motion told outright, through the replay's kernel and through the readable reference."""
+"""Duties and a motion stated outright, through the replay's kernel and through the readable reference."""
 
 import dataclasses
 
@@ -17,7 +17,7 @@ DRIVE = load_drive("ipm")
 SPEED = 600.0  # rad/s electrical: 0.15 rad a period
 
 
-def told(drive, duty, angle, speed, rotor="driven", load=0.0, eccentric=True):
+def from_duties(drive, duty, angle, speed, rotor="driven", load=0.0, eccentric=True):
     """Return inputs of a rotor whose angle is read as `angle` (n,) without error, no current at the first sample.
 
     Innovations are left as they come: rad, of a rotor that nothing corrects.
@@ -26,8 +26,8 @@ def told(drive, duty, angle, speed, rotor="driven", load=0.0, eccentric=True):
     motion = Motion(np.asarray(angle, float), np.asarray(speed, float), eccentric)
     columns = {f"d_{x}": d for x, d in zip("abc", np.transpose(duty), strict=True)} | course_of(motion, pairs, period)
     track = with_columns(np.zeros(n, TRACK), columns | {"load": load, "read": motion.angle, "scale": 1.0, "link": 1.0})
-    inputs = Inputs("told", rotor, track, np.zeros((n, 3)), motion, 1.0, pairs, False, False)
-    return Prepared(Campaign("told", drive, (), {}, {}, False), (inputs,), 1, 1.0, {})
+    inputs = Inputs("stated duties", rotor, track, np.zeros((n, 3)), motion, 1.0, pairs, False, False)
+    return Prepared(Campaign("stated duties", drive, (), {}, {}, False), (inputs,), 1, 1.0, {})
 
 
 def duties(n, speed=SPEED, size=0.25, drive=DRIVE, theta=0.3):
