@@ -254,6 +254,24 @@ class Converter:
             object.__setattr__(self, "inverter_table", checked(self.inverter_table))
         if self.transformation != "amplitude-invariant":
             raise BadInput(f"[drive] transformation = '{self.transformation}' is not known; only 'amplitude-invariant'")
+        self._check_periods()
+        if self.dc_link is not None and self.dc_link not in LINKS:
+            raise unknown("[drive] dc_link", self.dc_link, LINKS)
+        if self.command not in COMMANDS:
+            raise unknown("[drive] command", self.command, COMMANDS)
+        if self.pwm_counts is not None and self.pwm_counts != int(self.pwm_counts):
+            raise BadInput(f"[drive] pwm_counts = {self.pwm_counts} is not whole; give the counter's counts")
+        if self.readings is not None and self.readings != int(self.readings):
+            raise BadInput(f"[drive] readings = {self.readings} is not whole; give a number of readings a period")
+        self._check_modulation()
+        if not self.link_noise <= 0.1 * self.dc_bus_voltage:
+            raise BadInput(
+                f"[drive] link_noise = {self.link_noise:g} V is out of range; duties are formed with that reading: "
+                f"give at most a tenth of dc_bus_voltage = {self.dc_bus_voltage:g} V"
+            )
+
+    def _check_periods(self) -> None:
+        """Raise BadInput unless rows and PWM periods belong together."""
         one_or_two = any(abs(self.samples_a_period - n) < 1e-6 for n in (1.0, 2.0))
         rows = self.periods_a_row
         slow = 1 < rows <= MOST_PERIODS and abs(1.0 / self.samples_a_period - rows) < 1e-3 * rows
@@ -270,14 +288,9 @@ class Converter:
                 f"[drive] between_rows = '{self.between_rows}' is of logs whose rows are several PWM periods apart, as "
                 "pwm_frequency says; leave it out where a row is one period"
             )
-        if self.dc_link is not None and self.dc_link not in LINKS:
-            raise unknown("[drive] dc_link", self.dc_link, LINKS)
-        if self.command not in COMMANDS:
-            raise unknown("[drive] command", self.command, COMMANDS)
-        if self.pwm_counts is not None and self.pwm_counts != int(self.pwm_counts):
-            raise BadInput(f"[drive] pwm_counts = {self.pwm_counts} is not whole; give the counter's counts")
-        if self.readings is not None and self.readings != int(self.readings):
-            raise BadInput(f"[drive] readings = {self.readings} is not whole; give a number of readings a period")
+
+    def _check_modulation(self) -> None:
+        """Raise BadInput unless it is known how the drive makes pulses of a voltage."""
         if self.modulation not in MODULATIONS:
             if str(self.modulation).casefold() in SINUSOIDAL:
                 raise BadInput(
@@ -297,11 +310,6 @@ class Converter:
             raise BadInput(
                 "[drive] pwm_frequency says two updates a PWM period, in which pulses are not centred; leave "
                 "modulation, overmodulation and least_pulse away, or give one sample a PWM period"
-            )
-        if not self.link_noise <= 0.1 * self.dc_bus_voltage:
-            raise BadInput(
-                f"[drive] link_noise = {self.link_noise:g} V is out of range; duties are formed with that reading: "
-                f"give at most a tenth of dc_bus_voltage = {self.dc_bus_voltage:g} V"
             )
 
     @property

@@ -324,16 +324,7 @@ def caveats(a: Answers) -> list[str]:
     missing = [k for k in ("uncertainty", "background") if not getattr(d.campaign, k)]
     if missing:
         out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")
-    if (cut := d.campaign.excerpts) is not None:
-        out.append(
-            f"Of {cut.samples_recorded:,} samples {cut.samples_used:,} were used, in {len(cut.parts)} parts of the "
-            "recordings: those that differ most, and some spread evenly. Parts held out may be of the same recordings "
-            "as parts that were fitted. --samples inf uses all samples."
-        )
-        if cut.unused:
-            out.append(f"No part was used of {', '.join(cut.unused)}.")
-    if (part := share(d.start)) < 1.0:
-        out.append(f"To stay within --memory, free regressions were made on {percent(part)} of the samples.")
+    out += _of_excerpts(d)
     kinds = {r.rotor for r in d.start.prepared.recordings}
     if kinds == {"locked"}:
         out.append("The rotor never turned, so effects that need speed (flux, encoder, iron loss) can hardly be seen.")
@@ -345,6 +336,22 @@ def caveats(a: Answers) -> list[str]:
             "samples have: what the best fit leaves is alike over many samples."
         )
     return out + _of_the_model(d.campaign.drive.provenance)
+
+
+def _of_excerpts(d: Diagnosis) -> list[str]:
+    """Return which part of the samples was used, where it was not all of them."""
+    out: list[str] = []
+    if (cut := d.campaign.excerpts) is not None:
+        out.append(
+            f"Of {cut.samples_recorded:,} samples {cut.samples_used:,} were used, in {len(cut.parts)} parts of the "
+            "recordings: those that differ most, and some spread evenly. Parts held out may be of the same recordings "
+            "as parts that were fitted. --samples inf uses all samples."
+        )
+        if cut.unused:
+            out.append(f"No part was used of {', '.join(cut.unused)}.")
+    if (part := share(d.start)) < 1.0:
+        out.append(f"To stay within --memory, free regressions were made on {percent(part)} of the samples.")
+    return out
 
 
 def _findings(d: Diagnosis) -> list[str]:
