@@ -83,8 +83,12 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "active_flux", "flux observer without injection, active (auxiliary) flux; for speed", init, step, injection=NONE,
+    "active_flux",
+    "flux observer without injection, active (auxiliary) flux; for speed",
+    init,
+    step,
+    injection=NONE,
     delay="none: the flux of the voltage is up to date",
     speeds="from about a tenth of rated speed on, where the back-EMF exceeds errors of R i and of the inverter",
     source="Boldea, Paicu, Andreescu, IEEE Trans. Power Electron. 23 (2008) (active flux)",
-)  # fmt: skip
+)

@@ -86,8 +86,11 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "arbitrary", "1/inductance fitted to any commanded voltage by least squares, angle of its saliency", init, step,
+    "arbitrary",
+    "1/inductance fitted to any commanded voltage by least squares, angle of its saliency",
+    init,
+    step,
     delay="0.5 (N - 1) samples of forgetting (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds",
     source="Paulus, Landsmann, Kennel, SLED 2011 (arbitrary injection, direct angle); filter and belief derived here",
-)  # fmt: skip
+)

@@ -53,8 +53,11 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "fluxdemod", "fluxes through the believed map, then null of the flux ripple across the injection", init, step,
+    "fluxdemod",
+    "fluxes through the believed map, then null of the flux ripple across the injection",
+    init,
+    step,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds; started near the right angle",
     source="derived in the module's text from eqs. (id), (iq) of Jebai, Malrait, Martin, Rouchon, IEMDC 2011",
-)  # fmt: skip
+)

@@ -20,8 +20,11 @@ def step(state, sample, belief, tuning):
 
 
 ESTIMATOR = Estimator(
-    "hfi45", "pulsating injection 45 degrees beside d, angle of the ripple's size alone", init, step,
+    "hfi45",
+    "pulsating injection 45 degrees beside d, angle of the ripple's size alone",
+    init,
+    step,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds; torque ripple from the q injection",
     source="the 45 degree injection of the open firmwares MESC and VESC by its principle; equations derived here",
-)  # fmt: skip
+)

@@ -54,9 +54,12 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "hybrid", "inversion of the ripple at low, flux observer at high speed, handed over by speed", init, step,
+    "hybrid",
+    "inversion of the ripple at low, flux observer at high speed, handed over by speed",
+    init,
+    step,
     type_2=False,
     delay="0.75 N - 0.5 samples of demodulation at low, none at high speed",
     speeds="all; the hand-over lies between 0.5 and 1 times R x rated current / magnet flux",
     source="Piippo, Hinkkanen, Luomi, IEEE Trans. Ind. Electron. 55 (2008) (adaptive observer with fading injection)",
-)  # fmt: skip
+)

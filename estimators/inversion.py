@@ -68,8 +68,11 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "inversion", "both ripple components inverted through the believed Hessian", init, step,
+    "inversion",
+    "both ripple components inverted through the believed Hessian",
+    init,
+    step,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds",
     source="Jebai, Malrait, Martin, Rouchon, IEMDC 2011, eqs. of the ripple; Gauss-Newton on both components",
-)  # fmt: skip
+)

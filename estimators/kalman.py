@@ -192,8 +192,12 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "ekf", "extended Kalman filter on flux, speed and angle with the energy model", init, step, type_2=False,
+    "ekf",
+    "extended Kalman filter on flux, speed and angle with the energy model",
+    init,
+    step,
+    type_2=False,
     delay="none of its own: a prediction by the model, corrected each sample",
     speeds="all; at standstill it needs the injection, and R and the inverter's voltage well known",
     source="Bolognani, Tubiana, Zigliotto, IEEE Trans. Ind. Appl. 39 (2003), with the energy of IEMDC 2011",
-)  # fmt: skip
+)

@@ -107,10 +107,13 @@ def step(state, sample, belief, tuning):
 
 
 ESTIMATOR = Estimator(
-    "ekf_current", "extended Kalman filter on currents, speed and angle, the voltage's lack forgotten", init, step,
+    "ekf_current",
+    "extended Kalman filter on currents, speed and angle, the voltage's lack forgotten",
+    init,
+    step,
     type_2=False,
     delay="none of its own: a prediction by the model, corrected each sample",
     speeds="all; at standstill it needs the injection",
     source="Dhaouadi, Mohan, Norum, IEEE Trans. Power Electron. 6 (1991) 491 (states and measurement); Bolognani, "
     "Tubiana, Zigliotto, IEEE Trans. Ind. Appl. 39 (2003); any belief by its flux and Hessian, derived here",
-)  # fmt: skip
+)

@@ -36,8 +36,12 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "mechanical", "inversion of both ripple components, tracked by a mechanical observer", init, step, type_2=False,
+    "mechanical",
+    "inversion of both ripple components, tracked by a mechanical observer",
+    init,
+    step,
+    type_2=False,
     delay="0.75 N - 0.5 samples of demodulation; none on the motor's own torque",
     speeds="0 to where the current loop behind the injection's average holds",
     source="Lorenz, Van Patten, IEEE Trans. Ind. Appl. 27 (1991) 701; error signal of `inversion`",
-)  # fmt: skip
+)

@@ -106,9 +106,11 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "monitor", "inversion under a watch: hypothesis test of other angles, 180 degrees among them, and recovery",
-    init, step,
+    "monitor",
+    "inversion under a watch: hypothesis test of other angles, 180 degrees among them, and recovery",
+    init,
+    step,
     delay="as inversion; a lost lock is mended after about 6 sweeps of 24 samples",
     speeds="as inversion; the wrong pole shows under load, with a saturated belief",
     source="multiple hypotheses by squared residuals: Bar-Shalom, Li, Kirubarajan, Estimation (2001), section 11",
-)  # fmt: skip
+)

@@ -28,8 +28,12 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "pll3", "inversion of both ripple components, tracked by a loop of type 3", init, step, type_2=False,
+    "pll3",
+    "inversion of both ripple components, tracked by a loop of type 3",
+    init,
+    step,
+    type_2=False,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds; no lag on a ramp",
     source="Gardner, Phaselock Techniques, 3rd ed., section 2.2 (third-order loop); error signal of `inversion`",
-)  # fmt: skip
+)

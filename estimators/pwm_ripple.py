@@ -130,10 +130,13 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "pwm_ripple", "1/inductance fitted to the PWM's own ripple, read inside the period; angle of it", init, step,
+    "pwm_ripple",
+    "1/inductance fitted to the PWM's own ripple, read inside the period; angle of it",
+    init,
+    step,
     injection=PWM,
     delay="1.5 periods: pairs of periods, forgotten as an average over two",
     speeds="0 to where the current loop holds",
     source="Schroedl, IAS 1996 (INFORM); Gao, Asher, Sumner, Makys, IEEE Trans. Ind. Appl. 43 (2007) (PWM excitation); "
     "pairs of periods, fit and belief derived here",
-)  # fmt: skip
+)

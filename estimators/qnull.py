@@ -52,8 +52,11 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "qnull", "pulsating injection, null of the ripple across it, phase-locked loop", init, step,
+    "qnull",
+    "pulsating injection, null of the ripple across it, phase-locked loop",
+    init,
+    step,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds",
     source="Jebai, Malrait, Martin, Rouchon, IEMDC 2011, section III; Linke, Kennel, Holtz, IEMDC 2003 (offset)",
-)  # fmt: skip
+)

@@ -141,10 +141,13 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "random_frequency", "square wave of random frequency and sense, null of the ripple across it", init, step,
+    "random_frequency",
+    "square wave of random frequency and sense, null of the ripple across it",
+    init,
+    step,
     injection=RANDOM,
     delay="0.75 N - 0.5 samples of demodulation (N samples of the longer cycle)",
     speeds="0 to where the current loop behind the injection's average holds",
     source="Wang, Yang, Yuan, Wang, Zhang, Xu, IEEE Trans. Ind. Electron. 63 (2016) 7423 (two frequencies at random, "
     "cycle by cycle); Zhang, Wang, Xu, IEEE Trans. Ind. Electron. 65 (2018) (random phase); least squares derived here",
-)  # fmt: skip
+)

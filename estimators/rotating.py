@@ -115,8 +115,12 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "rotating", "rotating injection, angle of the current's negative sequence", init, step, injection=ROTATING,
+    "rotating",
+    "rotating injection, angle of the current's negative sequence",
+    init,
+    step,
+    injection=ROTATING,
     delay="0.75 N - 0.5 samples of demodulation (N samples a turn of the injection)",
     speeds="0 to where the current loop behind the injection's average holds; torque ripple from the q injection",
     source="Jansen, Lorenz, IEEE Trans. Ind. Appl. 31 (1995) 240; resistance exactly, by the sampled winding",
-)  # fmt: skip
+)

@@ -110,9 +110,13 @@ def _looked_at(handle: ctypes.CDLL, full: Path, said: str) -> Loaded:
 def _estimator(loaded: Loaded) -> Estimator:
     """Return a library as an estimator."""
     return Estimator(
-        loaded.name, f"shared library {loaded.path.name}, {8 * loaded.real_bytes} bit", partial(_init, loaded),
-        step_single if loaded.real_bytes == 4 else step_double, injection=loaded.injection, source=loaded.path.name,
-    )  # fmt: skip
+        loaded.name,
+        f"shared library {loaded.path.name}, {8 * loaded.real_bytes} bit",
+        partial(_init, loaded),
+        step_single if loaded.real_bytes == 4 else step_double,
+        injection=loaded.injection,
+        source=loaded.path.name,
+    )
 
 
 def _structure(name: str, *fields: tuple[str, Any]) -> type[ctypes.Structure]:
@@ -206,9 +210,15 @@ def _told(x, e, sample):
 def _found(state, e):
     """Return the estimate that the library has written, its angle going on from the last one."""
     return Estimate(
-        _followed(state, np.float64(e[ANGLE])), np.float64(e[OMEGA]), np.float64(e[AXIS]), np.float64(e[BIAS]),
-        np.float64(e[TRACKING]), np.float64(e[RIPPLE_D]), np.float64(e[RIPPLE_Q]), np.float64(e[INJECTION]),
-    )  # fmt: skip
+        _followed(state, np.float64(e[ANGLE])),
+        np.float64(e[OMEGA]),
+        np.float64(e[AXIS]),
+        np.float64(e[BIAS]),
+        np.float64(e[TRACKING]),
+        np.float64(e[RIPPLE_D]),
+        np.float64(e[RIPPLE_Q]),
+        np.float64(e[INJECTION]),
+    )
 
 
 @kernel_as(STEP)

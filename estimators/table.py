@@ -96,8 +96,11 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "table", "q-null with a self-consistent table of offsets instead of a flux inversion", init, step,
+    "table",
+    "q-null with a self-consistent table of offsets instead of a flux inversion",
+    init,
+    step,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds",
     source="Guglielmi, Pastorelli, Vagati, Cross-saturation effects in IPM motors, IEEE Trans. Ind. Appl. 42 (2006)",
-)  # fmt: skip
+)

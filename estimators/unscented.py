@@ -132,8 +132,12 @@ def init(belief, tuning, angle=None):
 
 
 ESTIMATOR = Estimator(
-    "ukf", "unscented Kalman filter on flux, speed and angle with the energy model", init, step, type_2=False,
+    "ukf",
+    "unscented Kalman filter on flux, speed and angle with the energy model",
+    init,
+    step,
+    type_2=False,
     delay="none of its own: a prediction by the model, corrected each sample",
     speeds="all; at standstill it needs the injection, and R and the inverter's voltage well known",
     source="Wan, van der Merwe, The unscented Kalman filter (2001); model of `ekf`",
-)  # fmt: skip
+)

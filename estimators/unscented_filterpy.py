@@ -35,6 +35,13 @@ def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estima
 
 
 ESTIMATOR = Estimator(
-    "ukf_filterpy", "the unscented filter on filterpy, in Python (slow path)", init, step, compiled=False,
-    type_2=False, delay="as ukf", speeds="as ukf", source="as ukf; filterpy.kalman.UnscentedKalmanFilter",
-)  # fmt: skip
+    "ukf_filterpy",
+    "the unscented filter on filterpy, in Python (slow path)",
+    init,
+    step,
+    compiled=False,
+    type_2=False,
+    delay="as ukf",
+    speeds="as ukf",
+    source="as ukf; filterpy.kalman.UnscentedKalmanFilter",
+)

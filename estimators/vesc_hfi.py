@@ -29,9 +29,12 @@ def step(state, sample, belief, tuning):
 
 
 ESTIMATOR = Estimator(
-    "vesc_hfi", "pulsating injection 45 degrees beside d, angle of the ripple along it", init, step,
+    "vesc_hfi",
+    "pulsating injection 45 degrees beside d, angle of the ripple along it",
+    init,
+    step,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds; torque ripple from the q injection",
     source="VESC firmware (Vedder), sensor modes HFI V2 and V3, by their equation (precalculated values of foc_math.c: "
     "half the sum of 1/L_d and 1/L_q, and 1/L_q - 1/L_d); belief, resistance and speed derived here",
-)  # fmt: skip
+)

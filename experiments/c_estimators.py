@@ -64,11 +64,12 @@ def apart(ours: Row, theirs: Row) -> dict[str, Any]:
     judged = [(a, b) for a, b in pairs if a.informative and math.hypot(a.load, a.load_d) <= GOAL_LOAD + 1e-9]
     said, metrics = (ours.outcome.passed, theirs.outcome.passed), (ours.outcome.metrics, theirs.outcome.metrics)
     found: dict[str, Any] = {
-        "stretches": len(judged), "lost_by_one": sum(a.lost_lock != b.lost_lock for a, b in judged),
+        "stretches": len(judged),
+        "lost_by_one": sum(a.lost_lock != b.lost_lock for a, b in judged),
         "same_verdict": None in said or said[0] == said[1],  # theory goes by the name: none for a library
         "beyond_deg": worst((a.mean_deg, b.mean_deg) for a, b in pairs if (a, b) not in judged),
         "other": {k: worst([(metrics[0].get(k), metrics[1].get(k))]) for k in OTHER if metrics[0].get(k) is not None},
-    }  # fmt: skip
+    }
     for key in ("mean_deg", "p95_deg"):
         values = [(getattr(a, key), getattr(b, key)) for a, b in judged]
         found[key] = worst(values if values else [(metrics[0].get(key), metrics[1].get(key))])
@@ -118,9 +119,10 @@ def by_chance(libraries: dict[str, Estimator]) -> dict[str, dict[str, dict[str, 
     for name in NAMES:
         usual = points(name)
         found[name] = {
-            "c": difference(usual, points(libraries[name])), "seeds": difference(usual, points(name, 1)),
+            "c": difference(usual, points(libraries[name])),
+            "seeds": difference(usual, points(name, 1)),
             "c_long": difference(points(name, 0, LONG), points(libraries[name], 0, LONG)),
-        }  # fmt: skip
+        }
         print(name, found[name], flush=True)
     return found
 
@@ -128,9 +130,10 @@ def by_chance(libraries: dict[str, Estimator]) -> dict[str, dict[str, dict[str, 
 def difference(one: tuple[Point, ...], other: tuple[Point, ...]) -> dict[str, float]:
     """Return worst, rms and mean difference (degrees) of the means of stretches that count, and how many there are."""
     pairs = [
-        (a.mean_deg, b.mean_deg) for a, b in zip(one, other, strict=True)
+        (a.mean_deg, b.mean_deg)
+        for a, b in zip(one, other, strict=True)
         if a.informative and math.hypot(a.load, a.load_d) <= GOAL_LOAD + 1e-9
-    ]  # fmt: skip
+    ]
     apart = np.array([b - a for a, b in pairs if a is not None and b is not None])
     rms = float(np.sqrt(np.mean(apart**2)))
     return {"stretches": apart.size, "worst": float(np.max(np.abs(apart))), "rms": rms, "mean": float(apart.mean())}
@@ -175,17 +178,21 @@ def costs(libraries: dict[str, Estimator]) -> dict[str, dict[str, float]]:
 def markdown(found: dict[str, Any]) -> str:
     """Return the result page."""
     lines = [
-        "# Estimators in C against their Python twins", "",
+        "# Estimators in C against their Python twins",
+        "",
         "Three of our estimators exist as plain C, translated from the Python kernels. This page says how far each is "
-        "from its Python twin, and what it costs.", "",
+        "from its Python twin, and what it costs.",
+        "",
         "*Same samples*: one run of `creep_reversal` on `ipm_exchanged`, start-up included, was recorded and handed to "
         "both. The column gives the largest difference of the two angles, for C in float and in double. Python always "
         "computes in double. Operations are those of one step while tracking, the mean over the golden vectors (rated "
         "load, eight samples in an injection period). *Step* is the time of one step in Python and in C; *loop* is the "
-        "time of a whole closed-loop run with C, as a share of the same with Python.", "",
+        "time of a whole closed-loop run with C, as a share of the same with Python.",
+        "",
         "| estimator | same samples, float | double | mul | add | div | sqrt | trig | compare | step: Python, C (ns) | "
-        "loop: C over Python |", "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
-    ]  # fmt: skip
+        "loop: C over Python |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
     for name in NAMES:
         e, c = found["estimators"][name], found["costs"][name]
         counts = " | ".join(f"{e['operations'][k]:.0f}" for k in ("mul", "add", "div", "sqrt", "trig", "compare"))
@@ -194,24 +201,41 @@ def markdown(found: dict[str, Any]) -> str:
             f"{c['c_step_ns']:.0f} | {c['c_loop_ms_s'] / c['python_loop_ms_s']:.2f} |"
         )
     lines += [
-        "", "## The protocol in float", "",
+        "",
+        "## The protocol in float",
+        "",
         "The whole protocol ran with each estimator and its twin: both beliefs, three motors, current readings with "
         "noise but without rounding to counts. *Mean* and *p95* are the largest differences between the two, of the "
         "mean error and of the error that 95 % of the samples stay below, in degrees. They are taken where both kept "
         "lock, up to 180 % load, and where the ripple carries information; *beyond* is the largest difference of the "
         "means anywhere else. *Lost by one* counts runs in which only one of the two lost lock; *other verdict* counts "
-        "tests that only one of the two passed.", "",
-        *table(found["rows"]), "",
-        "## With counts, `ipm_exchanged`", "",
-        *chance(found["by_chance"]), "", "In float:", "", *table(found["counts_float"]), "",
-        "In double:", "", *table(found["counts_double"]),
-    ]  # fmt: skip
+        "tests that only one of the two passed.",
+        "",
+        *table(found["rows"]),
+        "",
+        "## With counts, `ipm_exchanged`",
+        "",
+        *chance(found["by_chance"]),
+        "",
+        "In float:",
+        "",
+        *table(found["counts_float"]),
+        "",
+        "In double:",
+        "",
+        *table(found["counts_double"]),
+    ]
     starts = ", ".join(f"`{k}` {v}" for k, v in found["starts"].items())
     lines += [
-        "", "## Starts", "", f"How often the polarity was right in 3024 starts on `ipm_exchanged`: {starts}.", "",
+        "",
+        "## Starts",
+        "",
+        f"How often the polarity was right in 3024 starts on `ipm_exchanged`: {starts}.",
+        "",
         f"These tables by `python -m experiments.c_estimators`, {found['date']}, {found['compiler']}, seed "
-        "0; the last table by the same with `--foreign`, and that of two seeds with `--chance`.", "",
-    ]  # fmt: skip
+        "0; the last table by the same with `--foreign`, and that of two seeds with `--chance`.",
+        "",
+    ]
     return "\n".join([*lines, *beside(found["foreign"])]) + "\n"
 
 
@@ -222,20 +246,24 @@ def chance(found: dict[str, dict[str, dict[str, float]]]) -> list[str]:
     lines = [
         "Now the current readings are rounded to counts. **The goal of 0.05 degrees is then not met in every stretch: "
         f"means over 0.08 s differ by up to {most:.2f} degrees. It is met by means over {LONG:g} s: {long:.2f} degrees "
-        "at most.**", "",
+        "at most.**",
+        "",
         "No change of the C code can mend this. A difference in the last digit of an angle changes the voltage, and so "
         "the current, by a few parts in ten million. Nearly always the reading is the same; but now and then a current "
         "lies at the border between two counts, and one of the two runs reads one count more. From there on the two "
         "see different rounding, as two recordings of one motor do. Even C in double and Python, which agree within "
-        "1e-11 degrees on the same samples, part in this way in longer runs (the last of these tables).", "",
+        "1e-11 degrees on the same samples, part in this way in longer runs (the last of these tables).",
+        "",
         "So what is left is chance, and it is less than the chance of the noise: the table compares the means of all "
         "stretches of `static_map` (saturated belief, up to 180 % load). Two runs of the *same* Python estimator "
         f"with other noise (seeds 0 and 1) are further apart. Over {LONG:g} s instead of 0.08 s the rms of the "
         f"difference is {min(smaller):.1f} to {max(smaller):.1f} times smaller; an error that stays would not shrink. "
-        "(Independent samples would give the root of 10. This is one motor and one seed a run.)", "",
+        "(Independent samples would give the root of 10. This is one motor and one seed a run.)",
+        "",
         "| estimator | stretches | C − Python: worst | rms | mean | Python, two seeds: worst | rms | "
-        f"C − Python, {LONG:g} s: worst | rms |", "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
-    ]  # fmt: skip
+        f"C − Python, {LONG:g} s: worst | rms |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
     for name, own in found.items():
         c, seeds, longer = own["c"], own["seeds"], own["c_long"]
         figures = (c["worst"], c["rms"], c["mean"], seeds["worst"], seeds["rms"], longer["worst"], longer["rms"])
@@ -247,18 +275,20 @@ def beside(rows: list[dict[str, str]]) -> list[str]:
     """Return the other family's observer beside ours as lines of the page."""
     names = list(dict.fromkeys(name for row in rows for name in row if name not in ("motor", "test")))
     return [
-        "## An observer of another family beside ours", "",
+        "## An observer of another family beside ours",
+        "",
         "`flux_observer` is the nonlinear flux observer that VESC and ODrive build on, written in C from its published "
         "equations ([flux_observer.c](../../estimators/c/examples/flux_observer.c)). It knows no saturation. Beside it "
         "stand `active_flux` and `ekf` of ours, with either belief. In `hand_over` a motor under rated load goes from "
         "standstill to at most 30 % speed and back; `reversal` is motulator's run, on its linear motor. A cell gives "
         "the largest mean error, in brackets the error that 95 % of the samples stay below, in electrical degrees. "
         "*Slow* counts stretches in which the drive did not reach its speed in time; then ○ says that the error is "
-        "within the goal beside it.", "",
+        "within the goal beside it.",
+        "",
         f"| motor, test | {' | '.join(f'`{n}`' if ',' not in n else n for n in names)} |",
         "|---|" + "---|" * len(names),
         *(f"| {r['motor']}, {r['test']} | {' | '.join(r.get(n, '–') for n in names)} |" for r in rows),
-    ]  # fmt: skip
+    ]
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:

@@ -30,9 +30,12 @@ BEFORE = (
 PROBE = Path(__file__).with_name("cost_probe.py")
 TURNS = 3
 GOALS = {
-    "closed loop, no effects": 0.7, "closed loop, all effects": 0.5, "replay, dead time": 0.6,
-    "replay, a diagnosis' mean": 0.6, "diagnosis": 0.7,
-}  # fmt: skip
+    "closed loop, no effects": 0.7,
+    "closed loop, all effects": 0.5,
+    "replay, dead time": 0.6,
+    "replay, a diagnosis' mean": 0.6,
+    "diagnosis": 0.7,
+}
 
 
 def probed(tree: Path, cache: Path, campaigns: list[str]) -> dict[str, Any]:
@@ -40,9 +43,13 @@ def probed(tree: Path, cache: Path, campaigns: list[str]) -> dict[str, Any]:
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
     caches = {k: str(cache) for k in ("SENSORLESS_CACHE", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
     done = subprocess.run(
-        [sys.executable, "-B", str(PROBE), str(tree), *campaigns], env={**os.environ, **threads, **caches},
-        cwd=tree, capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        [sys.executable, "-B", str(PROBE), str(tree), *campaigns],
+        env={**os.environ, **threads, **caches},
+        cwd=tree,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 

@@ -63,11 +63,16 @@ def figures(found: dict[str, Any]) -> dict[str, Any]:
     """Return verdict, effects, J on recordings held out and cost of a diagnosis."""
     gap, best = found["gap"], found["hypotheses"][0]
     return {
-        "verdict": found["verdict"], "effects": best["effects"], "raw": gap["raw"], "before": gap["before"],
-        "after": gap["after"], "simulations": found["cost"]["simulations"], "seconds": found["cost"]["seconds"],
+        "verdict": found["verdict"],
+        "effects": best["effects"],
+        "raw": gap["raw"],
+        "before": gap["before"],
+        "after": gap["after"],
+        "simulations": found["cost"]["simulations"],
+        "seconds": found["cost"]["seconds"],
         "parameters": {k: p["value"] for k, p in best["parameters"].items()},
         "orders": {int(w["order"]): w["share"] for w in found["where"] if w["order"]},
-    }  # fmt: skip
+    }
 
 
 def synrm_quartic(folder: Path) -> dict[str, Any]:
@@ -171,12 +176,20 @@ def sew_map(folder: Path) -> dict[str, Any]:
     """Return what the audit says of the SEW machine's measured map."""
     os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))
     found = quality(read_points(shared("SENSORLESS_DATA", "realdata") / "sew_map" / "LUT_SEW_jax_grad.mat"))
-    turned = quality(read_points(shared("SENSORLESS_DATA", "realdata") / "sew_map" / "LUT_SEW_jax_grad.mat",
-                                 angle=found.angle or 0.0))  # fmt: skip
+    turned = quality(
+        read_points(
+            shared("SENSORLESS_DATA", "realdata") / "sew_map" / "LUT_SEW_jax_grad.mat", angle=found.angle or 0.0
+        )
+    )
     lines = [*found.sentences(), *(f"turned: {text}" for text in turned.sentences())]
     mwb = {"before": found.held_out, "after": turned.held_out}
-    return {"verdict": "angle offset", "effects": [], "lines": lines, "angle_deg": math.degrees(found.angle or 0.0),
-            **{f"held_out_{k}_Wb": v for k, v in mwb.items()}}  # fmt: skip
+    return {
+        "verdict": "angle offset",
+        "effects": [],
+        "lines": lines,
+        "angle_deg": math.degrees(found.angle or 0.0),
+        **{f"held_out_{k}_Wb": v for k, v in mwb.items()},
+    }
 
 
 def _with_table() -> tuple[Campaign, Campaign]:
@@ -209,5 +222,12 @@ def odrive(folder: Path) -> dict[str, Any]:
     """Return what `experiments.odrive_cogging` has kept, of the slow turns without compensation."""
     kept = json.loads((RESULTS / "odrive_cogging.json").read_text())
     case = kept["cases"]["slow, without compensation"]
-    return {"verdict": case["verdict"], "effects": case["hypothesis"]["effects"], "before": case["before"],
-            "after": case["after"], "lines": [], "date": kept["date"], **case["cost"]}  # fmt: skip
+    return {
+        "verdict": case["verdict"],
+        "effects": case["hypothesis"]["effects"],
+        "before": case["before"],
+        "after": case["after"],
+        "lines": [],
+        "date": kept["date"],
+        **case["cost"],
+    }

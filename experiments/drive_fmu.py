@@ -36,9 +36,11 @@ def unit(folder: Path) -> tuple[Any, dict[str, int]]:
     file = export_drive(MOTOR, EFFECTS).save(folder / "drive") / f"{MOTOR}_fmi2.fmu"
     told = fmpy.read_model_description(str(file))
     fmu = FMU2Slave(
-        guid=told.guid, unzipDirectory=fmpy.extract(str(file)), instanceName="drive",
+        guid=told.guid,
+        unzipDirectory=fmpy.extract(str(file)),
+        instanceName="drive",
         modelIdentifier=told.coSimulation.modelIdentifier,
-    )  # fmt: skip
+    )
     places = {v.name: v.valueReference for v in told.modelVariables}
     fmu.instantiate()
     fmu.setInteger([places["rotor"], places["noise_seed"]], [ROTOR_DRIVEN, 1])

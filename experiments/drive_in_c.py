@@ -24,12 +24,18 @@ EFFECTS: dict[str, dict[str, float]] = {
     "dead time": {"dead_time.time": 2e-6},
     "dead time, device drop": {"dead_time.time": 2e-6, "device_drop.threshold": 1.0},
     "ten effects": {
-        "dead_time.time": 2e-6, "device_drop.threshold": 1.0, "iron_loss.core_resistance": 2000.0,
-        "flux_harmonics.psi_d6": 5e-4, "inductance_harmonics.gamma_6": 0.1, "cogging_torque.amplitude": 0.02,
-        "coulomb_friction.torque": 0.02, "dc_link_ripple.amplitude": 4.0, "current_filter.time_constant": 1.5e-5,
+        "dead_time.time": 2e-6,
+        "device_drop.threshold": 1.0,
+        "iron_loss.core_resistance": 2000.0,
+        "flux_harmonics.psi_d6": 5e-4,
+        "inductance_harmonics.gamma_6": 0.1,
+        "cogging_torque.amplitude": 0.02,
+        "coulomb_friction.torque": 0.02,
+        "dc_link_ripple.amplitude": 4.0,
+        "current_filter.time_constant": 1.5e-5,
         "skin_effect.resistance": 1.0,
     },
-}  # fmt: skip
+}
 KINDS = [("double", 1, True), ("float", 1, False), ("double, 10 parts", 10, True)]
 TIMER = Template("""\
 #include "sensorless_drive.h"
@@ -77,9 +83,11 @@ def main() -> None:
     """Measure, and write the table."""
     rows = {name: costs(effects) for name, effects in EFFECTS.items()}
     made = {
-        "date": datetime.date.today().isoformat(), "motor": MOTOR,
-        "period_us": 1e6 * load_drive(MOTOR).converter.sampling_period, "microseconds_per_period": rows,
-    }  # fmt: skip
+        "date": datetime.date.today().isoformat(),
+        "motor": MOTOR,
+        "period_us": 1e6 * load_drive(MOTOR).converter.sampling_period,
+        "microseconds_per_period": rows,
+    }
     (RESULTS / "drive_in_c.json").write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
     (RESULTS / "drive_in_c.md").write_text(page(made), encoding="utf-8")
 

@@ -115,8 +115,10 @@ def table(rows: dict[str, Any], idle: dict[str, Any], order: list[str], date: st
         "The estimate controls, so the encoder's effects change nothing; nor do the mechanics' in the lock test.",
         "The same runs on the switched bench differ from these by at most "
         f"{disagreement(rows, 'mean_deg'):.2f}° in the mean and {disagreement(rows, 'ripple_deg'):.2f}° in the ripple.",
-        "", f"| {' | '.join(head)} |", "|---|---|" + "--:|" * (len(head) - 2),
-    ]  # fmt: skip
+        "",
+        f"| {' | '.join(head)} |",
+        "|---|---|" + "--:|" * (len(head) - 2),
+    ]
     for name in order:
         sizes = typical(name, DRIVE.motor, DRIVE.converter)
         size = ", ".join(f"{p.name} {sizes[f'{name}.{p.name}']:.3g} {p.unit}" for p in load_effect(name).parameters)

@@ -35,9 +35,12 @@ ANCHORS = Path("../shared/anchors")
 NAME = "estimator_protocol"
 LIMITS = Path(__file__).resolve().parents[1] / "estimators" / "LIMITS.md"
 FAILURES = {
-    "static_map": "static map", "load_step": "load step", "creep": "creep", "hand_over": "hand-over",
+    "static_map": "static map",
+    "load_step": "load step",
+    "creep": "creep",
+    "hand_over": "hand-over",
     "mission": "mission",
-}  # fmt: skip
+}
 WIDEST = 5  # tests side by side
 LEGEND = """\
 Each line is an estimator with its belief, saturated or linear. ✓ and ✗ say whether the goal beside them is met. ○ says
@@ -110,10 +113,14 @@ def kept() -> tuple[Protocol, str]:
     """Return the protocol that the JSON keeps, without its points, and when and by which code it was made."""
     found = json.loads((RESULTS / f"{NAME}.json").read_text(encoding="utf-8"))
     rows = [
-        Row(Unit(*(r[f.name] for f in fields(Unit))), Outcome((), r["metrics"], r["passed"]), r["cpu_seconds"],
-            r["failure"])
+        Row(
+            Unit(*(r[f.name] for f in fields(Unit))),
+            Outcome((), r["metrics"], r["passed"]),
+            r["cpu_seconds"],
+            r["failure"],
+        )
         for r in found["tests"]
-    ]  # fmt: skip
+    ]
     beside = found["peer"] and (found["peer"]["cpu_s_per_s"], found["peer"]["rms_deg"])
     return Protocol(tuple(rows), found["seed"], beside), stamp(found["date"], found["version"], found["commit"])
 

@@ -26,9 +26,11 @@ from sandbox.switched.bench_numbers import bench, quiet
 HOT, DEAD_TIME = 1.15, 2e-6
 SAMPLES = 1200
 CASES = (  # name, rotor, speed (rad/s mechanical), swing of the voltage (V)
-    ("locked_slow", "locked", 0.0, 25.0), ("locked_fast", "locked", 0.0, 15.0), ("driven_slow", "driven", 10.0, 20.0),
+    ("locked_slow", "locked", 0.0, 25.0),
+    ("locked_fast", "locked", 0.0, 15.0),
+    ("driven_slow", "driven", 10.0, 20.0),
     ("driven_fast", "driven", 60.0, 25.0),
-)  # fmt: skip
+)
 
 
 def drive():

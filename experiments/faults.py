@@ -50,14 +50,38 @@ true_factor.magnet_flux = { normal = [1.0, 0.02] }
 """
 CALLS = {
     "compare": ("compare", "--scenario", "s.toml", "--estimators", "qnull,ekf", "--out", "{}", "--quiet"),
-    "protocol": ("protocol", "--estimators", "qnull", "--motors", "ipm_exchanged", "--tests", "start,creep,load_step",
-                 "--jobs", "2", "--out", "{}", "--quiet"),
+    "protocol": (
+        "protocol",
+        "--estimators",
+        "qnull",
+        "--motors",
+        "ipm_exchanged",
+        "--tests",
+        "start,creep,load_step",
+        "--jobs",
+        "2",
+        "--out",
+        "{}",
+        "--quiet",
+    ),
     "sweep": ("sweep", "sweep.toml", "--jobs", "2", "--out", "{}", "--quiet"),
-    "make": ("withheld", "make", "{}", "--count", "4", "--kind", "controls", "--cycles", "practice", "--jobs", "2",
-             "--quiet"),
+    "make": (
+        "withheld",
+        "make",
+        "{}",
+        "--count",
+        "4",
+        "--kind",
+        "controls",
+        "--cycles",
+        "practice",
+        "--jobs",
+        "2",
+        "--quiet",
+    ),
     "diagnose": ("diagnose", "campaign", "--exclude", "EXCLUDED", "--jobs", "2", "--out", "{}", "--quiet"),
     "score": ("withheld", "score", "{}", "--jobs", "2", "--quiet"),
-}  # fmt: skip
+}
 CAMPAIGN = """
 [scenario]
 name = 'turning'
@@ -68,8 +92,17 @@ speed = 0.1
 load = 0.8
 ramp = 0.1
 """
-RECORDED = ("simulate", "--scenario", "c.toml", "--effects", "dead_time.time=2e-6", "--record", "campaign",
-            "--json-only", "--quiet")  # fmt: skip
+RECORDED = (
+    "simulate",
+    "--scenario",
+    "c.toml",
+    "--effects",
+    "dead_time.time=2e-6",
+    "--record",
+    "campaign",
+    "--json-only",
+    "--quiet",
+)
 CHECK = ("withheld", "make", "check", "--count", "2", "--kind", "controls", "--cycles", "practice", "--quiet")
 KEPT = {".json", ".parquet", ".toml", ".csv", ".sealed", ""}  # figures and traces hold the hour at which they were made
 OF_NOW = {*COSTS, "seconds", "seconds_over_60", "made_by", "made", "sha256"}  # of costs, and of a manifest with them
@@ -104,9 +137,14 @@ def start(name: str, home: Path, out: Path, paths: Sequence[Path] = ()) -> subpr
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [*paths, ROOT]))}
     heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731 - a background shell ignores it
     return subprocess.Popen(
-        [sys.executable, "-m", program, *words], cwd=home, env=environment, start_new_session=True,
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, preexec_fn=heard,
-    )  # fmt: skip
+        [sys.executable, "-m", program, *words],
+        cwd=home,
+        env=environment,
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        preexec_fn=heard,
+    )
 
 
 def finish(name: str, home: Path, out: Path) -> float:

@@ -97,12 +97,14 @@ def judge(name: str) -> tuple[dict[str, object], dict[str, np.ndarray]]:
     inner[[0, -1]] = inner[:, [0, -1]] = False
     scale = float(np.median(fd[2][inner]))
     numbers: dict[str, object] = {
-        "rated_current": rated, "rated_flux": rated_flux, "rated_torque": rated_torque,
+        "rated_current": rated,
+        "rated_flux": rated_flux,
+        "rated_torque": rated_torque,
         "held_out_points": int(held.sum()),
         "map_not_reciprocal_rms": _rms((fd[1] - np.gradient(full.psi_q, full.i_d, axis=0))[inner]) / scale,
         "map_torque_rms": float(np.sqrt(np.mean((torque - measured)[held] ** 2)) / rated_torque),
         "map_points_not_passive": int(np.sum(fd[0] * fd[2] - fd[1] ** 2 <= 0)) + int(np.sum(fd[0] <= 0)),
-    }  # fmt: skip
+    }
     for model, (psi_d, psi_q, *found) in carried(train, rated, x, y).items():
         valid = held & np.isfinite(psi_d)
         flux = np.hypot(psi_d - full.psi_d, psi_q - full.psi_q)

@@ -206,8 +206,11 @@ def main() -> None:
             aside.write_text(json.dumps({n: c.state() for n, c in counts.items()}, indent=1))
             aside.replace(options.state)
         k = count.kinds
-        print(f"{name:<10} {count.next:>7} inputs: {k['accepted']} let in, {k['refused']} refused, "
-              f"{k['escaped']} escaped; slowest {count.slowest:.1f} s", flush=True)  # fmt: skip
+        print(
+            f"{name:<10} {count.next:>7} inputs: {k['accepted']} let in, {k['refused']} refused, "
+            f"{k['escaped']} escaped; slowest {count.slowest:.1f} s",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -76,21 +76,25 @@ def ordered(found: list[Case]) -> list[tuple[Case, Case]]:
 def page(found: list[Case], date: str, made: str) -> str:
     """Return the result page."""
     lines = [
-        "# What is left of the gain?", "",
+        "# What is left of the gain?",
+        "",
         "The saturated belief of the front page has the plant's own parameters, and the plant has no dead time. This "
         "page takes that away: magnet flux, L_d, L_q and the five alphas of the belief are drawn, each evenly and on "
         f"its own, within ±{PERCENT:g} % ({DRAWS} draws), and the inverter has {1e6 * DEAD_TIME:g} µs of dead time "
         "that neither control nor estimator knows. The scenario is the staircase at standstill up to ±180 % load; the "
-        "estimate controls the drive.", "",
+        "estimate controls the drive.",
+        "",
         "- **linear, saturated**: rms over all loads of the mean position error (electrical degrees), of which half of "
         "the draws stay below; *95 %* is for the saturated belief.",
         "- **gain left**: how much of the way from the linear to the saturated belief is left, where both have the "
         "plant's own parameters and there is no dead time: 100 % where nothing is lost, 0 % where the error is that of "
-        "a linear belief. *95 % of draws* have at least so much left.", "",
-        f"Made by `python -m experiments.{NAME}`, {date}, {made}.", "",
+        "a linear belief. *95 % of draws* have at least so much left.",
+        "",
+        f"Made by `python -m experiments.{NAME}`, {date}, {made}.",
+        "",
         "| motor | estimator | belief known to, inverter | linear | saturated | 95 % | gain left | 95 % of draws |",
         "|---|---|---|--:|--:|--:|--:|--:|",
-    ]  # fmt: skip
+    ]
     for c, best in ordered(found):
         errors = " | ".join("–" if x is None else f"{x:.2f}°" for x in (c.linear, c.saturated, c.saturated_p95))
         left = (gain(c, best, c.saturated), gain(c, best, c.saturated_p95))

@@ -23,9 +23,10 @@ from sandbox.output.files import write_json
 RESULTS = Path(__file__).parent / "results"
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
 SCENE = Scenario(
-    "costs", (Segment(0.4), Segment(0.8, 1.0, ramp=0.2, settle=0.5), Segment(0.8, 1.0, 0.1, ramp=0.3, settle=0.5)),
+    "costs",
+    (Segment(0.4), Segment(0.8, 1.0, ramp=0.2, settle=0.5), Segment(0.8, 1.0, 0.1, ramp=0.3, settle=0.5)),
     "driven",
-)  # fmt: skip
+)
 
 
 def main() -> None:
@@ -50,9 +51,10 @@ def told() -> str:
     return textwrap.fill(
         "A driven rotor at standstill without load, at standstill with rated load, at 10 % speed with rated load, the "
         f"estimate in control. {READING} `sensorless compare --effects iron_loss.core_resistance=...` makes such a "
-        "table of your motor, and `--quiet-below`, `--loss-below` are limits of what it recommends.", 120,
+        "table of your motor, and `--quiet-below`, `--loss-below` are limits of what it recommends.",
+        120,
         initial_indent=" " * 20,
-    ).strip()  # fmt: skip
+    ).strip()
 
 
 def markdown(found: tuple[Standing, ...]) -> str:

@@ -21,9 +21,21 @@ from sandbox.replay.replay import Prepared, block_of, needs_of, prepare, run_blo
 
 SAMPLES, TIMES = 4000, 25
 NAMES = (
-    "LEG", "IRON", "SKIN", "FILTER", "ENERGY", "LINK", "MAGNETS", "COMMUTE", "ROUND", "WINDING", "DELAYED", "WOBBLE",
-    "SAMPLED", "CURVE",
-)  # fmt: skip
+    "LEG",
+    "IRON",
+    "SKIN",
+    "FILTER",
+    "ENERGY",
+    "LINK",
+    "MAGNETS",
+    "COMMUTE",
+    "ROUND",
+    "WINDING",
+    "DELAYED",
+    "WOBBLE",
+    "SAMPLED",
+    "CURVE",
+)
 ON = {
     "LEG": {"device_drop.threshold": 1.0, "device_drop.on_resistance": 0.05},
     "IRON": {"iron_loss.core_resistance": 500.0},

@@ -81,8 +81,18 @@ def recorded(home: Path, seconds: float) -> list[str]:
     """Return the call that records a run as a campaign, after writing its scenario."""
     (home / "motor.toml").write_text(motor(), encoding="utf-8")
     (home / f"s{seconds:g}.toml").write_text(scenario(seconds), encoding="utf-8")
-    return ["simulate", "--motor", "motor.toml", "--scenario", f"s{seconds:g}.toml", "--json-only",
-            "--record", f"r{seconds:g}", "--effects", "dead_time.time=2e-6"]  # fmt: skip
+    return [
+        "simulate",
+        "--motor",
+        "motor.toml",
+        "--scenario",
+        f"s{seconds:g}.toml",
+        "--json-only",
+        "--record",
+        f"r{seconds:g}",
+        "--effects",
+        "dead_time.time=2e-6",
+    ]
 
 
 def many(home: Path, count: int) -> Path:

@@ -127,8 +127,12 @@ def compared(found: dict[str, dict[str, Any]], maps: dict[str, Any]) -> list[dic
     for n in ORDERS:
         every = [maps[m][0][n] for m in MAPS]
         mean = complex(np.mean(every))
-        row: dict[str, Any] = {"order": n, "map": abs(mean), "map_spread": float(np.std(np.abs(every), ddof=1)),
-                               "map_phase": float(np.angle(mean))}  # fmt: skip
+        row: dict[str, Any] = {
+            "order": n,
+            "map": abs(mean),
+            "map_spread": float(np.std(np.abs(every), ddof=1)),
+            "map_phase": float(np.angle(mean)),
+        }
         for key, case in (("slow", "slow, without compensation"), ("spin", "spin-ups, without compensation")):
             own = next((o for o in found[case]["motion"]["orders"] if o["order"] == n), None)
             if own is not None:
@@ -170,8 +174,10 @@ def page(found: dict[str, Any], rows: list[dict[str, Any]], told: dict[str, floa
     lines += ["| order | map | slow turns | spin-ups | phase off, slow | phase off, spin-ups |"]
     lines += ["|--:|--:|--:|--:|--:|--:|"]
     for r in rows:
-        cells = [f"{r[k]:{form}}" if k in r else "–" for k, form in (
-            ("slow", ".3f"), ("spin", ".3f"), ("slow_phase_off", "+.2f"), ("spin_phase_off", "+.2f"))]  # fmt: skip
+        cells = [
+            f"{r[k]:{form}}" if k in r else "–"
+            for k, form in (("slow", ".3f"), ("spin", ".3f"), ("slow_phase_off", "+.2f"), ("spin_phase_off", "+.2f"))
+        ]
         lines.append(f"| {r['order']} | {r['map']:.3f} ± {r['map_spread']:.3f} | {' | '.join(cells)} |")
     return "\n".join([*lines, "", BELIEVE.format(**{**told, "inertia": 1e4 * told["inertia"]})])
 
@@ -187,9 +193,11 @@ def main() -> None:
     runs = {w: [np.load(data / "slow2" / f"{w}_{k}.npy") for k in range(3)] for w in ("nocomp", "comp")}
     forward, back = np.mean([maps[m][1] for m in MAPS]), np.mean([maps[m][1] for m in ("e_16r", "rev_16")])
     told = {
-        "friction": float(forward - back) / 2.0, "inertia": spin_up_inertia(data),
-        "ripple_without": ripple(runs["nocomp"]), "ripple_with": ripple(runs["comp"]),
-    }  # fmt: skip
+        "friction": float(forward - back) / 2.0,
+        "inertia": spin_up_inertia(data),
+        "ripple_without": ripple(runs["nocomp"]),
+        "ripple_with": ripple(runs["comp"]),
+    }
     drawn, axes = new_figure(1, 2, 4.6, 3.4)
     place = np.arange(len(rows))
     for k, (key, colour) in enumerate((("map", "0.5"), ("slow", COLOURS["model"]), ("spin", COLOURS["first"]))):
@@ -202,11 +210,18 @@ def main() -> None:
         a.legend(fontsize=8)
     axes[0, 1].axhline(0.0, color="0.3", linewidth=0.8)
     keep = {
-        name: {"verdict": case["verdict"], "before": case["gap"]["before"], "after": case["gap"]["after"],
-               "hypothesis": case["hypotheses"][0], "orders": case["motion"]["orders"],
-               "inertia": case["motion"]["inertia"], "cannot": case["motion"]["cannot"], "cost": case["cost"]}
+        name: {
+            "verdict": case["verdict"],
+            "before": case["gap"]["before"],
+            "after": case["gap"]["after"],
+            "hypothesis": case["hypotheses"][0],
+            "orders": case["motion"]["orders"],
+            "inertia": case["motion"]["inertia"],
+            "cannot": case["motion"]["cannot"],
+            "cost": case["cost"],
+        }
         for name, case in found.items()
-    }  # fmt: skip
+    }
     save("odrive_cogging", {"cases": keep, "orders": rows, "told": told}, drawn)
     text = page(found, rows, told)
     (RESULTS / "odrive_cogging.md").write_text(text, encoding="utf-8")

@@ -102,7 +102,7 @@ RUNS = (
     Run("driven_fast.parquet", "driven", 0.4, stairs(GRID, 0.05), lambda t: 100.0),
     Run("free.parquet", "free", 0.8, stairs([(20.0, 0.0), (60.0, 0.0), (60.0, 8.0), (-30.0, 3.0)], 0.2)),
     Run("free_fast.parquet", "free", 0.8, stairs([(90.0, 0.0), (90.0, 10.0), (50.0, -6.0), (100.0, 0.0)], 0.2)),
-)  # fmt: skip
+)
 
 
 class Control:
@@ -185,9 +185,14 @@ def recorded(run: Run, case: Case, seed: int) -> CampaignRecording:
     converter = model.VoltageSourceConverter(None if case.bridge else LINK, t_d=case.dead_time)
     bus = model.DiodeBridgeDCBus(235e-6, 2e-3, 400.0, 50.0, [converter]) if case.bridge else None
     plant = model.Drive(
-        model.SynchronousMachine(par), shaft, converter, dc_bus=bus, pwm=True, delay=case.delay,
+        model.SynchronousMachine(par),
+        shaft,
+        converter,
+        dc_bus=bus,
+        pwm=True,
+        delay=case.delay,
         single_update=not case.double,
-    )  # fmt: skip
+    )
     plant.pwm = CarrierComparison(case.levels, case.dead_time)
     if case.delay:
         plant.delay.data = [[0.5, 0.5, 0.5] for _ in range(case.delay)]

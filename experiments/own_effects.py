@@ -52,8 +52,9 @@ def row(name: str, folder: Path) -> str:
         cells.append(f"{', '.join(best['effects']) or 'none'} ({best['probability']:.2f}), {found['verdict']}")
     values = [
         f"{p} {v['value']:.3g} [{v['ci95'][0]:.3g}, {v['ci95'][1]:.3g}], true {TRUE[name][p]:.3g}"
-        for p, v in best["parameters"].items() if p in TRUE[name]
-    ]  # fmt: skip
+        for p, v in best["parameters"].items()
+        if p in TRUE[name]
+    ]
     return "| " + " | ".join([*cells, "; ".join(values), f"{found['gap']['after']:.2f}"]) + " |"
 
 

@@ -22,9 +22,15 @@ EIGHTH = 0.125  # s
 NAMES = ("qnull", "inversion", "ekf")
 PEER = (0.04, 2.45, 1.21, 0.28, 0.29, 0.29, 1.05, 2.53)  # motulator 0.18, mean voltage, degrees
 WHAT = (
-    "at rest", "load steps up", "**speed steps up**", "speed ramps down", "speed ramps on", "speed is held",
-    "**speed steps to zero**", "load steps off",
-)  # fmt: skip
+    "at rest",
+    "load steps up",
+    "**speed steps up**",
+    "speed ramps down",
+    "speed ramps on",
+    "speed is held",
+    "**speed steps to zero**",
+    "load steps off",
+)
 RAMPS = (0.0, 0.002, 0.005, 0.01, 0.02)  # s, of the speed's reference where it stepped
 
 

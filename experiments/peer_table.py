@@ -44,7 +44,7 @@ WHAT = {  # name: what is run, what it has, what it leaves out
     "exciting-environments": (PLANT, "JAX, one Euler step of 100 us", "PWM edges, saturation here, mechanics, effects"),
     "exciting-environments, 1000 at once": (PLANT, "the same, a thousand side by side", "the same"),
     "gym-electric-motor": (PLANT, "Python, one step of 100 us", "PWM edges here, saturation, position estimators"),
-}  # fmt: skip
+}
 
 
 class Peer(NamedTuple):
@@ -93,8 +93,9 @@ def markdown(peers: list[Peer]) -> str:
         f"{datetime.date.today()}, one core of {processor()}, all in one run. Closed loop: motulator's 2.2 kW example, "
         "a linear motor, square-wave injection at 4 kHz, a speed reversal of 4 s; error: rms after the first eighth. "
         "Plant alone: no control; models differ, see what each leaves out. CPU seconds a simulated second; "
-        f"{os.getloadavg()[0]:.0f} programs shared {os.cpu_count()} cores, so a quiet machine needs less.", 120,
-    )  # fmt: skip
+        f"{os.getloadavg()[0]:.0f} programs shared {os.cpu_count()} cores, so a quiet machine needs less.",
+        120,
+    )
     rows = ["| simulator | run | CPU s/s | error ° | model | left out |", "|---|---|--:|--:|---|---|"]
     for name, (kind, has, lacks) in WHAT.items():
         for p in (p for p in peers if p.name == name):

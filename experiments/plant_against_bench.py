@@ -148,8 +148,10 @@ def grown(drive: Drive, prepared: Prepared, effects: Mapping[str, float]) -> lis
     median, of the samples judged."""
     resistance = dict(effects).get("stator_resistance.resistance", drive.motor.resistance)
     changed = {**effects, "stator_resistance.resistance": resistance * (1.0 + MILLIONTH)}
-    trace = [np.linalg.norm(i[SETTLED:, :, 1] - i[SETTLED:, :, 0], axis=1) for i in
-             replay(prepared, [effects, changed]).currents]  # fmt: skip
+    trace = [
+        np.linalg.norm(i[SETTLED:, :, 1] - i[SETTLED:, :, 0], axis=1)
+        for i in replay(prepared, [effects, changed]).currents
+    ]
     return [float(t.max() / np.median(t)) for t in trace]
 
 
@@ -185,14 +187,15 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the results as Markdown."""
     names = [f"{rotor} {speed:g}" if rotor == "driven" else rotor for rotor, speed in CASES]
     lines = [
-        "# The plant against the switched bench", "",
+        "# The plant against the switched bench",
+        "",
         f"Written by `python -m experiments.plant_against_bench` on {date.today().isoformat()}: rms difference of "
         "sampled currents over rated current, ppm (driven: rad/s electrical), steps a period as `prepare` chooses; "
         f"encoder of {COUNTS} counts, so that its counts do not show. "
         f"Above {LARGEST * 1e6:.0f} ppm the reason stands below. The last three columns: the free rotor left alone, "
         "as the closed loop moves it, nothing correcting it: rms difference of the currents (ppm of rated current), of "
         "the angle (thousandths of a degree, electrical) and of the speed (ppm of rated speed).",
-    ]  # fmt: skip
+    ]
     more = ("alone: current", "angle", "speed")
     for motor, rows in results.items():
         lines += [

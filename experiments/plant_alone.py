@@ -35,9 +35,13 @@ class Left(NamedTuple):
 
 
 def alone(
-    drive: Drive, recording: CampaignRecording, motion: Motion, effects: Mapping[str, float], settled: int,
+    drive: Drive,
+    recording: CampaignRecording,
+    motion: Motion,
+    effects: Mapping[str, float],
+    settled: int,
     finer: float = 1.0,
-) -> Left:  # fmt: skip
+) -> Left:
     """Return how far the plant is from a free recording of the bench and the motion that the bench's encoder reads.
 
     settled: samples at the beginning that do not count; finer: so many times shorter steps than a closed loop's.

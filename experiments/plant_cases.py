@@ -13,11 +13,18 @@ from model.spline import SplineEnergy
 
 OUT = Path(__file__).parent / "results" / "plant"
 PAIRS = (
-    ("dead_time", "pwm_delay"), ("dead_time", "iron_loss"), ("dead_time", "device_drop"),
-    ("dead_time", "current_filter"), ("iron_loss", "current_filter"), ("pwm_delay", "current_filter"),
-    ("flux_harmonics", "inductance_harmonics"), ("skin_effect", "current_sampling"),
-    ("dc_link_error", "dc_link_ripple"), ("dc_link_error", "pwm_delay"), ("encoder_eccentricity", "cogging_torque"),
-)  # fmt: skip
+    ("dead_time", "pwm_delay"),
+    ("dead_time", "iron_loss"),
+    ("dead_time", "device_drop"),
+    ("dead_time", "current_filter"),
+    ("iron_loss", "current_filter"),
+    ("pwm_delay", "current_filter"),
+    ("flux_harmonics", "inductance_harmonics"),
+    ("skin_effect", "current_sampling"),
+    ("dc_link_error", "dc_link_ripple"),
+    ("dc_link_error", "pwm_delay"),
+    ("encoder_eccentricity", "cogging_torque"),
+)
 SEVERAL = {
     "flux_harmonics.2": ("psi_d", "psi_q"),
     "inductance_harmonics.2": ("gamma",),

@@ -150,12 +150,13 @@ def table(results: Mapping[str, Mapping[str, list[dict[str, Any]]]]) -> str:
     """Return the results as Markdown."""
     names = [f"{rotor} {speed:g}" if speed else rotor for rotor, speed in CASES]
     lines = [
-        "# Energy balance of the plant", "",
+        "# Energy balance of the plant",
+        "",
         f"Written by `python -m experiments.plant_energy` on {date.today().isoformat()}. Energy in less losses, "
         f"work and change of what is stored over {PERIODS} periods, with {STEPS[0]} and {STEPS[-1]} steps a period (ppm"
         f" of the largest of these terms), and the order of convergence between {STEPS[-2]} and {STEPS[-1]} steps "
         "(a dash: nothing left to tell). Numbers beside a rotor: rad/s electrical, of a free one at the beginning.",
-    ]  # fmt: skip
+    ]
     for motor, rows in results.items():
         lines += ["", f"## {motor}", "", f"| effects | {' | '.join(names)} |", "|---|" + "---|" * len(names)]
         lines += [f"| {title} | {' | '.join(map(cell, found))} |" for title, found in rows.items()]

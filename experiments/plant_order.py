@@ -83,14 +83,15 @@ def table(
     """Return the results as Markdown."""
     names = [f"{rotor} {speed:g}" if rotor == "driven" else rotor for rotor, speed in CASES]
     lines = [
-        "# Order of convergence of the plant", "",
+        "# Order of convergence of the plant",
+        "",
         f"Written by `python -m experiments.plant_order` on {date.today().isoformat()}. Error with 1 and with "
         f"{STEPS[-1]} steps a period (rms of the sampled currents over rated current, ppm; against {BEST} steps), and "
         f"the order of convergence between {STEPS[-2]} and {STEPS[-1]} steps (a dash: nothing left to tell). "
         "An order near 0: edges lie so close together that these steps do not cut what lies between them. "
         "Neutral effects: a plain set beside one with the effect on, for both of which the plant then does what the "
         "effect needs, against the plain set alone; the same to the bit but for those named.",
-    ]  # fmt: skip
+    ]
     for motor, by_title in results.items():
         left = ", ".join(f"{name} ({x:.1g} of rated current)" for name, x in moved[motor].items()) or "none"
         lines += ["", f"## {motor}", "", f"Moved by an effect that is on in the lane beside: {left}.", ""]

@@ -141,7 +141,7 @@ CASES: dict[str, Case] = {
         "`unknown` beside it, and J = 1.42. Recordings at one link voltage cannot tell what share of it is dead time. "
         "J held out is above 1 where a recording goes to currents that the others do not.",
     ),
-}  # fmt: skip
+}
 
 
 EXPLAINED = """Each row is a drive or a machine that others measured or computed. *Published* is what is known of it

@@ -34,9 +34,15 @@ Array = NDArray[np.float64]
 
 SAMPLES, SEED, FINE, COUNTS = 900, 1, 8, 1 << 14
 EFFECTS = (
-    "dead_time", "device_drop", "pwm_delay", "current_filter", "skin_effect", "iron_loss", "saturation",
+    "dead_time",
+    "device_drop",
+    "pwm_delay",
+    "current_filter",
+    "skin_effect",
+    "iron_loss",
+    "saturation",
     "flux_harmonics",
-)  # fmt: skip
+)
 # stated of every drive; the plants have none of them
 UNCERTAINTY = {"resistance": 0.01, "magnet_flux": 0.01, "inductance_d": 0.01, "inductance_q": 0.01}
 BACKGROUND = {"current_gain": 0.0015, "current_offset": 0.005, "encoder_offset": 0.002, "dead_time": 4e-8}

@@ -45,8 +45,11 @@ def scores(answers: Any, truth: str) -> dict[str, float]:
     d = answers.diagnosis
     of_truth = sum(h.probability for h in d.hypotheses if h.effects == (truth,))
     place = answers.where[0].subsystem if answers.where else ""
-    return {"probability of the truth": of_truth, "share closed": float(d.size.closed or 0.0),
-            "first place is the inverter": float(place == "inverter")}  # fmt: skip
+    return {
+        "probability of the truth": of_truth,
+        "share closed": float(d.size.closed or 0.0),
+        "first place is the inverter": float(place == "inverter"),
+    }
 
 
 def worse(kept: Mapping[str, Any], kind: str, own: Mapping[str, float]) -> list[str]:
@@ -148,11 +151,12 @@ def main() -> None:
         own = entries[-1] | {"made": f"{made}; cost {today}", "cost": measured_costs()}
     else:
         own = {
-            "version": version(), "made": today,
+            "version": version(),
+            "made": today,
             "position": spread([compared(s) for s in SEEDS]),
             "diagnosis": spread([diagnosed(s) for s in DRAWS]),
             "cost": measured_costs(),
-        }  # fmt: skip
+        }
     entries = [e for e in entries if e["version"] != own["version"]] + [own]
     KEPT.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
     lines = ["# Releases", "", "By `python -m experiments.releases`.", "", *table(entries)]

@@ -60,9 +60,12 @@ def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, c
 
 
 OF_MOTOR = {  # what a truth calls the motor's values, and the parameters that replace the stated ones
-    "R": "stator_resistance.resistance", "phim": "magnet_flux.magnet_flux", "J": "inertia.inertia",
-    "B": "viscous_friction.coefficient", **{f"a{n}": f"saturation.alpha_{n}" for n in ("30", "12", "40", "22", "04")},
-}  # fmt: skip
+    "R": "stator_resistance.resistance",
+    "phim": "magnet_flux.magnet_flux",
+    "J": "inertia.inertia",
+    "B": "viscous_friction.coefficient",
+    **{f"a{n}": f"saturation.alpha_{n}" for n in ("30", "12", "40", "22", "04")},
+}
 
 
 def true_set(truth: Mapping[str, Any], motor: Motor) -> dict[str, float]:

@@ -135,40 +135,74 @@ COST = [
     Goal("CPU seconds, 99th percentile", None, 60.0, lambda rows: quantile([r["cpu"] for r in rows], 0.99)),
 ]
 GOALS: dict[str, tuple[str, list[Goal]]] = {
-    "none": ("no effect (controls)", [
-        Goal("an effect is named although there is none", None, 0.01, of_share(false_names)),
-        Goal("`unknown` has more than one half although there is nothing", None, 0.05,
-             of_share(lambda r: r["found"].get("unknown", 1.0) > NAMED)),
-    ]),
-    "one": ("one effect of half the medium size and more", [
-        Goal("library's form: the first set is the truth", 0.98, None, of_share(right, form("library"))),
-        Goal("another form: the true name is the most probable one", 0.90, None,
-             of_share(lambda r: leading(r) in truth_of(r), form("own"))),
-        Goal("another form: a false name above one half", None, 0.05, of_share(false_names, form("own"))),
-    ]),
-    "several": ("two or three effects", [
-        Goal("the first set is the truth", 0.90, None, of_share(right)),
-        Goal("Brier score of first sets less that of a constant", None, 0.0, brier),
-    ]),
-    "many": ("four to ten effects", [
-        Goal("mean F1 of named effects", 0.94, None, lambda rows: mean([f1(r) for r in rows])),
-        Goal("Brier score of first sets less that of a constant", None, 0.0, brier),
-    ]),
-    "outside": ("a cause outside the library, alone or beside one inside", [
-        Goal("`unknown` has more than one half", 0.97, None, of_share(noticed)),
-        Goal("a false name above one half", None, 0.10, of_share(false_names)),
-    ]),
-    "all": ("all campaigns", [
-        Goal("the 95 % set of sets holds the truth", 0.93, 0.97,
-             of_share(lambda r: truth_of(r) in [frozenset(s) for s in r["found"].get("in_set", [])])),
-        Goal("mean log of the chance given to the true set", None, None,
-             lambda rows: mean([math.log(max(LEAST, listed(r))) for r in rows])),
-        Goal("intervals hold the true size (1.96 deviations)", 0.93, 0.97, within(1.96)),
-        Goal("... within five deviations", 0.998, None, within(5.0)),
-        Goal("naming effects raised J on recordings held out", None, 0.02, of_share(raised)),
-        *COST,
-    ]),
-}  # fmt: skip
+    "none": (
+        "no effect (controls)",
+        [
+            Goal("an effect is named although there is none", None, 0.01, of_share(false_names)),
+            Goal(
+                "`unknown` has more than one half although there is nothing",
+                None,
+                0.05,
+                of_share(lambda r: r["found"].get("unknown", 1.0) > NAMED),
+            ),
+        ],
+    ),
+    "one": (
+        "one effect of half the medium size and more",
+        [
+            Goal("library's form: the first set is the truth", 0.98, None, of_share(right, form("library"))),
+            Goal(
+                "another form: the true name is the most probable one",
+                0.90,
+                None,
+                of_share(lambda r: leading(r) in truth_of(r), form("own")),
+            ),
+            Goal("another form: a false name above one half", None, 0.05, of_share(false_names, form("own"))),
+        ],
+    ),
+    "several": (
+        "two or three effects",
+        [
+            Goal("the first set is the truth", 0.90, None, of_share(right)),
+            Goal("Brier score of first sets less that of a constant", None, 0.0, brier),
+        ],
+    ),
+    "many": (
+        "four to ten effects",
+        [
+            Goal("mean F1 of named effects", 0.94, None, lambda rows: mean([f1(r) for r in rows])),
+            Goal("Brier score of first sets less that of a constant", None, 0.0, brier),
+        ],
+    ),
+    "outside": (
+        "a cause outside the library, alone or beside one inside",
+        [
+            Goal("`unknown` has more than one half", 0.97, None, of_share(noticed)),
+            Goal("a false name above one half", None, 0.10, of_share(false_names)),
+        ],
+    ),
+    "all": (
+        "all campaigns",
+        [
+            Goal(
+                "the 95 % set of sets holds the truth",
+                0.93,
+                0.97,
+                of_share(lambda r: truth_of(r) in [frozenset(s) for s in r["found"].get("in_set", [])]),
+            ),
+            Goal(
+                "mean log of the chance given to the true set",
+                None,
+                None,
+                lambda rows: mean([math.log(max(LEAST, listed(r))) for r in rows]),
+            ),
+            Goal("intervals hold the true size (1.96 deviations)", 0.93, 0.97, within(1.96)),
+            Goal("... within five deviations", 0.998, None, within(5.0)),
+            Goal("naming effects raised J on recordings held out", None, 0.02, of_share(raised)),
+            *COST,
+        ],
+    ),
+}
 
 
 def bound(goal: Goal) -> str:

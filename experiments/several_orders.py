@@ -25,15 +25,24 @@ from sandbox.withheld.making.make import campaign_of
 
 SEED = 777
 FLUX = {  # of the magnet flux
-    "flux_harmonics.psi_d6": 0.01, "flux_harmonics.psi_q6": 0.006, "flux_harmonics.2.psi_d": 0.004,
-    "flux_harmonics.2.psi_q": -0.003, "flux_harmonics.3.psi_d": 0.003,
-}  # fmt: skip
+    "flux_harmonics.psi_d6": 0.01,
+    "flux_harmonics.psi_q6": 0.006,
+    "flux_harmonics.2.psi_d": 0.004,
+    "flux_harmonics.2.psi_q": -0.003,
+    "flux_harmonics.3.psi_d": 0.003,
+}
 TORQUE = {  # of the rated torque
-    "cogging_torque.amplitude": 0.03, "cogging_torque.2.amplitude": 0.015, "cogging_torque.3.amplitude": 0.02,
-}  # fmt: skip
+    "cogging_torque.amplitude": 0.03,
+    "cogging_torque.2.amplitude": 0.015,
+    "cogging_torque.3.amplitude": 0.02,
+}
 SLOTS = {  # of the scales on the effect's card: 1 / L_d, and rated current over the square of its flux
-    "back": 0.01, "alpha_30": 0.02, "alpha_12": -0.02, "alpha_21": 0.02, "alpha_03": 0.015,
-}  # fmt: skip
+    "back": 0.01,
+    "alpha_30": 0.02,
+    "alpha_12": -0.02,
+    "alpha_21": 0.02,
+    "alpha_03": 0.015,
+}
 
 
 def planted(name: str, drawn: Drawn) -> dict[str, float]:
@@ -47,24 +56,32 @@ def planted(name: str, drawn: Drawn) -> dict[str, float]:
         return {**sizes, "flux_harmonics.2.order": 12.0}
     if name == "inductance 18, growing with the current":
         part = {p.name: p for p in load_effect("inductance_harmonics").part(2).parameters}
-        sizes = {k: x / part[k].typical * part[k].typical_for(drawn.true.motor, drawn.true.converter)
-                 for k, x in SLOTS.items()}  # fmt: skip
+        sizes = {
+            k: x / part[k].typical * part[k].typical_for(drawn.true.motor, drawn.true.converter)
+            for k, x in SLOTS.items()
+        }
         return {f"inductance_harmonics.2.{k}": x for k, x in sizes.items()} | {"inductance_harmonics.2.order": 18.0}
     shapes = {
-        "cogging_torque.order_mech": 18.0, "cogging_torque.phase": 0.7, "cogging_torque.2.order_mech": 36.0,
-        "cogging_torque.2.phase": -1.1, "cogging_torque.3.order_mech": 4.0, "cogging_torque.3.phase": 2.0,
-    }  # fmt: skip
+        "cogging_torque.order_mech": 18.0,
+        "cogging_torque.phase": 0.7,
+        "cogging_torque.2.order_mech": 36.0,
+        "cogging_torque.2.phase": -1.1,
+        "cogging_torque.3.order_mech": 4.0,
+        "cogging_torque.3.phase": 2.0,
+    }
     return {k: x * torque for k, x in TORQUE.items()} | shapes
 
 
 CASES = ("flux 6, 12, 18", "flux 12", "cogging 4, 18, 36", "inductance 18, growing with the current")
 HEAD = [
-    "# Several orders at once", "",
+    "# Several orders at once",
+    "",
     "By `python -m experiments.several_orders`. *Planted* is what the bench has, *found* what the diagnosis says, each "
     "after its order. Flux in Wb, torque in N m, phase in rad; `gamma`, `back` and `pulse` in 1/H, `alpha` in A/Wb².",
-    "", "| on the bench | hypothesis | J held out | planted | found | simulations | date |",
+    "",
+    "| on the bench | hypothesis | J held out | planted | found | simulations | date |",
     "|---|---|---|---|---|--:|---|",
-]  # fmt: skip
+]
 
 
 def recorded(name: str) -> tuple[Campaign, dict[str, float]]:
@@ -95,10 +112,12 @@ def row(name: str) -> str:
     d: Diagnosis = diagnose(campaign, workers=1, report=lambda words: print(f"{name}: {words}", flush=True))
     found = {k: e.value for k, e in d.parameters[0].items()}
     cells = [
-        name, f"{' + '.join(d.best.effects)} ({d.best.probability:.3f}), {verdict(d)}",
+        name,
+        f"{' + '.join(d.best.effects)} ({d.best.probability:.3f}), {verdict(d)}",
         f"{d.size.before:.2f} → {d.size.after:.3f}",
-        *("; ".join(f"{n:g}: {told}" for n, told in by_order(x)) for x in (own, found)), str(d.simulations),
-    ]  # fmt: skip
+        *("; ".join(f"{n:g}: {told}" for n, told in by_order(x)) for x in (own, found)),
+        str(d.simulations),
+    ]
     return "| " + " | ".join(cells) + " |"
 
 

@@ -103,9 +103,14 @@ def main() -> None:
     folder = parser.parse_args().check
     header = opened(folder)
     listed = cases(
-        len(header["campaigns"]), header["seed"], header["kind"], header["style"], header["outside"], header["sizes"],
+        len(header["campaigns"]),
+        header["seed"],
+        header["kind"],
+        header["style"],
+        header["outside"],
+        header["sizes"],
         Maps(*header.get("maps", ())),
-    )  # fmt: skip
+    )
     rows = kept(folder / ROWS)
     for case in listed:
         known = case.name in {r.campaign for r in rows}
@@ -141,15 +146,22 @@ def told(rows: list[Row]) -> None:
     figure, axes = new_figure()
     a = axes[0, 0]
     a.errorbar(
-        [r.true for r in rows], stated, [stated - [r.low for r in rows], [r.high for r in rows] - stated],
-        [abs(r.last - r.first) / 2 for r in rows], ".", color=COLOURS["model"], ecolor="0.75", elinewidth=0.8,
-    )  # fmt: skip
+        [r.true for r in rows],
+        stated,
+        [stated - [r.low for r in rows], [r.high for r in rows] - stated],
+        [abs(r.last - r.first) / 2 for r in rows],
+        ".",
+        color=COLOURS["model"],
+        ecolor="0.75",
+        elinewidth=0.8,
+    )
     a.plot([0.0, 1.0], [0.0, 1.0], color="0.4", linewidth=0.8)
     a.set(xlabel="share that vanishes with the effect (last to first place)", ylabel="stated share (95 % interval)")
     a.set_title(
         f"rms {found['rms_true']:.3f} (mean of last and first place);\n"
-        f"stated to vanish with the effect alone: rms {found['rms_alone']:.3f}; n = {found['n']} effects", fontsize=8,
-    )  # fmt: skip
+        f"stated to vanish with the effect alone: rms {found['rms_alone']:.3f}; n = {found['n']} effects",
+        fontsize=8,
+    )
     save("shares_truth", {**found, "rows": [r._asdict() for r in rows]}, figure)
     print({k: v if v is None else round(v, 3) for k, v in found.items()})
 

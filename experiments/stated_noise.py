@@ -48,10 +48,18 @@ def row(name: str, put_in: list[str], share: float, d: Diagnosis) -> dict[str, A
     """Return what is kept of a diagnosis."""
     assert d.noise is not None
     return {
-        "campaign": name, "put_in": put_in, "stated_share": share, "verdict": verdict(d),
-        "first": list(d.best.effects), "probability": d.best.probability, "unknown": unknown_of(d),
-        "before": d.size.before, "after": d.size.after, "noise": d.noise._asdict(), "caution": d.caution,
-    }  # fmt: skip
+        "campaign": name,
+        "put_in": put_in,
+        "stated_share": share,
+        "verdict": verdict(d),
+        "first": list(d.best.effects),
+        "probability": d.best.probability,
+        "unknown": unknown_of(d),
+        "before": d.size.before,
+        "after": d.size.after,
+        "noise": d.noise._asdict(),
+        "caution": d.caution,
+    }
 
 
 def main(folder: Path) -> None:
@@ -68,10 +76,17 @@ def main(folder: Path) -> None:
             print(name, share, rows[-1]["first"], flush=True)
     heads = ["campaign", "stated", "first", "probability", "P(unknown)", "used / stated", "caution"]
     cells = [
-        [r["campaign"], f"{r['stated_share']:g}", " + ".join(r["first"]) or "no gap", f"{r['probability']:.3f}",
-         f"{r['unknown']:.4f}", f"{r['noise']['used'] / r['noise']['stated']:.3f}", "yes" if r["caution"] else "no"]
+        [
+            r["campaign"],
+            f"{r['stated_share']:g}",
+            " + ".join(r["first"]) or "no gap",
+            f"{r['probability']:.3f}",
+            f"{r['unknown']:.4f}",
+            f"{r['noise']['used'] / r['noise']['stated']:.3f}",
+            "yes" if r["caution"] else "no",
+        ]
         for r in rows
-    ]  # fmt: skip
+    ]
     print_table("answers where noise is stated wrongly", heads, cells)
 
 

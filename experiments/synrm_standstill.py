@@ -58,7 +58,7 @@ def main() -> None:
             "current_rms_error_second_half": np.hypot(_rms((out[:, 0] - i_d)[later]), _rms((out[:, 1] - i_q)[later])),
             "current_rms": np.sqrt(np.mean(i_d**2 + i_q**2)),
             "largest_current": largest,
-        }  # fmt: skip
+        }
         numbers[name] |= flux_error(m, psi_d[later], psi_q[later], i_d[later], i_q[later])  # type: ignore[operator]
         for k, c in enumerate("dq"):
             if np.any((i_d, i_q)[k]):

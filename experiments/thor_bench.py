@@ -21,11 +21,14 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 PERIOD, LINK, NOISE, COUNTS = 1e-4, 540.0, 0.02, 1 << 16
 SAMPLES, FINE = 3000, 4
 CASES = (  # name, electrical speed (rad/s), angle of a locked rotor (rad), middle and swing of i_d and i_q (A)
-    ("locked_a", 0.0, 0.2, -8.0, 7.0, 9.0, 7.0), ("locked_b", 0.0, 1.1, -5.0, 5.0, 11.0, 6.0),
-    ("locked_c", 0.0, 2.5, -9.0, 6.0, 10.0, 8.0), ("driven_1", 40.0, 0.0, -8.0, 6.0, 10.0, 6.0),
-    ("driven_2", 120.0, 0.0, -6.0, 5.0, 11.0, 8.0), ("driven_3", 250.0, 0.0, -10.0, 5.0, 10.0, 5.0),
+    ("locked_a", 0.0, 0.2, -8.0, 7.0, 9.0, 7.0),
+    ("locked_b", 0.0, 1.1, -5.0, 5.0, 11.0, 6.0),
+    ("locked_c", 0.0, 2.5, -9.0, 6.0, 10.0, 8.0),
+    ("driven_1", 40.0, 0.0, -8.0, 6.0, 10.0, 6.0),
+    ("driven_2", 120.0, 0.0, -6.0, 5.0, 11.0, 8.0),
+    ("driven_3", 250.0, 0.0, -10.0, 5.0, 10.0, 5.0),
     ("driven_4", 75.0, 0.0, -7.0, 6.0, 10.0, 8.0),
-)  # fmt: skip
+)
 
 
 def nominal(thor: Thor) -> Motor:
@@ -43,9 +46,18 @@ def nominal(thor: Thor) -> Motor:
     x = np.linalg.lstsq(rows, np.r_[i_d[own], i_q[own]], rcond=None)[0]
     torque = float(np.max(thor.torque.mean(2)[own]))
     return Motor(
-        "thor", thor.pole_pairs, thor.resistance, magnet, 1.0 / x[0], 1.0 / x[1], 0.005, RATED_CURRENT, torque,
-        60.0 * RATED_FREQUENCY / thor.pole_pairs, *(float(a) for a in x[2:]),
-    )  # fmt: skip
+        "thor",
+        thor.pole_pairs,
+        thor.resistance,
+        magnet,
+        1.0 / x[0],
+        1.0 / x[1],
+        0.005,
+        RATED_CURRENT,
+        torque,
+        60.0 * RATED_FREQUENCY / thor.pole_pairs,
+        *(float(a) for a in x[2:]),
+    )
 
 
 class Tables:

@@ -125,8 +125,10 @@ def main() -> None:
     tables, residual = of_tables(table), of_residual()
     for n, row in tables.items():
         degrees = ", ".join(f"{row[f'degree_{k}']:.0%}" for k in (1, 2, 3))
-        print(f"order {n}: {1e3 * row['rms_Wb']:.2f} mWb rms, a constant explains {row['constant']:.0%}, "
-              f"even energies of degree 1, 2, 3 {degrees}")  # fmt: skip
+        print(
+            f"order {n}: {1e3 * row['rms_Wb']:.2f} mWb rms, a constant explains {row['constant']:.0%}, "
+            f"even energies of degree 1, 2, 3 {degrees}"
+        )
     print("of the residual's excess: " + ", ".join(f"order {n} {share:.1%}" for n, share in residual.items()))
     case = json.loads((RESULTS / "real_cases.json").read_text())["cases"]["thor_own_map"]
     named = of_diagnosis(table, case["parameters"])

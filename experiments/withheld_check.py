@@ -62,7 +62,10 @@ class Check(NamedTuple):
 CHECKS = {
     "mixed": Check(
         "Campaigns with one to three effects, none, or one outside",
-        "mixed", 100, 20262801, options=("--leave-out", "1", "--baselines"),
+        "mixed",
+        100,
+        20262801,
+        options=("--leave-out", "1", "--baselines"),
     ),
     "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 20, 20262805),
     "many": Check("Campaigns of four to ten effects at once", "many", 30, 20262803, options=("--baselines",)),
@@ -71,7 +74,7 @@ CHECKS = {
     ),
     "controls": Check("Controls without a gap", "controls", 300, 20262802),
     "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
-}  # fmt: skip
+}
 
 
 def sensorless(*arguments: object) -> None:

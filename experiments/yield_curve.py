@@ -104,23 +104,32 @@ def scaling() -> dict[str, Any]:
 def page(content: dict[str, Any]) -> str:
     """Return the result page as markdown."""
     lines = [
-        f"# Yield: {content['points']} motors within their tolerances, {content['runs']} runs", "",
+        f"# Yield: {content['points']} motors within their tolerances, {content['runs']} runs",
+        "",
         "A factory builds many motors of one type, and no two of them are quite alike. One drive, designed for the "
-        "nominal motor, has to serve them all. How many of these drives err by less than x degrees?", "",
-        "![Share of drives that err less than x degrees](yield_curve.svg)", "",
+        "nominal motor, has to serve them all. How many of these drives err by less than x degrees?",
+        "",
+        "![Share of drives that err less than x degrees](yield_curve.svg)",
+        "",
         "Each motor runs four times: two estimators, each with a linear and with a saturated belief. The belief is "
         "that of the nominal motor. The error is the size of a run's mean position error, in electrical degrees. A "
-        "drive that loses lock, or has no result, counts as worse than any error.", "",
+        "drive that loses lock, or has no result, counts as worse than any error.",
+        "",
         "| estimator, belief | half err less than | **95 % err less than** (95 % interval) | 99 % err less than | lost "
         "| no result |",
-        "|---|--:|--:|--:|--:|--:|", *map(group_line, content["groups"]), "",
+        "|---|--:|--:|--:|--:|--:|",
+        *map(group_line, content["groups"]),
+        "",
         "The motors: `ipm_exchanged` with R within ±10 %, magnet flux within ±5 %, L_d and L_q within ±10 %, the five "
         "alphas within ±20 % of the nominal values. All are drawn evenly and independently; these tolerances are an "
         "assumption ([yield_curve.toml](../../yield_curve.toml)). A run lasts 0.5 s at standstill with 120 % load, and "
-        "the estimate controls the drive.", "",
-        "## Which parameter matters?", "",
-        "The share of the error's variance that each parameter explains in a linear regression, in percent:", "",
-    ]  # fmt: skip
+        "the estimate controls the drive.",
+        "",
+        "## Which parameter matters?",
+        "",
+        "The share of the error's variance that each parameter explains in a linear regression, in percent:",
+        "",
+    ]
     heads = list(content["causes"][0]["shares"])
     lines += [f"| estimator, belief | {' | '.join(heads)} | all together |", "|---|" + "--:|" * (len(heads) + 1)]
     for c in content["causes"]:
@@ -168,18 +177,21 @@ def costs(content: dict[str, Any]) -> list[str]:
         s = content["scaling"]
         one, two = s["1"]["runs_a_wall_second"], s["2"]["runs_a_wall_second"]
         same = "the same to the bit" if s["same_to_the_bit"] else "NOT the same"
-        lines += ["", (
-            f"Two processes make {two:.0f} runs in a second, one process {one:.0f}: {two / one:.2f} times as many, the "
-            f"start of the processes included. This was measured on {4 * s['points']} of the runs, on {s['cores']} "
-            f"cores with a load average of {s['load']:.1f}; a run cost {s['2']['cpu_ms']:.1f} and "
-            f"{s['1']['cpu_ms']:.1f} ms of processor time. The results are {same}."
-            + (
-                " Other programs used the cores at that time, so this says nothing of the engine: measure it again on "
-                "a quiet machine."
-                if s["load"] > s["cores"]
-                else ""
-            )
-        )]  # fmt: skip
+        lines += [
+            "",
+            (
+                f"Two processes make {two:.0f} runs in a second, one process {one:.0f}: {two / one:.2f} times as many, "
+                f"the start of the processes included. This was measured on {4 * s['points']} of the runs, "
+                f"on {s['cores']} cores with a load average of {s['load']:.1f}; a run cost {s['2']['cpu_ms']:.1f} and "
+                f"{s['1']['cpu_ms']:.1f} ms of processor time. The results are {same}."
+                + (
+                    " Other programs used the cores at that time, so this says nothing of the engine: measure it again "
+                    "on a quiet machine."
+                    if s["load"] > s["cores"]
+                    else ""
+                )
+            ),
+        ]
     return lines
 
 

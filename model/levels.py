@@ -19,8 +19,15 @@ from model.ripple import flux_ripple
 
 Array = NDArray[np.float64]
 NAMES = (
-    "resistance", "inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04",
-)  # fmt: skip
+    "resistance",
+    "inductance_d",
+    "inductance_q",
+    "alpha_30",
+    "alpha_12",
+    "alpha_40",
+    "alpha_22",
+    "alpha_04",
+)
 UNITS = dict(zip(NAMES, ("ohm", "H", "H", "A/Wb^2", "A/Wb^2", "A/Wb^3", "A/Wb^3", "A/Wb^3"), strict=True))
 D, Q, NONE = 0, 1, -1
 ON_AXIS = 0.08  # of the largest current: how far a level may lie from an axis to count as on it

@@ -20,8 +20,13 @@ from model.spline_energy import Choice, fit
 
 Array = NDArray[np.float64]
 CHOICES: tuple[Choice, ...] = (  # tried where a grid has holes: smoother ones for a map with noise
-    ((6, 6), 1e-1), ((6, 6), 1e-2), ((10, 8), 1e-1), ((10, 8), 3e-3), ((10, 8), 1e-3), ((14, 12), 1e-3),
-)  # fmt: skip
+    ((6, 6), 1e-1),
+    ((6, 6), 1e-2),
+    ((10, 8), 1e-1),
+    ((10, 8), 3e-3),
+    ((10, 8), 1e-3),
+    ((14, 12), 1e-3),
+)
 FOLDS = 4  # one point in so many is held out
 
 

@@ -87,22 +87,40 @@ def _volts(d: Drive) -> str:
 
 
 PAIRS = (
-    Pair(_drop, 0.0, 1.5, lambda d, x: (
-        f"resistance x rated_current is {_number(x * d.converter.voltage_limit)} V, and {_volts(d)}")),
-    Pair(_reactance, 0.0, 12.0, lambda d, x: (
-        f"inductance x rated_current at rated_speed_rpm takes {_number(x * d.converter.voltage_limit)} V, "
-        f"and {_volts(d)}")),
-    Pair(_own_flux, 1e-3, 60.0, lambda d, x: (
-        f"inductance x rated_current is {_number(x)} times magnet_flux")),
+    Pair(
+        _drop,
+        0.0,
+        1.5,
+        lambda d, x: f"resistance x rated_current is {_number(x * d.converter.voltage_limit)} V, and {_volts(d)}",
+    ),
+    Pair(
+        _reactance,
+        0.0,
+        12.0,
+        lambda d, x: (
+            f"inductance x rated_current at rated_speed_rpm takes {_number(x * d.converter.voltage_limit)} V, "
+            f"and {_volts(d)}"
+        ),
+    ),
+    Pair(_own_flux, 1e-3, 60.0, lambda d, x: f"inductance x rated_current is {_number(x)} times magnet_flux"),
     Pair(_lag, 2e-6, 3.0, lambda d, x: f"inductance / resistance is {_number(x)} s"),
-    Pair(_run_up, 1e-4, 60.0, lambda d, x: (
-        f"rated_torque brings inertia to rated_speed_rpm in {_number(x)} s")),
-    Pair(_power, 0.0, 2.5, lambda d, x: (
-        f"rated_torque at rated_speed_rpm is {_number(x)} times the power that link and rated_current give")),
-    Pair(_copper, 5e-4, math.inf, lambda d, x: (
-        f"the loss of rated_current in resistance is {_number(100.0 * x)} % of the power at rated values")),
+    Pair(_run_up, 1e-4, 60.0, lambda d, x: f"rated_torque brings inertia to rated_speed_rpm in {_number(x)} s"),
+    Pair(
+        _power,
+        0.0,
+        2.5,
+        lambda d, x: (
+            f"rated_torque at rated_speed_rpm is {_number(x)} times the power that link and rated_current give"
+        ),
+    ),
+    Pair(
+        _copper,
+        5e-4,
+        math.inf,
+        lambda d, x: f"the loss of rated_current in resistance is {_number(100.0 * x)} % of the power at rated values",
+    ),
     Pair(_saliency, 0.02, 50.0, lambda d, x: f"inductance_q is {_number(x)} times inductance_d"),
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
@@ -117,15 +135,25 @@ class Unit:
 INDUCTANCES = ("inductance_d", "inductance_q")
 SMALL = "1000 times too small"
 UNITS = (
-    Unit(INDUCTANCES, "in mH", 1e-3), Unit(INDUCTANCES, "in uH", 1e-6), Unit(INDUCTANCES[:1], "in mH", 1e-3),
-    Unit(INDUCTANCES[1:], "in mH", 1e-3), Unit(("resistance",), "in mohm", 1e-3),
-    Unit(("magnet_flux",), "in mWb", 1e-3), Unit(("inertia",), "in kg cm^2", 1e-4),
-    Unit(("inertia",), "in g cm^2", 1e-7), Unit(("rated_current",), "in mA", 1e-3),
-    Unit(("rated_torque",), "in mN m", 1e-3), Unit(("rated_speed_rpm",), "in rad/s", 30.0 / math.pi),
-    Unit(("rated_speed_rpm",), "in 1/s", 60.0), Unit(("dc_bus_voltage",), "in kV", 1e3),
-    Unit(("dc_bus_voltage",), "in mV", 1e-3), Unit(INDUCTANCES, SMALL, 1e3), Unit(("resistance",), SMALL, 1e3),
-    Unit(("magnet_flux",), SMALL, 1e3), Unit(("inertia",), "10 000 times too small", 1e4),
-)  # fmt: skip
+    Unit(INDUCTANCES, "in mH", 1e-3),
+    Unit(INDUCTANCES, "in uH", 1e-6),
+    Unit(INDUCTANCES[:1], "in mH", 1e-3),
+    Unit(INDUCTANCES[1:], "in mH", 1e-3),
+    Unit(("resistance",), "in mohm", 1e-3),
+    Unit(("magnet_flux",), "in mWb", 1e-3),
+    Unit(("inertia",), "in kg cm^2", 1e-4),
+    Unit(("inertia",), "in g cm^2", 1e-7),
+    Unit(("rated_current",), "in mA", 1e-3),
+    Unit(("rated_torque",), "in mN m", 1e-3),
+    Unit(("rated_speed_rpm",), "in rad/s", 30.0 / math.pi),
+    Unit(("rated_speed_rpm",), "in 1/s", 60.0),
+    Unit(("dc_bus_voltage",), "in kV", 1e3),
+    Unit(("dc_bus_voltage",), "in mV", 1e-3),
+    Unit(INDUCTANCES, SMALL, 1e3),
+    Unit(("resistance",), SMALL, 1e3),
+    Unit(("magnet_flux",), SMALL, 1e3),
+    Unit(("inertia",), "10 000 times too small", 1e4),
+)
 
 
 def pairs_off(drive: Drive, beside: Callable[[Drive], bool]) -> tuple[str, ...]:

@@ -207,12 +207,21 @@ def audit(motor: Motor, radius: float | None = None, rays: int = 72, points: int
     local, closed, slope = _angles(motor, load)
     grid = np.linspace(-radius, radius, 61)
     return Audit(
-        motor.name, motor.rated_current, radius,
+        motor.name,
+        motor.rated_current,
+        radius,
         math.hypot(*worst) if violations else radius,
-        least, worst, tuple(sorted(violations, key=lambda p: math.hypot(p["i_d"], p["i_q"]))),
+        least,
+        worst,
+        tuple(sorted(violations, key=lambda p: math.hypot(p["i_d"], p["i_q"]))),
         min(lost, radius),
-        load, local, closed, slope, grid, _eigenvalues(m, grid),
-    )  # fmt: skip
+        load,
+        local,
+        closed,
+        slope,
+        grid,
+        _eigenvalues(m, grid),
+    )
 
 
 def _eigenvalues(m: AnyEnergy, grid: Array) -> Array:

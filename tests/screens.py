@@ -94,9 +94,15 @@ def findings(folder: Path, pages: Sequence[str], scratch: Path) -> list[str]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Quiet, directory=str(folder)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     call = [
-        program, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={scratch / 'browser'}",
-        "--virtual-time-budget=600000", "--dump-dom", f"http://127.0.0.1:{server.server_port}/{harness.name}",
-    ]  # fmt: skip
+        program,
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        f"--user-data-dir={scratch / 'browser'}",
+        "--virtual-time-budget=600000",
+        "--dump-dom",
+        f"http://127.0.0.1:{server.server_port}/{harness.name}",
+    ]
     try:
         done = subprocess.run(call, capture_output=True, text=True, check=False, timeout=600)
     finally:

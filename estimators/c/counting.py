@@ -54,8 +54,12 @@ def _counting(kind: str, name: str) -> Any:
     return operator
 
 
-for _kind, _names in {"add": ("add", "radd", "sub", "rsub"), "mul": ("mul", "rmul"), "div": ("truediv", "rtruediv"),
-                      "compare": ("lt", "le", "gt", "ge", "eq", "ne")}.items():  # fmt: skip
+for _kind, _names in {
+    "add": ("add", "radd", "sub", "rsub"),
+    "mul": ("mul", "rmul"),
+    "div": ("truediv", "rtruediv"),
+    "compare": ("lt", "le", "gt", "ge", "eq", "ne"),
+}.items():
     for _name in _names:
         setattr(Number, f"__{_name}__", _counting(_kind, f"__{_name}__"))
 
@@ -91,9 +95,14 @@ def _root(x: Any) -> Number:
 
 
 MATHS = SimpleNamespace(
-    cos=_trig(math.cos), sin=_trig(math.sin), atan2=_trig(math.atan2), sqrt=_root, pi=math.pi,
-    hypot=lambda x, y: _root(x * x + y * y), floor=lambda x: Number(math.floor(float(x))),
-)  # fmt: skip
+    cos=_trig(math.cos),
+    sin=_trig(math.sin),
+    atan2=_trig(math.atan2),
+    sqrt=_root,
+    pi=math.pi,
+    hypot=lambda x, y: _root(x * x + y * y),
+    floor=lambda x: Number(math.floor(float(x))),
+)
 
 
 def operations(program: Program, setup: tuple[Belief, Tuning], state: np.ndarray, samples: np.ndarray) -> Operations:

@@ -18,8 +18,14 @@ STRUCTURES = {
     "Energy": ("sensorless_energy", Energy),
     "Estimate": ("sensorless_estimate", Estimate),
 }
-OPERATORS = {ast.Add: ("+", 6), ast.Sub: ("-", 6), ast.Mult: ("*", 7), ast.Div: ("/", 7), ast.FloorDiv: ("/", 7),
-             ast.Mod: ("%", 7)}  # fmt: skip
+OPERATORS = {
+    ast.Add: ("+", 6),
+    ast.Sub: ("-", 6),
+    ast.Mult: ("*", 7),
+    ast.Div: ("/", 7),
+    ast.FloorDiv: ("/", 7),
+    ast.Mod: ("%", 7),
+}
 COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 MATHS = {"cos": "COS", "sin": "SIN", "sqrt": "SQRT", "atan2": "ATAN2", "hypot": "length", "floor": "down"}
 CHOSEN = {"min": "smaller", "max": "larger", "abs": "magnitude"}

@@ -138,11 +138,15 @@ SENSORLESS_ESTIMATOR("${name}_c", $name, SENSORLESS_PULSATING);
 """)
 
 HELPERS = {
-    "square": ("real x", "x * x"), "cube": ("real x", "x * x * x"), "fourth": ("real x", "x * x * (x * x)"),
-    "smaller": ("real a, real b", "b < a ? b : a"), "larger": ("real a, real b", "b > a ? b : a"),
-    "magnitude": ("real x", "x < R(0.0) ? -x : x"), "length": ("real x, real y", "SQRT(x * x + y * y)"),
+    "square": ("real x", "x * x"),
+    "cube": ("real x", "x * x * x"),
+    "fourth": ("real x", "x * x * (x * x)"),
+    "smaller": ("real a, real b", "b < a ? b : a"),
+    "larger": ("real a, real b", "b > a ? b : a"),
+    "magnitude": ("real x", "x < R(0.0) ? -x : x"),
+    "length": ("real x, real y", "SQRT(x * x + y * y)"),
     "down": ("real x", "(real)(int32_t)x - ((real)(int32_t)x > x ? R(1.0) : R(0.0))"),
-}  # fmt: skip
+}
 
 
 def module_of(name: str) -> ModuleType:
@@ -155,13 +159,24 @@ def source(name: str) -> str:
     module = module_of(name)
     program, card = collect(module.ESTIMATOR.step), module.ESTIMATOR
     cost = f"{counted(name).said()}."
-    return TOP.substitute(
-        name=name, summary=card.summary, module=module.__name__.rpartition(".")[2], text=_said(module),
-        source=card.source, cost=textwrap.fill(cost, 80, subsequent_indent=" * "), slots=slots(name),
-    ) + _parts(program, "step") + BOTTOM.substitute(
-        name=name, slots=slots(name), most=MAX_PERIOD,
-        wrapped="\n".join(f"    own->state[{a}] = within_a_turn(own->state[{a}]);" for a in ANGLES[name]),
-    )  # fmt: skip
+    return (
+        TOP.substitute(
+            name=name,
+            summary=card.summary,
+            module=module.__name__.rpartition(".")[2],
+            text=_said(module),
+            source=card.source,
+            cost=textwrap.fill(cost, 80, subsequent_indent=" * "),
+            slots=slots(name),
+        )
+        + _parts(program, "step")
+        + BOTTOM.substitute(
+            name=name,
+            slots=slots(name),
+            most=MAX_PERIOD,
+            wrapped="\n".join(f"    own->state[{a}] = within_a_turn(own->state[{a}]);" for a in ANGLES[name]),
+        )
+    )
 
 
 def start_up() -> str:

@@ -60,6 +60,10 @@ def read_golden(path: Path = FILE) -> Golden:
         if k not in ("motor", "belief", "tuning", "angles", "samples", "columns")
     }
     return Golden(
-        found["motor"], Belief(energy, **belief), Tuning(**found["tuning"]), tuple(found["angles"]),
-        np.array(found["samples"]), told,
-    )  # fmt: skip
+        found["motor"],
+        Belief(energy, **belief),
+        Tuning(**found["tuning"]),
+        tuple(found["angles"]),
+        np.array(found["samples"]),
+        told,
+    )

@@ -105,18 +105,28 @@ def motor_header(golden: Golden, name: str, belief: str) -> str:
     energy, rest = golden.belief.energy._asdict(), golden.belief._asdict()
     del rest["energy"]
     return SETUP.substitute(
-        motor=golden.motor, belief=belief, name=name, words=slots(name) + HEAD_WORDS,
-        energy=_fields(energy, 12), rest=_fields(rest, 8), tuning=_fields(golden.tuning._asdict(), 8),
-    )  # fmt: skip
+        motor=golden.motor,
+        belief=belief,
+        name=name,
+        words=slots(name) + HEAD_WORDS,
+        energy=_fields(energy, 12),
+        rest=_fields(rest, 8),
+        tuning=_fields(golden.tuning._asdict(), 8),
+    )
 
 
 def check_program(golden: Golden, name: str) -> str:
     """Return check.c: golden vectors, and a program that runs an estimator over them."""
     return CHECK.substitute(
-        name=name, motor=golden.motor, count=len(golden.samples), window=WINDOW, most=TOLERANCE_DEG,
+        name=name,
+        motor=golden.motor,
+        count=len(golden.samples),
+        window=WINDOW,
+        most=TOLERANCE_DEG,
         angles=", ".join(map(repr, golden.angles)),
-        samples=_rows(golden.samples, "(sensorless_real)"), told=_rows(golden.told[name][:, :2]),
-    )  # fmt: skip
+        samples=_rows(golden.samples, "(sensorless_real)"),
+        told=_rows(golden.told[name][:, :2]),
+    )
 
 
 def _fields(values: dict[str, float], indent: int) -> str:

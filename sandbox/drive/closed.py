@@ -36,9 +36,14 @@ def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_o
 
 
 def closed_bench(
-    motor: Motor, converter: Converter, effects: Mapping[str, float], rotor: str, theta: float, step: float,
+    motor: Motor,
+    converter: Converter,
+    effects: Mapping[str, float],
+    rotor: str,
+    theta: float,
+    step: float,
     truth: AnyEnergy | None = None,
-) -> LoopPlant:  # fmt: skip
+) -> LoopPlant:
     """Return the plant at rest without current at an electrical angle (rad).
 
     motor: the nominal one; effects: completed parameters; rotor: `locked`, `driven` or `free`; step: s, the longest;

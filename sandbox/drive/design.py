@@ -129,10 +129,13 @@ def design(drive: Drive, start_up: bool = True, published: bool = False) -> Desi
     largest = OVERLOAD * motor.rated_current
     saliency = injection.amplitude * abs(1.0 / motor.inductance_d - 1.0 / motor.inductance_q)
     plant = SampledMotor(
-        n, h, motor.resistance, *extreme_inductances(motor.energy, largest),
+        n,
+        h,
+        motor.resistance,
+        *extreme_inductances(motor.energy, largest),
         torque_gain=1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
         share=motor.inductance_q / (motor.inductance_q - motor.inductance_d),
-    )  # fmt: skip
+    )
     loops = _remembered(plant)
     bandwidth = loops["tracking"].bandwidth
     law = PUBLISHED.get(injection.tracking) if published else None
@@ -141,10 +144,19 @@ def design(drive: Drive, start_up: bool = True, published: bool = False) -> Desi
         loops = _remembered(plant._replace(published=gains))
     current, track, speed = loops["current"], loops["tracking"], loops["speed"]
     control = Control(
-        n, h, current.kp, current.kp, current.ki, current.ki, motor.magnet_flux,
-        speed.kp, speed.ki, largest,
-        converter.command_limit, injection.amplitude,
-    )  # fmt: skip
+        n,
+        h,
+        current.kp,
+        current.kp,
+        current.ki,
+        current.ki,
+        motor.magnet_flux,
+        speed.kp,
+        speed.ki,
+        largest,
+        converter.command_limit,
+        injection.amplitude,
+    )
     variance = 2.0 / 3.0 * (converter.current_noise**2 + converter.current_resolution**2 / 12.0)
     flux_variance = (VOLTAGE_UNCERTAINTY * converter.dc_bus_voltage * h) ** 2
     seen = variance + flux_variance / motor.inductance_q**2  # what blurs a sample of the q ripple, A^2
@@ -154,10 +166,18 @@ def design(drive: Drive, start_up: bool = True, published: bool = False) -> Desi
         int(motor.inductance_q > motor.inductance_d),
         math.ceil(SETTLE_TIMES / current.bandwidth / (n * h)) if start_up else 0,
         math.ceil(AVERAGE_TIME / (n * h)) if start_up else 0,
-        h, injection.amplitude, power, float(np.max(np.abs(wave.primitive))), wave.lag, track.kp, track.ki,
-        motor.rated_current, variance, flux_variance,
+        h,
+        injection.amplitude,
+        power,
+        float(np.max(np.abs(wave.primitive))),
+        wave.lag,
+        track.kp,
+        track.ki,
+        motor.rated_current,
+        variance,
+        flux_variance,
         bandwidth**4 * angle_variance * h**2,
-    )  # fmt: skip
+    )
     return Design(control, tuning, loops, law is not None)
 
 

@@ -57,9 +57,10 @@ def staircase(
     columns |= {f"i_{x}": np.full(len(u), float(i)) for x, i in zip("abc", first, strict=True)}  # where it starts from
     asked = CampaignRecording(file, "locked", axis, columns)
     values = {
-        "encoder_offset.offset": -bench.angle_error, "device_drop.threshold": bench.threshold,
+        "encoder_offset.offset": -bench.angle_error,
+        "device_drop.threshold": bench.threshold,
         "bench.soft_current": bench.width,
-    }  # fmt: skip
+    }
     sensing = replace(drive, converter=replace(drive.converter, current_noise=max(drive.converter.current_noise, 1e-6)))
     prepared = prepare(Campaign("staircase", sensing, (asked,), {}, {}, False), values, steps=STEPS)
     read = replay(prepared, [values]).currents[0][:, :, 0].T

@@ -254,8 +254,17 @@ def progress(k, bench, rig, applied, memory, looks, seen, rng, blocked):
     looks[1] = period + after if after < 0.0 else -1.0
     held = (seen[1, 0], seen[1, 1])
     memory[SPAN] = travel(
-        w, bench.flux_map, bench.timing, bench.features, room, trajectory, k * period, memory[SPAN], looks, seen,
-    )  # fmt: skip
+        w,
+        bench.flux_map,
+        bench.timing,
+        bench.features,
+        room,
+        trajectory,
+        k * period,
+        memory[SPAN],
+        looks,
+        seen,
+    )
     memory[INSTANT] = after
     if bench.timing.first != 0.0 or bench.timing.last != 0.0:
         w.held_alpha[0], w.held_beta[0] = held if early else (seen[0, 0], seen[0, 1])

@@ -17,9 +17,18 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 COUNTS = 4096  # a mechanical turn, of a bench whose drive file names none
 LINK_NOISE = 7.5e-4  # of the nominal link voltage, rms of its reading, likewise
 UNCERTAINTY = {  # relative standard deviations as a motor's identification states them; the simulated plant has none
-    "resistance": 0.01, "magnet_flux": 0.01, "inductance_d": 0.015, "inductance_q": 0.015, "alpha_30": 0.03,
-    "alpha_12": 0.04, "alpha_40": 0.04, "alpha_22": 0.05, "alpha_04": 0.04, "inertia": 0.03, "viscous_friction": 0.15,
-}  # fmt: skip
+    "resistance": 0.01,
+    "magnet_flux": 0.01,
+    "inductance_d": 0.015,
+    "inductance_q": 0.015,
+    "alpha_30": 0.03,
+    "alpha_12": 0.04,
+    "alpha_40": 0.04,
+    "alpha_22": 0.05,
+    "alpha_04": 0.04,
+    "inertia": 0.03,
+    "viscous_friction": 0.15,
+}
 
 
 def bench_of(drive: Drive, estimator: Estimator | None = None, scenario: Scenario | None = None) -> Drive:

@@ -17,14 +17,57 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 # Units in NOMENCLATURE.md.
 CHANNELS = (
-    "t", "i_a", "i_b", "i_c", "u_alpha", "u_beta", "theta", "theta_hat", "omega", "omega_hat", "i_d", "i_q",
-    "ripple_d", "ripple_q", "load", "load_torque", "omega_ref", "i_q_ref", "tracking",
-    "theta_read", "u_dc",
-)  # fmt: skip
-UNITS = dict(zip(CHANNELS, (
-    "s", "A", "A", "A", "V", "V", "rad", "rad", "rad/s", "rad/s", "A", "A", "A", "A", "of rated current", "N m",
-    "rad/s", "A", "", "rad", "V",
-), strict=True))  # fmt: skip
+    "t",
+    "i_a",
+    "i_b",
+    "i_c",
+    "u_alpha",
+    "u_beta",
+    "theta",
+    "theta_hat",
+    "omega",
+    "omega_hat",
+    "i_d",
+    "i_q",
+    "ripple_d",
+    "ripple_q",
+    "load",
+    "load_torque",
+    "omega_ref",
+    "i_q_ref",
+    "tracking",
+    "theta_read",
+    "u_dc",
+)
+UNITS = dict(
+    zip(
+        CHANNELS,
+        (
+            "s",
+            "A",
+            "A",
+            "A",
+            "V",
+            "V",
+            "rad",
+            "rad",
+            "rad/s",
+            "rad/s",
+            "A",
+            "A",
+            "A",
+            "A",
+            "of rated current",
+            "N m",
+            "rad/s",
+            "A",
+            "",
+            "rad",
+            "V",
+        ),
+        strict=True,
+    )
+)
 ROW = np.dtype([(name, np.float64) for name in CHANNELS], align=True)  # what a loop writes of a sample
 
 

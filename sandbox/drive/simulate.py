@@ -124,9 +124,14 @@ def simulate(
     check_call(estimator, belief, seed, stride, plant_step)
     sets.complete(drive.motor, drive.converter, effects)  # before the design, which takes longer
     return run_once(
-        set_up(drive, scenario, estimator, belief, plant), effects,
-        closed_loop=closed_loop, seed=seed, stride=stride, plant_step=plant_step, truth=truth,
-    )  # fmt: skip
+        set_up(drive, scenario, estimator, belief, plant),
+        effects,
+        closed_loop=closed_loop,
+        seed=seed,
+        stride=stride,
+        plant_step=plant_step,
+        truth=truth,
+    )
 
 
 def set_up(drive: Drive, scenario: Scenario, estimator: Estimator, belief: str, plant: str = EXACT) -> Setup:
@@ -137,10 +142,16 @@ def set_up(drive: Drive, scenario: Scenario, estimator: Estimator, belief: str, 
     tuning = gains.tuning
     start_time = start_periods(tuning.settle, tuning.average) * tuning.period * tuning.sampling_period
     return Setup(
-        drive, scenario, estimator, plant, gains, belief_of(drive, belief),
+        drive,
+        scenario,
+        estimator,
+        plant,
+        gains,
+        belief_of(drive, belief),
         carrier(drive.injection, drive.converter),
-        round((start_time + scenario.duration) / tuning.sampling_period), start_time,
-    )  # fmt: skip
+        round((start_time + scenario.duration) / tuning.sampling_period),
+        start_time,
+    )
 
 
 def run_once(
@@ -177,9 +188,20 @@ def run_once(
     profile = setup.profile
     begun = time.thread_time()
     status, at = run(
-        step, state, *bench, inside, rig, gains.control, believed, tuning, profile,
-        setup.carrier.waveform, setup.carrier.primitive, np.random.default_rng(seed), rows,
-    )  # fmt: skip
+        step,
+        state,
+        *bench,
+        inside,
+        rig,
+        gains.control,
+        believed,
+        tuning,
+        profile,
+        setup.carrier.waveform,
+        setup.carrier.primitive,
+        np.random.default_rng(seed),
+        rows,
+    )
     spent = time.thread_time() - begun
     if status != loop.DONE:
         raise _failure(status, at * h, _flux(setup.plant, bench), drive)
@@ -200,9 +222,14 @@ def inside_for(estimator: Estimator, drive: Drive) -> Inside | None:
 
 
 def exact_bench(
-    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
-    believed: Belief | None, inside: Inside | None,
-) -> tuple[Any, ...]:  # fmt: skip
+    drive: Drive,
+    scenario: Scenario,
+    values: Mapping[str, float],
+    plant_step: float,
+    truth: AnyEnergy | None,
+    believed: Belief | None,
+    inside: Inside | None,
+) -> tuple[Any, ...]:
     """Return the loop's kernel (interpreted where there is no compiled belief) and the plant.
 
     inside: what is read inside a period, None for nothing.
@@ -217,9 +244,14 @@ def exact_bench(
 
 
 def _switched(
-    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
-    believed: Belief | None, inside: Inside | None,
-) -> tuple[Any, ...]:  # fmt: skip
+    drive: Drive,
+    scenario: Scenario,
+    values: Mapping[str, float],
+    plant_step: float,
+    truth: AnyEnergy | None,
+    believed: Belief | None,
+    inside: Inside | None,
+) -> tuple[Any, ...]:
     """Return the loop's kernel, the bench's state, the bench and the nominal link voltage; inside as `exact_bench`."""
     from sandbox.drive import switched_loop as switched
     from sandbox.switched import advance as bench_of
@@ -250,10 +282,20 @@ def rig_of(drive: Drive, scenario: Scenario, closed: bool, n: int, stride: int, 
     c = drive.converter
     counts = math.tau * drive.motor.pole_pairs / c.encoder_counts if c.encoder_counts else 0.0
     return loop.Rig(
-        n, stride, loop.CLOSED if closed else loop.OPEN, int(scenario.reference == "speed"), ROTORS[scenario.rotor],
-        c.sampling_period, c.current_noise, c.current_resolution, start, c.dc_bus_voltage, c.link_noise,
-        counts, modulation_of(c),
-    )  # fmt: skip
+        n,
+        stride,
+        loop.CLOSED if closed else loop.OPEN,
+        int(scenario.reference == "speed"),
+        ROTORS[scenario.rotor],
+        c.sampling_period,
+        c.current_noise,
+        c.current_resolution,
+        start,
+        c.dc_bus_voltage,
+        c.link_noise,
+        counts,
+        modulation_of(c),
+    )
 
 
 def _flux(plant: str, bench: Any) -> tuple[float, float]:

@@ -76,9 +76,22 @@ def run_signature(belief: Any, inside: Any, of_bench: Any = BENCH) -> Any:
     sample = SAMPLE if inside == ALONE else OVERSAMPLED
     step = types.FunctionType(ESTIMATE(STATE, sample, belief, TUNING))
     return types.UniTuple(types.int64, 2)(
-        step, STATE, VECTOR, of_bench, types.float64, inside, RIG, CONTROL, belief, TUNING, PROFILE,
-        VECTOR, VECTOR, RNG, ROWS,
-    )  # fmt: skip
+        step,
+        STATE,
+        VECTOR,
+        of_bench,
+        types.float64,
+        inside,
+        RIG,
+        CONTROL,
+        belief,
+        TUNING,
+        PROFILE,
+        VECTOR,
+        VECTOR,
+        RNG,
+        ROWS,
+    )
 
 
 @kernel

@@ -78,9 +78,13 @@ def peer_case() -> tuple[Drive, Scenario]:
     drive = load_drive("ipm")
     motor = dataclasses.replace(drive.motor, magnet_flux=0.2, inertia=1e-3, viscous_friction=0.0)
     converter = dataclasses.replace(
-        drive.converter, sampling_period=125e-6, pwm_frequency=8000.0, dc_bus_voltage=300.0,
-        current_noise=0.0, current_resolution=0.0,
-    )  # fmt: skip
+        drive.converter,
+        sampling_period=125e-6,
+        pwm_frequency=8000.0,
+        dc_bus_voltage=300.0,
+        current_noise=0.0,
+        current_resolution=0.0,
+    )
     injection = dataclasses.replace(drive.injection, frequency=4000.0, amplitude=60.0)
     drive = dataclasses.replace(drive, motor=motor, converter=converter, injection=injection)
     load = current_for_torque(motor, 0.2 * 2.0, closed_loop=False)[0] / motor.rated_current
@@ -119,9 +123,11 @@ def effects_cost() -> dict[str, float]:
         if name != "saturation":  # shares two coefficients with cross_saturation
             everything = typical(name, drive.motor, drive.converter) | everything
     cases = {
-        "none": None, "neutral": {"dead_time.time": 0.0}, "one_effect": {"coulomb_friction.torque": 1e-9},
+        "none": None,
+        "neutral": {"dead_time.time": 0.0},
+        "one_effect": {"coulomb_friction.torque": 1e-9},
         "all_effects": everything,
-    }  # fmt: skip
+    }
     costs: dict[str, list[float]] = {name: [] for name in cases}
     for _ in range(9):
         for name, on in cases.items():

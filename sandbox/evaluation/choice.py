@@ -98,12 +98,17 @@ def _standing(estimator: str, belief: str, closed: bool, rows: Sequence[Row]) ->
     held = [r for r in rows if r.error_deg.mean is not None]
     at = max(held, key=lambda r: abs(r.error_deg.mean or 0.0), default=None)
     return Standing(
-        estimator, belief, closed, len(rows), sum(r.lost_lock for r in rows),
+        estimator,
+        belief,
+        closed,
+        len(rows),
+        sum(r.lost_lock for r in rows),
         sum(not r.reference_held and not r.lost_lock for r in rows),
         None if at is None else abs(at.error_deg.mean or 0.0),
-        max((r.error_deg.p95 or 0.0 for r in held), default=None), at,
+        max((r.error_deg.p95 or 0.0 for r in held), default=None),
+        at,
         **_costs(rows),
-    )  # fmt: skip
+    )
 
 
 def _costs(rows: Iterable[Row]) -> dict[str, float | None]:
@@ -250,7 +255,8 @@ def place(row: Row) -> str:
 def theory_held(rows: Iterable[Row]) -> str:
     """Return how near the linear belief's error is to what theory predicts; nothing where there is no theory."""
     apart = [
-        abs(r.error_deg.mean - r.predicted_mean_deg) for r in rows
+        abs(r.error_deg.mean - r.predicted_mean_deg)
+        for r in rows
         if r.belief == "linear" and r.error_deg.mean is not None and r.predicted_mean_deg is not None
-    ]  # fmt: skip
+    ]
     return f"Where theory predicts the linear belief's error, it is met within {max(apart):.2g}°." if apart else ""

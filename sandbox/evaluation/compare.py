@@ -131,9 +131,14 @@ def compare(
 
 
 def judged(
-    drive: Drive, scenario: Scenario, run: Simulation, estimator: Estimator, belief: str, closed: bool,
+    drive: Drive,
+    scenario: Scenario,
+    run: Simulation,
+    estimator: Estimator,
+    belief: str,
+    closed: bool,
     effects: Mapping[str, float] | None,
-) -> tuple[Row, ...]:  # fmt: skip
+) -> tuple[Row, ...]:
     """Return a row for each scored segment: the error, its theory where the plant has no effects, the cost."""
     rows = rows_of(drive, scenario, run.recording, run.start_time, estimator.name, belief, closed)
     values = complete(drive.motor, drive.converter, effects)
@@ -170,12 +175,15 @@ def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str 
     """Return how runs were made: version, seed, motor and injection."""
     converter, injection = drive.converter, drive.injection
     made: dict[str, str | float] = {
-        "version": version(), "seed": seed, "scenario": scenario.name,
-        "sampling_period_s": converter.sampling_period, "dc_bus_voltage_V": converter.dc_bus_voltage,
+        "version": version(),
+        "seed": seed,
+        "scenario": scenario.name,
+        "sampling_period_s": converter.sampling_period,
+        "dc_bus_voltage_V": converter.dc_bus_voltage,
         "injection": f"{injection.waveform}, {injection.frequency:g} Hz, {injection.amplitude:g} V"
         + ("" if injection.tracking == "designed" else f", tracking loop as {injection.tracking} publishes it"),
         "source": drive.provenance.get("source", "user's file"),
-    }  # fmt: skip
+    }
     motor = {f.name: getattr(drive.motor, f.name) for f in fields(drive.motor)}
     return made | {f"motor.{k}": v for k, v in motor.items() if k != "description" and isinstance(v, (str, float, int))}
 

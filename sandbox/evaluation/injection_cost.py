@@ -153,10 +153,15 @@ def injection_cost(
     torque = full.torque - base.torque
     size = float(np.sqrt(np.mean(torque**2)))
     return InjectionCost(
-        copper, iron, (copper + (iron or 0.0)) / rated, size, size / motor.rated_torque,
-        *sound_levels(motor, full, base, points / h), _link(own, mean, full, base),
+        copper,
+        iron,
+        (copper + (iron or 0.0)) / rated,
+        size,
+        size / motor.rated_torque,
+        *sound_levels(motor, full, base, points / h),
+        _link(own, mean, full, base),
         float(np.max(np.abs(own.u[:-1] - mean.u[:-1]))),
-    )  # fmt: skip
+    )
 
 
 def _samples(r: Recording, shift: float, h: float) -> Samples:

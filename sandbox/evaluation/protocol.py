@@ -40,7 +40,7 @@ from sandbox.evaluation.protocol_tests import (
     robustness,
     starting,
     static_map,
-)  # fmt: skip
+)
 from sandbox.output.files import plain
 
 Test = Callable[[Drive, AnyEstimator, str, int], Outcome]
@@ -90,9 +90,13 @@ class Row:
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` says of it."""
         return {
-            **asdict(self.unit), "metrics": dict(self.outcome.metrics), "passed": self.outcome.passed,
-            "cpu_seconds": self.cpu_seconds, "failure": self.failure, "why_lost": self.outcome.why_lost,
-        }  # fmt: skip
+            **asdict(self.unit),
+            "metrics": dict(self.outcome.metrics),
+            "passed": self.outcome.passed,
+            "cpu_seconds": self.cpu_seconds,
+            "failure": self.failure,
+            "why_lost": self.outcome.why_lost,
+        }
 
 
 @dataclass(frozen=True, repr=False)
@@ -277,11 +281,14 @@ class Kept:
         if self.path and lasting:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             line = {
-                "drive": self.drives[row.unit.motor], "unit": asdict(row.unit),
+                "drive": self.drives[row.unit.motor],
+                "unit": asdict(row.unit),
                 "points": [asdict(p) for p in row.outcome.points],
-                "metrics": dict(row.outcome.metrics), "passed": row.outcome.passed,
-                "cpu_seconds": row.cpu_seconds, "failure": row.failure,
-            }  # fmt: skip
+                "metrics": dict(row.outcome.metrics),
+                "passed": row.outcome.passed,
+                "cpu_seconds": row.cpu_seconds,
+                "failure": row.failure,
+            }
             body = json.dumps(plain(line)).encode()
             with self.path.open("ab") as file:  # begins a line: the one before may be half written
                 file.write(b"\n%s %s\n" % (digest(body).encode(), body))

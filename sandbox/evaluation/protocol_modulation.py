@@ -29,9 +29,11 @@ BEYOND = {"nearest": (0.55, 0.05), "shortened": (0.55, 0.05), "six_step": (0.615
 PAUSE = 0.1  # s
 SHORT = 0.01  # of the period: 2.5 us at 4 kHz
 PATTERNS: dict[str, dict[str, Any]] = {
-    "centred": {}, "dpwm_min": {"modulation": "dpwm_min"}, "dpwm_max": {"modulation": "dpwm_max"},
+    "centred": {},
+    "dpwm_min": {"modulation": "dpwm_min"},
+    "dpwm_max": {"modulation": "dpwm_max"},
     "dpwm_60": {"modulation": "dpwm_60"},
-}  # fmt: skip
+}
 
 
 def highest(drive: Drive) -> float:
@@ -108,8 +110,9 @@ def modulation(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
         except PhysicsError:
             found = [
                 Point(case.name, True, s.load, 0.0, s.speed, *4 * (None,), True, None, True, None)
-                for s in case.scenario.segments if s.score
-            ]  # fmt: skip
+                for s in case.scenario.segments
+                if s.score
+            ]
         points += found
         worst = summary(found)
         metrics[f"{case.name}: mean_deg"] = None if worst["lost"] else worst["mean_deg"]

@@ -69,11 +69,14 @@ def hand_over(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> 
         scenario = Scenario(
             "hand-over",
             (
-                Segment(1.0, 1.0, ramp=0.3, settle=0.7), Segment(1.5, 1.0, speed, ramp=1.0, settle=0.1),
-                Segment(0.8, 1.0, speed, settle=0.4), Segment(1.8, 1.0, 0.0, ramp=1.0, settle=0.1),
+                Segment(1.0, 1.0, ramp=0.3, settle=0.7),
+                Segment(1.5, 1.0, speed, ramp=1.0, settle=0.1),
+                Segment(0.8, 1.0, speed, settle=0.4),
+                Segment(1.8, 1.0, 0.0, ramp=1.0, settle=0.1),
             ),
-            "free", "speed",
-        )  # fmt: skip
+            "free",
+            "speed",
+        )
         try:
             case = Case(scenario, f"{100 * speed:g} %")
             return verdict(points_of(case, drive, estimator, belief, seed), belief)
@@ -85,16 +88,31 @@ def hand_over(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> 
 def reversal_case() -> tuple[Drive, Scenario]:
     """Return motor, speed and load of motulator's 2.2 kW example, `peer_motulator.py --only lin --t 4.0`."""
     motor = Motor(
-        "motulator 2.2 kW", 3, 3.6, 0.545, 0.036, 0.051, 0.015, 4.3 * math.sqrt(2.0), 14.0, 1500.0,
+        "motulator 2.2 kW",
+        3,
+        3.6,
+        0.545,
+        0.036,
+        0.051,
+        0.015,
+        4.3 * math.sqrt(2.0),
+        14.0,
+        1500.0,
         description="2.2 kW interior-magnet motor of motulator's examples, linear",
-    )  # fmt: skip
+    )
     converter = Converter(125e-6, 540.0, 0.0, 0.0, 8000.0)
     drive = Drive(motor, converter, Injection(4000.0, 250.0), {})
     load = current_for_torque(motor, 14.0, closed_loop=False)[0] / motor.rated_current
     segments = (
-        Segment(0.5), Segment(0.5, load), Segment(0.5, load, 0.1), Segment(0.5, load, 0.0, 0.5),
-        Segment(0.5, load, -0.1, 0.5), Segment(0.5, load, -0.1), Segment(0.5, load, 0.0), Segment(0.5),
-    )  # fmt: skip
+        Segment(0.5),
+        Segment(0.5, load),
+        Segment(0.5, load, 0.1),
+        Segment(0.5, load, 0.0, 0.5),
+        Segment(0.5, load, -0.1, 0.5),
+        Segment(0.5, load, -0.1),
+        Segment(0.5, load, 0.0),
+        Segment(0.5),
+    )
     return drive, Scenario("reversal", segments, "free", "speed", start_up=False, start_angle=0.0)
 
 
@@ -105,8 +123,14 @@ def reversal(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> O
     late = run.recording.between(scenario.duration / 8.0, scenario.duration)
     lost = is_lost(late)
     e = error_of(late, lost)
-    metrics = {"mean_deg": e.mean, "rms_deg": e.rms, "p95_deg": e.p95, "max_deg": e.max, "lost": float(lost),
-               "cpu_s_per_s": run.cpu_seconds / scenario.duration}  # fmt: skip
+    metrics = {
+        "mean_deg": e.mean,
+        "rms_deg": e.rms,
+        "p95_deg": e.p95,
+        "max_deg": e.max,
+        "lost": float(lost),
+        "cpu_s_per_s": run.cpu_seconds / scenario.duration,
+    }
     return Outcome((), metrics, not lost)
 
 

@@ -6,9 +6,25 @@ from model.datasets import locate
 
 BELIEFS = ("saturated", "linear")  # in the order of reading
 ESTIMATORS = (
-    "qnull", "inversion", "rotating", "hfi45", "vesc_hfi", "random_frequency", "table", "arbitrary", "pwm_ripple",
-    "fluxdemod", "pll3", "mechanical", "monitor", "active_flux", "hybrid", "ekf", "ekf_current", "ukf",
-)  # fmt: skip
+    "qnull",
+    "inversion",
+    "rotating",
+    "hfi45",
+    "vesc_hfi",
+    "random_frequency",
+    "table",
+    "arbitrary",
+    "pwm_ripple",
+    "fluxdemod",
+    "pll3",
+    "mechanical",
+    "monitor",
+    "active_flux",
+    "hybrid",
+    "ekf",
+    "ekf_current",
+    "ukf",
+)
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
 MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
 

@@ -103,9 +103,15 @@ def points_of(case: Case, drive: Drive, estimator: AnyEstimator, belief: str, se
     """Run a case and return its scored segments as points; PhysicsError and BadInput as `simulate`."""
     own, scenario, closed, effects = load_estimator(estimator), case.scenario, case.closed, case.effects
     run = simulate(
-        drive, scenario, own, belief, closed_loop=closed, seed=seed, effects=effects,
+        drive,
+        scenario,
+        own,
+        belief,
+        closed_loop=closed,
+        seed=seed,
+        effects=effects,
         stride=max(1, math.ceil(scenario.duration / drive.converter.sampling_period / 4e5)),
-    )  # fmt: skip
+    )
     rows = rows_of(drive, scenario, run.recording, run.start_time, own.name, belief, closed)
     rated, found = drive.motor.rated_current, []
     true = true_motor(drive.motor, complete(drive.motor, drive.converter, effects), keep_map=True)
@@ -118,9 +124,21 @@ def points_of(case: Case, drive: Drive, estimator: AnyEstimator, belief: str, se
         values = (e.mean, e.rms, e.p95, e.max)
         why = why_lost(row, drive, true, own, s.current_d) if row.lost_lock else None
         found.append(
-            Point(case.name, closed, s.load, s.current_d, s.speed, *values, row.lost_lock, predicted, clear, deficit,
-                  row.reference_held, why)
-        )  # fmt: skip
+            Point(
+                case.name,
+                closed,
+                s.load,
+                s.current_d,
+                s.speed,
+                *values,
+                row.lost_lock,
+                predicted,
+                clear,
+                deficit,
+                row.reference_held,
+                why,
+            )
+        )
     return found
 
 
@@ -143,8 +161,9 @@ def summary(points: Iterable[Point]) -> dict[str, float | None]:
     every = list(points)
     judged = [p for p in every if p.informative and math.hypot(p.load, p.load_d) <= GOAL_LOAD + 1e-9]
     known = [p for p in judged if not p.lost_lock]
-    missed = [abs(p.mean_deg - p.predicted_deg) for p in known
-              if p.mean_deg is not None and p.predicted_deg is not None]  # fmt: skip
+    missed = [
+        abs(p.mean_deg - p.predicted_deg) for p in known if p.mean_deg is not None and p.predicted_deg is not None
+    ]
     deficits = [p.torque_deficit for p in known if p.torque_deficit is not None and p.closed_loop]
 
     def worst(name: str) -> float | None:
@@ -153,13 +172,18 @@ def summary(points: Iterable[Point]) -> dict[str, float | None]:
 
     rms = [p.rms_deg for p in known if p.rms_deg is not None]
     return {
-        "points": len(every), "judged": len(judged), "lost": sum(p.lost_lock for p in judged),
+        "points": len(every),
+        "judged": len(judged),
+        "lost": sum(p.lost_lock for p in judged),
         "lost_beyond": sum(p.lost_lock for p in every) - sum(p.lost_lock for p in judged),
         "speed_missed": sum(not p.speed_held for p in judged),
-        "mean_deg": worst("mean_deg"), "rms_deg": float(np.sqrt(np.mean(np.square(rms)))) if rms else None,
-        "p95_deg": worst("p95_deg"), "max_deg": worst("max_deg"),
-        "theory_miss_deg": max(missed, default=None), "torque_deficit": max(deficits, default=None),
-    }  # fmt: skip
+        "mean_deg": worst("mean_deg"),
+        "rms_deg": float(np.sqrt(np.mean(np.square(rms)))) if rms else None,
+        "p95_deg": worst("p95_deg"),
+        "max_deg": worst("max_deg"),
+        "theory_miss_deg": max(missed, default=None),
+        "torque_deficit": max(deficits, default=None),
+    }
 
 
 def verdict(points: Iterable[Point], belief: str) -> Outcome:
@@ -184,8 +208,10 @@ def static_map(drive: Drive, estimator: AnyEstimator, belief: str, seed: int, se
         for closed in (True, False):
             radii = list(RADII)
             while radii:  # a ray ends where the motor's model does
-                segments = tuple(Segment(0.17 + seconds, r * math.sin(beta), ramp=0.1, settle=0.17,
-                                         current_d=r * math.cos(beta)) for r in radii)  # fmt: skip
+                segments = tuple(
+                    Segment(0.17 + seconds, r * math.sin(beta), ramp=0.1, settle=0.17, current_d=r * math.cos(beta))
+                    for r in radii
+                )
                 ray = Scenario("ray", segments, start_up=False, start_angle=0.3 + 0.1 * k)
                 try:
                     points += points_of(Case(ray, f"{30 * k} degrees", closed), drive, estimator, belief, seed)
@@ -203,17 +229,22 @@ def _both(drive: Drive, scenario: Scenario, estimator: AnyEstimator, belief: str
 
 
 LOAD_STEP = Scenario(
-    "load_step", (Segment(0.4, score=False), Segment(2.2, 1.8, settle=1.6), Segment(2.2, 0.0, settle=1.6)),
-    "free", "speed",
-)  # fmt: skip
+    "load_step",
+    (Segment(0.4, score=False), Segment(2.2, 1.8, settle=1.6), Segment(2.2, 0.0, settle=1.6)),
+    "free",
+    "speed",
+)
 CREEP = Scenario(
     "creep",
     (
-        Segment(1.5, 1.8, ramp=0.5, score=False), Segment(1.5, 1.8, 0.002, ramp=0.2, settle=0.5),
-        Segment(1.0, 1.8, -0.002, ramp=1.0, settle=0.0), Segment(1.5, 1.8, -0.002, settle=0.1),
+        Segment(1.5, 1.8, ramp=0.5, score=False),
+        Segment(1.5, 1.8, 0.002, ramp=0.2, settle=0.5),
+        Segment(1.0, 1.8, -0.002, ramp=1.0, settle=0.0),
+        Segment(1.5, 1.8, -0.002, settle=0.1),
     ),
-    "free", "speed",
-)  # fmt: skip
+    "free",
+    "speed",
+)
 
 
 def load_step(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
@@ -229,13 +260,23 @@ def creep(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outc
 def mission_scenario() -> Scenario:
     """Return the low-speed mission: six parts of 35 s."""
     parts: list[tuple[float, float, float, float]] = [  # duration, load, speed, ramp
-        (5.0, 0.0, 0.0, 0.0), (30.0, 0.0, 0.02, 10.0),
-        (11.0, 0.0, 0.0, 1.0), (12.0, 1.0, 0.0, 1.0), (12.0, 1.8, 0.0, 1.0),
-        (15.0, 1.0, 0.02, 2.0), (20.0, 1.0, -0.02, 5.0),
-        (8.0, 0.0, 0.0, 1.0), (9.0, 1.0, 0.0, 0.0), (9.0, 1.8, 0.0, 0.0), (9.0, -1.0, 0.0, 0.0),
-        (12.0, 1.0, 0.05, 4.0), (23.0, 1.0, -0.05, 8.0),
-        (10.0, 1.5, 0.0, 1.0), (12.5, 1.5, 0.002, 1.0), (12.5, 1.5, -0.002, 2.0),
-    ]  # fmt: skip
+        (5.0, 0.0, 0.0, 0.0),
+        (30.0, 0.0, 0.02, 10.0),
+        (11.0, 0.0, 0.0, 1.0),
+        (12.0, 1.0, 0.0, 1.0),
+        (12.0, 1.8, 0.0, 1.0),
+        (15.0, 1.0, 0.02, 2.0),
+        (20.0, 1.0, -0.02, 5.0),
+        (8.0, 0.0, 0.0, 1.0),
+        (9.0, 1.0, 0.0, 0.0),
+        (9.0, 1.8, 0.0, 0.0),
+        (9.0, -1.0, 0.0, 0.0),
+        (12.0, 1.0, 0.05, 4.0),
+        (23.0, 1.0, -0.05, 8.0),
+        (10.0, 1.5, 0.0, 1.0),
+        (12.5, 1.5, 0.002, 1.0),
+        (12.5, 1.5, -0.002, 2.0),
+    ]
     segments = (Segment(d, load, speed, ramp, settle=min(ramp + 1.0, 0.6 * d)) for d, load, speed, ramp in parts)
     return Scenario("mission", tuple(segments), "free", "speed")
 
@@ -248,28 +289,36 @@ def mission(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Ou
 ROBUST = Scenario(
     "robust",
     (
-        Segment(0.3, 0.0, settle=0.1), Segment(0.4, 1.0, ramp=0.1, settle=0.2), Segment(0.4, 1.8, ramp=0.1, settle=0.2),
-        Segment(0.6, 1.0, 0.05, ramp=0.2, settle=0.3), Segment(0.6, -1.0, -0.05, ramp=0.2, settle=0.3),
+        Segment(0.3, 0.0, settle=0.1),
+        Segment(0.4, 1.0, ramp=0.1, settle=0.2),
+        Segment(0.4, 1.8, ramp=0.1, settle=0.2),
+        Segment(0.6, 1.0, 0.05, ramp=0.2, settle=0.3),
+        Segment(0.6, -1.0, -0.05, ramp=0.2, settle=0.3),
     ),
-    "driven", start_up=False, start_angle=0.5,
-)  # fmt: skip
+    "driven",
+    start_up=False,
+    start_angle=0.5,
+)
 
 
 def perturbations(drive: Drive) -> dict[str, dict[str, float]]:
     """Return by name what the plant has and the model lacks; alphas by the uncertainty their motor file prints."""
     motor = drive.motor
     cases: dict[str, dict[str, float]] = {
-        "nominal": {}, "R +50 %": {"stator_resistance.resistance": 1.5 * motor.resistance},
+        "nominal": {},
+        "R +50 %": {"stator_resistance.resistance": 1.5 * motor.resistance},
         "L +20 %": {"inductance.scale_d": 1.2, "inductance.scale_q": 1.2},
         "L -20 %": {"inductance.scale_d": 0.8, "inductance.scale_q": 0.8},
         "magnet -15 %": {"magnet_flux.magnet_flux": 0.85 * motor.magnet_flux},
         **{f"dead time {us} us": {"dead_time.time": 1e-6 * us} for us in (1, 2, 4)},
         "gain 1 %": {"current_gain.gain_a": 1.01, "current_gain.gain_b": 0.99, "current_gain.gain_c": 1.0},
         "delay 5 us": {"pwm_delay.delay": 5e-6},
-    }  # fmt: skip
+    }
     for sign, name in ((1.0, "alphas +"), (-1.0, "alphas -")):
-        printed = {a: re.search(r"\+- ([\d.]+)", drive.provenance.get(a, "")) for a in
-                   ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")}  # fmt: skip
+        printed = {
+            a: re.search(r"\+- ([\d.]+)", drive.provenance.get(a, ""))
+            for a in ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+        }
         moved = {f"saturation.{a}": getattr(motor, a) + sign * float(m[1]) for a, m in printed.items() if m}
         if moved:
             cases[name] = moved
@@ -288,8 +337,10 @@ def robustness(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
         except BadInput:  # a motor with a flux map has no alphas to move, nor inductances
             continue
         except PhysicsError:
-            found = [Point(name, True, s.load, 0.0, s.speed, None, None, None, None, True, None, True, None)
-                     for s in ROBUST.segments]  # fmt: skip
+            found = [
+                Point(name, True, s.load, 0.0, s.speed, None, None, None, None, True, None, True, None)
+                for s in ROBUST.segments
+            ]
         points += found
         worst = summary(found)
         metrics[f"{name}: mean_deg"] = None if worst["lost"] else worst["mean_deg"]
@@ -342,10 +393,13 @@ def starting(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> O
     e = found.axis_errors
     size = np.abs(e)
     metrics = {
-        "starts": e.size, "polarity_right": found.right, "mean_deg": float(e.mean()),
-        "rms_deg": float(np.sqrt(np.mean(e**2))), "p95_deg": float(np.percentile(size, 95)),
+        "starts": e.size,
+        "polarity_right": found.right,
+        "mean_deg": float(e.mean()),
+        "rms_deg": float(np.sqrt(np.mean(e**2))),
+        "p95_deg": float(np.percentile(size, 95)),
         "max_deg": float(size.max()),
-    }  # fmt: skip
+    }
     return Outcome((), metrics, found.right >= POLARITY_GOAL)
 
 

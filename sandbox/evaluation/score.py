@@ -145,9 +145,20 @@ def rows_of(
             error, most = error_of(settled, lost), error_of(whole, lost).max
             held = scenario.reference != "speed" or speed_held(settled)
             row = Row(
-                estimator, belief, closed, load, speed_rpm, error, most, predicted, lost, held, begin, end,
+                estimator,
+                belief,
+                closed,
+                load,
+                speed_rpm,
+                error,
+                most,
+                predicted,
+                lost,
+                held,
+                begin,
+                end,
                 true_rpm(drive, settled),
-            )  # fmt: skip
+            )
             rows.append(row)
         t = end
     return tuple(rows)
@@ -159,8 +170,15 @@ def predicted_mean(drive: Drive, scenario: Scenario, segment: Segment, closed: b
     Open (encoder controls): local formula at the reference current.  Closed: self-consistent solution.  Under
     speed control the current is the one that carries load and viscous friction at that error.
     """
-    angle = _predicted(drive.motor, torque_at_load(drive, segment.load), segment.load, segment.current_d, segment.speed,
-                       scenario.reference == "speed", closed)  # fmt: skip
+    angle = _predicted(
+        drive.motor,
+        torque_at_load(drive, segment.load),
+        segment.load,
+        segment.current_d,
+        segment.speed,
+        scenario.reference == "speed",
+        closed,
+    )
     return None if math.isnan(angle) else math.degrees(angle)
 
 

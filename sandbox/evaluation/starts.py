@@ -67,9 +67,20 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
             at = turned_to(bench, angle + 0.17 * n / seeds)  # fills the gap between two of the angles
             rng = np.random.default_rng([seed, k, n])
             status, _ = run(
-                step, first_state(estimator, believed, tuning, None), at, inside_for(estimator, drive), rig,
-                gains.control, believed, tuning, profile, wave.waveform, wave.primitive, rng, rows,
-            )  # fmt: skip
+                step,
+                first_state(estimator, believed, tuning, None),
+                at,
+                inside_for(estimator, drive),
+                rig,
+                gains.control,
+                believed,
+                tuning,
+                profile,
+                wave.waveform,
+                wave.primitive,
+                rng,
+                rows,
+            )
             first = rows[int(np.argmax(rows["tracking"] > 0.0))]
             if status == loop.DONE and first["tracking"] > 0.0:
                 errors[k, n] = wrapped(first["theta"] - first["theta_hat"])

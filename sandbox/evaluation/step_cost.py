@@ -146,10 +146,14 @@ def cost(drive: Drive, name: AnyEstimator, belief: str, seed: int) -> dict[str, 
     return {
         "step_ns": step_ns(drive, name, belief_of(drive, belief), np.ascontiguousarray(samples)),
         "injected_v": drive.injection.amplitude if estimator.injection in (PULSATING, ROTATING, RANDOM) else 0.0,
-        "ripple_a": square**0.5, "pwm_ripple_a": inside, "loss_w": 1.5 * motor.resistance * (square + inside**2),
-        "torque_ripple": torque_ripple(drive, late), "torque_ripple_at_speed": turning, "at_speed": speed,
+        "ripple_a": square**0.5,
+        "pwm_ripple_a": inside,
+        "loss_w": 1.5 * motor.resistance * (square + inside**2),
+        "torque_ripple": torque_ripple(drive, late),
+        "torque_ripple_at_speed": turning,
+        "at_speed": speed,
         **added,
-    }  # fmt: skip
+    }
 
 
 def torque_ripple(drive: Drive, r: Recording) -> float:

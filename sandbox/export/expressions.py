@@ -10,13 +10,40 @@ from typing import Any, NamedTuple, Protocol
 
 from sandbox.export.kinds import INT, LANE, REAL, Absent, Kind, Lane, Record, Rows, Several, declared
 
-OPERATORS = {ast.Add: ("+", 6), ast.Sub: ("-", 6), ast.Mult: ("*", 7), ast.Div: ("/", 7), ast.FloorDiv: ("/", 7),
-             ast.Mod: ("%", 7), ast.BitAnd: ("&", 3), ast.BitOr: ("|", 3), ast.LShift: ("<<", 5)}  # fmt: skip
+OPERATORS = {
+    ast.Add: ("+", 6),
+    ast.Sub: ("-", 6),
+    ast.Mult: ("*", 7),
+    ast.Div: ("/", 7),
+    ast.FloorDiv: ("/", 7),
+    ast.Mod: ("%", 7),
+    ast.BitAnd: ("&", 3),
+    ast.BitOr: ("|", 3),
+    ast.LShift: ("<<", 5),
+}
 COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 MATHS = (
-    "cos", "sin", "tan", "acos", "asin", "atan", "atan2", "exp", "log", "log1p", "expm1", "cosh", "sinh", "tanh",
-    "sqrt", "floor", "ceil", "copysign", "hypot", "fmod",
-)  # fmt: skip
+    "cos",
+    "sin",
+    "tan",
+    "acos",
+    "asin",
+    "atan",
+    "atan2",
+    "exp",
+    "log",
+    "log1p",
+    "expm1",
+    "cosh",
+    "sinh",
+    "tanh",
+    "sqrt",
+    "floor",
+    "ceil",
+    "copysign",
+    "hypot",
+    "fmod",
+)
 CHOSEN = {"min": "drive_least", "max": "drive_most"}
 ATOM, BITS = 9, 3
 
@@ -171,9 +198,11 @@ class Expressions:
         ]
         if len(parts) == 1 and all(v.text.isdigit() for v in values):
             a, b = (int(v.text) for v in values)
-            return known({"==": a == b, ">": a > b, "<": a < b, "!=": a != b, ">=": a >= b, "<=": a <= b}[
-                COMPARED[type(node.ops[0])]
-            ])  # fmt: skip
+            return known(
+                {"==": a == b, ">": a > b, "<": a < b, "!=": a != b, ">=": a >= b, "<=": a <= b}[
+                    COMPARED[type(node.ops[0])]
+                ]
+            )
         return Text(" && ".join(parts), INT, 4 if len(parts) == 1 else 2)
 
     def _boolop(self, node: ast.BoolOp) -> Text:

@@ -34,30 +34,45 @@ START = (
     Variable("omega_start", "rad/s", "its speed at first, electrical"),
 )
 INPUTS = (
-    Variable("duty_a", "", "duty of leg a over the period that begins, 0 to 1"), Variable("duty_b", "", "of leg b"),
-    Variable("duty_c", "", "of leg c"), Variable("load_torque", "N m", "asked of the load machine over the period"),
+    Variable("duty_a", "", "duty of leg a over the period that begins, 0 to 1"),
+    Variable("duty_b", "", "of leg b"),
+    Variable("duty_c", "", "of leg c"),
+    Variable("load_torque", "N m", "asked of the load machine over the period"),
     Variable("omega_driven", "rad/s", "speed that a driven rotor has at the end of the period, electrical"),
-)  # fmt: skip
+)
 OUTPUTS = (
     Variable("read_a", "A", "reading of the current sensor of phase a at the beginning of the period"),
-    Variable("read_b", "A", "of phase b"), Variable("read_c", "A", "of phase c"),
+    Variable("read_b", "A", "of phase b"),
+    Variable("read_c", "A", "of phase c"),
     Variable("theta_read", "rad", "of the encoder at the beginning of the period, electrical"),
-    Variable("omega_read", "rad/s", "slope of it"), Variable("u_dc_read", "V", "reading of the link"),
-    Variable("i_a", "A", "current at terminal a at the end of the step"), Variable("i_b", "A", "at terminal b"),
+    Variable("omega_read", "rad/s", "slope of it"),
+    Variable("u_dc_read", "V", "reading of the link"),
+    Variable("i_a", "A", "current at terminal a at the end of the step"),
+    Variable("i_b", "A", "at terminal b"),
     Variable("i_c", "A", "at terminal c"),
     Variable("theta", "rad", "angle of the rotor at the end of the step, electrical, within a turn of the shaft"),
     Variable("omega", "rad/s", "speed of the rotor there, electrical"),
-    Variable("torque", "N m", "of the air gap there"), Variable("u_dc", "V", "of the link there"),
-)  # fmt: skip
+    Variable("torque", "N m", "of the air gap there"),
+    Variable("u_dc", "V", "of the link there"),
+)
 WHOLE = (
     (Variable("rotor", "", "0 locked, 1 driven, 2 free"), 2, 2),
     (Variable("noise_seed", "", "of noise in readings and of jitter; 0: none"), 0, 2**31 - 1),
 )
 BASE = {  # exponents of SI base units: kg, m, s, A, rad
-    "s": (0, 0, 1, 0, 0), "V": (1, 2, -3, -1, 0), "A": (0, 0, 0, 1, 0), "Wb": (1, 2, -2, -1, 0),
-    "H": (1, 2, -2, -2, 0), "1/H": (-1, -2, 2, 2, 0), "ohm": (1, 2, -3, -2, 0), "rad": (0, 0, 0, 0, 1),
-    "rad/s": (0, 0, -1, 0, 1), "N m": (1, 2, -2, 0, 0), "kg m^2": (1, 2, 0, 0, 0), "Hz": (0, 0, -1, 0, 0),
-}  # fmt: skip
+    "s": (0, 0, 1, 0, 0),
+    "V": (1, 2, -3, -1, 0),
+    "A": (0, 0, 0, 1, 0),
+    "Wb": (1, 2, -2, -1, 0),
+    "H": (1, 2, -2, -2, 0),
+    "1/H": (-1, -2, 2, 2, 0),
+    "ohm": (1, 2, -3, -2, 0),
+    "rad": (0, 0, 0, 0, 1),
+    "rad/s": (0, 0, -1, 0, 1),
+    "N m": (1, 2, -2, 0, 0),
+    "kg m^2": (1, 2, 0, 0, 0),
+    "Hz": (0, 0, -1, 0, 0),
+}
 
 
 def unit_of(source: Source, period: float, version: int) -> bytes:
@@ -81,9 +96,11 @@ def unit_of(source: Source, period: float, version: int) -> bytes:
 def _code(source: Source, token: str, version: int) -> str:
     shared = Template(HERE.joinpath("fmu.c").read_text(encoding="utf-8"))
     rest = HERE.joinpath(f"fmi{version}.c").read_text(encoding="utf-8")
-    return "#ifndef SENSORLESS_FLOAT64\n#define SENSORLESS_FLOAT64\n#endif\n" + shared.substitute(
-        fmi=VERSIONS[version], header=HEADER, token=token, cname=source.motor
-    ) + rest  # fmt: skip
+    return (
+        "#ifndef SENSORLESS_FLOAT64\n#define SENSORLESS_FLOAT64\n#endif\n"
+        + shared.substitute(fmi=VERSIONS[version], header=HEADER, token=token, cname=source.motor)
+        + rest
+    )
 
 
 def _binary(code: dict[str, str]) -> bytes:
@@ -121,10 +138,14 @@ def described(source: Source, model: str, token: str, period: float, version: in
     """Return modelDescription.xml."""
     identity = {"guid": token} if version == 2 else {"instantiationToken": token}
     root = _root(
-        "fmiModelDescription", fmiVersion=VERSIONS[version], modelName=f"{source.motor} drive",
-        generationTool="sensorless-sandbox", variableNamingConvention="flat",
-        description="a permanent-magnet motor with inverter, shaft and sensors, PWM edge by PWM edge", **identity,
-    )  # fmt: skip
+        "fmiModelDescription",
+        fmiVersion=VERSIONS[version],
+        modelName=f"{source.motor} drive",
+        generationTool="sensorless-sandbox",
+        variableNamingConvention="flat",
+        description="a permanent-magnet motor with inverter, shaft and sensors, PWM edge by PWM edge",
+        **identity,
+    )
     ability = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
     if version == 3:
         ability = {k.replace("FMUstate", "FMUState"): v for k, v in ability.items()} | {
@@ -183,8 +204,13 @@ def _variables(element: Xml.Element, numbers: tuple[Number, ...], version: int) 
         _real(element, version, reference, v, "output", {})
         reference += 1
     for v, start, most in WHOLE:
-        shared = {"name": v.name, "valueReference": str(reference), "description": v.said, "causality": "parameter",
-                  "variability": "fixed"}  # fmt: skip
+        shared = {
+            "name": v.name,
+            "valueReference": str(reference),
+            "description": v.said,
+            "causality": "parameter",
+            "variability": "fixed",
+        }
         bounds = {"start": str(start), "min": "0", "max": str(most)}
         if version == 2:
             _child(_child(element, "ScalarVariable", **shared), "Integer", **bounds)
@@ -193,17 +219,28 @@ def _variables(element: Xml.Element, numbers: tuple[Number, ...], version: int) 
         reference += 1
     if version == 3:
         _child(
-            element, "Float64", name="time", valueReference=str(reference), causality="independent",
-            variability="continuous", unit="s", description="s since the beginning",
-        )  # fmt: skip
+            element,
+            "Float64",
+            name="time",
+            valueReference=str(reference),
+            causality="independent",
+            variability="continuous",
+            unit="s",
+            description="s since the beginning",
+        )
 
 
 def _real(
     element: Xml.Element, version: int, reference: int, v: Variable, causality: str, more: dict[str, str]
 ) -> None:
     variability = "fixed" if causality == "parameter" else "discrete"
-    shared = {"name": v.name, "valueReference": str(reference), "description": v.said, "causality": causality,
-              "variability": variability}  # fmt: skip
+    shared = {
+        "name": v.name,
+        "valueReference": str(reference),
+        "description": v.said,
+        "causality": causality,
+        "variability": variability,
+    }
     if causality == "parameter" or (causality == "output" and version == 2):
         shared["initial"] = "exact" if causality == "parameter" else "calculated"
     unit = {"unit": v.unit} if v.unit else {}

@@ -249,8 +249,10 @@ class Function:
             return [
                 f"for (int32_t {count} = 0; {count} < {len(values)}; {count}++) {{",
                 f"    static const {REAL} {name}_of[{len(values)}] = {{{numbers}}};",
-                f"    {name} = {name}_of[{count}];", *self._inner(node.body), "}",
-            ]  # fmt: skip
+                f"    {name} = {name}_of[{count}];",
+                *self._inner(node.body),
+                "}",
+            ]
         assert isinstance(node.iter, ast.Call)
         assert ast.unparse(node.iter.func) == "range"
         if ast.unparse(node.iter.args[-1]) in ("w.psi_alpha.size", "n") and self._lanes(node.iter.args[-1]):

@@ -11,5 +11,9 @@ def folded(line: str, width: int = 100) -> list[str]:
         return [line]
     indent = " " * (len(line) - len(line.lstrip()))
     return textwrap.wrap(
-        line, width, subsequent_indent=indent + "    ", break_long_words=False, break_on_hyphens=False,
-    )  # fmt: skip
+        line,
+        width,
+        subsequent_indent=indent + "    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

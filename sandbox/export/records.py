@@ -49,8 +49,10 @@ def flux_map(energy: SplineEnergy | None) -> Record | None:
 
 def definition(record: Record, said: dict[str, str] | None = None) -> str:
     """Return a structure's type definition, a field a line; said: words behind a field."""
-    lines = [f"    {_field(name, kind, record)};{f' /* {said[name]} */' if said and said.get(name) else ''}"
-             for name, kind in record.fields]  # fmt: skip
+    lines = [
+        f"    {_field(name, kind, record)};{f' /* {said[name]} */' if said and said.get(name) else ''}"
+        for name, kind in record.fields
+    ]
     return "\n".join(["typedef struct {", *lines, f"}} {record.name};"])
 
 

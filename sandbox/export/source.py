@@ -67,16 +67,24 @@ def own_numbers(drive: Drive, values: Mapping[str, float], top_speed: float) -> 
     step = min(longest_step(true, values, sets.features_of(motor, values), top_speed), MOST_STEP)
     counts = converter.encoder_counts
     own = [
-        _of(converter, "sampling_period", "of a PWM period"), _of(converter, "dc_bus_voltage", "of the link, nominal"),
-        _of(motor, "inductance_d", "at zero current, nominal"), _of(motor, "inductance_q", "at zero current, nominal"),
+        _of(converter, "sampling_period", "of a PWM period"),
+        _of(converter, "dc_bus_voltage", "of the link, nominal"),
+        _of(motor, "inductance_d", "at zero current, nominal"),
+        _of(motor, "inductance_q", "at zero current, nominal"),
         _of(motor, "pole_pairs", "electrical angle over mechanical"),
         _of(converter, "current_resolution", "of a count of a reading; 0: none"),
         _of(converter, "current_noise", "of a reading, rms"),
         _of(converter, "link_noise", "of the link's reading, rms"),
-        Number("encoder_step", math.tau * motor.pole_pairs / counts if counts else 0.0, 0.0, math.tau, "rad",
-               "of a count of the encoder, electrical; 0: none"),
+        Number(
+            "encoder_step",
+            math.tau * motor.pole_pairs / counts if counts else 0.0,
+            0.0,
+            math.tau,
+            "rad",
+            "of a count of the encoder, electrical; 0: none",
+        ),
         Number("longest_step", step, 1e-9, MOST_STEP, "s", f"of the integration: up to {top_speed:.4g} rad/s"),
-    ]  # fmt: skip
+    ]
     return [Number(f"drive.{n.name}", n.value, n.low, n.high, n.unit, n.said) for n in own]
 
 
@@ -114,9 +122,12 @@ def source_of(drive: Drive, values: Mapping[str, float], top_speed: float) -> So
     energy = drive.motor.energy if isinstance(drive.motor.energy, SplineEnergy) else None
     program, looking = _translated(energy)
     text = _template("drive.c").substitute(
-        rows=_indented(_rows(drive, energy)), needs=_indented(_needs(drive.motor)), sound=_sound(),
-        map=", drive_flux_map" if energy else "", travel_looking=looking,
-    )  # fmt: skip
+        rows=_indented(_rows(drive, energy)),
+        needs=_indented(_needs(drive.motor)),
+        sound=_sound(),
+        map=", drive_flux_map" if energy else "",
+        travel_looking=looking,
+    )
     head = HEAD.substitute(header=HEADER, motor=drive.name, macros=_macros())
     constants = [*_bounds(name, numbers), *(_map(energy) if energy else []), *_table(drive.converter)]
     whole = "\n\n".join([head, program.text(), *constants, text])
@@ -224,14 +235,21 @@ def _rows(drive: Drive, energy: SplineEnergy | None) -> list[str]:
         whole = f"R(1.0) / ({scale[f'inductance_{axis}']} * is->drive_inductance_{axis}){added}"
         lines.append(f"w->gamma_{axis} = {whole};")
     lines += [
-        f"w->cubic_d = R(3.0) * {own['alpha_30']};", f"w->cubic_q = {own['alpha_12']};",
-        f"w->quartic_d = R(4.0) * {own['alpha_40']};", f"w->quartic_dq = {own['alpha_22']};",
-        f"w->quartic_q = R(4.0) * {own['alpha_04']};", f"w->magnet = {own['magnet_flux']};",
-        f"w->winding = {own['resistance']};", f"w->masses = {own['inertia']};",
-        "w->pairs = is->drive_pole_pairs;", f"w->soft = R(1.0) / {_is('bench.soft_current')};",
-        f"w->shape = {_is('bench.soft_shape')};", f"w->common = {_is('bench.common_offset')};",
-        f"w->load_gain = {_is('bench.load_torque_gain')};", f"w->load_offset = {_is('bench.load_torque_offset')};",
-    ]  # fmt: skip
+        f"w->cubic_d = R(3.0) * {own['alpha_30']};",
+        f"w->cubic_q = {own['alpha_12']};",
+        f"w->quartic_d = R(4.0) * {own['alpha_40']};",
+        f"w->quartic_dq = {own['alpha_22']};",
+        f"w->quartic_q = R(4.0) * {own['alpha_04']};",
+        f"w->magnet = {own['magnet_flux']};",
+        f"w->winding = {own['resistance']};",
+        f"w->masses = {own['inertia']};",
+        "w->pairs = is->drive_pole_pairs;",
+        f"w->soft = R(1.0) / {_is('bench.soft_current')};",
+        f"w->shape = {_is('bench.soft_shape')};",
+        f"w->common = {_is('bench.common_offset')};",
+        f"w->load_gain = {_is('bench.load_torque_gain')};",
+        f"w->load_offset = {_is('bench.load_torque_offset')};",
+    ]
     lines += [f"w->{row} = {_is(name)};" for row, name in sets.numbers()]
     shape = f"is->dead_time_zone_shape != R(0.0) ? is->dead_time_zone_shape : {_is('bench.soft_shape')}"
     lines += ["if (is->dead_time_zone_width == R(0.0)) {"]  # as `sets.zone_of`
@@ -278,8 +296,9 @@ def _needs(motor: Motor) -> list[str]:
 def _sound() -> str:
     tests = [
         f"isfinite(w->{row})" if math.isinf(least) else f"isfinite(w->{row}) && w->{row} >= {literal(least)}"
-        for rows in sets.SOUND.values() for row, least in rows.items()
-    ]  # fmt: skip
+        for rows in sets.SOUND.values()
+        for row, least in rows.items()
+    ]
     return "\n        && ".join(tests)
 
 
@@ -289,9 +308,10 @@ def _bounds(name: str, numbers: list[Number]) -> list[str]:
         return "\n".join([f"const sensorless_drive_parameters {title} = {{", *lines, "};"])
 
     return [
-        of(f"sensorless_drive_parameters_of_{name}", "value"), of("sensorless_drive_lowest", "low"),
+        of(f"sensorless_drive_parameters_of_{name}", "value"),
+        of("sensorless_drive_lowest", "low"),
         of("sensorless_drive_highest", "high"),
-    ]  # fmt: skip
+    ]
 
 
 def _map(energy: SplineEnergy) -> list[str]:
@@ -323,9 +343,14 @@ def _table(converter: Converter) -> list[str]:
 def _header(drive: Drive, numbers: list[Number], name: str) -> str:
     lines = [f"    {REAL} {n.field}; /* {n.unit or '1'}: {n.said} */" for n in numbers]
     return _template("drive.h").substitute(
-        version=version("sensorless-sandbox"), motor=drive.name, cname=name, parameters="\n".join(lines),
-        count=len(numbers), applied_torque=records.definition(records.APPLIED_TORQUE),
+        version=version("sensorless-sandbox"),
+        motor=drive.name,
+        cname=name,
+        parameters="\n".join(lines),
+        count=len(numbers),
+        applied_torque=records.definition(records.APPLIED_TORQUE),
         rotor_trajectory=records.definition(records.ROTOR_TRAJECTORY),
-        timing=records.definition(records.TIMING), plant=records.definition(records.plant(), records.SAID),
+        timing=records.definition(records.TIMING),
+        plant=records.definition(records.plant(), records.SAID),
         room=records.definition(records.room()),
-    )  # fmt: skip
+    )

@@ -67,10 +67,13 @@ class OrdinaryIdentification:
             "nuisance": dict(fit.nuisance),
         }
         return {
-            "campaign": self.campaign.name, "levels": 0, "methods": {"replay": method},
+            "campaign": self.campaign.name,
+            "levels": 0,
+            "methods": {"replay": method},
             "cannot_tell": [{"parameter": n, "why": fit.untold[n]} for n in NAMES if n in fit.untold],
-            "simulator": self.refitted().as_json(), "remarks": list(self.remarks),
-        }  # fmt: skip
+            "simulator": self.refitted().as_json(),
+            "remarks": list(self.remarks),
+        }
 
 
 def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentification:

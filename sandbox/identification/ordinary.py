@@ -35,9 +35,11 @@ from sandbox.replay.replay import Prepared, prepare, replay, residuals
 Array = NDArray[np.float64]
 NAMES = ("resistance", "inductance_d", "inductance_q", "magnet_flux")
 OF_EFFECT = {
-    "resistance": "stator_resistance.resistance", "inductance_d": "inductance.scale_d",
-    "inductance_q": "inductance.scale_q", "magnet_flux": "magnet_flux.magnet_flux",
-}  # fmt: skip
+    "resistance": "stator_resistance.resistance",
+    "inductance_d": "inductance.scale_d",
+    "inductance_q": "inductance.scale_q",
+    "magnet_flux": "magnet_flux.magnet_flux",
+}
 THRESHOLD, DEAD = LOST = ("device_drop.threshold", "dead_time.time")
 OFFSETS = ("current_offset.offset_a", "current_offset.offset_b")
 OFFSET_OF, ANGLE = "encoder_offset.offset", "angles."  # of each angle that was made: its zero is nobody's reading
@@ -50,9 +52,11 @@ OFFSET, DROP = 0.01, 0.02  # priors, one standard deviation: of rated current; o
 FARTHEST = math.log(3.0)  # of a parameter in one step
 CHANGES = 5.0  # noises: the least rms change of a current that tells an inductance
 WIDE = {  # logarithm of the factor from the start within which one is looked for; inductances: inside a scale's bounds
-    "resistance": math.log(1e3), "magnet_flux": math.log(1e3), "inductance_d": math.log(4.0),
+    "resistance": math.log(1e3),
+    "magnet_flux": math.log(1e3),
+    "inductance_d": math.log(4.0),
     "inductance_q": math.log(4.0),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -112,11 +116,18 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
     count = sum(len(r.t) for r in used.recordings)
     motor = _with(campaign.drive.motor, {n: values[n] for n in estimated})
     return OrdinaryFit(
-        motor, {n: values[n] for n in estimated},
-        {n: float(deviation[known.index(n)]) * values[n] for n in estimated}, untold, begin,
-        {n: values[n] for n in names[len(known) :]}, prepared.floor * math.sqrt(x.square()), x.square(), shown,
-        count, sum(len(r.t) for r in campaign.recordings),
-    )  # fmt: skip
+        motor,
+        {n: values[n] for n in estimated},
+        {n: float(deviation[known.index(n)]) * values[n] for n in estimated},
+        untold,
+        begin,
+        {n: values[n] for n in names[len(known) :]},
+        prepared.floor * math.sqrt(x.square()),
+        x.square(),
+        shown,
+        count,
+        sum(len(r.t) for r in campaign.recordings),
+    )
 
 
 def _of_both(start: _Search, known: Sequence[str]) -> _Search:

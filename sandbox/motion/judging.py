@@ -103,9 +103,11 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     if turned < 0.05:
         raise BadInput(f"{campaign.name}: the rotor turns by {turned:.2g} rad at most; record it turning")
     nominal = Nominal(
-        campaign.inertia, campaign.viscous_friction, campaign.deviations.get(INERTIA.stated, ORDINARY),
+        campaign.inertia,
+        campaign.viscous_friction,
+        campaign.deviations.get(INERTIA.stated, ORDINARY),
         campaign.deviations.get(VISCOUS.stated, ORDINARY),
-    )  # fmt: skip
+    )
     plain, held = design_of(parts), _held_out(parts)
     cannot = _cannot(plain, nominal, exclude)
     if any(r.sixth for r in campaign.recordings):
@@ -129,15 +131,30 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     sizes = {e: _rms(plain, fitted(kept, t, nominal), floor, out) for e, t in terms.items()}
     none, best = fitted(kept, Terms(), nominal), fitted(kept, sets[0].shaft.terms, nominal)
     rows = tuple(
-        (a.file, _rms(plain, none, floor, design.owner == k), _rms(plain, best, floor, design.owner == k),
-         bool(np.all(held[design.owner == k]))) for k, a in enumerate(parts)
-    )  # fmt: skip
+        (
+            a.file,
+            _rms(plain, none, floor, design.owner == k),
+            _rms(plain, best, floor, design.owner == k),
+            bool(np.all(held[design.owner == k])),
+        )
+        for k, a in enumerate(parts)
+    )
     after = sizes[sets[0].effects]
     left = float(np.clip((after - SURE) / (DOUBTFUL - SURE), 0.02, 0.98))
     return Motion(
-        campaign, design, tuple(sets), left, _rms(plain, _as_stated(design, nominal), floor, out), sizes[()], after,
-        rows, _shares(sizes, sets[0].effects), cannot, tuple(exclude), time.perf_counter() - began,
-    )  # fmt: skip
+        campaign,
+        design,
+        tuple(sets),
+        left,
+        _rms(plain, _as_stated(design, nominal), floor, out),
+        sizes[()],
+        after,
+        rows,
+        _shares(sizes, sets[0].effects),
+        cannot,
+        tuple(exclude),
+        time.perf_counter() - began,
+    )
 
 
 def _subsets(effects: Sequence[str]) -> list[tuple[str, ...]]:
@@ -152,10 +169,13 @@ def _check_known(name: str) -> None:
 
 def _terms(effects: Sequence[str], width: float, orders: tuple[int, ...]) -> Terms:
     return Terms(
-        INERTIA.effect in effects, VISCOUS.effect in effects, width if DRY.effect in effects else None,
-        LAG.effect in effects, orders if COGGING.effect in effects else (),
+        INERTIA.effect in effects,
+        VISCOUS.effect in effects,
+        width if DRY.effect in effects else None,
+        LAG.effect in effects,
+        orders if COGGING.effect in effects else (),
         tuple(n.size for n in users() if n.effect in effects),
-    )  # fmt: skip
+    )
 
 
 def _held_out(parts: Sequence[object]) -> NDArray[np.bool_]:
@@ -239,9 +259,12 @@ def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[st
     if nominal.inertia is None:
         base.append(design.acceleration)
     columns = {
-        DRY.effect: design.dry(USUAL_WIDTH * design.fastest), INERTIA.effect: design.acceleration,
-        VISCOUS.effect: design.speed, LAG.effect: design.slope, **{n.effect: design.of_users[n.size] for n in users()},
-    }  # fmt: skip
+        DRY.effect: design.dry(USUAL_WIDTH * design.fastest),
+        INERTIA.effect: design.acceleration,
+        VISCOUS.effect: design.speed,
+        LAG.effect: design.slope,
+        **{n.effect: design.of_users[n.size] for n in users()},
+    }
     known, found = numbers(), unidentifiable()
     if nominal.inertia is None:
         found[INERTIA.effect] = "no inertia is stated, so there is none to differ from; its value is estimated"

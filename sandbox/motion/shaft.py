@@ -160,8 +160,10 @@ def columns_of(design: Design, terms: Terms, nominal: Nominal) -> tuple[list[str
     free = math.inf
     j = nominal.inertia
     names, mean = [INERTIA.size, VISCOUS.size], [0.0 if j is None else j, nominal.viscous]
-    wide = [free if terms.inertia or j is None else nominal.inertia_deviation * j,
-            free if terms.viscous else nominal.viscous_deviation * nominal.viscous]  # fmt: skip
+    wide = [
+        free if terms.inertia or j is None else nominal.inertia_deviation * j,
+        free if terms.viscous else nominal.viscous_deviation * nominal.viscous,
+    ]
     columns = [design.acceleration[:, None], design.speed[:, None]]
     if terms.dry is not None:
         names, mean, wide = [*names, DRY.size], [*mean, 0.0], [*wide, free]

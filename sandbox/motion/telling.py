@@ -74,12 +74,16 @@ def orders(m: Motion, w: Weighed) -> list[dict[str, Any]]:
     for n in w.shaft.terms.orders if COGGING.effect in w.effects else ():
         size, sd, phase, turn = w.shaft.amplitude(n)
         half, around = STUDENT * sd, STUDENT * turn
-        rows.append({
-            "order": n, "amplitude": {"value": size, "ci95": [size - half, size + half]},
-            "current": None if constant is None else
-            {"value": size / constant, "ci95": [(size - half) / constant, (size + half) / constant]},
-            "phase": {"value": phase, "ci95": [phase - around, phase + around]},
-        })  # fmt: skip
+        rows.append(
+            {
+                "order": n,
+                "amplitude": {"value": size, "ci95": [size - half, size + half]},
+                "current": None
+                if constant is None
+                else {"value": size / constant, "ci95": [(size - half) / constant, (size + half) / constant]},
+                "phase": {"value": phase, "ci95": [phase - around, phase + around]},
+            }
+        )
     return sorted(rows, key=lambda r: -r["amplitude"]["value"])
 
 
@@ -108,37 +112,61 @@ def contract(m: Motion) -> dict[str, Any]:
     s = m.best.shaft
     closed = _closed(m, m.after) if m.best.effects else None
     return {
-        "campaign": m.campaign.name, "verdict": verdict(m),
+        "campaign": m.campaign.name,
+        "verdict": verdict(m),
         "gap": {
-            "raw": m.raw, "before": m.before, "after": m.after, "floor": 1.0, "closed": closed, "closed_ci95": None,
+            "raw": m.raw,
+            "before": m.before,
+            "after": m.after,
+            "floor": 1.0,
+            "closed": closed,
+            "closed_ci95": None,
             "recordings": [{"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in m.by_recording],
-            "position_error_deg": None, "remains": None,
+            "position_error_deg": None,
+            "remains": None,
         },
         "where": where(m),
         "hypotheses": [
-            {"effects": effects, "probability": p, "closed": closed if w is m.best else (0.0 if not effects else None),
-             "parameters": parameters(m, w)} for effects, p, w in _hypotheses(m)[:12]
+            {
+                "effects": effects,
+                "probability": p,
+                "closed": closed if w is m.best else (0.0 if not effects else None),
+                "parameters": parameters(m, w),
+            }
+            for effects, p, w in _hypotheses(m)[:12]
         ],
         "effects": [
-            {"name": e, "probability": m.inclusion(e), "share": {"value": m.shares.get(e, 0.0), "ci95": None},
-             "parameters": {k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")}, "group": None,
-             "do": todo(m).get(e)}
+            {
+                "name": e,
+                "probability": m.inclusion(e),
+                "share": {"value": m.shares.get(e, 0.0), "ci95": None},
+                "parameters": {k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")},
+                "group": None,
+                "do": todo(m).get(e),
+            }
             for e in sorted((e for e in numbers() if m.looked_for(e)), key=m.inclusion, reverse=True)
         ],
         "unknown": {"probability": m.unknown, "share": None, "where": "torque"},
-        "ambiguity_set": _set(m), "next_recording": following(m), "excluded": list(m.excluded),
+        "ambiguity_set": _set(m),
+        "next_recording": following(m),
+        "excluded": list(m.excluded),
         "motion": {
-            "electrical": m.campaign.why, "torque_constant": m.campaign.torque_constant,
+            "electrical": m.campaign.why,
+            "torque_constant": m.campaign.torque_constant,
             "inertia": {
-                "value": s.value(INERTIA.size), "ci95": list(s.ci95(INERTIA.size)), "unit": INERTIA.unit,
+                "value": s.value(INERTIA.size),
+                "ci95": list(s.ci95(INERTIA.size)),
+                "unit": INERTIA.unit,
             },
-            "stated_inertia": m.campaign.inertia, "dry_friction_width": s.terms.dry,
-            "orders": orders(m, m.best), "cannot": m.cannot,
+            "stated_inertia": m.campaign.inertia,
+            "dry_friction_width": s.terms.dry,
+            "orders": orders(m, m.best),
+            "cannot": m.cannot,
             "stamp_jitter": {a.file: a.jitter for a in m.design.averages},
         },
         "simulator": refitted(m).as_json(),
         "cost": {"simulations": len(m.weighed), "seconds": m.seconds},
-    }  # fmt: skip
+    }
 
 
 def _closed(m: Motion, after: float) -> float | None:
@@ -151,8 +179,16 @@ def where(m: Motion) -> list[dict[str, Any]]:
     for e, share in sorted(m.shares.items(), key=lambda x: -x[1]):
         order = orders(m, m.best)[0]["order"] if e == COGGING.effect else None
         text = f"{known[e].shows} ({round(100.0 * share)} % of the gap)"
-        rows.append({"subsystem": known[e].card.subsystem, "channel": "torque", "region": "whole motion",
-                     "order": order, "share": share, "text": text})  # fmt: skip
+        rows.append(
+            {
+                "subsystem": known[e].card.subsystem,
+                "channel": "torque",
+                "region": "whole motion",
+                "order": order,
+                "share": share,
+                "text": text,
+            }
+        )
     return rows
 
 
@@ -172,10 +208,12 @@ def todo(m: Motion) -> dict[str, str]:
     found = {k: v["value"] for k, v in parameters(m, m.best).items()}
     found |= {k: x for k, x in refitted(m).effects.items() if k.startswith(f"{COGGING.effect}.")}
     motor = replace(
-        drive.motor, pole_pairs=PAIRS, magnet_flux=min(constant / (1.5 * PAIRS), 100.0),
+        drive.motor,
+        pole_pairs=PAIRS,
+        magnet_flux=min(constant / (1.5 * PAIRS), 100.0),
         inertia=m.campaign.inertia or m.best.shaft.value(INERTIA.size),
         rated_speed_rpm=max(float(np.max(np.abs(a.speed))) for a in m.design.averages) * 30.0 / math.pi,
-    )  # fmt: skip
+    )
     ranked = sorted(m.best.effects, key=lambda e: -m.shares.get(e, 0.0))
     return what_to_do(ranked, found, motor, drive.converter)
 
@@ -188,12 +226,18 @@ def sentences(m: Motion) -> list[tuple[str, str]]:
     sizes = "; ".join(f"{title_of(k)} {v['value']:.4g} {v['unit']}".rstrip() + _interval(v) for k, v in p.items())
     out = [
         ("Where?", "; ".join(r["text"] for r in where(m)[:3]) or "nowhere above the noise"),
-        ("Which?", f"{named}{' and something unknown' if left else ''} (set {100.0 * w.probability:.0f} % probable"
-         f" among mechanical effects). {sizes}"),
-        ("How far?", f"residual torque: {m.before:.3g} times the noise floor (rms of the noise alone) before, "
-         f"{m.after:.3g} after, on rows held out"),
+        (
+            "Which?",
+            f"{named}{' and something unknown' if left else ''} (set {100.0 * w.probability:.0f} % probable"
+            f" among mechanical effects). {sizes}",
+        ),
+        (
+            "How far?",
+            f"residual torque: {m.before:.3g} times the noise floor (rms of the noise alone) before, "
+            f"{m.after:.3g} after, on rows held out",
+        ),
         ("Electrical?", m.campaign.why),
-    ]  # fmt: skip
+    ]
     out += [("Do?", f"{e.replace('_', ' ')}: {text}") for e, text in todo(m).items()]
     if m.cannot:
         out.append(("Not told?", "; ".join(f"{e.replace('_', ' ')}: {why}" for e, why in m.cannot.items())))

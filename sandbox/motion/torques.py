@@ -62,25 +62,33 @@ class Number:
 
 
 DRY = Number(
-    "dry", "coulomb_friction.torque", "a torque against the motion, whatever the speed",
+    "dry",
+    "coulomb_friction.torque",
+    "a torque against the motion, whatever the speed",
     "the motion goes one way only, so dry friction and a constant torque (or an offset of the current) are one number; "
     "record the same backwards",
     brakes=True,
-)  # fmt: skip
+)
 COGGING = Number("", "cogging_torque.amplitude", "a torque bound to the rotor's angle")  # two sizes for each order
 VISCOUS = Number(
-    "viscous", "viscous_friction.coefficient", "a torque that grows with speed",
+    "viscous",
+    "viscous_friction.coefficient",
+    "a torque that grows with speed",
     "speed hardly varies beside what else it could be; record at several speeds",
     brakes=True,
-)  # fmt: skip
+)
 INERTIA = Number(
-    "inertia", "inertia.inertia", "torque missing while the speed changes",
+    "inertia",
+    "inertia.inertia",
+    "torque missing while the speed changes",
     "the speed hardly changes; record accelerations",
-)  # fmt: skip
+)
 LAG = Number(
-    "lag", "current_filter.time_constant", "the current's readings come late",
+    "lag",
+    "current_filter.time_constant",
+    "the current's readings come late",
     "the current hardly varies; record with load steps or accelerations",
-)  # fmt: skip
+)
 OF_LIBRARY = (DRY, COGGING, VISCOUS, INERTIA, LAG)
 
 

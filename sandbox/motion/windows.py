@@ -79,11 +79,21 @@ def averages(r: MotionRecording, campaign: MotionCampaign) -> Averages:
     slope = np.gradient(r.torque, r.t)
     at_samples = r.beside.get("speed", np.interp(r.t, middle, speed))
     return Averages(
-        r.file, np.einsum("nk,nk->n", w, theta), driving, np.einsum("nk,nk->n", kernel, slope[place]), speed, middle,
-        place, kernel, r.angle, at_samples, reading * np.sqrt(np.sum(w * w, axis=1)),
-        current * np.sqrt(np.sum(kernel**2, axis=1)), jitter,
+        r.file,
+        np.einsum("nk,nk->n", w, theta),
+        driving,
+        np.einsum("nk,nk->n", kernel, slope[place]),
+        speed,
+        middle,
+        place,
+        kernel,
+        r.angle,
+        at_samples,
+        reading * np.sqrt(np.sum(w * w, axis=1)),
+        current * np.sqrt(np.sum(kernel**2, axis=1)),
+        jitter,
         float(np.median(np.diff(r.t))),
-    )  # fmt: skip
+    )
 
 
 def white(x: Array) -> float:

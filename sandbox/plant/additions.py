@@ -224,8 +224,18 @@ def air_gap(w, span):
             w.mid_alpha[j] - part * (w.fall_alpha[j] - w.drop_alpha[j]),
             w.mid_beta[j] - part * (w.fall_beta[j] - w.drop_beta[j]),
         )
-        w.torque[j] = pull(
-            w.pairs[j], a, b, w.j_alpha[j] - w.core_alpha[j], w.j_beta[j] - w.core_beta[j],
-            a - w.psi_alpha[j], b - w.psi_beta[j], w.j_alpha[j] - w.i_alpha[j], w.j_beta[j] - w.i_beta[j],
-        ) - 1.5 * w.pairs[j] * w.turning[j]  # fmt: skip
+        w.torque[j] = (
+            pull(
+                w.pairs[j],
+                a,
+                b,
+                w.j_alpha[j] - w.core_alpha[j],
+                w.j_beta[j] - w.core_beta[j],
+                a - w.psi_alpha[j],
+                b - w.psi_beta[j],
+                w.j_alpha[j] - w.i_alpha[j],
+                w.j_beta[j] - w.i_beta[j],
+            )
+            - 1.5 * w.pairs[j] * w.turning[j]
+        )
         w.impulse[j] += span * w.torque[j]

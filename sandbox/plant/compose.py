@@ -78,8 +78,10 @@ def _port(name: str, cards: list[Effect]) -> str:
     args = ", ".join(("w", "j", *port.quantities))
     calls = [
         _call(c, at, [f"w.{field(c.name, n)}[j]" for n in at.numbers], port.quantities)
-        for c in cards for at in c.at if at.port == name
-    ]  # fmt: skip
+        for c in cards
+        for at in c.at
+        if at.port == name
+    ]
     return f'\n@inlined\ndef {name}({args}):\n    """Return {port.what}."""\n' + _body(name, calls)
 
 
@@ -87,8 +89,10 @@ def _further(name: str, cards: list[Effect]) -> str:
     port = PORTS[name]
     calls = [
         _call(c, at, [f"w.{further_field(c.name, n)}[k, j]" for n in at.numbers], port.quantities)
-        for c in cards for at in c.part(2).at if at.port == name
-    ]  # fmt: skip
+        for c in cards
+        for at in c.part(2).at
+        if at.port == name
+    ]
     args = ", ".join(("w", "k", "j", *port.quantities))
     head = (
         f'\n@inlined\ndef further_{name}({args}):\n    """Return the same of the k-th further part of each effect."""\n'

@@ -159,11 +159,21 @@ def settle(w, j, i_alpha, i_beta, span, turned):
     """Write lane j's current in the segment's middle and its mean drop; turned: rad by which the rotor turns in it."""
     r, k = w.resistance[j], 4.0 / span
     w.j_alpha[j], w.j_beta[j], w.fall_alpha[j], w.fall_beta[j] = settled(
-        i_alpha, i_beta, i_alpha - w.i_alpha[j], i_beta - w.i_beta[j], w.mid_alpha[j], w.mid_beta[j],
-        w.mid_alpha[j] - w.psi_alpha[j], w.mid_beta[j] - w.psi_beta[j], r, 0.25 * span * (r + w.skin_r[j]), turned,
-        (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]), (k * w.early_alpha[j], k * w.early_beta[j]),
+        i_alpha,
+        i_beta,
+        i_alpha - w.i_alpha[j],
+        i_beta - w.i_beta[j],
+        w.mid_alpha[j],
+        w.mid_beta[j],
+        w.mid_alpha[j] - w.psi_alpha[j],
+        w.mid_beta[j] - w.psi_beta[j],
+        r,
+        0.25 * span * (r + w.skin_r[j]),
+        turned,
+        (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]),
+        (k * w.early_alpha[j], k * w.early_beta[j]),
         w.core_g[j] * w.core_rate[j],
-    )  # fmt: skip
+    )
 
 
 @kernel
@@ -247,9 +257,21 @@ def plain_step(w, here, there, span, turned, long, pulled, u_alpha, u_beta, x, y
         i_alpha, i_beta = c * i_d - s * i_q, s * i_d + c * i_q
         e_alpha, e_beta = i_alpha - o_alpha, i_beta - o_beta
         i_alpha, i_beta, f_alpha, f_beta = settled(
-            i_alpha, i_beta, e_alpha, e_beta, a, b, p_alpha, p_beta, res, 0.25 * span * res, turned,
-            (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]), (k * x, k * y), 0.0,
-        )  # fmt: skip
+            i_alpha,
+            i_beta,
+            e_alpha,
+            e_beta,
+            a,
+            b,
+            p_alpha,
+            p_beta,
+            res,
+            0.25 * span * res,
+            turned,
+            (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]),
+            (k * x, k * y),
+            0.0,
+        )
         if long:
             g_alpha, g_beta = curved(w, j, c, s, d, q, a, b, p_alpha, p_beta, turned)
             f_alpha, f_beta = f_alpha + g_alpha, f_beta + g_beta

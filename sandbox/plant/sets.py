@@ -33,25 +33,42 @@ Set = Mapping[str, float]
 SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
 RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, but there
 PORT_BITS = {
-    "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "leg_curve": add.CURVE, "winding": add.WINDING,
-    "magnets": add.MAGNETS, "energy": add.ENERGY, "angle": add.WOBBLE, "edge": add.COMMUTE, "iron": add.IRON,
-    "skin": add.SKIN, "filter": add.FILTER, "delay": add.DELAYED, "shaft": add.TWIST,
-}  # fmt: skip
+    "link": add.LINK,
+    "drawn": add.DRAWN,
+    "leg": add.LEG,
+    "leg_curve": add.CURVE,
+    "winding": add.WINDING,
+    "magnets": add.MAGNETS,
+    "energy": add.ENERGY,
+    "angle": add.WOBBLE,
+    "edge": add.COMMUTE,
+    "iron": add.IRON,
+    "skin": add.SKIN,
+    "filter": add.FILTER,
+    "delay": add.DELAYED,
+    "shaft": add.TWIST,
+}
 
 
 ANY, NONE_BELOW = -math.inf, 0.0
 SOUND = {  # rows by the port whose equations make them, and their least values; all have to be finite
-    "supply": {"supply": ANY}, "resistance": {"resistance": ANY}, "delay": {"delay": ANY},
-    "iron": {"core_g": NONE_BELOW, "core_rate": NONE_BELOW}, "skin": {"skin_r": NONE_BELOW, "skin_rate": NONE_BELOW},
-    "filter": {"filter_rate": NONE_BELOW}, "instant": {"sample": ANY, "jitter": NONE_BELOW},
+    "supply": {"supply": ANY},
+    "resistance": {"resistance": ANY},
+    "delay": {"delay": ANY},
+    "iron": {"core_g": NONE_BELOW, "core_rate": NONE_BELOW},
+    "skin": {"skin_r": NONE_BELOW, "skin_rate": NONE_BELOW},
+    "filter": {"filter_rate": NONE_BELOW},
+    "instant": {"sample": ANY, "jitter": NONE_BELOW},
     "offset": {"offset": ANY},
     "shaft": {"motor_inv": NONE_BELOW, "load_share": NONE_BELOW, "swing_rate": NONE_BELOW, "swing_ratio": NONE_BELOW},
-}  # fmt: skip
+}
 PASSIVE = dict.fromkeys(SOUND, "finite numbers") | {
-    "iron": "a conductance, a time constant, both at least 0", "skin": "a resistance, a time constant, both at least 0",
+    "iron": "a conductance, a time constant, both at least 0",
+    "skin": "a resistance, a time constant, both at least 0",
     "filter": "a time constant of at least 0",
-    "instant": "finite, a variance of at least 0", "shaft": "0 <= the load's inertia < all of it, no negative damping",
-}  # fmt: skip
+    "instant": "finite, a variance of at least 0",
+    "shaft": "0 <= the load's inertia < all of it, no negative damping",
+}
 
 
 @dataclass(frozen=True)
@@ -139,10 +156,17 @@ def machine_rows(motor: Motor, v: Set) -> dict[str, float]:
     if isinstance(motor.energy, SplineEnergy):
         gamma_d, gamma_q = gamma_d - 1.0 / motor.inductance_d, gamma_q - 1.0 / motor.inductance_q
     return {
-        "gamma_d": gamma_d, "gamma_q": gamma_q, "cubic_d": 3.0 * own.alpha_30, "cubic_q": own.alpha_12,
-        "quartic_d": 4.0 * own.alpha_40, "quartic_dq": own.alpha_22, "quartic_q": 4.0 * own.alpha_04,
-        "magnet": own.magnet_flux, "winding": own.resistance, "masses": own.inertia,
-    }  # fmt: skip
+        "gamma_d": gamma_d,
+        "gamma_q": gamma_q,
+        "cubic_d": 3.0 * own.alpha_30,
+        "cubic_q": own.alpha_12,
+        "quartic_d": 4.0 * own.alpha_40,
+        "quartic_dq": own.alpha_22,
+        "quartic_q": 4.0 * own.alpha_04,
+        "magnet": own.magnet_flux,
+        "winding": own.resistance,
+        "masses": own.inertia,
+    }
 
 
 @cache

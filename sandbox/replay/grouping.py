@@ -21,11 +21,21 @@ ALONE = 0.7  # of a VECTOR's time: a block of one lane; measured 0.44 (iron loss
 # (CURVE, WOBBLE and SAMPLED on a busy machine, scaled by what BARE took there)
 BARE = (160.0, 480.0)
 COSTS = {
-    add.LEG: (150.0, 310.0), add.IRON: (130.0, 400.0), add.SKIN: (170.0, 340.0), add.FILTER: (110.0, 230.0),
-    add.ENERGY: (230.0, 300.0), add.LINK: (140.0, 130.0), add.MAGNETS: (120.0, 0.0), add.COMMUTE: (120.0, 110.0),
-    add.ROUND: (130.0, 10.0), add.WINDING: (90.0, 0.0), add.DELAYED: (140.0, 220.0), add.WOBBLE: (165.0, 165.0),
-    add.CURVE: (100.0, 1300.0), SAMPLED: (70.0, 630.0),
-}  # fmt: skip
+    add.LEG: (150.0, 310.0),
+    add.IRON: (130.0, 400.0),
+    add.SKIN: (170.0, 340.0),
+    add.FILTER: (110.0, 230.0),
+    add.ENERGY: (230.0, 300.0),
+    add.LINK: (140.0, 130.0),
+    add.MAGNETS: (120.0, 0.0),
+    add.COMMUTE: (120.0, 110.0),
+    add.ROUND: (130.0, 10.0),
+    add.WINDING: (90.0, 0.0),
+    add.DELAYED: (140.0, 220.0),
+    add.WOBBLE: (165.0, 165.0),
+    add.CURVE: (100.0, 1300.0),
+    SAMPLED: (70.0, 630.0),
+}
 
 
 def room_of(sets: int) -> int:

@@ -81,10 +81,15 @@ class Inputs:
         own, m = slice(first, last), self.motion
         motion = Motion(m.angle[own], m.speed[own], m.eccentric)
         return replace(
-            self, track=self.track[self.held * first : self.held * last], read=self.read[own], motion=motion,
+            self,
+            track=self.track[self.held * first : self.held * last],
+            read=self.read[own],
+            motion=motion,
             loaded=self.loaded or first > 0,
-            turning=self.turning or first > 0, first=self.first + first, settling=None if first else self.settling,
-        )  # fmt: skip
+            turning=self.turning or first > 0,
+            first=self.first + first,
+            settling=None if first else self.settling,
+        )
 
     def turned(self, shift: float, period: float) -> Inputs:
         """Return the same with the motion turned by an angle (rad, electrical), also where states settle; period: s
@@ -127,11 +132,16 @@ def course_of(motion: Motion, pole_pairs: float, period: float) -> dict[str, Arr
     middle = 0.5 * (a + b) + 0.125 * period * (v - w)
     turn = a / pole_pairs
     course = {
-        "cos": np.cos(middle), "sin": np.sin(middle), "rate": 1.5 * (b - a) / period - 0.25 * (v + w),
-        "bend": 0.5 * (w - v) / period, "jerk": ((v + w) - 2.0 * (b - a) / period) / period**2,
-        "speed": v, "turn": turn,
-        "middle_turn": middle / pole_pairs, "middle_omega": 0.5 * (v + w) / pole_pairs,
-    }  # fmt: skip
+        "cos": np.cos(middle),
+        "sin": np.sin(middle),
+        "rate": 1.5 * (b - a) / period - 0.25 * (v + w),
+        "bend": 0.5 * (w - v) / period,
+        "jerk": ((v + w) - 2.0 * (b - a) / period) / period**2,
+        "speed": v,
+        "turn": turn,
+        "middle_turn": middle / pole_pairs,
+        "middle_omega": 0.5 * (v + w) / pole_pairs,
+    }
     return {name: np.asarray(x) for name, x in course.items()}
 
 
@@ -186,10 +196,20 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
     off = at_rest_reading(batch_of(motor, converter, [complete(motor, converter, base)], 1))
     current = math.hypot(*stationary(*(float(x) for x in read_currents[0] - off)))
     return Inputs(
-        r.file, r.rotor, track, read_currents, motion, math.sqrt(variance), float(motor.pole_pairs),
-        current > AT_REST * motor.rated_current, abs(float(motion.speed[0])) > count / period, r.origin,
-        round(r.starts_at / period), held, zero=0.0 if r.made is None else r.made.zero,
-    )  # fmt: skip
+        r.file,
+        r.rotor,
+        track,
+        read_currents,
+        motion,
+        math.sqrt(variance),
+        float(motor.pole_pairs),
+        current > AT_REST * motor.rated_current,
+        abs(float(motion.speed[0])) > count / period,
+        r.origin,
+        round(r.starts_at / period),
+        held,
+        zero=0.0 if r.made is None else r.made.zero,
+    )
 
 
 def link_of(r: CampaignRecording, converter: Converter, u_dc: Array) -> Array:

@@ -13,16 +13,32 @@ from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.period import STILL, RotorTrajectory, travel
 from sandbox.plant.sampling import deviate, hold_start, read
 
-TRACK = np.dtype([(name, np.float64) for name in (
-    "d_a", "d_b", "d_c",  # duties
-    "half",  # of a PWM period, at double update: 1 legs rise, -1 they fall; else 0
-    "link",  # the link's mean voltage over the period, in nominal ones
-    "cos", "sin", "rate", "bend", "jerk",  # the encoder's angle over the period, about its middle (`RotorTrajectory`)
-    "speed", "turn",  # its speed (rad/s electrical) and mechanical angle (rad) at the sample
-    "load",  # asked for, N m
-    "read", "gain_angle", "gain_speed", "scale",  # angle read by a free rotor (rad), gains and scale of its innovation
-    "middle_turn", "middle_omega",  # smoothed mechanical angle and speed in the middle of the period
-)])  # fmt: skip
+TRACK = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            "d_a",
+            "d_b",
+            "d_c",  # duties
+            "half",  # of a PWM period, at double update: 1 legs rise, -1 they fall; else 0
+            "link",  # the link's mean voltage over the period, in nominal ones
+            "cos",
+            "sin",
+            "rate",
+            "bend",
+            "jerk",  # the encoder's angle over the period, about its middle (`RotorTrajectory`)
+            "speed",
+            "turn",  # its speed (rad/s electrical) and mechanical angle (rad) at the sample
+            "load",  # asked for, N m
+            "read",
+            "gain_angle",
+            "gain_speed",
+            "scale",  # angle read by a free rotor (rad), gains and scale of its innovation
+            "middle_turn",
+            "middle_omega",  # smoothed mechanical angle and speed in the middle of the period
+        )
+    ]
+)
 """What a recording gives to all sets alike, one record a sample."""
 
 

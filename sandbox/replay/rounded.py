@@ -180,9 +180,11 @@ def least_largest(a: Array, b: Array, reach: Array) -> Array | None:
     scaled, one = a / size, np.ones((n, 1))
     found = linprog(
         np.append(np.zeros(p), 1.0),
-        A_ub=np.block([[scaled, -one], [-scaled, -one]]), b_ub=np.concatenate([b, -b]),
-        bounds=[*zip(-reach * size, reach * size, strict=True), (0.0, None)], method="highs-ds",
-    )  # fmt: skip
+        A_ub=np.block([[scaled, -one], [-scaled, -one]]),
+        b_ub=np.concatenate([b, -b]),
+        bounds=[*zip(-reach * size, reach * size, strict=True), (0.0, None)],
+        method="highs-ds",
+    )
     return np.asarray(found.x[:p] / size) if found.status == 0 else None
 
 

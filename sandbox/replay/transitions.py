@@ -51,10 +51,19 @@ def transitions(running: Running, stop: int, size: float) -> Transitions:
     theta = r.motion.angle[running.done : stop] - running.batch["offset"][0]
     out = Transitions(np.empty((n, 2, 2)), np.empty((n, 3, 2)), np.empty((n, 2)), theta)
     running.span = one_by_one(
-        running.batch, running.flux_map, running.timing, running.features, running.room, running.track,
-        (held, held * (r.settling or r).first, before + running.done, before + stop), r.motion.eccentric,
-        running.supply, running.span, size, out,
-    )  # fmt: skip
+        running.batch,
+        running.flux_map,
+        running.timing,
+        running.features,
+        running.room,
+        running.track,
+        (held, held * (r.settling or r).first, before + running.done, before + stop),
+        r.motion.eccentric,
+        running.supply,
+        running.span,
+        size,
+        out,
+    )
     running.done = stop
     return out
 

@@ -125,9 +125,21 @@ class Running:
     def _run(self, start: int, stop: int, out: Array, moved: Array, first: int) -> None:
         """Go through samples start to stop - 1."""
         self.span = run(
-            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, self._rows(start, stop),
-            self.r.motion.eccentric, self.supply, self.span, out, moved, self.torque, first,
-        )  # fmt: skip
+            self.batch,
+            self.flux_map,
+            self.timing,
+            self.features,
+            self.room,
+            self.track,
+            self._rows(start, stop),
+            self.r.motion.eccentric,
+            self.supply,
+            self.span,
+            out,
+            moved,
+            self.torque,
+            first,
+        )
 
 
 def later(track: Any, periods: int) -> Any:
@@ -214,9 +226,14 @@ def flux_as_read(w, flux_map, reading, c, s, flux):
 def energy_of(w, j):
     """Return the motor's own energy in lane j, as coefficients of H."""
     return Energy(
-        w.gamma_d[j], w.gamma_q[j], w.cubic_d[j] / 3.0, w.cubic_q[j], w.quartic_d[j] / 4.0, w.quartic_dq[j],
+        w.gamma_d[j],
+        w.gamma_q[j],
+        w.cubic_d[j] / 3.0,
+        w.cubic_q[j],
+        w.quartic_d[j] / 4.0,
+        w.quartic_dq[j],
         w.quartic_q[j] / 4.0,
-    )  # fmt: skip
+    )
 
 
 @kernel

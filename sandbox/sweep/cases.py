@@ -136,10 +136,11 @@ def drive_of(case: Case) -> Drive:
     if isinstance(drive.motor.energy, SplineEnergy):
         _refuse_of_map("motor_value", motor)
     return dataclasses.replace(
-        drive, motor=dataclasses.replace(drive.motor, **motor),
+        drive,
+        motor=dataclasses.replace(drive.motor, **motor),
         converter=dataclasses.replace(drive.converter, **converter),
         injection=dataclasses.replace(drive.injection, **injection),
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=16)
@@ -218,8 +219,14 @@ def _with_bandwidths(design: Design, case: Case) -> Design:
     f = {"current": 1.0, "tracking": 1.0, "speed": 1.0} | family(case, "bandwidth_factor")
     c, t = design.control, design.tuning
     i, a, s = f["current"], f["tracking"], f["speed"]
-    control = c._replace(kp_d=i * c.kp_d, kp_q=i * c.kp_q, ki_d=i * c.ki_d, ki_q=i * c.ki_q,
-                         speed_kp=s * c.speed_kp, speed_ki=s * s * c.speed_ki)  # fmt: skip
+    control = c._replace(
+        kp_d=i * c.kp_d,
+        kp_q=i * c.kp_q,
+        ki_d=i * c.ki_d,
+        ki_q=i * c.ki_q,
+        speed_kp=s * c.speed_kp,
+        speed_ki=s * s * c.speed_ki,
+    )
     tuning = t._replace(kp=a * t.kp, ki=a * a * t.ki, speed_variance=a**4 * t.speed_variance)
     return dataclasses.replace(design, control=control, tuning=tuning)
 

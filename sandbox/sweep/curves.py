@@ -23,9 +23,12 @@ OTHERS = ("#1b6ca8", "#d1802c", "#5a9367", "#8e44ad", "#7f7f7f", "#c0392b")
 
 
 def yield_figure(
-    curves: Mapping[str, NDArray[np.float64]], title: str, path: str | Path | None = None, share: float = 0.95,
+    curves: Mapping[str, NDArray[np.float64]],
+    title: str,
+    path: str | Path | None = None,
+    share: float = 0.95,
     ax: AnyAxes = None,
-) -> Figure:  # fmt: skip
+) -> Figure:
     """Draw the share of drives (%) whose largest mean position error stays below x (° electrical), a curve a group.
 
     curves: errors of each group, infinite where lock was lost.  Returns the figure; written where a path is given; ax:
@@ -62,8 +65,10 @@ def tolerance_figure(rows: Sequence[Any], title: str, path: str | Path | None = 
         for width, belief in zip(widths(2), ("linear", "saturated"), strict=True):
             own = [r for r in rows if (r.estimator, r.belief) == (name, belief)]
             x = [100.0 * r.tolerance for r in own]
-            middle, most = ([np.nan if v is None else v for v in values] for values in
-                            ([r.median_deg for r in own], [r.p95_deg for r in own]))  # fmt: skip
+            middle, most = (
+                [np.nan if v is None else v for v in values]
+                for values in ([r.median_deg for r in own], [r.p95_deg for r in own])
+            )
             how = {"color": colour_of(belief), "linewidth": width}
             axes.plot(x, middle, "o-", markersize=4.0 + width, label=f"{belief}: median of draws", **how)
             axes.plot(x, most, "--", label="95 % of draws", **how)

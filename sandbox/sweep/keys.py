@@ -15,17 +15,29 @@ from model.parameters import Converter, Injection, Motor
 Value = str | bool | int | float
 LARGEST_SEED = 2**31 - 1
 OF_BELIEF = (
-    "resistance", "magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22",
-    "alpha_04", "inertia",
-)  # fmt: skip
+    "resistance",
+    "magnet_flux",
+    "inductance_d",
+    "inductance_q",
+    "alpha_30",
+    "alpha_12",
+    "alpha_40",
+    "alpha_22",
+    "alpha_04",
+    "inertia",
+)
 OF_PLANT = (*OF_BELIEF, "viscous_friction")
 LARGEST_FACTOR = 100.0
 HELD = ("pwm_frequency",)  # follows from sampling_period
 CHOICES = {"belief": ("saturated", "linear"), "plant": ("exact", "switched")}
 USUAL: dict[str, Value] = {
-    "motor": "ipm_exchanged", "scenario": "staircase", "estimator": "qnull", "belief": "saturated",
-    "closed_loop": True, "seed": 0,
-}  # fmt: skip
+    "motor": "ipm_exchanged",
+    "scenario": "staircase",
+    "estimator": "qnull",
+    "belief": "saturated",
+    "closed_loop": True,
+    "seed": 0,
+}
 
 
 @dataclass(frozen=True)
@@ -67,8 +79,9 @@ def keys() -> dict[str, Key]:
     for name in OF_BELIEF:
         found[f"believed_factor.{name}"] = Key(float, f"the belief's {name} over the motor's", "1", **factor)
     for name in ("current", "tracking", "speed"):
-        found[f"bandwidth_factor.{name}"] = Key(float, f"bandwidth of the {name} loop over the designed one", "1",
-                                                1e-3, LARGEST_FACTOR)  # fmt: skip
+        found[f"bandwidth_factor.{name}"] = Key(
+            float, f"bandwidth of the {name} loop over the designed one", "1", 1e-3, LARGEST_FACTOR
+        )
     for name in ("load", "speed"):
         found[f"scenario_factor.{name}"] = Key(float, f"every {name} of the scenario times this", "1", -10.0, 10.0)
     for name, p in parameters().items():

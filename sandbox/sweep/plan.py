@@ -185,10 +185,16 @@ def sweep_of(tables: Mapping[str, Any], name: str = "sweep", folder: Path | None
     design, points, seed = _random(random, draws)
     traces = _traces(tables, draws)
     whole = {
-        "name": check_name(head.get("name", name), "[sweep] name"), "fixed": fixed, "grid": grid,
-        "draws": {k: {d.kind: [d.a, d.b]} for k, d in draws.items()}, "design": design, "points": points, "seed": seed,
-        "traces": None if traces is None else [list(traces.channels), traces.stride], "scene": scene,
-    }  # fmt: skip
+        "name": check_name(head.get("name", name), "[sweep] name"),
+        "fixed": fixed,
+        "grid": grid,
+        "draws": {k: {d.kind: [d.a, d.b]} for k, d in draws.items()},
+        "design": design,
+        "points": points,
+        "seed": seed,
+        "traces": None if traces is None else [list(traces.channels), traces.stride],
+        "scene": scene,
+    }
     try:
         text = json.dumps(whole, allow_nan=False)
     except (TypeError, ValueError):
@@ -207,11 +213,17 @@ def again(text: str) -> Sweep:
     """Return the sweep of a `Sweep.text`, which has been checked before."""
     whole = json.loads(text)
     return Sweep(
-        whole["name"], text, whole["fixed"], {k: tuple(v) for k, v in whole["grid"].items()},
+        whole["name"],
+        text,
+        whole["fixed"],
+        {k: tuple(v) for k, v in whole["grid"].items()},
         {k: Draw(kind, *ends) for k, v in whole["draws"].items() for kind, ends in v.items()},
-        whole["design"], whole["points"], whole["seed"],
-        None if whole["traces"] is None else Traces(tuple(whole["traces"][0]), whole["traces"][1]), whole["scene"],
-    )  # fmt: skip
+        whole["design"],
+        whole["points"],
+        whole["seed"],
+        None if whole["traces"] is None else Traces(tuple(whole["traces"][0]), whole["traces"][1]),
+        whole["scene"],
+    )
 
 
 def scene_of(sweep: Sweep) -> Any:
@@ -331,8 +343,11 @@ def _traces(tables: Mapping[str, Any], draws: Mapping[str, Draw]) -> Traces | No
 
 
 def _check_once(fixed: Mapping[str, Any], grid: Mapping[str, Any], draws: Mapping[str, Any], scene: Any) -> None:
-    for one, other, tables in ((fixed, grid, "[run] and [grid]"), (fixed, draws, "[run] and [random.draw]"),
-                               (grid, draws, "[grid] and [random.draw]")):  # fmt: skip
+    for one, other, tables in (
+        (fixed, grid, "[run] and [grid]"),
+        (fixed, draws, "[run] and [random.draw]"),
+        (grid, draws, "[grid] and [random.draw]"),
+    ):
         for name in one:
             if name in other:
                 raise BadInput(f"'{name}' stands in {tables}; give it once")

@@ -107,8 +107,11 @@ def add(kept: Kept, block: Block) -> None:
     write_whole(kept.folder / _file(block.start), body.getvalue())
     digest = hashlib.sha256(body.getvalue()).hexdigest()
     said: dict[str, Any] = {
-        "start": block.start, "rows": block.table.num_rows, "file": _file(block.start), "sha256": digest,
-    }  # fmt: skip
+        "start": block.start,
+        "rows": block.table.num_rows,
+        "file": _file(block.start),
+        "sha256": digest,
+    }
     if block.traces is not None:
         said["traces_sha256"] = _write_traces(kept, block)
     said |= {"cpu_seconds": block.cpu_seconds, "kernel_seconds": block.kernel_seconds}
@@ -191,9 +194,14 @@ def _is_whole(kept: Kept, block: dict[str, Any]) -> bool:
 def _write_manifest(kept: Kept) -> None:
     blocks = [kept.blocks[start] for start in sorted(kept.blocks)]
     content = {
-        "schema": 1, "version": version(), "code": code_key(), "key": key_of(kept.sweep), "runs": kept.sweep.runs,
-        "block": block_size(kept.sweep), "blocks": blocks,
-    }  # fmt: skip
+        "schema": 1,
+        "version": version(),
+        "code": code_key(),
+        "key": key_of(kept.sweep),
+        "runs": kept.sweep.runs,
+        "block": block_size(kept.sweep),
+        "blocks": blocks,
+    }
     write_whole(kept.folder / MANIFEST, json_bytes(content | {"sha256": _digest(content)}))
 
 
@@ -227,10 +235,14 @@ def _new_traces(kept: Kept) -> None:
     samples = max(1, samples_of(kept.sweep))
     for channel in traces.channels:
         group.create_array(
-            channel, shape=(kept.sweep.runs, samples), chunks=(block_size(kept.sweep), samples), dtype="float64",
-            fill_value=float("nan"), dimension_names=("run", "sample"),
+            channel,
+            shape=(kept.sweep.runs, samples),
+            chunks=(block_size(kept.sweep), samples),
+            dtype="float64",
+            fill_value=float("nan"),
+            dimension_names=("run", "sample"),
             attributes={"units": UNITS.get(channel, "rad")},
-        )  # fmt: skip
+        )
 
 
 def _write_traces(kept: Kept, block: Block) -> str:

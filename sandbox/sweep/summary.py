@@ -40,8 +40,12 @@ class Group:
     @property
     def name(self) -> str:
         """Its values as a text."""
-        return ", ".join(f"{k.rpartition('.')[2]} {v:g}" if type(v) in (int, float) else f"{v}"
-                         for k, v in self.values.items()) or "all runs"  # fmt: skip
+        return (
+            ", ".join(
+                f"{k.rpartition('.')[2]} {v:g}" if type(v) in (int, float) else f"{v}" for k, v in self.values.items()
+            )
+            or "all runs"
+        )
 
 
 def groups_of(sweep: Sweep, table: pyarrow.Table) -> list[Group]:
@@ -95,14 +99,20 @@ def as_json(sweep: Sweep, table: pyarrow.Table) -> dict[str, Any]:
     """Return what `sweep.json` holds beyond its header and the names of files."""
     status = table["status"].value_counts().to_pylist()
     return {
-        "name": sweep.name, "runs": sweep.runs, "points": sweep.points, "cells": sweep.cells, "design": sweep.design,
-        "seed": sweep.seed, "status": {s["values"]: s["counts"] for s in status},
-        "sentences": sentences(table), "varied": [*sweep.grid, *sweep.draws],
+        "name": sweep.name,
+        "runs": sweep.runs,
+        "points": sweep.points,
+        "cells": sweep.cells,
+        "design": sweep.design,
+        "seed": sweep.seed,
+        "status": {s["values"]: s["counts"] for s in status},
+        "sentences": sentences(table),
+        "varied": [*sweep.grid, *sweep.draws],
         "fixed": {name: label(name, v) for name, v in sweep.fixed.items()},
         "grid": {name: [label(name, v) for v in values] for name, values in sweep.grid.items()},
         "draws": {name: {d.kind: [d.a, d.b]} for name, d in sweep.draws.items()},
         "groups": [asdict(g) for g in groups_of(sweep, table)],
-    }  # fmt: skip
+    }
 
 
 def sentences(table: pyarrow.Table, most: int = 10) -> list[dict[str, Any]]:

@@ -84,9 +84,12 @@ def together(one: Block, other: Block) -> Block:
     if one.traces is not None and other.traces is not None:
         traces = np.concatenate([one.traces, other.traces])
     return Block(
-        one.start, pa.concat_tables([one.table, other.table]).combine_chunks(), traces,
-        one.cpu_seconds + other.cpu_seconds, one.kernel_seconds + other.kernel_seconds,
-    )  # fmt: skip
+        one.start,
+        pa.concat_tables([one.table, other.table]).combine_chunks(),
+        traces,
+        one.cpu_seconds + other.cpu_seconds,
+        one.kernel_seconds + other.kernel_seconds,
+    )
 
 
 def _compile(task: Task) -> None:

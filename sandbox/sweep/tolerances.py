@@ -45,9 +45,14 @@ class ToleranceRow:
 
 
 def sweep_at(
-    motor: str, scenario: Any, estimators: Sequence[str], tolerance: float, draws: int, seed: int,
+    motor: str,
+    scenario: Any,
+    estimators: Sequence[str],
+    tolerance: float,
+    draws: int,
+    seed: int,
     effects: dict[str, float],
-) -> Sweep:  # fmt: skip
+) -> Sweep:
     """Return the sweep of one tolerance; scenario: a name or file, or the tables of one."""
     factors = {name: {"uniform": [1.0 - tolerance, 1.0 + tolerance]} for name in OFF}
     tables: dict[str, Any] = {
@@ -116,9 +121,10 @@ def _rows(sweep: Sweep, table: Any, level: float) -> list[ToleranceRow]:
         own, case = errors[cell == k], sweep.case(k)
         lost = int(np.sum(~np.isfinite(own)))
         found.append(
-            ToleranceRow(str(case["estimator"]), str(case["belief"]), level, own.size, lost, below(own, 0.5),
-                         below(own, 0.95))
-        )  # fmt: skip
+            ToleranceRow(
+                str(case["estimator"]), str(case["belief"]), level, own.size, lost, below(own, 0.5), below(own, 0.95)
+            )
+        )
     return found
 
 
@@ -157,9 +163,16 @@ def lines(rows: Iterable[ToleranceRow]) -> tuple[list[str], list[list[str]]]:
     for estimator, tolerance in dict.fromkeys((e, t) for e, t, _ in by):
         linear, own = by[estimator, tolerance, "linear"], by[estimator, tolerance, "saturated"]
         cells.append(
-            [f"{estimator} ±{100 * tolerance:g} %", _text(linear.median_deg), _text(own.median_deg), _text(own.p95_deg),
-             _percent(own.gain_left), _percent(own.gain_left_p95), str(own.lost)]
-        )  # fmt: skip
+            [
+                f"{estimator} ±{100 * tolerance:g} %",
+                _text(linear.median_deg),
+                _text(own.median_deg),
+                _text(own.p95_deg),
+                _percent(own.gain_left),
+                _percent(own.gain_left_p95),
+                str(own.lost),
+            ]
+        )
     return heads, cells
 
 

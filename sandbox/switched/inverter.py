@@ -164,10 +164,15 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
 def moving(state):
     """Return what the machine remembers."""
     return Moving(
-        complex(state[PSI_ALPHA], state[PSI_BETA]), complex(state[CORE_ALPHA], state[CORE_BETA]),
-        complex(state[SKIN_ALPHA], state[SKIN_BETA]), state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST],
+        complex(state[PSI_ALPHA], state[PSI_BETA]),
+        complex(state[CORE_ALPHA], state[CORE_BETA]),
+        complex(state[SKIN_ALPHA], state[SKIN_BETA]),
+        state[THETA],
+        state[SPEED],
+        state[LOAD_SPEED],
+        state[TWIST],
         state[LOOP],
-    )  # fmt: skip
+    )
 
 
 @inlined

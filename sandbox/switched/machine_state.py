@@ -50,18 +50,27 @@ class Powers(NamedTuple):
 def ahead(x, h, rate):
     """Return the state h (s) after x at a rate."""
     return Moving(
-        x.psi + h * rate.psi, x.core + h * rate.core, x.skin + h * rate.skin, x.theta + h * rate.theta,
-        x.speed + h * rate.speed, x.load_speed + h * rate.load_speed, x.twist + h * rate.twist, x.loop + h * rate.loop,
-    )  # fmt: skip
+        x.psi + h * rate.psi,
+        x.core + h * rate.core,
+        x.skin + h * rate.skin,
+        x.theta + h * rate.theta,
+        x.speed + h * rate.speed,
+        x.load_speed + h * rate.load_speed,
+        x.twist + h * rate.twist,
+        x.loop + h * rate.loop,
+    )
 
 
 @inlined
 def mean_rate(a, b, c, d):
     """Return six times the mean of four stages' rates, as the classic Runge-Kutta method weighs them."""
     return Moving(
-        a.psi + 2.0 * (b.psi + c.psi) + d.psi, a.core + 2.0 * (b.core + c.core) + d.core,
-        a.skin + 2.0 * (b.skin + c.skin) + d.skin, a.theta + 2.0 * (b.theta + c.theta) + d.theta,
+        a.psi + 2.0 * (b.psi + c.psi) + d.psi,
+        a.core + 2.0 * (b.core + c.core) + d.core,
+        a.skin + 2.0 * (b.skin + c.skin) + d.skin,
+        a.theta + 2.0 * (b.theta + c.theta) + d.theta,
         a.speed + 2.0 * (b.speed + c.speed) + d.speed,
         a.load_speed + 2.0 * (b.load_speed + c.load_speed) + d.load_speed,
-        a.twist + 2.0 * (b.twist + c.twist) + d.twist, a.loop + 2.0 * (b.loop + c.loop) + d.loop,
-    )  # fmt: skip
+        a.twist + 2.0 * (b.twist + c.twist) + d.twist,
+        a.loop + 2.0 * (b.loop + c.loop) + d.loop,
+    )

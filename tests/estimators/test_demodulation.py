@@ -18,9 +18,12 @@ def tuning(n, waveform="square", h=1e-4, amplitude=20.0) -> Tuning:
     base = design(load_drive("ipm_exchanged")).tuning
     primitive = primitive_of(waveform, n, h)
     return base._replace(
-        period=n, sampling_period=h, amplitude=amplitude, power=float(primitive @ primitive),
+        period=n,
+        sampling_period=h,
+        amplitude=amplitude,
+        power=float(primitive @ primitive),
         peak=float(abs(primitive).max()),
-    )  # fmt: skip
+    )
 
 
 def run(n, waveform, current, axis=0.0, omega=0.0):
@@ -38,9 +41,11 @@ def test_exact_for_ripple_and_mean_on_a_trend(n, waveform):
     out = run(n, waveform, lambda k, f: (0.7 + rise * k + 20.0 * 13.0 * f, -0.4 - 20.0 * 2.5 * f))
     middle = 3 * n - (0.75 * n - 0.5)  # centre of the window
     assert out == (
-        pytest.approx(0.7 + rise * middle, rel=1e-12), pytest.approx(-0.4, rel=1e-12),
-        pytest.approx(13.0, rel=1e-9), pytest.approx(-2.5, rel=1e-9),
-    )  # fmt: skip
+        pytest.approx(0.7 + rise * middle, rel=1e-12),
+        pytest.approx(-0.4, rel=1e-12),
+        pytest.approx(13.0, rel=1e-9),
+        pytest.approx(-2.5, rel=1e-9),
+    )
 
 
 def test_frame_turns_with_the_estimated_speed():
@@ -51,8 +56,11 @@ def test_frame_turns_with_the_estimated_speed():
         return d * math.cos(angle) - q * math.sin(angle), d * math.sin(angle) + q * math.cos(angle)
 
     assert run(8, "square", current, axis, omega) == (
-        pytest.approx(0.5), pytest.approx(1.2), pytest.approx(13.0), pytest.approx(2.0),
-    )  # fmt: skip
+        pytest.approx(0.5),
+        pytest.approx(1.2),
+        pytest.approx(13.0),
+        pytest.approx(2.0),
+    )
 
 
 def test_noise_of_the_ripple():

@@ -173,8 +173,12 @@ def test_inversion_minimises_both_components(load):
         return turn @ np.array([[dd, dq], [dq, qq]]) @ turn.T @ [1.0, 0.0]
 
     for y in (believed(0.05), believed(-0.08), believed(0.0) + np.array([1.5, 0.4])):
-        best = minimize_scalar(lambda e, y=y: np.sum((y - believed(e)) ** 2), bounds=(-0.4, 0.4), method="bounded",
-                               options={"xatol": 1e-10}).x  # fmt: skip
+        best = minimize_scalar(
+            lambda e, y=y: np.sum((y - believed(e)) ** 2),
+            bounds=(-0.4, 0.4),
+            method="bounded",
+            options={"xatol": 1e-10},
+        ).x
         found = 0.0
         for _ in range(60):
             found += error_seen_from(found, y, i, believed, belief, tuning)

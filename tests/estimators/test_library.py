@@ -24,9 +24,12 @@ from sandbox.drive.design import belief_of, design
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 SETUP = (
-    *(f"belief.energy.{f}" for f in Energy._fields), *(f"belief.{f}" for f in Belief._fields[1:]),
-    *(f"tuning.{f}" for f in Tuning._fields), "angle_known", "angle",
-)  # fmt: skip
+    *(f"belief.energy.{f}" for f in Energy._fields),
+    *(f"belief.{f}" for f in Belief._fields[1:]),
+    *(f"tuning.{f}" for f in Tuning._fields),
+    "angle_known",
+    "angle",
+)
 # Echoes: a step tells its sample, and one number of the setup after the other.
 SPY = (
     '#include "HEADER"\n'

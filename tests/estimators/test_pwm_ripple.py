@@ -122,8 +122,9 @@ def test_recovers_the_angle_at_standstill(motor, load):
     scene = Scenario("s", (Segment(0.9, load, ramp=0.1, settle=0.4),), start_up=False, start_error=math.radians(10.0))
     run = simulate(drive, scene, load_estimator("pwm_ripple"), seed=2)
     e = np.degrees(run.recording.between(run.start_time + 0.4, math.inf).error)
-    dd, dq, qq = energy.hessian(drive.motor.energy, *energy.flux_from_current(
-        drive.motor.energy, 0.0, load * drive.motor.rated_current))  # fmt: skip
+    dd, dq, qq = energy.hessian(
+        drive.motor.energy, *energy.flux_from_current(drive.motor.energy, 0.0, load * drive.motor.rated_current)
+    )
     d = complex(0.5 * (dd - qq), dq)
     assert abs(e.mean()) < 4.0 * spread(motor, d, e.size / 2) + 0.05
     assert e.std() == pytest.approx(spread(motor, d, 1) * math.sqrt(passed(design(drive).tuning)), rel=0.4)

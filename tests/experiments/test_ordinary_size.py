@@ -14,17 +14,17 @@ def row(share, deviation, rms=1.0, campaign="a"):
 
 def test_what_noise_explains_is_taken_off():
     """sqrt(0.005^2 - 0.003^2) = 0.004; a share below its deviation has nothing left; the mean square of both counts."""
-    (found,) = summary([row(0.005, 0.003), row(0.001, 0.003, campaign="b")])
-    assert (found["coordinates"], found["campaigns"]) == (2, 2)
-    assert found["half_below"] == pytest.approx(0.002)  # of 0 and 0.004
-    assert found["rms"] == pytest.approx(((0.016 - 0.008) / 2e3) ** 0.5)
-    assert found["assumed"] == USUAL.trace_at(1.0)
+    (told,) = summary([row(0.005, 0.003), row(0.001, 0.003, campaign="b")])
+    assert (told["coordinates"], told["campaigns"]) == (2, 2)
+    assert told["half_below"] == pytest.approx(0.002)  # of 0 and 0.004
+    assert told["rms"] == pytest.approx(((0.016 - 0.008) / 2e3) ** 0.5)
+    assert told["assumed"] == USUAL.trace_at(1.0)
 
 
 def test_what_noise_leaves_unknown_says_nothing():
     """At rms 1 the ordinary size is 0.0114: a coordinate known to 0.006 is left out; each gap has its own line."""
-    found = summary([row(0.5, 0.006), row(0.01, 0.001, rms=5.0), row(0.02, 0.001, rms=50.0)])
-    assert [(t["from"], t["coordinates"]) for t in found] == [(3.0, 1), (30.0, 1)]
+    told = summary([row(0.5, 0.006), row(0.01, 0.001, rms=5.0), row(0.02, 0.001, rms=50.0)])
+    assert [(t["from"], t["coordinates"]) for t in told] == [(3.0, 1), (30.0, 1)]
 
 
 def test_values_of_a_truth_beside_its_campaign(tmp_path):

@@ -11,9 +11,14 @@ def row(kind, causes, *sets, outside=(), chances=None, unknown=0.0, parameters=N
     made = [{"name": n, "form": "own", "size": s, "with_background": v} for n, s, v in causes]
     listed = [{"effects": list(e), "probability": p} for e, p in sets]
     found = {
-        "sets": listed, "in_set": [s["effects"] for s in listed], "chances": chances or {}, "unknown": unknown,
-        "parameters": parameters or {}, "before": before, "after": after,
-    }  # fmt: skip
+        "sets": listed,
+        "in_set": [s["effects"] for s in listed],
+        "chances": chances or {},
+        "unknown": unknown,
+        "parameters": parameters or {},
+        "before": before,
+        "after": after,
+    }
     truth = {"causes": made, "outside": [{"name": n} for n in outside]}
     return {"name": "x", "kind": kind, "code": "c", "cpu": 9.0, "found": found, "truth": truth}
 

@@ -53,16 +53,18 @@ def planted_sweep(path, voltage, i_q=0.4, noise=2e-3, seed=0):
 
 
 def test_planted_drop_comes_back(tmp_path):
-    found = [moteus.inverter_drop(moteus.intercepts(planted_sweep(tmp_path / "ld_a.json", 0.15, seed=k)))
-             for k in range(20)]  # fmt: skip
+    found = [
+        moteus.inverter_drop(moteus.intercepts(planted_sweep(tmp_path / "ld_a.json", 0.15, seed=k))) for k in range(20)
+    ]
     assert np.mean([f.voltage.value for f in found]) == pytest.approx(0.15, abs=5e-3)
     assert np.mean([holds(f.voltage, 0.15) for f in found]) >= 0.85  # 95 % nominal, 20 draws
     assert all(f.held_out_with < f.held_out_without for f in found)
 
 
 def test_no_drop_is_not_found_where_none_is(tmp_path):
-    found = [moteus.inverter_drop(moteus.intercepts(planted_sweep(tmp_path / "ld_a.json", 0.0, seed=k)))
-             for k in range(20)]  # fmt: skip
+    found = [
+        moteus.inverter_drop(moteus.intercepts(planted_sweep(tmp_path / "ld_a.json", 0.0, seed=k))) for k in range(20)
+    ]
     assert np.mean([holds(f.voltage, 0.0) for f in found]) >= 0.85
 
 
@@ -202,9 +204,24 @@ def planted_thor(psi_d6=4e-4, psi_q6=-2.5e-4, gamma=0.8, core=500.0):
     frequency, none = np.linspace(0, 1500, 16), np.zeros_like(loss)
     factor = thor.skin_factor(frequency, 2.0, 1.5e-4)[None, :]
     return thor.Thor(
-        p, 0.2, i_d, i_q, theta, psi_d, psi_q, torque, current, psi, none, loss, 100.0, 1.3, frequency,
-        np.array([20.0]), factor,
-    )  # fmt: skip
+        p,
+        0.2,
+        i_d,
+        i_q,
+        theta,
+        psi_d,
+        psi_q,
+        torque,
+        current,
+        psi,
+        none,
+        loss,
+        100.0,
+        1.3,
+        frequency,
+        np.array([20.0]),
+        factor,
+    )
 
 
 def test_planted_thor_comes_back():
@@ -230,9 +247,11 @@ def machine():
 
 def test_real_thor_axes_are_the_magnets(machine):
     """Mean torque is 1.5 p (psi_d i_q - psi_q i_d), and motoring needs positive i_q: the turned axes are right."""
-    mean = 1.5 * machine.pole_pairs * (
-        machine.psi_d.mean(axis=2) * machine.i_q - machine.psi_q.mean(axis=2) * machine.i_d[:, None]
-    )  # fmt: skip
+    mean = (
+        1.5
+        * machine.pole_pairs
+        * (machine.psi_d.mean(axis=2) * machine.i_q - machine.psi_q.mean(axis=2) * machine.i_d[:, None])
+    )
     np.testing.assert_allclose(mean, machine.torque.mean(axis=2), atol=0.005 * machine.torque.mean(axis=2).max())
     assert machine.psi_d[15, 0].mean() > 0.05
     assert abs(machine.psi_q[15, 0].mean()) < 1e-4

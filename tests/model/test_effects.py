@@ -68,9 +68,11 @@ def test_values_of_the_motor_are_told_by_the_cards():
     assert library.scaled() == {"inductance.scale_d": "inductance_d", "inductance.scale_q": "inductance_q"}
     alphas = {f"saturation.alpha_{n}": f"alpha_{n}" for n in ("30", "12", "40", "22", "04")}
     assert library.replaced() == alphas | {
-        "stator_resistance.resistance": "resistance", "magnet_flux.magnet_flux": "magnet_flux",
-        "inertia.inertia": "inertia", "viscous_friction.coefficient": "viscous_friction",
-    }  # fmt: skip
+        "stator_resistance.resistance": "resistance",
+        "magnet_flux.magnet_flux": "magnet_flux",
+        "inertia.inertia": "inertia",
+        "viscous_friction.coefficient": "viscous_friction",
+    }
 
 
 @pytest.mark.parametrize("name", library.effect_names())

@@ -8,9 +8,12 @@ from model.given import read_toml
 
 @pytest.mark.parametrize(
     ("line", "right"),
-    [("resistance = 0,5", "resistance = 0.5"), ("inductance_d = 4,5e-3  # H", "inductance_d = 4.5e-3"),
-     ("offset = -1,25", "offset = -1.25")],
-)  # fmt: skip
+    [
+        ("resistance = 0,5", "resistance = 0.5"),
+        ("inductance_d = 4,5e-3  # H", "inductance_d = 4.5e-3"),
+        ("offset = -1,25", "offset = -1.25"),
+    ],
+)
 def test_a_decimal_comma_is_named_with_its_line(tmp_path, line, right):
     path = tmp_path / "motor.toml"
     path.write_text(f"[motor]\npole_pairs = 4\n{line}\n")

@@ -14,8 +14,14 @@ from model.energy import flux_from_current
 from model.errors import BadInput
 
 SIZE = {
-    "gamma": 0.7, "back": -0.4, "pulse": 0.3, "alpha_30": 5.0, "alpha_12": -8.0, "alpha_21": 6.0, "alpha_03": 3.0,
-}  # fmt: skip
+    "gamma": 0.7,
+    "back": -0.4,
+    "pulse": 0.3,
+    "alpha_30": 5.0,
+    "alpha_12": -8.0,
+    "alpha_21": 6.0,
+    "alpha_03": 3.0,
+}
 DRIVE = load_drive("ipm_exchanged")
 MOTOR = DRIVE.motor
 

@@ -14,9 +14,15 @@ from model.mapped import mapped_motor
 from model.spline_energy import centred, fit, flux_from_current
 
 MOTOR = {
-    "name": "own", "pole_pairs": 3, "resistance": 2.15, "inertia": 1e-3, "viscous_friction": 1e-4, "rated_current": 4.0,
-    "rated_torque": 5.0, "rated_speed_rpm": 1500.0,
-}  # fmt: skip
+    "name": "own",
+    "pole_pairs": 3,
+    "resistance": 2.15,
+    "inertia": 1e-3,
+    "viscous_friction": 1e-4,
+    "rated_current": 4.0,
+    "rated_torque": 5.0,
+    "rated_speed_rpm": 1500.0,
+}
 CHOICE = (6, 5), 1e-4
 
 

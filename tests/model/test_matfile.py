@@ -16,13 +16,18 @@ from tests.fuzz.mutations import damaged_bytes
 
 RNG = np.random.default_rng(1)
 ARRAYS = {
-    "x": RNG.normal(size=(5, 3)), "row": np.arange(4.0), "z": RNG.normal(size=(2, 2)) * (1 + 2j),
+    "x": RNG.normal(size=(5, 3)),
+    "row": np.arange(4.0),
+    "z": RNG.normal(size=(2, 2)) * (1 + 2j),
     "empty": np.zeros((0, 3)),
-    "one": 5.0, "single": RNG.normal(size=4).astype("f4"), "deep": RNG.normal(size=(2, 3, 4)),
+    "one": 5.0,
+    "single": RNG.normal(size=4).astype("f4"),
+    "deep": RNG.normal(size=(2, 3, 4)),
     "yes": np.array([True, False]),
-    **{f"{kind}{n}": np.arange(-3 if kind == "i" else 0, 7).astype(f"{kind}{n}") for kind in "iu" for n in (1, 2, 4,
-    8)},
-}  # fmt: skip
+    **{
+        f"{kind}{n}": np.arange(-3 if kind == "i" else 0, 7).astype(f"{kind}{n}") for kind in "iu" for n in (1, 2, 4, 8)
+    },
+}
 MAX_BYTES = 10_000_000
 
 

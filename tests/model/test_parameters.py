@@ -47,9 +47,12 @@ def test_values_are_the_printed_ones(name):
 def test_exchanged_differs_in_the_two_inductances_only(name):
     printed, exchanged = load_drive(name).motor, load_drive(f"{name}_exchanged").motor
     swapped = dataclasses.replace(
-        printed, name=exchanged.name, description=exchanged.description,
-        inductance_d=printed.inductance_q, inductance_q=printed.inductance_d,
-    )  # fmt: skip
+        printed,
+        name=exchanged.name,
+        description=exchanged.description,
+        inductance_d=printed.inductance_q,
+        inductance_q=printed.inductance_d,
+    )
     assert swapped == exchanged
 
 

@@ -43,17 +43,27 @@ def test_what_a_motor_may_have_is_not_cautioned(values):
 
 
 SHEET = {
-    "pole_pairs": 4, "resistance": 0.36, "magnet_flux": 0.0064, "inductance_d": 2e-4, "inductance_q": 3e-4,
-    "inertia": 7.06e-6, "rated_current": 7.1, "rated_torque": 0.27, "rated_speed_rpm": 4000.0,
-}  # fmt: skip
+    "pole_pairs": 4,
+    "resistance": 0.36,
+    "magnet_flux": 0.0064,
+    "inductance_d": 2e-4,
+    "inductance_q": 3e-4,
+    "inertia": 7.06e-6,
+    "rated_current": 7.1,
+    "rated_torque": 0.27,
+    "rated_speed_rpm": 4000.0,
+}
 
 
 def small(**values):
     """A 100 W motor at 24 V, as its data sheet has it, with other numbers."""
     drive = load_drive("ipm_exchanged")
     converter = dataclasses.replace(drive.converter, dc_bus_voltage=24.0)
-    motor = dataclasses.replace(drive.motor, **dict.fromkeys(
-        ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04"), 0.0), **(SHEET | values))  # fmt: skip
+    motor = dataclasses.replace(
+        drive.motor,
+        **dict.fromkeys(("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04"), 0.0),
+        **(SHEET | values),
+    )
     return dataclasses.replace(drive, motor=motor, converter=converter)
 
 

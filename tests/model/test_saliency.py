@@ -48,12 +48,19 @@ def brute_force_q_ripple(motor, i_d, i_q, e):
 
     def currents(phi):
         d, q = phi
-        return np.array([
-            d / motor.inductance_d + 3 * motor.alpha_30 * d**2 + motor.alpha_12 * q**2 + 4 * motor.alpha_40 * d**3
-            + 2 * motor.alpha_22 * d * q**2,
-            q / motor.inductance_q + 2 * motor.alpha_12 * d * q + 2 * motor.alpha_22 * d**2 * q
-            + 4 * motor.alpha_04 * q**3,
-        ])  # fmt: skip
+        return np.array(
+            [
+                d / motor.inductance_d
+                + 3 * motor.alpha_30 * d**2
+                + motor.alpha_12 * q**2
+                + 4 * motor.alpha_40 * d**3
+                + 2 * motor.alpha_22 * d * q**2,
+                q / motor.inductance_q
+                + 2 * motor.alpha_12 * d * q
+                + 2 * motor.alpha_22 * d**2 * q
+                + 4 * motor.alpha_04 * q**3,
+            ]
+        )
 
     def flux(i):
         start = np.array([motor.inductance_d, motor.inductance_q]) * i

@@ -11,14 +11,21 @@ from model.tools.configurations import read_configuration
 from model.tools.settings import UNITS, Found, intended, settings
 
 FOUND = {
-    "resistance": Found(0.05, (0.049, 0.051)), "inductance_d": Found(20e-6, (19e-6, 21e-6)),
-    "inductance_q": Found(30e-6, (29e-6, 31e-6)), "magnet_flux": Found(0.0027, (0.0026, 0.0028)),
+    "resistance": Found(0.05, (0.049, 0.051)),
+    "inductance_d": Found(20e-6, (19e-6, 21e-6)),
+    "inductance_q": Found(30e-6, (29e-6, 31e-6)),
+    "magnet_flux": Found(0.0027, (0.0026, 0.0028)),
     "dead_time": Found(5e-7, (4e-7, 6e-7)),
-}  # fmt: skip
+}
 RIGHT = {
-    "resistance": 0.05, "inductance_d": 20e-6, "inductance_q": 30e-6, "magnet_flux": 0.0027, "current_kp": 0.025,
-    "current_ki": 50.0, "dead_time": 0.0,
-}  # fmt: skip
+    "resistance": 0.05,
+    "inductance_d": 20e-6,
+    "inductance_q": 30e-6,
+    "magnet_flux": 0.0027,
+    "current_kp": 0.025,
+    "current_ki": 50.0,
+    "dead_time": 0.0,
+}
 
 
 def rows(stated, found=FOUND, untold=(), **more):
@@ -41,12 +48,15 @@ def test_settings_as_they_should_be():
 @pytest.mark.parametrize(
     ("name", "factor", "said"),
     [
-        ("resistance", 2.0, "two terminals"), ("inductance_q", 0.5, "halved twice"),
+        ("resistance", 2.0, "two terminals"),
+        ("inductance_q", 0.5, "halved twice"),
         ("magnet_flux", 3**0.5, "terminals"),
-        ("resistance", 0.85, "warmer"), ("resistance", 1.15, "colder"), ("magnet_flux", 2.0 / 3.0, "left out"),
+        ("resistance", 0.85, "warmer"),
+        ("resistance", 1.15, "colder"),
+        ("magnet_flux", 2.0 / 3.0, "left out"),
         ("magnet_flux", 1.2, "no usual factor"),
     ],
-)  # fmt: skip
+)
 def test_why_a_value_differs(name, factor, said):
     row = rows(RIGHT | {name: factor * RIGHT[name]})[name]
     assert row.verdict == "differs"
@@ -140,8 +150,12 @@ def test_what_is_not_told_or_not_stated():
 
 def test_gains_of_four_tools(tmp_path):
     """ODrive's follow from its bandwidth: kp = omega L, ki = omega R."""
-    vesc = ("<foc_motor_r>0.1</foc_motor_r>", "<foc_current_kp>0.03</foc_current_kp>",
-            "<foc_current_ki>50</foc_current_ki>", "<foc_dt_us>0.12</foc_dt_us>")  # fmt: skip
+    vesc = (
+        "<foc_motor_r>0.1</foc_motor_r>",
+        "<foc_current_kp>0.03</foc_current_kp>",
+        "<foc_current_ki>50</foc_current_ki>",
+        "<foc_dt_us>0.12</foc_dt_us>",
+    )
     odrive = {"phase_resistance": 0.05, "phase_inductance": 3e-5, "current_control_bandwidth": 1000.0}
     texts = {
         "VESC": f"<a>{''.join(vesc)}</a>",

@@ -102,9 +102,12 @@ def test_outside_the_map_is_an_error_that_names_the_current(fitted):
 
 @pytest.mark.parametrize(
     ("file", "magnet", "goal"),  # held-out rms over the map's largest flux; issue: 0.5 % of rated flux
-    [("baldor_pmsyrm/baldor_meas.npz", "d", 0.002), ("thor_fea/thor_fea.npz", "-q", 0.001),
-     ("brusa_hsm1/brusa_meas.npz", "d", 0.0045)],
-)  # fmt: skip
+    [
+        ("baldor_pmsyrm/baldor_meas.npz", "d", 0.002),
+        ("thor_fea/thor_fea.npz", "-q", 0.001),
+        ("brusa_hsm1/brusa_meas.npz", "d", 0.0045),
+    ],
+)
 def test_measured_maps_are_carried_between_their_points(file, magnet, goal):
     m = read_map(real_data() / file, magnet)
     s = se.fit(*m.every(2).points())

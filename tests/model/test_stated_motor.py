@@ -21,10 +21,12 @@ VESC = """<?xml version="1.0" encoding="UTF-8"?>
 <si_motor_poles>14</si_motor_poles><l_current_max>60</l_current_max><foc_f_zv>30000</foc_f_zv>
 <si_battery_cells>6</si_battery_cells></MCConfiguration>"""
 ODRIVE = {
-    "axis0.config.motor.phase_resistance": 0.04, "axis0.config.motor.phase_inductance": 2e-5,
-    "axis0.config.motor.torque_constant": 0.03, "axis0.config.motor.pole_pairs": 7,
+    "axis0.config.motor.phase_resistance": 0.04,
+    "axis0.config.motor.phase_inductance": 2e-5,
+    "axis0.config.motor.torque_constant": 0.03,
+    "axis0.config.motor.pole_pairs": 7,
     "axis0.config.motor.current_soft_max": 50.0,
-}  # fmt: skip
+}
 MOTEUS = "motor.poles 14\nmotor.resistance_ohm 0.05\nmotor.v_per_hz 0.109\nservo.max_current_A 100\n"
 SIMPLEFOC = "BLDCMotor motor = BLDCMotor(7, 0.1664, 160.0f, 0.00003);\nmotor.current_limit = 5;\n"
 
@@ -149,10 +151,13 @@ def test_every_conversion_of_a_configuration_is_shown(tmp_path):
     found = stated_motor([str(tmp_path / "vesc"), "current=40 A"])
     said = {
         "inductance_d": "L - diff/2 (foc_motor_l = 7e-06 H, foc_motor_ld_lq_diff = 2e-06 H)",
-        "resistance": "foc_motor_r = 0.015 ohm", "dc_bus_voltage": "si_battery_cells = 6, 3.7 V a cell",
-        "pwm_frequency": "foc_f_zv = 30000, half of it: centre-aligned", "sampling_period": "1 / pwm_frequency",
-        "pole_pairs": "si_motor_poles = 14: half of the poles", "rated_current": "current = 40 A",
-    }  # fmt: skip
+        "resistance": "foc_motor_r = 0.015 ohm",
+        "dc_bus_voltage": "si_battery_cells = 6, 3.7 V a cell",
+        "pwm_frequency": "foc_f_zv = 30000, half of it: centre-aligned",
+        "sampling_period": "1 / pwm_frequency",
+        "pole_pairs": "si_motor_poles = 14: half of the poles",
+        "rated_current": "current = 40 A",
+    }
     assert {k: row(found, k).said for k in said} == said
     (tmp_path / "old").write_text(VESC.replace("foc_f_zv", "foc_f_sw"))  # its name in firmware before 6
     assert row(stated_motor([str(tmp_path / "old")]), "pwm_frequency").value == 15_000.0

@@ -97,9 +97,10 @@ def test_readings_inside_a_period_are_a_whole_number():
     ("levels", "said"),
     [
         ((0.0, 0.7, 10.0), "at least three"),  # 0.7 A is no level of its own beside 0
-        ((-0.7, 3.0, 10.0), "no level at negative"), ((-10.0, 3.0, 0.7), "no level at|at least three"),
+        ((-0.7, 3.0, 10.0), "no level at negative"),
+        ((-10.0, 3.0, 0.7), "no level at|at least three"),
     ],
-)  # fmt: skip
+)
 def test_levels_of_a_staircase_lie_eight_hundredths_of_the_largest_current_apart(levels, said):
     """Of 10 A: 0.8 A."""
     current = np.column_stack([levels, np.zeros(3)])

@@ -37,8 +37,10 @@ def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str
 
 def theory_of(runs: Sequence[Run]) -> list[str]:
     """Return what theory predicts for each segment (degrees), nothing where it predicts none of these runs."""
-    known = [[v for v in values if v is not None] for values in
-             zip(*([row.predicted_mean_deg for row in run.rows] for run in runs), strict=True)]  # fmt: skip
+    known = [
+        [v for v in values if v is not None]
+        for values in zip(*([row.predicted_mean_deg for row in run.rows] for run in runs), strict=True)
+    ]
     return [number_text(values[0] if values else None) for values in known] if any(known) else []
 
 

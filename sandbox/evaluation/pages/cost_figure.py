@@ -14,9 +14,16 @@ if TYPE_CHECKING:
     from sandbox.output.plots import Axes, Figure
 
 HEADS = (
-    "estimator, belief", "worst 95 %", "added loss", "of rated loss", "torque ripple", "sound proxy", "loudest tone",
-    "link ripple", "volts lost",
-)  # fmt: skip
+    "estimator, belief",
+    "worst 95 %",
+    "added loss",
+    "of rated loss",
+    "torque ripple",
+    "sound proxy",
+    "loudest tone",
+    "link ripple",
+    "volts lost",
+)
 READING = (
     "What the injection adds beside the same currents and voltages averaged over it, the largest of all segments: "
     "copper loss, and core loss where the plant has the effect iron_loss, in W and over the copper loss at rated "
@@ -38,18 +45,27 @@ def cost_table(found: Sequence[Standing]) -> tuple[list[str], list[list[str]]]:
 
 def _line(s: Standing) -> list[str]:
     values = (
-        (s.worst_p95, "{:.2f}°", 1.0), (s.loss_w, "{:.3g} W", 1.0), (s.loss_share, "{:.2g} %", 100.0),
-        (s.torque_ripple, "{:.2g} %", 100.0), (s.sound_db, "{:.1f} dB", 1.0), (s.tone_db, "{:.1f} dB", 1.0),
+        (s.worst_p95, "{:.2f}°", 1.0),
+        (s.loss_w, "{:.3g} W", 1.0),
+        (s.loss_share, "{:.2g} %", 100.0),
+        (s.torque_ripple, "{:.2g} %", 100.0),
+        (s.sound_db, "{:.1f} dB", 1.0),
+        (s.tone_db, "{:.1f} dB", 1.0),
         (s.link_a, "{:.2g} A", 1.0),
         (s.injected_v, "{:.3g} V", 1.0),
-    )  # fmt: skip
+    )
     return [f"{s.estimator}, {s.belief}", *("–" if v is None else text.format(k * v) for v, text, k in values)]
 
 
 def cost_figure(
-    found: Sequence[Standing], title: str = "", path: str | Path | None = None, *, limits: Limits = ANY,
-    ax: AnyAxes = None, phone: bool = False,
-) -> Figure:  # fmt: skip
+    found: Sequence[Standing],
+    title: str = "",
+    path: str | Path | None = None,
+    *,
+    limits: Limits = ANY,
+    ax: AnyAxes = None,
+    phone: bool = False,
+) -> Figure:
     """Draw error, added loss and sound of each estimator and belief side by side, the smallest error first.
 
     limits: drawn dashed; ax: three axes of your own to draw in, see `page`; phone: panels below each other.

@@ -17,8 +17,11 @@ from sandbox.output.tables import print_prose, print_table
 MARKS = GOOD, BAD, HOLDS = "✓", "✗", "○"
 GOAL = f"≤ {MEAN_GOAL:g} ({P95_GOAL:g})°"  # mean and 95th percentile of the error
 CHECKS = {  # asked, instead of GOAL
-    "robustness": "lock kept", "reversal": "lock kept", "modulation": "lock kept", "attraction": "no third rest",
-}  # fmt: skip
+    "robustness": "lock kept",
+    "reversal": "lock kept",
+    "modulation": "lock kept",
+    "attraction": "no third rest",
+}
 
 
 def tables(result: Protocol) -> dict[str, tuple[list[str], list[list[str]]]]:
@@ -64,8 +67,10 @@ def reading(result: Protocol) -> str:
     marks = [mark for mark in MARKS if any(f" {mark} " in text for text in cells)]
     parts = []
     if any("mean_deg" in m and "polarity_right" not in m for m in metrics):
-        parts.append("Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load "
-                     "where the ripple carries information")  # fmt: skip
+        parts.append(
+            "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load "
+            "where the ripple carries information"
+        )
     if "start" in tests:
         parts.append("start: share of starts whose polarity was right")
     if "attraction" in tests:

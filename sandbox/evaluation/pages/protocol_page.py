@@ -245,8 +245,11 @@ def parts(result: Protocol, title: str) -> Iterator[str]:
         if cases:
             yield fold(f"{motor}: one thing at a time other than believed", cases)
     yield f"<p class='soft'>{prose(reading(result))}</p>"
-    failed = [f"{r.unit.motor}, {r.unit.test}, {r.unit.estimator} {r.unit.belief}: {r.failure}" for r in result.rows
-              if r.failure]  # fmt: skip
+    failed = [
+        f"{r.unit.motor}, {r.unit.test}, {r.unit.estimator} {r.unit.belief}: {r.failure}"
+        for r in result.rows
+        if r.failure
+    ]
     if failed:
         yield fold("Runs that ended early, and why", bullets(failed))
     yield f"<p class='soft'>Seed {result.seed}; {sum(r.cpu_seconds for r in result.rows):.0f} s of CPU.</p>"

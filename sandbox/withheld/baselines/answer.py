@@ -56,10 +56,16 @@ def answer(
     if top and before > REMAINS:
         closed = (before**2 - after**2) / (before**2 - 1.0)
     systems = [load_effect(e).subsystem for h in hypotheses for e in h["effects"] if e != "unknown"] or ["machine"]
-    return Answer({
-        "schema": 1, "campaign": campaign.name, "verdict": named,
-        "gap": {"raw": raw, "before": before, "after": after, "floor": 1.0, "closed": closed},
-        "where": [{"subsystem": systems[0], "channel": "", "region": "", "order": None, "share": 1.0, "text": ""}],
-        "hypotheses": hypotheses, "ambiguity_set": members, "next_recording": None,
-        "cost": {"simulations": simulations, "seconds": time.perf_counter() - started},
-    })  # fmt: skip
+    return Answer(
+        {
+            "schema": 1,
+            "campaign": campaign.name,
+            "verdict": named,
+            "gap": {"raw": raw, "before": before, "after": after, "floor": 1.0, "closed": closed},
+            "where": [{"subsystem": systems[0], "channel": "", "region": "", "order": None, "share": 1.0, "text": ""}],
+            "hypotheses": hypotheses,
+            "ambiguity_set": members,
+            "next_recording": None,
+            "cost": {"simulations": simulations, "seconds": time.perf_counter() - started},
+        }
+    )

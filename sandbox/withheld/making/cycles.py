@@ -72,9 +72,15 @@ def between(n: int, times: Array, values: Array) -> Array:
 
 
 def cycle(
-    file: str, rotor: str, axis: str, kind: float | Array, first: Array, second: float | Array = 0.0,
-    load: float | Array = 0.0, speed: float | Array = 0.0,
-) -> Cycle:  # fmt: skip
+    file: str,
+    rotor: str,
+    axis: str,
+    kind: float | Array,
+    first: Array,
+    second: float | Array = 0.0,
+    load: float | Array = 0.0,
+    speed: float | Array = 0.0,
+) -> Cycle:
     """Return a cycle from its columns, scalars spread over all samples."""
     n = len(first)
     columns = [np.broadcast_to(np.asarray(c, dtype=float), (n,)) for c in (kind, first, second, load)]

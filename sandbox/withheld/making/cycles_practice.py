@@ -39,8 +39,15 @@ def _free(s: Scale, rng: Generator) -> list[Cycle]:
     n = s.samples(2.5)
     slow = 0.09 * wide * s.speed * held(n, np.array([0.2, 0.2, 0.7, 1.0, 0.3, 0.3, -0.7, -0.3]))
     n_fast = s.samples(2.4)
-    fast = wide * s.speed * between(n_fast, np.array([0.0, 0.1, 0.35, 0.45, 0.65, 0.8, 0.82, 1.0]),
-                                    np.array([0.0, 0.3, 0.35, 0.55, 0.85, 0.85, 0.5, 0.5]))  # fmt: skip
+    fast = (
+        wide
+        * s.speed
+        * between(
+            n_fast,
+            np.array([0.0, 0.1, 0.35, 0.45, 0.65, 0.8, 0.82, 1.0]),
+            np.array([0.0, 0.3, 0.35, 0.55, 0.85, 0.85, 0.5, 0.5]),
+        )
+    )
     n_back = s.samples(1.8)
     back = 0.3 * wide * s.speed * held(n_back, np.array([1.0, -1.0, 1.0]))
     n_coast = s.samples(1.2)

@@ -57,10 +57,14 @@ def _free(s: Scale, rng: Generator) -> list[Cycle]:
     places = np.concatenate([[0.0], _corners(rng, 5), [1.0]])
     slow = s.speed * between(n, places, np.concatenate([[0.0], rng.uniform(-0.1, 0.1, 6)]))
     load = s.torque * held(n, np.concatenate([[0.0], rng.uniform(-0.1, 0.85, 6)]))
-    climb = s.speed * between(n_fast, np.concatenate([[0.0], _corners(rng, 4), [1.0]]),
-                              np.concatenate([[0.0], rng.uniform(0.25, 0.95, 5)]))  # fmt: skip
-    brisk = s.torque * between(n_fast, np.array([0.0, 0.2, 0.25, 0.5, 0.55, 0.75, 0.8, 1.0]),
-                               np.repeat(np.concatenate([[0.0], rng.uniform(0.0, 0.5, 3)]), 2))  # fmt: skip
+    climb = s.speed * between(
+        n_fast, np.concatenate([[0.0], _corners(rng, 4), [1.0]]), np.concatenate([[0.0], rng.uniform(0.25, 0.95, 5)])
+    )
+    brisk = s.torque * between(
+        n_fast,
+        np.array([0.0, 0.2, 0.25, 0.5, 0.55, 0.75, 0.8, 1.0]),
+        np.repeat(np.concatenate([[0.0], rng.uniform(0.0, 0.5, 3)]), 2),
+    )
     way = float(rng.choice([-1.0, 1.0]))
     waves = rng.uniform(1.0, 1.6)
     back = way * s.speed * rng.uniform(0.25, 0.4) * np.sin(2.0 * np.pi * waves * np.arange(n_back) / n_back)

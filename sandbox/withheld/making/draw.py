@@ -69,19 +69,20 @@ class Drawn:
             "outside_subsystem": outside_subsystem(case.outside),
             "sizes": self.sizes,
             **({"places": case.sizes[: len(case.names)]} if case.table == "published" and case.names else {}),
-            "parameters": truth_of(
-                list(case.names), self.true.motor, self.stated, self.plant, self.beside_map
-            )
+            "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant, self.beside_map)
             | users_truth(case.names, self.own),
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
             "true_motor": dataclasses.asdict(without_map(self.true.motor)),
             "plant": self.plant,
             "deviations": self.off,
             "bench": {
-                "common_offset": float(np.mean(b.offsets)), "load_torque_offset": b.load_torque_offset,
-                "theta": self.theta, "soft_current": SOFT_SIGN * self.true.motor.rated_current, **self.sign,
+                "common_offset": float(np.mean(b.offsets)),
+                "load_torque_offset": b.load_torque_offset,
+                "theta": self.theta,
+                "soft_current": SOFT_SIGN * self.true.motor.rated_current,
+                **self.sign,
             },
-        }  # fmt: skip
+        }
 
     def sealed(self) -> dict[str, Any]:
         """Return the truth as it stands in the seal: with as many digits as all machines agree on."""
@@ -145,9 +146,20 @@ def _once(case: Case, rng: Generator, without: Sequence[str]) -> Drawn | None:
         true, values, left = _put_in(base, plans, without)
         values, own = with_deviations(values, bench), left | unlisted
     return Drawn(
-        case, dataclasses.replace(drive, motor=true), stated, bench, values, own, sign, drift, stands, last,
-        tuple(multiples), off_by(believed, stated, bench), beside,
-    )  # fmt: skip
+        case,
+        dataclasses.replace(drive, motor=true),
+        stated,
+        bench,
+        values,
+        own,
+        sign,
+        drift,
+        stands,
+        last,
+        tuple(multiples),
+        off_by(believed, stated, bench),
+        beside,
+    )
 
 
 def _can_be_stated(stated: Motor, true: Motor) -> bool:

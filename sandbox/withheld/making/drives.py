@@ -31,10 +31,18 @@ ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 DRAWN = ("resistance", "magnet_flux", "inductance_d", "inductance_q", *ALPHAS, "inertia", "viscous_friction")
 KEPT = ("inductance_d", "inductance_q", *ALPHAS)
 UNCERTAINTY = {
-    "resistance": 0.01, "magnet_flux": 0.01, "inductance_d": 0.015, "inductance_q": 0.015,
-    "alpha_30": 0.03, "alpha_12": 0.04, "alpha_40": 0.04, "alpha_22": 0.05, "alpha_04": 0.04,
-    "inertia": 0.03, "viscous_friction": 0.15,
-}  # fmt: skip
+    "resistance": 0.01,
+    "magnet_flux": 0.01,
+    "inductance_d": 0.015,
+    "inductance_q": 0.015,
+    "alpha_30": 0.03,
+    "alpha_12": 0.04,
+    "alpha_40": 0.04,
+    "alpha_22": 0.05,
+    "alpha_04": 0.04,
+    "inertia": 0.03,
+    "viscous_friction": 0.15,
+}
 LINK_NOISE = 0.3  # V rms of one reading of the DC link
 OFF = 2.0  # times: by how much stated deviations are misjudged at the most
 MOST_OFF = 3.0  # stated deviations; without this bound one bench in three would have a value beyond it
@@ -72,9 +80,11 @@ def draw_drive(family: str, rng: Generator, other_encoders: bool) -> Drive:
     counts = int(rng.choice([4096, 8192, 10000])) if other_encoders else 4096
     rated = base.motor.rated_current
     converter = dataclasses.replace(
-        converter, current_noise=rated * float(np.exp(rng.uniform(np.log(0.001), np.log(0.0032)))),
-        current_resolution=0.002 * rated, encoder_counts=counts,
-    )  # fmt: skip
+        converter,
+        current_noise=rated * float(np.exp(rng.uniform(np.log(0.001), np.log(0.0032)))),
+        current_resolution=0.002 * rated,
+        encoder_counts=counts,
+    )
     return Drive(draw_motor(base.motor, rng), converter, injection, {})
 
 

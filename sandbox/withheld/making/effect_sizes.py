@@ -20,9 +20,14 @@ from sandbox.withheld.making.drives import ALPHAS
 EFFECT_SIZES = (0.25, 0.5, 1.0, 2.0)
 STEPS = {  # medium sizes of what the motor states, in its logarithm (viscous friction: rated torque / rated speed);
     # means, where every value has its own
-    "stator_resistance": 0.18, "magnet_flux": 0.10, "inertia": 0.26, "inductance": 0.09, "saturation": 0.425,
-    "cross_saturation": 1.4, "viscous_friction": 0.1,
-}  # fmt: skip
+    "stator_resistance": 0.18,
+    "magnet_flux": 0.10,
+    "inertia": 0.26,
+    "inductance": 0.09,
+    "saturation": 0.425,
+    "cross_saturation": 1.4,
+    "viscous_friction": 0.1,
+}
 Values = dict[str, float]
 
 

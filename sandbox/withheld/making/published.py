@@ -73,8 +73,10 @@ def resonance(frequency: float, motor: Motor, values: Mapping[str, float]) -> fl
 
 
 FORMS: Mapping[str, Callable[[float, Motor, Mapping[str, float]], float]] = {
-    "core_loss": core_loss, "volts_at_rated": volts_at_rated, "resonance": resonance,
-}  # fmt: skip
+    "core_loss": core_loss,
+    "volts_at_rated": volts_at_rated,
+    "resonance": resonance,
+}
 
 
 def planted(name: str, motor: Motor, converter: Converter, place: float, rng: Generator) -> Planted:

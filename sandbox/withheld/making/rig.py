@@ -64,13 +64,24 @@ def tuned(drive: Drive, believed: Motor, axis: str, rng: Generator) -> Tuning:
     rate = math.tau * rng.uniform(3.0, 6.0)
     to_current = believed.inertia / believed.pole_pairs / (1.5 * believed.pole_pairs * believed.magnet_flux)
     return Tuning(
-        period, float(believed.pole_pairs), bandwidth * believed.inductance_d, bandwidth * believed.inductance_q,
-        bandwidth * believed.resistance, 1.6 * rate * to_current, rate * rate * to_current,
+        period,
+        float(believed.pole_pairs),
+        bandwidth * believed.inductance_d,
+        bandwidth * believed.inductance_q,
+        bandwidth * believed.resistance,
+        1.6 * rate * to_current,
+        rate * rate * to_current,
         RAMP * believed.rated_torque * believed.pole_pairs / believed.inertia,
-        CURRENT_LIMIT * believed.rated_current, 0.92 * drive.converter.voltage_limit, believed.magnet_flux,
-        believed.inductance_d, believed.inductance_q, min(round(WINDOW / period), ROOM - 1),
-        round(1.0 / (drive.injection.frequency * period)), drive.injection.amplitude, AXES[axis],
-    )  # fmt: skip
+        CURRENT_LIMIT * believed.rated_current,
+        0.92 * drive.converter.voltage_limit,
+        believed.magnet_flux,
+        believed.inductance_d,
+        believed.inductance_q,
+        min(round(WINDOW / period), ROOM - 1),
+        round(1.0 / (drive.injection.frequency * period)),
+        drive.injection.amplitude,
+        AXES[axis],
+    )
 
 
 @kernel

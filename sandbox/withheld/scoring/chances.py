@@ -30,8 +30,10 @@ def of_many(judged: Sequence[Judgement]) -> dict[str, Figure]:
     if not many:
         return dict.fromkeys(("included_f1", "included_auroc", "included_error"), NOTHING)
     there = [[e in j.effects for e in names] for j in many]
-    stated = [[float(not x) for x in t] if j.failed else [j.chances.get(e, 0.0) for e in names]
-              for j, t in zip(many, there, strict=True)]  # fmt: skip
+    stated = [
+        [float(not x) for x in t] if j.failed else [j.chances.get(e, 0.0) for e in names]
+        for j, t in zip(many, there, strict=True)
+    ]
     rows = np.concatenate([np.array(stated), np.array(there, dtype=float)], axis=1)
     return {
         "included_f1": mean_share([f1(*_apart(r[None])) for r in rows]),

@@ -109,10 +109,22 @@ def _floor(axes: Any, floor: Mapping[str, Mapping[str, Any]]) -> None:
 def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]], words: Mapping[str, str] | None = None) -> None:
     """Draw the figures that are shares, method beside method, with one-sided 95 % limits; words: their names."""
     every = (
-        "top1", "mean_probability", "set_f1", "exact_set", "unknown_auroc", "false_alarm", "coverage",
-        "closed_median", "closed_p10", "ambiguity_hit", "subsystem", "resolved", "resolved_promised",
-        "recommended", "resolved_of_all",
-    )  # fmt: skip
+        "top1",
+        "mean_probability",
+        "set_f1",
+        "exact_set",
+        "unknown_auroc",
+        "false_alarm",
+        "coverage",
+        "closed_median",
+        "closed_p10",
+        "ambiguity_hit",
+        "subsystem",
+        "resolved",
+        "resolved_promised",
+        "recommended",
+        "resolved_of_all",
+    )
     shares = [k for k in every if any(f[k]["value"] is not None for f in methods.values())]
     for m, (method, figures) in enumerate(methods.items()):
         known = [(k, figures[name]) for k, name in enumerate(shares) if figures[name]["value"] is not None]

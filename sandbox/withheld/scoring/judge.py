@@ -124,9 +124,27 @@ def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
         given = Counter(n.partition(".")[0] for n in truth["parameters"] if estimated(n))
         missed, missed_of = (0, given.total()), {e: (0, n) for e, n in sorted(given.items())}
         unknown = 0.0 if UNKNOWN in true else 1.0
-        return Judgement(*head, True, False, 0.0, 0.0, unknown, "failed", missed, None if not true else 0.0, False,
-                         False, 0, False if true else None, None, None, (), 0.0, parts_of=missed_of,
-                         outside=beyond)  # fmt: skip
+        return Judgement(
+            *head,
+            True,
+            False,
+            0.0,
+            0.0,
+            unknown,
+            "failed",
+            missed,
+            None if not true else 0.0,
+            False,
+            False,
+            0,
+            False if true else None,
+            None,
+            None,
+            (),
+            0.0,
+            parts_of=missed_of,
+            outside=beyond,
+        )
     hypotheses = [(frozenset(h["effects"]), float(h["probability"]), h) for h in diagnosis["hypotheses"]]
     top, top_probability, best = hypotheses[0]
     members = [frozenset(m) for m in diagnosis["ambiguity_set"]]
@@ -137,14 +155,27 @@ def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
     if true and verdict == "no_gap":
         place = False  # `where` then says where a gap would lie if there were one
     return Judgement(
-        *head, False, _same(top, true, members), sum(p for _, p in matches), f1(top, true),
-        sum(p for e, p, _ in hypotheses if UNKNOWN in e), verdict,
+        *head,
+        False,
+        _same(top, true, members),
+        sum(p for _, p in matches),
+        f1(top, true),
+        sum(p for e, p, _ in hypotheses if UNKNOWN in e),
+        verdict,
         (sum(hits for hits, _ in parts.values()), sum(given for _, given in parts.values())),
         closed(true, diagnosis["gap"]),
-        any(_contains_truth(m, true) for m in members), any(UNKNOWN in m for m in members), len(members), place,
-        cost.get("seconds"), cost.get("simulations"), tuple(sorted(top)), top_probability, chances(diagnosis), parts,
+        any(_contains_truth(m, true) for m in members),
+        any(UNKNOWN in m for m in members),
+        len(members),
+        place,
+        cost.get("seconds"),
+        cost.get("simulations"),
+        tuple(sorted(top)),
+        top_probability,
+        chances(diagnosis),
+        parts,
         beyond,
-    )  # fmt: skip
+    )
 
 
 def chances(diagnosis: Mapping[str, Any]) -> dict[str, float]:

@@ -15,14 +15,31 @@ from sandbox.withheld.scoring.judge import SETTLED, UNKNOWN, Judgement
 from sandbox.withheld.scoring.limits import Figure, auroc, mean, mean_share, quantile, ratio, share
 
 GOALS = {  # of the whole list of effects with chances that hold, then those of single causes and recommendations
-    "top1_half": "≥ 0.97", "calibration_one": "≤ 0.03", "exact_set": "≥ 0.85", "included_f1": "≥ 0.90",
-    "included_auroc": "≥ 0.97", "included_error": "≤ 0.05", "closed_many_median": "≥ 0.99", "closed_many_p10": "≥ 0.95",
-    "coverage": "0.93–0.97", "coverage_worst": "≥ 0.88", "unknown_auroc": "≥ 0.98", "outside_named": "≤ 0.10",
-    "outside_listed": "≤ 0.10", "leave_out_confident_wrong": "≤ 0.02", "leave_out_listed_wrong": "≤ 0.02",
-    "false_alarm": "≤ 0.01", "cpu_seconds": "≤ 10", "cpu_seconds_p99": "≤ 60",
-    "mean_probability": "≥ 0.90", "set_f1": "≥ 0.90", "ambiguity_hit": "≥ 0.99", "ambiguity_size": "≤ 1.3",
-    "subsystem": "≥ 0.99", "resolved": "≥ 0.90",
-}  # fmt: skip
+    "top1_half": "≥ 0.97",
+    "calibration_one": "≤ 0.03",
+    "exact_set": "≥ 0.85",
+    "included_f1": "≥ 0.90",
+    "included_auroc": "≥ 0.97",
+    "included_error": "≤ 0.05",
+    "closed_many_median": "≥ 0.99",
+    "closed_many_p10": "≥ 0.95",
+    "coverage": "0.93–0.97",
+    "coverage_worst": "≥ 0.88",
+    "unknown_auroc": "≥ 0.98",
+    "outside_named": "≤ 0.10",
+    "outside_listed": "≤ 0.10",
+    "leave_out_confident_wrong": "≤ 0.02",
+    "leave_out_listed_wrong": "≤ 0.02",
+    "false_alarm": "≤ 0.01",
+    "cpu_seconds": "≤ 10",
+    "cpu_seconds_p99": "≤ 60",
+    "mean_probability": "≥ 0.90",
+    "set_f1": "≥ 0.90",
+    "ambiguity_hit": "≥ 0.99",
+    "ambiguity_size": "≤ 1.3",
+    "subsystem": "≥ 0.99",
+    "resolved": "≥ 0.90",
+}
 HALF = 0.5  # of the medium size: single effects of this rung and above are to be named first
 SETS = ("several", "many")  # kinds of campaigns with more than one effect of the library
 DOUBT = 0.05  # of P(unknown): more than this holds the question open

@@ -21,8 +21,16 @@ DIGITS = 6
 BLIND, LEFT_OUT, RESOLVED = "blind", "left_out", "resolved"
 PARTS = (BLIND, LEFT_OUT, RESOLVED)
 TRUTH = (
-    "kind", "family", "style", "pair", "outside", "outside_subsystem", "effects", "sizes", "parameters",
-)  # fmt: skip
+    "kind",
+    "family",
+    "style",
+    "pair",
+    "outside",
+    "outside_subsystem",
+    "effects",
+    "sizes",
+    "parameters",
+)
 ANSWER = ("failed", "verdict", "ambiguity_set", "waterfall", "cpu_seconds")  # as they are; the rest is shortened
 KEPT = {
     "gap": ("raw", "before", "after", "closed"),

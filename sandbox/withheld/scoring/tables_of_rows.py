@@ -48,13 +48,18 @@ class Scores:
         covered = {e: f.as_json() for e, f in coverage_by_effect(self.judged).items()}
         return {
             **{k: f.as_json() for k, f in self.figures.items()},
-            "by_size": sizes, "coverage_by_effect": covered, "outside_by_subsystem": outside,
-            "detection_floor": detection_floor(self.judged), "confusion": confusion(self.judged),
-            "reliability": reliability(self.judged), "failed": [j.name for j in self.judged if j.failed],
+            "by_size": sizes,
+            "coverage_by_effect": covered,
+            "outside_by_subsystem": outside,
+            "detection_floor": detection_floor(self.judged),
+            "confusion": confusion(self.judged),
+            "reliability": reliability(self.judged),
+            "failed": [j.name for j in self.judged if j.failed],
             "missed": [[j.name, *j.effects, "->", j.label] for j in self.judged if not j.hit],
             "unresolved": [[j.name, *j.effects, "->", j.label] for j in self.followed if not j.settled],
-            "code": self.code, **({"by_code": self.by_code()} if len(self.code) > 1 else {}),
-        }  # fmt: skip
+            "code": self.code,
+            **({"by_code": self.by_code()} if len(self.code) > 1 else {}),
+        }
 
     def by_code(self) -> dict[str, dict[str, Any]]:
         """Return the figures of each state of the code alone, where several are mixed."""

@@ -103,9 +103,17 @@ def test_published_gains_act_on_type_2_loops_only(tracking):
     assert np.array_equal(*runs)
     own = {name for name in estimator_names() if load_estimator(name).takes_published}
     assert own == {
-        "qnull", "inversion", "rotating", "hfi45", "vesc_hfi", "random_frequency", "table", "arbitrary", "fluxdemod",
+        "qnull",
+        "inversion",
+        "rotating",
+        "hfi45",
+        "vesc_hfi",
+        "random_frequency",
+        "table",
+        "arbitrary",
+        "fluxdemod",
         "monitor",
-    }  # fmt: skip
+    }
 
 
 def test_a_ramp_of_speed_lags_as_published_gains_say():

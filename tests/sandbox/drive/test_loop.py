@@ -37,10 +37,16 @@ def test_recorded_voltages_drive_the_switched_bench_through_the_run():
     k = int(np.argmax(r.t > run.start_time + 0.02))
     part = slice(k, k + 120)
     out = replay(
-        quiet(bench(motor, QUIET.converter)), "free", r.u_alpha[part], r.u_beta[part], r.u_dc[part],
-        load_torque=r.load_torque[part], theta=r.theta[k], speed=r.omega[k] / motor.pole_pairs,
+        quiet(bench(motor, QUIET.converter)),
+        "free",
+        r.u_alpha[part],
+        r.u_beta[part],
+        r.u_dc[part],
+        load_torque=r.load_torque[part],
+        theta=r.theta[k],
+        speed=r.omega[k] / motor.pole_pairs,
         current=rotate(r.i_d[k], r.i_q[k], r.theta[k]),
-    )  # fmt: skip
+    )
     for name in ("i_a", "i_b", "i_c"):  # 1e-5 of rated current: see POSITION
         np.testing.assert_allclose(out[name], getattr(r, name)[part], atol=1e-5 * motor.rated_current)
     np.testing.assert_allclose(out["position"], r.theta[part], atol=POSITION)

@@ -20,8 +20,12 @@ from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay, residuals
 
 DRIVE = bench_of(load_drive("ipm_exchanged"))
-EFFECTS = {"stator_resistance.resistance": 13.5, "dead_time.time": 1e-6, "dc_link_error.sag": 10.0,
-           "encoder_offset.offset": 0.04}  # fmt: skip
+EFFECTS = {
+    "stator_resistance.resistance": 13.5,
+    "dead_time.time": 1e-6,
+    "dc_link_error.sag": 10.0,
+    "encoder_offset.offset": 0.04,
+}
 COUNT = 2 * np.pi * DRIVE.motor.pole_pairs / COUNTS
 
 
@@ -62,8 +66,10 @@ def test_duties_are_formed_with_the_recorded_link(plant):
         campaign.recordings[0],
         columns={**campaign.recordings[0].columns, "u_dc": np.full_like(campaign.recordings[0].t, 400.0)},
     )
-    rms = [residuals(p, replay(p, [{}]))[0].rms()[0]
-           for p in (prepare(campaign), prepare(dataclasses.replace(campaign, recordings=(flat,))))]  # fmt: skip
+    rms = [
+        residuals(p, replay(p, [{}]))[0].rms()[0]
+        for p in (prepare(campaign), prepare(dataclasses.replace(campaign, recordings=(flat,))))
+    ]
     print(plant, rms)
     assert rms[0] == pytest.approx(1.0, abs=0.04)
     assert rms[1] > 1.5

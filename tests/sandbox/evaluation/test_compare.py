@@ -120,9 +120,10 @@ def test_sine_injection_meets_the_theory_too():
 def test_other_sampling_rates(period, frequency):
     drive = load_drive("ipm_exchanged")
     fast = dataclasses.replace(
-        drive, converter=dataclasses.replace(drive.converter, sampling_period=period, pwm_frequency=None),
+        drive,
+        converter=dataclasses.replace(drive.converter, sampling_period=period, pwm_frequency=None),
         injection=dataclasses.replace(drive.injection, frequency=frequency, amplitude=30.0 * frequency / 500.0),
-    )  # fmt: skip
+    )
     result = compare(fast, Scenario("s", (Segment(0.5, 1.0, ramp=0.1),), settle=0.3), ("qnull", "inversion", "ekf"))
     for row in result.rows:
         m = drive.motor.energy

@@ -75,11 +75,15 @@ def check_self_contained(page):
 
 def test_the_best_are_those_near_it_that_keep_lock():
     rows = [
-        row("a", "saturated", 0.1, 0.5), row("a", "linear", -9.0, 9.5), row("b", "saturated", 0.2, 0.6),
-        row("c", "saturated", 0.0, 0.9), row("d", "saturated", 0.0, 0.3, held=False),
-        row("e", "saturated", None, None), row("e", "saturated", 0.0, 0.2),
+        row("a", "saturated", 0.1, 0.5),
+        row("a", "linear", -9.0, 9.5),
+        row("b", "saturated", 0.2, 0.6),
+        row("c", "saturated", 0.0, 0.9),
+        row("d", "saturated", 0.0, 0.3, held=False),
+        row("e", "saturated", None, None),
+        row("e", "saturated", 0.0, 0.2),
         row("f", "saturated", 0.0, 0.1, closed=False),
-    ]  # fmt: skip
+    ]
     found = choice.standings(rows)
     assert [s.estimator for s in choice.best(found)] == ["a", "b"]  # c is 0.4 worse than a, more than NEAR_DEG
     text = choice.which(found)
@@ -176,8 +180,9 @@ def test_a_single_run_draws_both_speeds_on_one_panel(small_comparison):
     assert head.startswith("speed")
     assert list(lines) == ["true", "estimated"]
     assert [head.split("\n")[0] for head, _ in compare_page._speeds({"linear": run, "saturated": run})] == [
-        "true speed", "estimated",
-    ]  # fmt: skip
+        "true speed",
+        "estimated",
+    ]
 
 
 def unit(estimator, test, passed, belief="saturated", **metrics):
@@ -189,9 +194,11 @@ ROWS = (
     unit("a", "creep", True, mean_deg=0.2, p95_deg=0.4),
     unit("a", "creep", True, "linear", mean_deg=9.0, p95_deg=9.5),
     unit("a", "cost", None, step_ns=300.0),
-    unit("b", "creep", True, mean_deg=0.3, p95_deg=0.6), unit("b", "cost", None, step_ns=100.0),
-    unit("c", "creep", False, mean_deg=2.0, p95_deg=4.0), unit("c", "cost", None, step_ns=10.0),
-)  # fmt: skip
+    unit("b", "creep", True, mean_deg=0.3, p95_deg=0.6),
+    unit("b", "cost", None, step_ns=100.0),
+    unit("c", "creep", False, mean_deg=2.0, p95_deg=4.0),
+    unit("c", "cost", None, step_ns=10.0),
+)
 
 
 def test_the_protocol_recommends_by_goals_then_cost():
@@ -216,7 +223,7 @@ def test_a_missed_speed_has_no_tick_and_comes_after_one_that_was_reached():
         unit("dear", "cost", None, step_ns=9.0),
         unit("slow", "creep", True, mean_deg=0.55, p95_deg=1.3, speed_missed=1),
         unit("slow", "cost", None, step_ns=1.0),
-    ]  # fmt: skip
+    ]
     assert [cell(row) for row in rows[::2]] == ["0.55 (1.3) ✓ ≤ 1 (3)°", "0.55 (1.3), 1 slow ○ ≤ 1 (3)°"]
     assert protocol_page.which(rows, "m").startswith("dear with the saturated belief: meets the one goal there is.")
     assert "slow: the speed asked for not reached in time" in reading(Protocol(tuple(rows), 0))
@@ -273,8 +280,9 @@ def test_the_page_names_only_the_tests_that_ran(tmp_path):
     """Two of twelve: no other stands in the caption, the legend or among the goals that are met."""
     rows = [
         unit("a", test, None if b == "linear" else True, b, mean_deg=0.2, p95_deg=0.4)
-        for test in ("load_step", "static_map") for b in ("linear", "saturated")
-    ]  # fmt: skip
+        for test in ("load_step", "static_map")
+        for b in ("linear", "saturated")
+    ]
     protocol_page.write_protocol(tmp_path / "protocol.html", Protocol(tuple(rows), 0))
     text = Page(tmp_path / "protocol.html").text.replace("\xa0", " ")
     assert "a with the saturated belief: meets all 2 goals. Only 2 of the protocol's 12 tests were run." in text

@@ -25,9 +25,21 @@ DRIVE = load_drive("ipm_exchanged")
 
 
 def point(**changes):
-    values = {"case": "c", "closed_loop": True, "load": 1.0, "load_d": 0.0, "speed": 0.0, "mean_deg": 0.5,
-              "rms_deg": 0.6, "p95_deg": 2.0, "max_deg": 2.5, "lost_lock": False, "predicted_deg": None,
-              "informative": True, "torque_deficit": None}  # fmt: skip
+    values = {
+        "case": "c",
+        "closed_loop": True,
+        "load": 1.0,
+        "load_d": 0.0,
+        "speed": 0.0,
+        "mean_deg": 0.5,
+        "rms_deg": 0.6,
+        "p95_deg": 2.0,
+        "max_deg": 2.5,
+        "lost_lock": False,
+        "predicted_deg": None,
+        "informative": True,
+        "torque_deficit": None,
+    }
     return t.Point(**(values | changes))
 
 
@@ -128,8 +140,11 @@ def test_who_injects_nothing_at_speed_ripples_no_more():
 
 @pytest.mark.parametrize(("error", "cpu", "met"), [(0.5, 1 / 300, True), (0.51, 1e-3, False), (0.1, 1 / 299, False)])
 def test_reversal_is_judged_by_the_peer(error, cpu, met):
-    row = p.Row(p.Unit(p.PEER, "reversal", "ekf", "saturated"),
-                t.Outcome((), {"rms_deg": 2.0 * error, "cpu_s_per_s": 3.0 * cpu}, True), 0.0)  # fmt: skip
+    row = p.Row(
+        p.Unit(p.PEER, "reversal", "ekf", "saturated"),
+        t.Outcome((), {"rms_deg": 2.0 * error, "cpu_s_per_s": 3.0 * cpu}, True),
+        0.0,
+    )
     found = p.Protocol((row,), 0).beside(3.0, 2.0).rows[0].outcome
     assert found.metrics["rms_to_peer"] == pytest.approx(error)
     assert found.passed is met
@@ -205,8 +220,9 @@ def test_a_cluster_is_handed_names_and_full_paths(tmp_path, monkeypatch):
     monkeypatch.setattr(p, "spread", spread)
     monkeypatch.setitem(p.TESTS, "creep", lambda drive, which, belief, seed: t.verdict([point()], belief))
     own = tmp_path / "mine.py"
-    own.write_text('import dataclasses, sandbox\nESTIMATOR = dataclasses.replace(sandbox.load_estimator("qnull"), '
-                   'name="mine")\n')  # fmt: skip
+    own.write_text(
+        'import dataclasses, sandbox\nESTIMATOR = dataclasses.replace(sandbox.load_estimator("qnull"), name="mine")\n'
+    )
     monkeypatch.chdir(tmp_path)
     call = ["protocol", "--estimators", "qnull", "--motors", "ipm_exchanged", "--tests", "creep", "--seed", "3"]
     assert main([*call, "--dask", "tcp://somewhere:8786", "--quiet", "--out", str(tmp_path / "out")]) == 0

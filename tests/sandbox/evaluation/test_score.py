@@ -87,8 +87,14 @@ def test_a_creep_the_wrong_way_is_missed_and_a_change_that_dies_away_is_not():
     r = recording([0.0] * 1000)
     r.table[:, CHANNELS.index("omega_ref")] = asked
     late = np.where(np.arange(1000) < 500, 40.0, asked)
-    for omega, held in ((asked, True), (asked + 1.5, True), (asked + 1.7, False), (-6.5, False), (0.0, False),
-                        (late, True)):  # fmt: skip
+    for omega, held in (
+        (asked, True),
+        (asked + 1.5, True),
+        (asked + 1.7, False),
+        (-6.5, False),
+        (0.0, False),
+        (late, True),
+    ):
         r.table[:, CHANNELS.index("omega")] = omega
         (row,) = rows_of(drive, scenario, r, 0.0, "ekf", "saturated", True)
         assert row.reference_held is held
@@ -103,8 +109,9 @@ def test_windows_of_rows():
     r = recording([1.0] * 100 + [5.0] * 200 + [9.0] * 700)
     rows = rows_of(drive, scenario, r, 0.1, "qnull", "linear", True)
     assert [(row.t_start, row.t_end) for row in rows] == [
-        (pytest.approx(0.15), pytest.approx(0.3)), (pytest.approx(0.4), pytest.approx(0.6)),
-    ]  # fmt: skip
+        (pytest.approx(0.15), pytest.approx(0.3)),
+        (pytest.approx(0.4), pytest.approx(0.6)),
+    ]
     assert [row.error_deg.mean for row in rows] == [pytest.approx(5.0), pytest.approx(9.0)]
     assert settled_part(r, rows).t.size == 350
 

@@ -78,10 +78,16 @@ def test_each_effect_alone(drive, plain, effect):
 
 
 FURTHER = {
-    "flux_harmonics.2.order": 12.0, "flux_harmonics.2.psi_d": 4e-4, "flux_harmonics.2.phase": 0.3,
-    "flux_harmonics.4.order": 2.0, "flux_harmonics.4.psi_q": 3e-4, "inductance_harmonics.3.order": 12.0,
-    "inductance_harmonics.3.gamma": 0.05, "cogging_torque.5.amplitude": 0.02, "cogging_torque.5.order_mech": 12.0,
-}  # fmt: skip
+    "flux_harmonics.2.order": 12.0,
+    "flux_harmonics.2.psi_d": 4e-4,
+    "flux_harmonics.2.phase": 0.3,
+    "flux_harmonics.4.order": 2.0,
+    "flux_harmonics.4.psi_q": 3e-4,
+    "inductance_harmonics.3.order": 12.0,
+    "inductance_harmonics.3.gamma": 0.05,
+    "cogging_torque.5.amplitude": 0.02,
+    "cogging_torque.5.order_mech": 12.0,
+}
 
 
 REST = (

@@ -13,8 +13,21 @@ from tests.sandbox.export.driven import ANGLE, differences, python_run, quiet, s
 fmpy = pytest.importorskip("fmpy")
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 GOAL = 1e-9  # of rated current, and rad
-OUTPUTS = ("read_a", "read_b", "read_c", "theta_read", "omega_read", "u_dc_read", "i_a", "i_b", "i_c", "theta",
-           "omega", "torque", "u_dc")  # fmt: skip
+OUTPUTS = (
+    "read_a",
+    "read_b",
+    "read_c",
+    "theta_read",
+    "omega_read",
+    "u_dc_read",
+    "i_a",
+    "i_b",
+    "i_c",
+    "theta",
+    "omega",
+    "torque",
+    "u_dc",
+)
 INPUTS = ("duty_a", "duty_b", "duty_c", "load_torque", "omega_driven")
 DELAYS = {"pwm_delay", "current_sampling"}  # their next commands a master does not know
 
@@ -46,9 +59,11 @@ class Unit:
         self.wide = self.told.fmiVersion == "3.0"
         kind = fmpy.fmi3.FMU3Slave if self.wide else fmpy.fmi2.FMU2Slave
         self.unit = kind(
-            guid=self.told.guid, unzipDirectory=self.folder, instanceName="drive",
+            guid=self.told.guid,
+            unzipDirectory=self.folder,
+            instanceName="drive",
             modelIdentifier=self.told.coSimulation.modelIdentifier,
-        )  # fmt: skip
+        )
         self.unit.instantiate()
         self.set(start)
         self.unit.enterInitializationMode()

@@ -122,12 +122,12 @@ def test_electrical_recordings_alone_judge_no_mechanics(small_folder, tmp_path):
     shaft = {"coulomb_friction", "viscous_friction", "cogging_torque", "inertia", "shaft_compliance"}
     left_out = set(library.effect_names()) - shaft - {"dead_time", "stator_resistance", "encoder_offset"}
     found = diagnose(tmp_path / "c", exclude=sorted(left_out), jobs=1)
-    got = plain(found.as_json())
-    assert set(got["out_of_sight"]) == shaft
-    assert set(got["excluded"]) == left_out  # what the user left out is told apart
-    assert not shaft & {e["name"] for e in got["effects"]}
-    assert not any(shaft & set(h["effects"]) for h in got["hypotheses"])
-    assert got["hypotheses"][0]["effects"] == ["dead_time"]
+    told = plain(found.as_json())
+    assert set(told["out_of_sight"]) == shaft
+    assert set(told["excluded"]) == left_out  # what the user left out is told apart
+    assert not shaft & {e["name"] for e in told["effects"]}
+    assert not any(shaft & set(h["effects"]) for h in told["hypotheses"])
+    assert told["hypotheses"][0]["effects"] == ["dead_time"]
     text = which_text(found.answers)
     assert "No rotor turned freely" in text
     assert all(e.replace("_", " ") in text for e in shaft)
@@ -153,10 +153,12 @@ def test_the_files_for_the_simulator_meet_the_recordings(small_answers, tmp_path
     assert min(replay(campaign).rms.values()) > 20.0  # as `gap.raw`: what dead time makes
     # the line leaves the bench's own deviations and angles within a count out: still the cause is taken away
     assert max(replay(campaign, stated["line"], motor=tmp_path / "motor.toml").rms.values()) < 1.5
-    got = tomllib.loads((tmp_path / "motor.toml").read_text())
+    told = tomllib.loads((tmp_path / "motor.toml").read_text())
     own = campaign.drive.motor
-    assert got["ci95"]["resistance"][0] < got["motor"]["resistance"] < got["ci95"]["resistance"][1]
-    assert got["ci95"]["resistance"][0] < own.resistance < got["ci95"]["resistance"][1]  # the plant had the nominal one
+    assert told["ci95"]["resistance"][0] < told["motor"]["resistance"] < told["ci95"]["resistance"][1]
+    assert (
+        told["ci95"]["resistance"][0] < own.resistance < told["ci95"]["resistance"][1]
+    )  # the plant had the nominal one
     assert load_drive(tmp_path / "motor.toml").motor.rated_current == own.rated_current
 
 
@@ -193,13 +195,13 @@ def test_beside_something_unknown_names_come_second(small_answers):
 def test_a_recommended_recording_is_told_as_it_is_set(small_answers):
     campaign = small_answers.diagnosis.campaign
     entry = next(e for e in menu(campaign.drive, 2.0) if e.name == "driven_idle_half_link")
-    found = settings(entry, campaign.drive)
+    told = settings(entry, campaign.drive)
     rpm = 0.4 * campaign.drive.motor.rated_speed_rpm
-    assert found == f"{-rpm:.0f} to {rpm:.0f} rpm, DC link {0.5 * campaign.drive.converter.dc_bus_voltage:g} V"
-    asked = Next(entry.name, f"turn it ({found})", 2.0, (("dead_time",), ("device_drop",)), 12.0, 0.96)
+    assert told == f"{-rpm:.0f} to {rpm:.0f} rpm, DC link {0.5 * campaign.drive.converter.dc_bus_voltage:g} V"
+    asked = Next(entry.name, f"turn it ({told})", 2.0, (("dead_time",), ("device_drop",)), 12.0, 0.96)
     text = next_text(dataclasses.replace(small_answers, following=asked))
     assert text == (
-        f"Record: turn it ({found}), for 2 s. That it leaves only the true one of these is 96 % probable: "
+        f"Record: turn it ({told}), for 2 s. That it leaves only the true one of these is 96 % probable: "
         "dead time; device drop."
     )
 
@@ -456,10 +458,10 @@ def test_a_file_keeps_its_name_in_a_sentence(small_answers):
         recordings={"Locked_STEPS.parquet": 0.8} | dict.fromkeys(map(str, range(11)), 0.0),
         directions={"along the voltage command": 0.7},
     )
-    found = [f.text for f in places.sentences("sensor", 0.5, part)]
-    assert any("Of the sensors' part 80 % is in Locked_STEPS.parquet" in t for t in found)
+    told = [f.text for f in places.sentences("sensor", 0.5, part)]
+    assert any("Of the sensors' part 80 % is in Locked_STEPS.parquet" in t for t in told)
     whole = [f.text for f in places.sentences("sensor", 1.0, part)]
-    assert all(t.count("mostly") <= 1 for t in [*found, *whole])
+    assert all(t.count("mostly") <= 1 for t in [*told, *whole])
     assert any("80 % of the gap is in Locked_STEPS.parquet" in t for t in whole)
 
 

@@ -57,9 +57,9 @@ def pair(small_folder):
 
 def left(campaign, entry, j, changes=None):
     """Return r'r of an experiment that a hypothesis has foretold, replayed at its own set or a changed one."""
-    found, truth = simulate_experiment(campaign, entry, j)
+    told, truth = simulate_experiment(campaign, entry, j)
     belief = {**j.fit.point.values, **(changes or {})}
-    return normal(Point(as_predicted(prepare(found, belief, steps=1), truth), belief), ()).summed()[2]
+    return normal(Point(as_predicted(prepare(told, belief, steps=1), truth), belief), ()).summed()[2]
 
 
 def test_nothing_tells_a_hypothesis_from_itself(pair):
@@ -243,10 +243,10 @@ def test_surprise_is_minus_the_log_density_of_what_was_foretold():
     the mean over noise on top of r, by its trace."""
     rng = np.random.default_rng(3)
     j, c, r = rng.normal(size=(9, 3)), np.diag([0.5, 2.0, 0.1]), 2.0 * rng.normal(size=9)
-    found = sum(surprise(j.T @ j, j.T @ r, float(r @ r), np.linalg.inv(c)))
+    told = sum(surprise(j.T @ j, j.T @ r, float(r @ r), np.linalg.inv(c)))
     wide = np.eye(9) + j @ c @ j.T
     expected = -multivariate_normal(np.zeros(9), wide).logpdf(r) + 0.5 * np.trace(np.linalg.inv(wide))
-    assert found == pytest.approx(expected - 4.5 * math.log(math.tau) - 4.5, rel=1e-9)
+    assert told == pytest.approx(expected - 4.5 * math.log(math.tau) - 4.5, rel=1e-9)
 
 
 def tried(told, missed=0.0, name="x", seconds=1.0):

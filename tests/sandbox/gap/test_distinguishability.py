@@ -71,10 +71,10 @@ def test_the_way_ends_at_both_fits(pair):
     assert halved is not None
     assert (found.first, found.second) == SETS
     reached = [-0.5 * sum(float(s.rr.sum()) for s in j.fit.normal.segments) for j in pair]
-    got = found.log_likelihood
-    assert got[-1] - got[0] == pytest.approx(reached[0] - reached[1], abs=0.5)
-    assert max(got) == 0.0
-    assert np.array(halved.log_likelihood) == pytest.approx(0.5 * np.array(got), rel=1e-12)
+    told = found.log_likelihood
+    assert told[-1] - told[0] == pytest.approx(reached[0] - reached[1], abs=0.5)
+    assert max(told) == 0.0
+    assert np.array(halved.log_likelihood) == pytest.approx(0.5 * np.array(told), rel=1e-12)
 
 
 def test_one_hypothesis_has_no_rival(pair):

@@ -25,8 +25,9 @@ def of_load(factor, name="p06", **motor):
     c = bench(name)
     held = [
         dataclasses.replace(r, columns={**r.columns, "load_torque": factor * r["load_torque"]})
-        for r in c.recordings if r.rotor == "free"
-    ]  # fmt: skip
+        for r in c.recordings
+        if r.rotor == "free"
+    ]
     own = dataclasses.replace(c.drive, motor=dataclasses.replace(c.drive.motor, **motor))
     return " ".join(f.text for f in shaft_contradicted(dataclasses.replace(c, recordings=tuple(held), drive=own)))
 

@@ -30,8 +30,10 @@ def motion(n=2500, step=2e-3, seed=0):
 def checked(folder, change=lambda c: c, columns=None, motor=MOTOR, also=()):
     """Return levels and texts of `check` on two runs of a motion, changed before they are written."""
     mapped = columns or {
-        "t": {"column": "t"}, "theta": {"column": "angle", "unit": "rev", "mechanical": True}, "i_q": {"column": "iq"},
-    }  # fmt: skip
+        "t": {"column": "t"},
+        "theta": {"column": "angle", "unit": "rev", "mechanical": True},
+        "i_q": {"column": "iq"},
+    }
     lines = ["[columns]"]
     for name, entry in mapped.items():
         body = ", ".join(f"{k} = {json.dumps(v)}" for k, v in entry.items())
@@ -92,9 +94,11 @@ def test_a_load_is_no_mistake_of_units(tmp_path):
 
 
 SPEED = {
-    "t": {"column": "t"}, "theta": {"column": "angle", "unit": "rev", "mechanical": True}, "i_q": {"column": "iq"},
+    "t": {"column": "t"},
+    "theta": {"column": "angle", "unit": "rev", "mechanical": True},
+    "i_q": {"column": "iq"},
     "speed": {"column": "speed", "unit": "rev/s", "mechanical": True},
-}  # fmt: skip
+}
 
 
 def test_a_speed_and_an_angle_that_disagree_are_told(tmp_path):
@@ -107,8 +111,11 @@ def test_a_speed_and_an_angle_that_disagree_are_told(tmp_path):
 
 def test_the_back_emf_tells_a_gear(tmp_path):
     columns = {n: c for n, c in SPEED.items() if n != "speed"} | {
-        "u_q": {"column": "uq"}, "u_d": {"value": 0.0}, "i_d": {"value": 0.0}, "u_dc": {"value": 24.0},
-    }  # fmt: skip
+        "u_q": {"column": "uq"},
+        "u_d": {"value": 0.0},
+        "i_d": {"value": 0.0},
+        "u_dc": {"value": 24.0},
+    }
     motor = MOTOR + "inductance_d = 1e-5\ninductance_q = 1e-5\n"
     assert [level for level, _ in checked(tmp_path, columns=columns, motor=motor, also=("uq",))] == []
     found = checked(tmp_path, times(angle=1.0 / 3.0), columns, motor, ("uq",))

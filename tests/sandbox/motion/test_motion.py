@@ -88,9 +88,9 @@ def test_a_motion_told_by_states_is_judged_at_their_changes():
     """
     true = {"inertia": 2.6e-4, "dry": 0.008}
     runs = [by_states(shaft(k, both_ways, **true), 0.3) for k in range(3)]
-    got = by_changes(campaign(*runs))
-    assert all(len(r.t) < 400 for r in got.recordings)
-    found = judge(got)
+    told = by_changes(campaign(*runs))
+    assert all(len(r.t) < 400 for r in told.recordings)
+    found = judge(told)
     assert set(found.best.effects) >= {"coulomb_friction", "inertia"}
     assert found.best.shaft.value("inertia") == pytest.approx(2.6e-4, rel=0.08)
     assert found.best.shaft.value("dry") == pytest.approx(0.008, rel=0.08)

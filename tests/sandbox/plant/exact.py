@@ -29,8 +29,17 @@ class Exact:
         self.bench = looked_into(self.bench) if inside else self.bench
         self.w, self.pairs, self.inside = self.bench.w, motor.pole_pairs, inside
         self.w["speed"][0] = self.pairs * speed
-        self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, converter.dc_bus_voltage, 0.0, 0.0,
-                       modulation_of(converter))  # fmt: skip
+        self.rig = Rig(
+            *5 * (0,),
+            converter.sampling_period,
+            0.0,
+            0.0,
+            0.0,
+            converter.dc_bus_voltage,
+            0.0,
+            0.0,
+            modulation_of(converter),
+        )
         self.memory = np.zeros(MEMORY)
         self.memory[LINK], self.memory[INSTANT] = 1.0, self.w["sample"][0]
         self.looks, self.seen = looked_at(self.w, converter.sampling_period, inside)

@@ -30,19 +30,34 @@ def kernel(values, duty, steps, speed=SPEED):
 
 
 ORDERS = {  # odd ones and backward ones, too; the sixth beside them
-    "flux_harmonics.psi_d6": 0.004, "flux_harmonics.2.psi_d": 0.003, "flux_harmonics.2.psi_q": -0.002,
-    "flux_harmonics.4.psi_q": 0.002, "flux_harmonics.4.order": 18.0, "flux_harmonics.4.phase": 0.7,
-    "inductance_harmonics.3.gamma": 1.0, "inductance_harmonics.3.order": -6.0, "inductance_harmonics.3.phase": 0.4,
-    "inductance_harmonics.5.pulse": 0.8, "inductance_harmonics.5.order": 7.0, "inductance_harmonics.gamma_6": 0.6,
-    "inductance_harmonics.6.back": 0.3, "inductance_harmonics.6.alpha_30": 4.0, "inductance_harmonics.6.alpha_12": -3.0,
-    "inductance_harmonics.6.alpha_21": 5.0, "inductance_harmonics.6.alpha_03": 2.0,
+    "flux_harmonics.psi_d6": 0.004,
+    "flux_harmonics.2.psi_d": 0.003,
+    "flux_harmonics.2.psi_q": -0.002,
+    "flux_harmonics.4.psi_q": 0.002,
+    "flux_harmonics.4.order": 18.0,
+    "flux_harmonics.4.phase": 0.7,
+    "inductance_harmonics.3.gamma": 1.0,
+    "inductance_harmonics.3.order": -6.0,
+    "inductance_harmonics.3.phase": 0.4,
+    "inductance_harmonics.5.pulse": 0.8,
+    "inductance_harmonics.5.order": 7.0,
+    "inductance_harmonics.gamma_6": 0.6,
+    "inductance_harmonics.6.back": 0.3,
+    "inductance_harmonics.6.alpha_30": 4.0,
+    "inductance_harmonics.6.alpha_12": -3.0,
+    "inductance_harmonics.6.alpha_21": 5.0,
+    "inductance_harmonics.6.alpha_03": 2.0,
     "inductance_harmonics.6.phase": -0.8,
-}  # fmt: skip
+}
 TEETH = {
-    "cogging_torque.amplitude": 0.02, "cogging_torque.order_mech": 36.0, "cogging_torque.3.amplitude": 0.05,
-    "cogging_torque.3.order_mech": 12.0, "cogging_torque.3.phase": 1.0, "cogging_torque.6.amplitude": 0.03,
+    "cogging_torque.amplitude": 0.02,
+    "cogging_torque.order_mech": 36.0,
+    "cogging_torque.3.amplitude": 0.05,
+    "cogging_torque.3.order_mech": 12.0,
+    "cogging_torque.3.phase": 1.0,
+    "cogging_torque.6.amplitude": 0.03,
     "cogging_torque.6.order_mech": 1.5,
-}  # fmt: skip
+}
 CASES = {
     name: typical(name) for name in ("stator_resistance", *library.effect_names()) if name != "encoder_eccentricity"
 }
@@ -108,9 +123,11 @@ LAGGING = {
     "fast filter": {"current_filter.time_constant": 2e-6},
     "skin": {"skin_effect.resistance": 2.0, "skin_effect.time_constant": 2e-4},
     "core before filter, sampled between": {
-        "iron_loss.core_resistance": 1e3, "current_filter.time_constant": 3e-5, "current_sampling.delay": 6e-5,
+        "iron_loss.core_resistance": 1e3,
+        "current_filter.time_constant": 3e-5,
+        "current_sampling.delay": 6e-5,
     },
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", LAGGING)
@@ -129,10 +146,12 @@ DROPS = {
     "drop": {"device_drop.threshold": 2.0, "bench.soft_current": 0.6},
     "windings": {"winding_asymmetry.delta_a": 2.0},
     "all": {
-        "skin_effect.resistance": 2.0, "device_drop.threshold": 2.0, "bench.soft_current": 0.6,
+        "skin_effect.resistance": 2.0,
+        "device_drop.threshold": 2.0,
+        "bench.soft_current": 0.6,
         "winding_asymmetry.delta_a": 2.0,
     },
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", DROPS)

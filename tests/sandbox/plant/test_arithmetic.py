@@ -34,9 +34,14 @@ def test_exponential():
         assert abs(lanes.fading.py_func(float(x)) - mpmath.exp(mpmath.mpf(float(x)))) < 1e-13 * math.exp(-8.0)
 
 
-@pytest.mark.parametrize(("function", "largest", "error"), [
-    (lanes.turned_a_little, lanes.SHORT_TURN, 1e-13), (lanes.turned, math.pi / 4.0, 2e-15), (lanes.turned, 2.0, 1e-7),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("function", "largest", "error"),
+    [
+        (lanes.turned_a_little, lanes.SHORT_TURN, 1e-13),
+        (lanes.turned, math.pi / 4.0, 2e-15),
+        (lanes.turned, 2.0, 1e-7),
+    ],
+)
 def test_turning_by_an_angle(function, largest, error):
     for angle in np.linspace(-largest, largest, 201):
         c, s = function.py_func(math.cos(1.1), math.sin(1.1), float(angle))

@@ -34,8 +34,9 @@ def parts(speed, load, **keys):
     return Scenario(
         "blocked",
         (Segment(0.05, load, speed), Segment(0.02, 0.0, speed, blocked=True, score=False), Segment(0.05, load, speed)),
-        start_up=False, **keys,
-    )  # fmt: skip
+        start_up=False,
+        **keys,
+    )
 
 
 def test_open_terminals_show_what_the_magnets_induce():

@@ -22,17 +22,24 @@ LOADED = Segment(0.1, 0.8, ramp=0.05)
 LOCKED = Scenario("locked", (Segment(0.02), LOADED, Segment(0.1, 0.8)))
 DRIVEN = Scenario("driven", (Segment(0.02), Segment(0.1, 0.8, 0.1, ramp=0.05), Segment(0.1, 0.8, 0.1)), rotor="driven")
 FREE = Scenario(
-    "free", (Segment(0.02), Segment(0.1, 0.3, 0.05, ramp=0.05), Segment(0.15, 0.3, 0.05)),
-    rotor="free", reference="speed",
-)  # fmt: skip
+    "free",
+    (Segment(0.02), Segment(0.1, 0.3, 0.05, ramp=0.05), Segment(0.15, 0.3, 0.05)),
+    rotor="free",
+    reference="speed",
+)
 SHAFT = {"shaft_compliance.stiffness": 300.0, "shaft_compliance.load_inertia": 4e-4}
 FRICTION = {
-    "coulomb_friction.torque": 0.03, "coulomb_friction.stribeck_torque": 0.01, "viscous_friction.coefficient": 5e-4,
-}  # fmt: skip
+    "coulomb_friction.torque": 0.03,
+    "coulomb_friction.stribeck_torque": 0.01,
+    "viscous_friction.coefficient": 5e-4,
+}
 COGGING = {
-    "cogging_torque.amplitude": 0.05, "cogging_torque.order_mech": 12.0,
-    "cogging_torque.2.amplitude": 0.02, "cogging_torque.2.order_mech": 24.0, "cogging_torque.2.phase": 1.0,
-}  # fmt: skip
+    "cogging_torque.amplitude": 0.05,
+    "cogging_torque.order_mech": 12.0,
+    "cogging_torque.2.amplitude": 0.02,
+    "cogging_torque.2.order_mech": 24.0,
+    "cogging_torque.2.phase": 1.0,
+}
 CASES = {  # scenario, effects; the motor's quartic as a flux map where the name says so
     "bare": (LOCKED, {}),
     "driven": (DRIVEN, {}),
@@ -40,14 +47,22 @@ CASES = {  # scenario, effects; the motor's quartic as a flux map where the name
     "early samples of late pulses": (LOCKED, {"pwm_delay.delay": 2e-5, "current_sampling.delay": -5e-6}),
     "late samples": (DRIVEN, {"current_sampling.delay": 5e-6}),
     "iron loss": (DRIVEN, {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4}),
-    "harmonics": (DRIVEN, {
-        "flux_harmonics.psi_d6": 2e-3, "flux_harmonics.psi_q6": -1e-3, "inductance_harmonics.gamma_6": 0.5,
-        "flux_harmonics.2.psi_d": 1e-3, "inductance_harmonics.2.gamma": 0.2, "inductance_harmonics.2.phase": 0.5}),
+    "harmonics": (
+        DRIVEN,
+        {
+            "flux_harmonics.psi_d6": 2e-3,
+            "flux_harmonics.psi_q6": -1e-3,
+            "inductance_harmonics.gamma_6": 0.5,
+            "flux_harmonics.2.psi_d": 1e-3,
+            "inductance_harmonics.2.gamma": 0.2,
+            "inductance_harmonics.2.phase": 0.5,
+        },
+    ),
     "free": (FREE, {}),
     "mechanics": (FREE, COGGING | FRICTION | SHAFT),
     "map": (DRIVEN, {}),
     "map, free": (FREE, {"dead_time.time": 1e-6, "iron_loss.core_resistance": 2e3}),
-}  # fmt: skip
+}
 
 
 def quiet(mapped=False):

@@ -79,9 +79,11 @@ def pattern(volts, angle, injected, speed):
 
 
 PATTERNS = {
-    "two legs alike": (20.0, 0.0, 0.0, 0.0), "no current in a leg": (20.0, np.pi / 2, 0.0, 0.0),
-    "injection": (20.0, np.pi / 2, 30.0, 0.0), "turning": (40.0, 1.6, 30.0, 600.0),
-}  # fmt: skip
+    "two legs alike": (20.0, 0.0, 0.0, 0.0),
+    "no current in a leg": (20.0, np.pi / 2, 0.0, 0.0),
+    "injection": (20.0, np.pi / 2, 30.0, 0.0),
+    "turning": (40.0, 1.6, 30.0, 600.0),
+}
 
 
 @pytest.mark.parametrize("capacitance", [0.0, 100e-12, 300e-12])
@@ -107,9 +109,16 @@ def test_the_readable_reference_commutates_alike(capacitance):
     """It and the circuit share nothing: 1e-9 of rated current is what SciPy's integrator leaves."""
     duty, m = pattern(0.0, 1.57, 30.0, 200.0)[:6], MOTOR
     by_circuit = Circuit(
-        m.resistance, m.inductance_d, m.magnet_flux, 200.0, 0.3, LINK, COIL.converter.sampling_period, TIME,
+        m.resistance,
+        m.inductance_d,
+        m.magnet_flux,
+        200.0,
+        0.3,
+        LINK,
+        COIL.converter.sampling_period,
+        TIME,
         capacitance,
-    ).run(duty)  # fmt: skip
+    ).run(duty)
     values = {"dead_time.time": TIME, "dead_time.capacitance": capacitance or NO_CAPACITANCE}
     found = apart(COIL, reference(COIL, values, duty, 200.0)[0], by_circuit)
     print(f"{found * 1e6:.6f} ppm of rated current")
@@ -137,9 +146,14 @@ def test_the_switched_bench_commutates_alike(capacitance):
         turning(PERIODS, own[3], COIL),
     )
     told_by_it = switched(
-        quiet(bench(COIL.motor, COIL.converter, values)), "driven", u.real, u.imag, np.full(PERIODS, LINK), theta=angle,
+        quiet(bench(COIL.motor, COIL.converter, values)),
+        "driven",
+        u.real,
+        u.imag,
+        np.full(PERIODS, LINK),
+        theta=angle,
         speed=speed / m.pole_pairs,
-    )  # fmt: skip
+    )
     found = apart(COIL, np.array([told_by_it[f"i_{x}"] for x in "abc"]).T, by_circuit)
     print(f"{found * 1e6:.2f} ppm of rated current")
     assert found < PPM

@@ -56,9 +56,13 @@ def test_coulomb_frictions_stribeck_hump_adds_at_low_speed():
     effects = {"coulomb_friction.torque": 0.1, "coulomb_friction.stribeck_torque": 0.06}
     n = 500
     slow = solve_ivp(
-        lambda t, w: -(0.1 + 0.06 * np.exp(-((w / 5.0) ** 2))) * np.tanh(w / 2.0) / 1e-3, (0, n * TS), [10.0],
-        t_eval=TS * np.arange(n), rtol=1e-10, atol=1e-12,
-    ).y[0]  # fmt: skip
+        lambda t, w: -(0.1 + 0.06 * np.exp(-((w / 5.0) ** 2))) * np.tanh(w / 2.0) / 1e-3,
+        (0, n * TS),
+        [10.0],
+        t_eval=TS * np.arange(n),
+        rtol=1e-10,
+        atol=1e-12,
+    ).y[0]
     # step S: S^2/12 of the slope's second derivative, (0.16/(J 2))^2 S^2/12 of the speed where it bends
     assert coasting(effects, n, 10.0)[1] == pytest.approx(slow, abs=10.0 * 80.0**2 * (0.5 * TS) ** 2 / 12)
     assert slow[-1] < 0.1
@@ -123,13 +127,24 @@ def test_iron_loss_brakes_a_shorted_motor():
 
 
 ALL_ON = {
-    "stator_resistance.resistance": 13.0, "flux_harmonics.psi_d6": 0.003, "flux_harmonics.psi_q6": -0.002,
-    "inductance_harmonics.gamma_6": 0.6, "iron_loss.core_resistance": 1500.0, "iron_loss.time_constant": 2e-4,
-    "winding_asymmetry.delta_a": 0.5, "winding_asymmetry.delta_b": -0.3, "device_drop.on_resistance": 0.3,
-    "coulomb_friction.torque": 0.03, "coulomb_friction.stribeck_torque": 0.01, "viscous_friction.coefficient": 5e-4,
-    "cogging_torque.amplitude": 0.05, "cogging_torque.order_mech": 12.0, "shaft_compliance.stiffness": 300.0,
-    "shaft_compliance.load_inertia": 4e-4, "shaft_compliance.damping_ratio": 0.05,
-}  # fmt: skip
+    "stator_resistance.resistance": 13.0,
+    "flux_harmonics.psi_d6": 0.003,
+    "flux_harmonics.psi_q6": -0.002,
+    "inductance_harmonics.gamma_6": 0.6,
+    "iron_loss.core_resistance": 1500.0,
+    "iron_loss.time_constant": 2e-4,
+    "winding_asymmetry.delta_a": 0.5,
+    "winding_asymmetry.delta_b": -0.3,
+    "device_drop.on_resistance": 0.3,
+    "coulomb_friction.torque": 0.03,
+    "coulomb_friction.stribeck_torque": 0.01,
+    "viscous_friction.coefficient": 5e-4,
+    "cogging_torque.amplitude": 0.05,
+    "cogging_torque.order_mech": 12.0,
+    "shaft_compliance.stiffness": 300.0,
+    "shaft_compliance.load_inertia": 4e-4,
+    "shaft_compliance.damping_ratio": 0.05,
+}
 
 
 def h(psi, theta):

@@ -17,9 +17,12 @@ from sandbox.plant.sets import complete, features_of
 DRIVE = load_drive("ipm_exchanged")
 RUN = Scenario("run", (Segment(0.02), Segment(0.06, 0.8, 0.05, ramp=0.02)), rotor="free", reference="speed")
 OTHERS = {
-    "pwm_delay.delay": 1e-5, "iron_loss.core_resistance": 2000.0, "current_filter.time_constant": 2e-5,
-    "coulomb_friction.torque": 0.02, "skin_effect.resistance": 1.0,
-}  # fmt: skip
+    "pwm_delay.delay": 1e-5,
+    "iron_loss.core_resistance": 2000.0,
+    "current_filter.time_constant": 2e-5,
+    "coulomb_friction.torque": 0.02,
+    "skin_effect.resistance": 1.0,
+}
 
 
 def table(effects, plant="exact"):

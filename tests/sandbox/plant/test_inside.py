@@ -27,9 +27,12 @@ DRIVES = {"ipm": load_drive("ipm"), "ipm_exchanged": load_drive("ipm_exchanged")
 DRIVES["map"] = twin(DRIVES["ipm_exchanged"])
 RUNS = {"locked": 0.0, "driven": 120.0, "driven fast": 600.0, "free": 0.0}  # rad/s electrical
 SENSORS = {
-    "current_gain.gain_a": 1.01, "current_gain.gain_c": 0.98, "current_offset.offset_a": 0.01,
-    "current_filter.time_constant": 1e-5, "current_sampling.delay": 5e-6,
-}  # fmt: skip
+    "current_gain.gain_a": 1.01,
+    "current_gain.gain_c": 0.98,
+    "current_offset.offset_a": 0.01,
+    "current_filter.time_constant": 1e-5,
+    "current_sampling.delay": 5e-6,
+}
 LATE = {"pwm_delay.delay": 2e-5, "current_sampling.delay": -5e-6, "dead_time.time": 1e-6}  # the first reading is early
 
 

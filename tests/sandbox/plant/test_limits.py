@@ -65,9 +65,12 @@ NARROW = {
     "most of a half period": ({"dead_time.time": 4.5e-5}, wave(8.0, 20.0), 20.0, 1.0),
     "falls in the next period": ({"dead_time.time": 2e-5}, wave(225.0, 1200.0), 1200.0, 0.5),
     "falls in the next, late": (
-        {"dead_time.time": 1e-5, "pwm_delay.delay": 0.45 * PERIOD}, wave(225.0, 1200.0), 1200.0, 0.5,
+        {"dead_time.time": 1e-5, "pwm_delay.delay": 0.45 * PERIOD},
+        wave(225.0, 1200.0),
+        1200.0,
+        0.5,
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", NARROW)

@@ -96,9 +96,11 @@ def test_short_pulses_and_gaps_are_dropped():
 
 
 KEYS = [
-    *({"modulation": m} for m in MODULATIONS[1:]), *({"overmodulation": o} for o in OVERMODULATIONS),
-    {"least_pulse": 5e-6}, {"modulation": "dpwm_60", "overmodulation": "six_step", "least_pulse": 5e-6},
-]  # fmt: skip
+    *({"modulation": m} for m in MODULATIONS[1:]),
+    *({"overmodulation": o} for o in OVERMODULATIONS),
+    {"least_pulse": 5e-6},
+    {"modulation": "dpwm_60", "overmodulation": "six_step", "least_pulse": 5e-6},
+]
 ID = [", ".join(str(v) for v in keys.values()) for keys in KEYS]
 
 
@@ -138,11 +140,14 @@ def test_currents_are_those_of_the_switched_bench(keys, effects):
 @pytest.mark.parametrize(
     ("keys", "said"),
     [
-        ({"modulation": "dpwm"}, "modulation"), ({"modulation": 3}, "text"),
-        ({"overmodulation": "six"}, "overmodulation"), ({"least_pulse": 1e-4}, "quarter"),
-        ({"least_pulse": -1e-6}, "out of range"), ({"pwm_frequency": 2000.0, "modulation": "dpwm_60"}, "two updates"),
+        ({"modulation": "dpwm"}, "modulation"),
+        ({"modulation": 3}, "text"),
+        ({"overmodulation": "six"}, "overmodulation"),
+        ({"least_pulse": 1e-4}, "quarter"),
+        ({"least_pulse": -1e-6}, "out of range"),
+        ({"pwm_frequency": 2000.0, "modulation": "dpwm_60"}, "two updates"),
     ],
-)  # fmt: skip
+)
 def test_refusals(keys, said):
     with pytest.raises(BadInput, match=said):
         converter(**keys)

@@ -200,10 +200,20 @@ def test_a_file_that_holds_no_effects_is_refused_in_a_sentence(tmp_path, text, s
 def card(name="mine", at=(), numbers=("size",), repeats=1):
     """Return a card."""
     return Effect(
-        name=name, repeats=repeats, summary="", subsystem="mechanics", equation="", source="", at=at, axis="",
-        order="", region="",
-        parameters=tuple(Parameter(n, "", 0.0, -1.0, 1.0, 0.1) for n in numbers), confused_with=(), separated_by="",
-    )  # fmt: skip
+        name=name,
+        repeats=repeats,
+        summary="",
+        subsystem="mechanics",
+        equation="",
+        source="",
+        at=at,
+        axis="",
+        order="",
+        region="",
+        parameters=tuple(Parameter(n, "", 0.0, -1.0, 1.0, 0.1) for n in numbers),
+        confused_with=(),
+        separated_by="",
+    )
 
 
 DRAG = load_effect("viscous_friction").at[0].equation  # takes (coefficient, omega)
@@ -228,7 +238,7 @@ CABLE = replace(
     switches=("delay",),
     limits=lambda v, motor, converter: [Limit("cable.delay", v["cable.delay"], motor.resistance * 1e-6, "s, R x 1 uF")],
     longest=lambda v, motor, omega: 0.25 * abs(v["cable.delay"]),
-)  # fmt: skip
+)
 
 
 @pytest.fixture

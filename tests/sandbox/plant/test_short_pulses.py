@@ -20,9 +20,13 @@ LONG = {**BLANK, "dead_time.time": 2e-5}
 IRON, FILTER = {"iron_loss.core_resistance": 1e3}, {"current_filter.time_constant": 3e-5}
 SKIN = {"skin_effect.resistance": 2.0}
 LAGS = {
-    "none": {}, "iron": IRON, "filter": FILTER, "skin": SKIN, "all": IRON | FILTER | SKIN,
+    "none": {},
+    "iron": IRON,
+    "filter": FILTER,
+    "skin": SKIN,
+    "all": IRON | FILTER | SKIN,
     "iron, filter, sampled between": IRON | FILTER | {"current_sampling.delay": 6e-5},
-}  # fmt: skip
+}
 
 
 def leg(*pulses):
@@ -34,10 +38,13 @@ def leg(*pulses):
 
 
 PATTERNS = {
-    "pulses": leg(1e-6, 2.5e-6), "gaps": leg(-1e-6), "off and on": leg(0.0, PERIOD),
-    "all of it": leg(0.0, 1e-6, PERIOD, -1e-6), "on, then half": leg(PERIOD, 0.5 * PERIOD),
+    "pulses": leg(1e-6, 2.5e-6),
+    "gaps": leg(-1e-6),
+    "off and on": leg(0.0, PERIOD),
+    "all of it": leg(0.0, 1e-6, PERIOD, -1e-6),
+    "on, then half": leg(PERIOD, 0.5 * PERIOD),
     "three short": np.tile(np.array([2e-6, 2.5e-6, 3e-6]) / PERIOD, (N, 1)),
-}  # fmt: skip
+}
 CASES = [
     *((p, name, BLANK) for p in ("all of it", "three short") for name in LAGS),
     *((p, name, BLANK) for p in ("pulses", "gaps", "off and on", "on, then half") for name in ("none", "all")),

@@ -28,8 +28,10 @@ def partitions(items):
 
 def time_of(groups, needs, common=None):
     """Return what a partition costs."""
-    return sum(cost(int(np.bitwise_or.reduce([needs[k] for k in g] + [common or 0])), len(g) + (common is not None))
-               for g in groups)  # fmt: skip
+    return sum(
+        cost(int(np.bitwise_or.reduce([needs[k] for k in g] + [common or 0])), len(g) + (common is not None))
+        for g in groups
+    )
 
 
 def test_rooms_and_costs_by_value():

@@ -19,9 +19,13 @@ MAPPED = dataclasses.replace(
     IPM, motor=MappedMotor(**NUMBERS, map_hash="of the quartic", spline=one_cell(IPM.motor.energy, -0.4, 0.5))
 )
 HARMONICS = {
-    "inductance_harmonics.gamma_6": 0.7, "inductance_harmonics.2.alpha_30": 4.0, "inductance_harmonics.2.phase": 0.3,
-    "inductance_harmonics.2.order": 18.0, "inductance_harmonics.3.alpha_21": -2.0, "inductance_harmonics.3.pulse": 0.5,
-}  # fmt: skip
+    "inductance_harmonics.gamma_6": 0.7,
+    "inductance_harmonics.2.alpha_30": 4.0,
+    "inductance_harmonics.2.phase": 0.3,
+    "inductance_harmonics.2.order": 18.0,
+    "inductance_harmonics.3.alpha_21": -2.0,
+    "inductance_harmonics.3.pulse": 0.5,
+}
 SCALES = {"inductance.scale_d": 0.9, "inductance.scale_q": 1.1}
 FIRST, LAST = 300, 340
 

@@ -27,12 +27,21 @@ from tests.sandbox.replay.benches import CASES, DRIVE, MOTION, campaign, record,
 
 EXACT = 2e-5  # of rated current
 ORDERS = {  # several of each effect at once
-    "flux_harmonics.psi_d6": 0.003, "flux_harmonics.2.psi_d": 0.002, "flux_harmonics.2.psi_q": -0.001,
-    "flux_harmonics.3.psi_q": 0.001, "flux_harmonics.3.order": 18.0, "flux_harmonics.3.phase": 0.7,
-    "inductance_harmonics.2.gamma": 0.5, "inductance_harmonics.3.pulse": 0.4, "inductance_harmonics.3.order": 6.0,
-    "cogging_torque.amplitude": 0.02, "cogging_torque.order_mech": 36.0, "cogging_torque.2.amplitude": 0.03,
-    "cogging_torque.2.order_mech": 12.0, "cogging_torque.2.phase": 1.0,
-}  # fmt: skip
+    "flux_harmonics.psi_d6": 0.003,
+    "flux_harmonics.2.psi_d": 0.002,
+    "flux_harmonics.2.psi_q": -0.001,
+    "flux_harmonics.3.psi_q": 0.001,
+    "flux_harmonics.3.order": 18.0,
+    "flux_harmonics.3.phase": 0.7,
+    "inductance_harmonics.2.gamma": 0.5,
+    "inductance_harmonics.3.pulse": 0.4,
+    "inductance_harmonics.3.order": 6.0,
+    "cogging_torque.amplitude": 0.02,
+    "cogging_torque.order_mech": 36.0,
+    "cogging_torque.2.amplitude": 0.03,
+    "cogging_torque.2.order_mech": 12.0,
+    "cogging_torque.2.phase": 1.0,
+}
 
 
 def gaps(recorded, prepared, values):

@@ -25,10 +25,13 @@ MOTION = 0.1  # standard deviations: 1 % of the square of what an innovation has
 COUNT = 2.0 * np.pi * PAIRS / DRIVE.converter.encoder_counts / np.sqrt(12.0)
 COUNTED = COUNT * DRIVE.motor.magnet_flux / DRIVE.motor.inductance_q / DRIVE.motor.rated_current
 EFFECTS = {
-    "none": {}, "dead_time": {"dead_time.time": 2e-6}, "early": {"current_sampling.delay": -8e-6},
-    "late": {"pwm_delay.delay": 25e-6}, "drop": {"device_drop.threshold": 0.8},
+    "none": {},
+    "dead_time": {"dead_time.time": 2e-6},
+    "early": {"current_sampling.delay": -8e-6},
+    "late": {"pwm_delay.delay": 25e-6},
+    "drop": {"device_drop.threshold": 0.8},
     "filter": {"current_filter.time_constant": 1e-4},
-}  # fmt: skip
+}
 
 
 def slow_log(effects, rotor, way, speed=60.0):
@@ -86,8 +89,9 @@ def test_dead_time_is_not_taken_for_held_commands(way):
     """Where it holds the currents at zero the voltage is the magnet's, whatever the commands do."""
     found = {
         (dead, speed): told_way(slow_log({"dead_time.time": dead}, "driven", way, speed))
-        for dead in (5e-7, 1e-6, 2e-6, 4e-6) for speed in (5.0, 20.0, 60.0, 200.0)
-    }  # fmt: skip
+        for dead in (5e-7, 1e-6, 2e-6, 4e-6)
+        for speed in (5.0, 20.0, 60.0, 200.0)
+    }
     assert set(found.values()) == {way, "nothing"}
     assert {found[dead, speed] for dead in (5e-7, 1e-6) for speed in (20.0, 60.0, 200.0)} == {way}
     assert found[2e-6, 20.0] == found[2e-6, 60.0] == "nothing"
@@ -203,9 +207,10 @@ def test_a_log_is_cut_where_commands_jump_between_rows():
     parts, (finding,) = without_jumps(r, drive)
     settle = int(np.ceil(3.0 * DRIVE.motor.inductance_d / DRIVE.motor.resistance / SLOW.sampling_period))
     assert [(p.file, p.of, len(p.t), len(p.settling.get("t", ()))) for p in parts] == [
-        ("log-1.csv", "log.csv", 100, 0), ("log-2.csv", "log.csv", 100 - settle, settle),
+        ("log-1.csv", "log.csv", 100, 0),
+        ("log-2.csv", "log.csv", 100 - settle, settle),
         ("log-3.csv", "log.csv", 100 - settle, settle),
-    ]  # fmt: skip
+    ]
     assert parts[1].starts_at == pytest.approx((100 + settle) * SLOW.sampling_period)
     assert np.array_equal(parts[1].with_settling().theta, r.theta[100:200])
     assert "jumps between two rows (2 times, by 20 V after row" in finding.text

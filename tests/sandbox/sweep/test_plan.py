@@ -87,11 +87,15 @@ BAD = {
     "more than 50000000 numbers": {
         "random": {
             "points": 10_000_000,
-            "draw": {"true_factor": {n: {"uniform": [0.9, 1.1]} for n in ("resistance", "magnet_flux", "inductance_d",
-                                                                          "inductance_q", "alpha_30", "alpha_12")}},
+            "draw": {
+                "true_factor": {
+                    n: {"uniform": [0.9, 1.1]}
+                    for n in ("resistance", "magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12")
+                }
+            },
         }
     },
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("said", BAD)

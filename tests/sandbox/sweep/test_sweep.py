@@ -35,9 +35,14 @@ DEAD = 999_999_999  # no process has this number: they end at 2^22
 SCENE = {"scenario": {"start_up": False}, "segment": [{"duration": 0.02, "load": 1.0, "settle": 0.01}]}
 SMALL = SCENE | {  # 40 runs in 4 blocks of 10
     "grid": {"belief": ["linear", "saturated"]},
-    "random": {"points": 20, "draw": {"seed": {"integers": [0, 999]}, "true_factor": {
-        "magnet_flux": {"normal": [1.0, 0.02]}, "inductance_q": {"uniform": [0.9, 1.1]}}}},
-}  # fmt: skip
+    "random": {
+        "points": 20,
+        "draw": {
+            "seed": {"integers": [0, 999]},
+            "true_factor": {"magnet_flux": {"normal": [1.0, 0.02]}, "inductance_q": {"uniform": [0.9, 1.1]}},
+        },
+    },
+}
 
 
 def digests(folder):
@@ -67,12 +72,19 @@ def test_a_row_is_what_a_single_run_gives():
     effects = {"dead_time.time": 1e-7, "stator_resistance.resistance": 13.0, "inductance.scale_d": 1.05}
     single = sandbox.simulate("ipm_exchanged", scene, "ekf", belief="linear", effects=effects, seed=7)
     resistance = load_drive("ipm_exchanged").motor.resistance
-    plan = sweep_of({
-        "run": {"estimator": "ekf", "belief": "linear", "seed": 7, "effects": {"dead_time": {"time": 1e-7}},
-                "true_factor": {"resistance": 13.0 / resistance, "inductance_d": 1.05}},
-        "segment": [{"duration": 0.05}, {"duration": 0.05, "load": 1.0, "ramp": 0.01, "settle": 0.03}],
-        "scenario": {"start_up": False, "settle": 0.02},
-    })  # fmt: skip
+    plan = sweep_of(
+        {
+            "run": {
+                "estimator": "ekf",
+                "belief": "linear",
+                "seed": 7,
+                "effects": {"dead_time": {"time": 1e-7}},
+                "true_factor": {"resistance": 13.0 / resistance, "inductance_d": 1.05},
+            },
+            "segment": [{"duration": 0.05}, {"duration": 0.05, "load": 1.0, "ramp": 0.01, "settle": 0.03}],
+            "scenario": {"start_up": False, "settle": 0.02},
+        }
+    )
     row = run_case(plan, plan.case(0)).row
     wanted = single.error_deg
     assert (row.mean_deg, row.rms_deg, row.p95_deg, row.max_deg) == (wanted.mean, wanted.rms, wanted.p95, wanted.max)

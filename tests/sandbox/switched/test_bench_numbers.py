@@ -11,8 +11,11 @@ def test_a_compliant_shaft_swings_with_its_resonance_and_its_damping_ratio():
     """Twist, speed of the rotor and of the load: d twist = w - w_l, J_m dw = -K twist - D (w - w_l), the load the other
     way; the swing's eigenvalues are of size sqrt(K (1/J_m + 1/J_l)), and -zeta of that is their real part."""
     drive = load_drive("ipm")
-    own = {"shaft_compliance.stiffness": 50.0, "shaft_compliance.load_inertia": 4e-4,
-           "shaft_compliance.damping_ratio": 0.03}  # fmt: skip
+    own = {
+        "shaft_compliance.stiffness": 50.0,
+        "shaft_compliance.load_inertia": 4e-4,
+        "shaft_compliance.damping_ratio": 0.03,
+    }
     b = bench(drive.motor, drive.converter, own)
     k, d, m, load = b.stiffness, b.damping, b.inertia, b.load_inertia
     assert (k, load) == (50.0, 4e-4)

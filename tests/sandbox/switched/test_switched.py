@@ -203,8 +203,10 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
         devices += b.period * np.sum(i * (b.threshold * np.clip(i / b.soft_current, -1.0, 1.0) + b.on_resistance * i))
         old = new
     machine = stored() - before + state[LOSS] - state[DEVICES] + state[OUTPUT]
-    print(f"link {state[INPUT]:.4f} J, machine {machine:.4f}, devices {state[DEVICES]:.4f}, dead time "
-          f"{state[COMMANDED] - state[INPUT]:.4f} (closed form {dead:.4f})")  # fmt: skip
+    print(
+        f"link {state[INPUT]:.4f} J, machine {machine:.4f}, devices {state[DEVICES]:.4f}, dead time "
+        f"{state[COMMANDED] - state[INPUT]:.4f} (closed form {dead:.4f})"
+    )
     assert state[INPUT] == pytest.approx(machine + state[DEVICES], abs=2e-5 * state[LOSS])
     assert state[DEVICES] == pytest.approx(devices, rel=0.05)
     assert min(state[DEVICES], dead) > 0.01 * state[INPUT]

@@ -32,8 +32,10 @@ def test_least_stiffness_is_the_smaller_eigenvalue(theta, gamma_6):
     b = bench(drive.motor, drive.converter, {"inductance_harmonics.gamma_6": gamma_6})
     d, q, h = -0.06, 0.045, 1e-6
     psi = complex(d + drive.motor.magnet_flux, q) * complex(math.cos(theta), math.sin(theta))
-    slope = [(current_and_torque(b, psi + s, theta)[0] - current_and_torque(b, psi - s, theta)[0]) / (2 * h)
-             for s in (h, 1j * h)]  # fmt: skip
+    slope = [
+        (current_and_torque(b, psi + s, theta)[0] - current_and_torque(b, psi - s, theta)[0]) / (2 * h)
+        for s in (h, 1j * h)
+    ]
     jacobian = np.array([[z.real for z in slope], [z.imag for z in slope]])
     found = least_stiffness(b, psi, theta)
     assert found == pytest.approx(np.linalg.eigvalsh(0.5 * (jacobian + jacobian.T))[0], rel=1e-7)
@@ -57,11 +59,13 @@ def test_flux_that_leaves_the_domain_ends_the_run(plant):
 
 
 HARMONICS = {
-    "inductance_harmonics.gamma_6": 0.7, "inductance_harmonics.2.alpha_30": 9.0,
+    "inductance_harmonics.gamma_6": 0.7,
+    "inductance_harmonics.2.alpha_30": 9.0,
     "inductance_harmonics.2.alpha_21": -4.0,
-    "inductance_harmonics.3.pulse": 0.5, "inductance_harmonics.3.alpha_12": 3.0,
+    "inductance_harmonics.3.pulse": 0.5,
+    "inductance_harmonics.3.alpha_12": 3.0,
     "inductance_harmonics.3.order": -18.0,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.8, -2.3])

@@ -91,8 +91,10 @@ def test_current_and_torque_derive_from_one_energy(psi, theta):
 @pytest.mark.parametrize("psi", [0.09 + 0.06j, 0.14 - 0.1j])
 def test_least_stiffness_is_the_smaller_eigenvalue(psi):
     theta, h = 0.37, 1e-6
-    slope = [(current_and_torque(RICH, psi + s, theta)[0] - current_and_torque(RICH, psi - s, theta)[0]) / (2 * h)
-             for s in (h, 1j * h)]  # fmt: skip
+    slope = [
+        (current_and_torque(RICH, psi + s, theta)[0] - current_and_torque(RICH, psi - s, theta)[0]) / (2 * h)
+        for s in (h, 1j * h)
+    ]
     jacobian = np.array([[z.real for z in slope], [z.imag for z in slope]])
     assert jacobian[0, 1] == pytest.approx(jacobian[1, 0], rel=1e-5)  # reciprocal
     found = least_stiffness(RICH, psi, theta)

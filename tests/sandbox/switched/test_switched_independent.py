@@ -12,8 +12,11 @@ from sandbox.switched.flux_map import flux_map_of, map_currents, map_energy, map
 
 FOLDER = Path(__file__).resolve().parents[3] / "sandbox" / "switched"
 MAY_BE_USED = {  # names, numbers and machinery, no equation of a plant
-    "model.compiled", "model.effects.library", "model.errors", "model.parameters",
-}  # fmt: skip
+    "model.compiled",
+    "model.effects.library",
+    "model.errors",
+    "model.parameters",
+}
 
 
 def imported(path):
@@ -82,8 +85,9 @@ def test_current_and_stiffness_are_the_energys_derivatives():
     own = flux_map_of(m)
     h = 1e-5 / 11.0
     for d, q in places(m, 5)[:10]:
-        by_energy = [(map_energy(own, d + x, q + y) - map_energy(own, d - x, q - y)) / (2 * h)
-                     for x, y in ((h, 0.0), (0.0, h))]  # fmt: skip
+        by_energy = [
+            (map_energy(own, d + x, q + y) - map_energy(own, d - x, q - y)) / (2 * h) for x, y in ((h, 0.0), (0.0, h))
+        ]
         assert map_currents(own, d, q) == pytest.approx(by_energy, rel=1e-6, abs=1e-6)
         dd, dq, qq = map_stiffness(own, d, q)
         along = np.subtract(map_currents(own, d + h, q), map_currents(own, d - h, q)) / (2 * h)

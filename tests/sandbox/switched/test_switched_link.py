@@ -30,12 +30,14 @@ def rung(b, t, step=None):
 def test_a_step_of_the_draw_rings_as_the_circuit_does():
     """x' = w (Z i - y), y' = w (x - 2 D y), i' = (2/3 (U - x) - R i)/L: the matrix exponential; error by h^4."""
     b = unlisted(PLAIN, {"link_rate": RATE, "link_impedance": Z, "link_damping": D})
-    a = np.array([
-        [0.0, -RATE, RATE * Z, 0.0],
-        [RATE, -2.0 * D * RATE, 0.0, 0.0],
-        [-2.0 / (3.0 * L), 0.0, -R / L, 2.0 / (3.0 * L) * U],
-        [0.0, 0.0, 0.0, 0.0],
-    ])  # fmt: skip
+    a = np.array(
+        [
+            [0.0, -RATE, RATE * Z, 0.0],
+            [RATE, -2.0 * D * RATE, 0.0, 0.0],
+            [-2.0 / (3.0 * L), 0.0, -R / L, 2.0 / (3.0 * L) * U],
+            [0.0, 0.0, 0.0, 0.0],
+        ]
+    )
     t = 1.3e-3
     expected = (expm(a * t) @ [0.0, 0.0, 2.0, 1.0])[:3]
     assert np.abs(expected[0]) > 5.0

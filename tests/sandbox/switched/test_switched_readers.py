@@ -27,10 +27,20 @@ def test_a_core_reads_low_after_a_rise_and_high_after_a_fall():
     for phase in PHASES:
         i, off = straight[phase], found[phase] - straight[phase]
         back = 700  # samples in which a current of this size goes on by two radii
-        rising = np.array([k for k in range(back, len(i)) if i[k] - i[k - back : k + 1].min() > 2.0 * radius
-                           and np.argmax(i[k - back : k + 1]) == back])  # fmt: skip
-        falling = np.array([k for k in range(back, len(i)) if i[k - back : k + 1].max() - i[k] > 2.0 * radius
-                            and np.argmin(i[k - back : k + 1]) == back])  # fmt: skip
+        rising = np.array(
+            [
+                k
+                for k in range(back, len(i))
+                if i[k] - i[k - back : k + 1].min() > 2.0 * radius and np.argmax(i[k - back : k + 1]) == back
+            ]
+        )
+        falling = np.array(
+            [
+                k
+                for k in range(back, len(i))
+                if i[k - back : k + 1].max() - i[k] > 2.0 * radius and np.argmin(i[k - back : k + 1]) == back
+            ]
+        )
         assert min(len(rising), len(falling)) > 200
         assert off[rising] == pytest.approx(-share * radius, abs=1e-12)
         assert off[falling] == pytest.approx(share * radius, abs=1e-12)

@@ -55,8 +55,9 @@ def test_hysteresis_in_the_bench_is_a_slope_while_the_flux_stays_in_the_play():
     u = np.where(np.arange(n) % 8 < 4, 5.0, -5.0)
     grip = 4.0
     held = quiet(bench(linear, DRIVE.converter))._replace(grip=grip, grip_radius=1.0)
-    stiff = dataclasses.replace(linear, **{f"inductance_{x}": 1.0 / (1.0 / getattr(linear, f"inductance_{x}") + grip)
-                                           for x in "dq"})  # fmt: skip
+    stiff = dataclasses.replace(
+        linear, **{f"inductance_{x}": 1.0 / (1.0 / getattr(linear, f"inductance_{x}") + grip) for x in "dq"}
+    )
     columns = (u, 0.0 * u, 400.0)
     a, b = (replay(x, "locked", *columns)["i_a"] for x in (held, quiet(bench(stiff, DRIVE.converter))))
     assert a == pytest.approx(b, abs=1e-9)
@@ -89,8 +90,16 @@ def test_short_circuited_turns_as_coupled_windings(hertz):
 
     The loop's own zero-sequence flux, share^2 L / 3 at most, is what the bench leaves out (here 1e-3 of the loop).
     """
-    motor = dataclasses.replace(DRIVE.motor, inductance_q=DRIVE.motor.inductance_d, magnet_flux=0.0,
-                                alpha_30=0, alpha_12=0, alpha_40=0, alpha_22=0, alpha_04=0)  # fmt: skip
+    motor = dataclasses.replace(
+        DRIVE.motor,
+        inductance_q=DRIVE.motor.inductance_d,
+        magnet_flux=0.0,
+        alpha_30=0,
+        alpha_12=0,
+        alpha_40=0,
+        alpha_22=0,
+        alpha_04=0,
+    )
     share, fault = 0.2, 1.0
     total = fault + share * motor.resistance
     leakage = 2e-3 * total
@@ -104,8 +113,9 @@ def test_short_circuited_turns_as_coupled_windings(hertz):
     last = slice(n - round(4000.0 / hertz), n)
     basis = 2.0 * np.mean(
         np.stack([out["i_a"], (out["i_b"] - out["i_c"]) / math.sqrt(3.0)])[:, last]
-        * np.exp(-2j * np.pi * hertz * t[last]), axis=1
-    )  # fmt: skip
+        * np.exp(-2j * np.pi * hertz * t[last]),
+        axis=1,
+    )
     omega = 2.0 * np.pi * hertz
     expected = np.array(phasor((20.0, -20.0j), omega, motor.resistance, motor.inductance_d, share, fault, leakage))
     healthy = np.array(phasor((20.0, -20.0j), omega, motor.resistance, motor.inductance_d, 1e-9, fault, leakage))
@@ -170,8 +180,9 @@ def test_a_curved_sensor_loses_by_the_square():
     """Each phase on its own, gain on what is left; the true currents are those of straight sensors."""
     u = 15.0 * np.sin(np.arange(400) / 30.0)
     curvature, columns = 0.04 / DRIVE.motor.rated_current**2, (u, 0.3 * u, 400.0)
-    straight, curved = (replay(b._replace(gain_a=1.02), "locked", *columns)
-                        for b in (BENCH, BENCH._replace(curvature=curvature)))  # fmt: skip
+    straight, curved = (
+        replay(b._replace(gain_a=1.02), "locked", *columns) for b in (BENCH, BENCH._replace(curvature=curvature))
+    )
     for phase, gain in (("i_a", 1.02), ("i_b", 1.0), ("i_c", 1.0)):
         true = straight[phase] / gain
         assert curved[phase] == pytest.approx(gain * (true - curvature * true**3), abs=1e-12)

@@ -13,9 +13,12 @@ from tests.sandbox.withheld.known import truth_of
 def check(tmp_path):
     """A sealed check of five campaigns without recordings; a fake diagnosis needs their names only."""
     truths = {
-        "w000": truth_of(), "w001": truth_of((), "none", (), {}), "w002": truth_of(("unknown",), "outside", (1.0,), {}),
-        "w003": truth_of(("dead_time", "inertia"), "several", (1.0, 1.0), {}), "w004": truth_of(sizes=(0.25,)),
-    }  # fmt: skip
+        "w000": truth_of(),
+        "w001": truth_of((), "none", (), {}),
+        "w002": truth_of(("unknown",), "outside", (1.0,), {}),
+        "w003": truth_of(("dead_time", "inertia"), "several", (1.0, 1.0), {}),
+        "w004": truth_of(sizes=(0.25,)),
+    }
     data = json.dumps({"campaigns": truths}).encode()
     (tmp_path / "truth.sealed").write_bytes(data)
     (tmp_path / "SHA256").write_text(f"{hashlib.sha256(data).hexdigest()}  truth.sealed\n")

@@ -20,12 +20,13 @@ def diagnosis_of(*hypotheses, verdict="explained", members=None, subsystem="inve
     """Return a diagnosis of (effects, probability) pairs, its parameters around the truth."""
     time = {"dead_time.time": {"value": 2e-6, "ci95": [1.9e-6, 2.1e-6], "unit": "s"}}
     return {
-        "verdict": verdict, "gap": {"before": before, "after": 1.0, "closed": shrunk},
+        "verdict": verdict,
+        "gap": {"before": before, "after": 1.0, "closed": shrunk},
         "where": [{"subsystem": subsystem, "share": 1.0}],
         "hypotheses": [{"effects": list(e), "probability": p, "parameters": time} for e, p in hypotheses],
         "ambiguity_set": [list(e) for e, _ in hypotheses[:1]] if members is None else members,
         "cost": {"simulations": 100, "seconds": 2.0},
-    }  # fmt: skip
+    }
 
 
 class Oracle:
@@ -61,10 +62,19 @@ def twelve():
     outside, several = truth_of(("unknown",), "outside", (1.0,), {}), truth_of(("dead_time", "inertia"), "several")
     nothing, small = truth_of((), "none", (), {}), truth_of(sizes=(0.2500001,))
     cases = [
-        (truth_of(), right), (truth_of(), wrong), (truth_of(), {"failed": "no memory"}), (truth_of(), ambiguous),
-        (nothing, none), (nothing, none), (nothing, wrong), (outside, unknown), (outside, right), (several, both),
-        (several, right), (small, none),
-    ]  # fmt: skip
+        (truth_of(), right),
+        (truth_of(), wrong),
+        (truth_of(), {"failed": "no memory"}),
+        (truth_of(), ambiguous),
+        (nothing, none),
+        (nothing, none),
+        (nothing, wrong),
+        (outside, unknown),
+        (outside, right),
+        (several, both),
+        (several, right),
+        (small, none),
+    ]
     by = {"code": "abc", "made": "2026-01-01T00:00:00+00:00", "cpu_seconds": 1.5}
     named = [(f"w{k:03d}", t, {**d, **by}) for k, (t, d) in enumerate(cases)]
     out = [row("diagnosis", BLIND, *n) for n in named]

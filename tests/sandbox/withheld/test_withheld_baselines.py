@@ -83,9 +83,11 @@ def test_two_effects_at_once_are_found_beside_a_discrepancy(tmp_path):
     best = found["hypotheses"][0]["parameters"]
     for name, value in truth["parameters"].items():
         low, high = best[name]["ci95"]
-        away = (best[name]["value"] - value + math.pi) % math.tau - math.pi if name.endswith("phase") else (
-            best[name]["value"] - value
-        )  # fmt: skip
+        away = (
+            (best[name]["value"] - value + math.pi) % math.tau - math.pi
+            if name.endswith("phase")
+            else (best[name]["value"] - value)
+        )
         assert abs(away) < high - low
 
 
@@ -172,8 +174,10 @@ def test_priors_are_the_campaigns_own(tmp_path):
     own = [*ordinary(campaign), *turns(null.point.prepared)]
     assert null.normal.coordinates == tuple(own)
     assert [c.names[0] for c in own if c.form == "turn"] == [r.file for r in campaign.recordings]
-    stated = {c.label: (p, low, high) for c, p, low, high in zip(
-        own, null.prior.deviation, null.prior.low, null.prior.high, strict=True)}  # fmt: skip
+    stated = {
+        c.label: (p, low, high)
+        for c, p, low, high in zip(own, null.prior.deviation, null.prior.low, null.prior.high, strict=True)
+    }
     flux = campaign.drive.motor.magnet_flux
     deviation, low, high = stated["magnet_flux.magnet_flux"]
     assert deviation == pytest.approx(0.01 * flux, rel=0.05)  # of the true value, seen from the stated one

@@ -15,9 +15,12 @@ class Nothing:
     """A diagnosis that never finds a gap."""
 
     json = {  # noqa: RUF012
-        "verdict": "no_gap", "gap": {"before": 1.0, "closed": None}, "ambiguity_set": [[]],
-        "hypotheses": [{"effects": [], "probability": 1.0}], "cost": {"seconds": 1.0},
-    }  # fmt: skip
+        "verdict": "no_gap",
+        "gap": {"before": 1.0, "closed": None},
+        "ambiguity_set": [[]],
+        "hypotheses": [{"effects": [], "probability": 1.0}],
+        "cost": {"seconds": 1.0},
+    }
 
 
 def test_make_and_score(tmp_path, monkeypatch, capsys):

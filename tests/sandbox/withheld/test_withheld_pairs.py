@@ -50,12 +50,16 @@ def test_a_whole_takes_the_place_of_its_part_and_keeps_it_out():
 @pytest.mark.parametrize(
     ("criteria", "best"),
     [
-        ({(): 100.0, (PART,): 50.0, (WHOLE,): 60.0, (OTHER,): 90.0, (PART, OTHER): 40.0, (WHOLE, OTHER): 20.0},
-         {WHOLE, OTHER}),
-        ({(): 100.0, (PART,): 60.0, (WHOLE,): 50.0, (OTHER,): 90.0, (PART, OTHER): 20.0, (WHOLE, OTHER): 40.0},
-         {PART, OTHER}),
+        (
+            {(): 100.0, (PART,): 50.0, (WHOLE,): 60.0, (OTHER,): 90.0, (PART, OTHER): 40.0, (WHOLE, OTHER): 20.0},
+            {WHOLE, OTHER},
+        ),
+        (
+            {(): 100.0, (PART,): 60.0, (WHOLE,): 50.0, (OTHER,): 90.0, (PART, OTHER): 20.0, (WHOLE, OTHER): 40.0},
+            {PART, OTHER},
+        ),
     ],
-)  # fmt: skip
+)
 def test_part_and_whole_are_exchanged_and_never_both_named(criteria, best, monkeypatch):
     """First the part joins and the whole takes its place beside another effect; then the other way round.  A table that
     holds no set of both fails where one is asked for."""

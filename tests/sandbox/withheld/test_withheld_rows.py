@@ -76,10 +76,15 @@ def test_a_row_is_short_and_keeps_what_counts():
     long = diagnosis_of((["dead_time"], 1.0 / 3.0))
     long["hypotheses"][0]["closed"], long["where"][0]["text"] = 0.5, "a sentence"
     long["effects"] = [
-        {"name": "dead_time", "probability": 0.9999999, "share": {"value": 0.4, "ci95": [0.3, 0.5]}, "group": None,
-         "parameters": {"dead_time.time": {"value": 2e-6, "ci95": [1e-6, 3e-6], "unit": "s"}}},
+        {
+            "name": "dead_time",
+            "probability": 0.9999999,
+            "share": {"value": 0.4, "ci95": [0.3, 0.5]},
+            "group": None,
+            "parameters": {"dead_time.time": {"value": 2e-6, "ci95": [1e-6, 3e-6], "unit": "s"}},
+        },
         {"name": "inertia", "probability": 0.1, "parameters": {"inertia.inertia": {"value": 1.0, "ci95": [0.0, 2.0]}}},
-    ]  # fmt: skip
+    ]
     answer = row("m", BLIND, "w000", truth_of(), long).answer
     assert answer["hypotheses"][0]["probability"] == 0.333333
     assert answer["where"] == [{"subsystem": "inverter", "share": 1.0}]

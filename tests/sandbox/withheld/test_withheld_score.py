@@ -412,14 +412,22 @@ def test_the_page_of_several_effects_only_has_no_confusion(check, tmp_path):
 @pytest.mark.parametrize(
     "damage",
     [
-        {"next_recording": "locked"}, {"next_recording": {"entry": "x", "seconds": 1e9}},
-        {"next_recording": {"entry": "x", "seconds": "long"}}, {"next_recording": {"entry": "x"}},
-        {"next_recording": {"entry": 5, "seconds": 1.0}}, {"next_recording": {"power": 7}},
-        {"next_recording": {"power": "high"}}, {"ambiguity_set": None}, {"gap": None}, {"verdict": None},
+        {"next_recording": "locked"},
+        {"next_recording": {"entry": "x", "seconds": 1e9}},
+        {"next_recording": {"entry": "x", "seconds": "long"}},
+        {"next_recording": {"entry": "x"}},
+        {"next_recording": {"entry": 5, "seconds": 1.0}},
+        {"next_recording": {"power": 7}},
+        {"next_recording": {"power": "high"}},
+        {"ambiguity_set": None},
+        {"gap": None},
+        {"verdict": None},
         {"verdict": "none"},
-        {"cost": None}, {"where": [{}]}, {"hypotheses": [{"effects": ["dead_time"], "probability": 5.0}]},
+        {"cost": None},
+        {"where": [{}]},
+        {"hypotheses": [{"effects": ["dead_time"], "probability": 5.0}]},
     ],
-)  # fmt: skip
+)
 def test_a_damaged_report_is_named(damage, tmp_path):
     """Whatever is not what judging reads, with the file and what to do."""
     whole = diagnosis_of((["dead_time"], 1.0))
