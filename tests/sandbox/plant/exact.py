@@ -68,7 +68,7 @@ class Exact:
     def flux(self):
         """Flux vector (Wb) at the end of the last period."""
         w, span = self.w, self.memory[SPAN]
-        return complex(*(w[f"psi_{x}"][0] + w[f"volt_{x}"][0] - span * w[f"fall_{x}"][0] for x in "ab"))
+        return complex(*(w[f"psi_{x}"][0] + w[f"volt_{x}"][0] - span * w[f"fall_{x}"][0] for x in ("alpha", "beta")))
 
     @property
     def encoder(self):
