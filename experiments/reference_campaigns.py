@@ -24,11 +24,11 @@ from model.drive_files import load_drive
 from model.effects import library
 from model.parameters import Drive
 from sandbox.output.toml import toml_text
-from sandbox.plant.reference import A, Reference
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay
+from tests.sandbox.plant.reference import A, Reference
 
 Array = NDArray[np.float64]
 

@@ -189,11 +189,11 @@ def test_the_diagnosis_names_no_effect():
 def test_the_plant_names_no_effect():
     """An effect is one file: neither the library nor the plant nor the closed loop has its name or imports its file.
 
-    The plant on one readable page has its equations once more; the locked test and `record` speak of a bench.
+    `ports.py` is written from the cards; the locked test and `record` speak of a bench.
     """
-    readable = {"reference.py", "reference_legs.py", "ports.py", "locked_test.py", "record.py"}
+    others = {"ports.py", "locked_test.py", "record.py"}
     names = "|".join(effect_names())
-    rooms = [p for room in ("plant", "drive") for p in (ROOT / "sandbox" / room).glob("*.py") if p.name not in readable]
+    rooms = [p for room in ("plant", "drive") for p in (ROOT / "sandbox" / room).glob("*.py") if p.name not in others]
     known = {"encoder_offset.offset", "current_offset"}  # what turns an angle that is read; a key of [background]
     known |= {"dead_time.zone_width", "dead_time.zone_shape"}  # else the bench's own zone of a current's sign
     known |= {"leg_voltage.reference"}  # else the motor's rated current

@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 
 from model.drive_files import load_drive
-from sandbox.plant.reference import Reference
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import LEGS, Inputs, course_of, with_columns
 from sandbox.replay.kernel import TRACK
 from sandbox.replay.replay import Prepared
 from sandbox.replay.smoothing import Motion
+from tests.sandbox.plant.reference import Reference
 
 DRIVE = load_drive("ipm")
 SPEED = 600.0  # rad/s electrical: 0.15 rad a period

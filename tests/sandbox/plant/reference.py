@@ -29,7 +29,7 @@ from model.effects.leg_voltage import curve
 from model.inverter_table import Points
 from model.parameters import Motor
 from model.spline import SplineEnergy
-from sandbox.plant.reference_legs import LEVEL, A, Commutating, Late, Legs
+from tests.sandbox.plant.reference_legs import LEVEL, A, Commutating, Late, Legs
 
 Array = NDArray[np.float64]
 PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST = 0, 2, 4, 6, 8, 9, 10, 11  # places in the state
