@@ -21,12 +21,12 @@ from pathlib import Path
 from typing import Any
 
 from experiments.second_bench_scores import UNKNOWN, page
+from experiments.testbench.make import make
+from experiments.testbench.seal import unpack
 from sandbox.gap.diagnose import Diagnosis, diagnose
 from sandbox.gap.excerpts import excerpted
 from sandbox.gap.report.ranking import ranking
 from sandbox.recordings.campaign import read_campaign
-from sandbox.testbench.make import make
-from sandbox.testbench.seal import unpack
 from sandbox.withheld.baselines.methods import BASELINES
 from sandbox.withheld.scoring.running import code_digest
 

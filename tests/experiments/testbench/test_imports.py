@@ -5,13 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOM = Path(__file__).resolve().parents[3] / "sandbox" / "testbench"
+ROOM = Path(__file__).resolve().parents[3] / "experiments" / "testbench"
 ALLOWED = {"numpy", "scipy", "numba", "pyarrow", *sys.stdlib_module_names}
 
 
 def _imported(path: Path) -> set[str]:
     """Absolute names that a file imports; relative ones are resolved from its place."""
-    package = ["sandbox", "testbench", *path.relative_to(ROOM).parts[:-1]]
+    package = ["experiments", "testbench", *path.relative_to(ROOM).parts[:-1]]
     names = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
@@ -27,16 +27,16 @@ def test_every_file_imports_only_its_room_and_four_libraries():
     assert len(files) > 10
     for path in files:
         for name in _imported(path):
-            inside = name == "sandbox.testbench" or name.startswith("sandbox.testbench.")
+            inside = name == "experiments.testbench" or name.startswith("experiments.testbench.")
             assert inside or name.split(".")[0] in ALLOWED, f"{path.name} imports {name}"
 
 
 def test_nothing_of_the_product_is_loaded_when_it_runs():
-    """In a process of its own; the package above loads one guard (`shadowing`), which holds no physics."""
-    code = "import sys, sandbox.testbench.make; print(' '.join(m for m in sys.modules))"
+    """In a process of its own."""
+    code = "import sys, experiments.testbench.make; print(' '.join(m for m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     ours = {m for m in done.stdout.split() if m.split(".")[0] in ("sandbox", "model", "estimators", "experiments")}
-    assert {m for m in ours if not m.startswith("sandbox.testbench")} <= {"sandbox", "sandbox.shadowing"}
+    assert {m for m in ours if not m.startswith("experiments.testbench")} == {"experiments"}
 
 
 def test_no_dynamic_import():

@@ -1,4 +1,4 @@
-"""Campaigns by the number: `python -m sandbox.testbench.make FOLDER KIND COUNT --seed S --jobs J`.
+"""Campaigns by the number: `python -m experiments.testbench.make FOLDER KIND COUNT --seed S --jobs J`.
 
 Truths are drawn and sealed first; what exists already is kept, so a call that was stopped goes on.
 """
@@ -109,7 +109,7 @@ def make(
 
 def main(arguments: list[str] | None = None) -> int:
     """The command; exit code 2 with one sentence for a bad argument."""
-    p = argparse.ArgumentParser(prog="python -m sandbox.testbench.make", description=__doc__)
+    p = argparse.ArgumentParser(prog="python -m experiments.testbench.make", description=__doc__)
     p.add_argument("folder")
     p.add_argument("kind")
     p.add_argument("count", type=int)

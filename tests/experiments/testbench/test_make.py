@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.interpolate import CubicSpline
 
-from sandbox.testbench import bench, cycles, draw, effects, make, maps, seal
-from sandbox.testbench.design import nominal_design
-from sandbox.testbench.drives import DRIVES
+from experiments.testbench import bench, cycles, draw, effects, make, maps, seal
+from experiments.testbench.design import nominal_design
+from experiments.testbench.drives import DRIVES
 
 SERVO = next(d for d in DRIVES if d.name == "servo_400w")
 

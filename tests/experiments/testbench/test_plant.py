@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sandbox.testbench import plant
-from sandbox.testbench.design import fixed, inverter, losses, magnetics, mechanics, nominal_design, sensors
-from sandbox.testbench.drives import DRIVES
-from sandbox.testbench.types import FLOATING, FREE, HIGH, LOCKED, LOW, World
+from experiments.testbench import plant
+from experiments.testbench.design import fixed, inverter, losses, magnetics, mechanics, nominal_design, sensors
+from experiments.testbench.drives import DRIVES
+from experiments.testbench.types import FLOATING, FREE, HIGH, LOCKED, LOW, World
 
 DRIVE = next(d for d in DRIVES if d.name == "ipm_2kw")
 STILL = ((0.0, 1.0, 0.0), (0.0, 2.0, 0.0))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sandbox.testbench import forms, magnetics, maps
+from experiments.testbench import forms, magnetics, maps
 
 
 def test_dowell_against_the_complex_impedance():
