@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import warnings
 import zipfile
 from collections.abc import Collection
@@ -21,7 +22,7 @@ from model.given import check_given
 from model.matfile import read_mat
 from model.number_table import Table
 from model.text_table import read_text
-from model.units import KNOWN, UNITS
+from model.units import KNOWN, PEAK, UNITS
 from model.workbook import read_workbook
 
 TEXTS = (".csv", ".txt", ".tsv", ".dat")
@@ -33,6 +34,11 @@ MOST_BYTES = {  # of a file; of an .npz only part is read
 }
 MAGIC = 8  # bytes with which NumPy's format begins, its version among them
 NUMBERS = "fiuc"  # kinds of NumPy arrays that are read
+
+# what brackets say beside units
+NO_UNIT = re.compile(
+    "(peak|pk|amplitude|rms|mean|av|avg|average|max|raw|vec|vector|map|grid|table|data|index)", re.IGNORECASE
+)
 
 MOST_HEADER = 10_000  # bytes that describe an array of NumPy's
 MOST_COLUMNS = 100
@@ -155,6 +161,8 @@ def _in_ours(file: str, name: str, values: NDArray[Any], table: Table) -> NDArra
     if unit is None:
         return values
     found = next((units[unit] for units in UNITS.values() if unit in units), None)
+    if found is None and NO_UNIT.fullmatch(unit):
+        return values * (PEAK if unit.lower() == "rms" else 1.0)
     if found is None:
         raise BadInput(f"{file}: {unknown(f'unit of column {name}', unit, KNOWN)}")
     return values * found[0] + found[1]

@@ -29,6 +29,7 @@ MEANT = (
     (0.5, "[motor] pole_pairs holds poles, not pairs of them"),
     (2.0 / 3.0, "currents and fluxes are of the power-invariant transformation; both must be phase peak values"),
     (math.sqrt(2.0 / 3.0), "the currents or the fluxes are of the power-invariant transformation"),
+    (1.0 / math.sqrt(3.0), "the fluxes are between two terminals; they must be of a phase"),
     (1e3, "the fluxes are in kWb, the currents in kA, or the torque is in mN m"),
     (1e-3, "the fluxes are in mWb, the currents in mA, or the torque is in kN m"),
 )

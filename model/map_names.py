@@ -48,6 +48,7 @@ PATTERNS = {  # of a name without blanks, units and signs between its letters, l
     "advance": re.compile("(?:phase|current|lead)?(?:advance|beta|gamma|lead)(?:angle)?|current(?:phase)?angle"),
 }
 STATED = (*OF_BOTH, "torque", "current", "advance")  # keys of [flux_map] that name an array
+GREEK = {"ψ": "psi", "λ": "lambda", "φ": "phi", "ϕ": "phi", "γ": "gamma", "β": "beta", "τ": "tau"}
 UNIT_BEHIND = re.compile(r"[_ ]+(m?wb|uwb|m?vs|[mk]?a|arms|m?nm|deg|rad)$", re.IGNORECASE)
 BEHIND = {"mwb": 1e-3, "uwb": 1e-6, "mvs": 1e-3, "ma": 1e-3, "ka": 1e3, "mnm": 1e-3, "deg": math.pi / 180.0}
 
@@ -81,8 +82,12 @@ def columns_of(names: Iterable[str], stated: Mapping[str, str], file: str) -> di
 
 def _plain(name: str) -> str:
     """Return a name's letters and digits, without the unit behind it."""
-    bare = re.sub(r"[\[(].*?[\])]", "", name).strip()
-    return re.sub(r"[^a-z0-9]", "", UNIT_BEHIND.sub("", bare).lower())
+    last = name.rpartition(".")[2]  # of a structure's field
+    bare = re.sub(r"[\[(].*?[\])]", "", last).strip()
+    plain = UNIT_BEHIND.sub("", bare).lower()
+    for letter, word in GREEK.items():
+        plain = plain.replace(letter, word)
+    return re.sub(r"[^a-z0-9]", "", plain)
 
 
 def _factor(name: str) -> float:

@@ -125,10 +125,7 @@ def _vectors(
         parts |= _from_amplitude(data, columns, notes, file)
     for name, values in parts.items():
         if values is None:
-            raise BadInput(
-                f"{file}: no '{name}' of numbers (or {', '.join(NAMES[name])}); it holds {', '.join(known)[:80]}: "
-                f'name it in [flux_map], {name} = "..."'
-            )
+            raise BadInput(_missing(name, data, columns[name], file, known))
     d, q, psi_d, psi_q = (np.asarray(parts[n], dtype=float) for n in OF_BOTH)
     if d.ndim < 3 and psi_d.ndim == psi_q.ndim == 3:
         notes.append(f"{file}: fluxes over {psi_d.shape[2]} angles of the rotor; their mean is taken")
@@ -142,6 +139,17 @@ def _vectors(
             f"{file}: currents have shapes {d.shape} and {q.shape}, fluxes {psi_d.shape}; they must be equal"
         )
     return _complex(d, q), _complex(psi_d, psi_q)
+
+
+def _missing(name: str, data: Any, columns: Sequence[Column], file: str, known: list[str]) -> str:
+    """Return what is wrong where a map has no usable array of a quantity."""
+    short = next((c.name for c in columns if c.name in data and data[c.name].size <= 1), None)
+    if short is not None:
+        return f"{file}: '{short}' has {data[short].size} values; a map needs at least {FEWEST} points"
+    remedy = f'name it in [flux_map], {name} = "..."'
+    if name in ("i_d", "i_q"):
+        remedy += ', or current = "..." and advance = "..." (an amplitude, and how far it stands ahead of q)'
+    return f"{file}: no '{name}' of numbers (or {', '.join(NAMES[name])}); it holds {', '.join(known)[:80]}: {remedy}"
 
 
 def _complex(a: Array, b: Array) -> NDArray[np.complex128]:

@@ -156,7 +156,14 @@ def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Pa
     spline, magnet = found.spline, found.magnet
     magnet = 0.0 if -NO_MAGNET * abs(spline.low_d) < magnet < 0.0 else magnet
     more = {"inductance_d": 1.0 / spline.gamma_d, "inductance_q": 1.0 / spline.gamma_q, "magnet_flux": magnet}
-    motor = build(Motor, {**values, **more}, "motor")
+    try:
+        motor = build(Motor, {**values, **more}, "motor")
+    except BadInput:
+        stand_in(values, table)  # what is wrong with what is stated comes first
+        raise BadInput(
+            f"{path.name}: its points make a magnet flux of {magnet:.4g} Wb, L_d = {more['inductance_d']:.4g} H and "
+            f"L_q = {more['inductance_q']:.4g} H, which no motor has; write the units into its header, e.g. psi_d [mWb]"
+        ) from None
     own = {name: getattr(motor, name) for name in Motor.__dataclass_fields__}
     digest = hashlib.sha256(spline.cells.tobytes() + repr(spline[1:]).encode()).hexdigest()[:16]
     notes = (*torque_notes(found.torque, motor.pole_pairs, path.name), *found.notes)

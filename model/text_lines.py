@@ -34,6 +34,7 @@ ENDS = re.compile(r"^[ \t]+|[ \t]+$", re.MULTILINE)
 BLANKS = re.compile(r"[ \t]+")
 WORDS = re.compile(r"[^\s\[(]\S*(?:\s*[\[(][^\])]*[\])])?|\S+")  # of a header with blanks between: 't [s]' is one
 HEADER = re.compile(r"^\s*(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*$")
+OVER = re.compile(r"^\s*(?P<name>[^\[\](]*?)\s*/\s*(?P<unit>.+?)\s*$")  # a quantity over its unit: 'i_d/A', 'n/(1/min)'
 GROUPED = re.compile(r"[+-]?\d{1,3}(?:(?:\.\d{3})+,\d*|(?:,\d{3})+\.\d*)")  # 1.234,5 or 1,234.5
 
 
@@ -197,11 +198,22 @@ def _scope(rows: Sequence[tuple[int, str]]) -> Layout | None:
     return Layout(Header(columns, {}), "\t", at, len(columns))
 
 
+def _parts(cell: str, given: Sequence[str]) -> tuple[str, str]:
+    """Return a cell's name and what may be its unit ('' for none)."""
+    over = OVER.match(cell)
+    if over and over["name"] and (unit := over["unit"].strip("() ")) in KNOWN:
+        alike = [c for c in given if (m := OVER.match(c)) and m["name"] == over["name"]]
+        return (over["name"], unit) if len(alike) == 1 else (cell, "")
+    found = HEADER.match(cell)
+    return (found["name"], found["unit"].strip()) if found and found["name"] else (cell, "")
+
+
 def header_of(file: str, given: Sequence[str], below: Sequence[str] = ()) -> Header:
     """Return names and units of a header's cells; below: a row of units.
 
     A bracket is a unit where it is a known one and the names without it stay apart: 'i_a [mA]', 'I(A)' beside 'I(B)'
-    not.  A name that stands twice gets a number.
+    not; so is what stands behind a stroke: 'i_a/A', 'phase/A' beside 'phase/B' not.  A name that stands twice gets a
+    number.
     """
     while given and not given[-1]:
         given = given[:-1]  # a separator at the end of each line
@@ -209,7 +221,7 @@ def header_of(file: str, given: Sequence[str], below: Sequence[str] = ()) -> Hea
         shown = ",".join(given)[:40]
         raise BadInput(f"{file}: the first line is no header ('{shown}'); name the columns in it")
     _check_width(file, len(given))
-    parts = [(m["name"], m["unit"].strip()) if (m := HEADER.match(c)) and m["name"] else (c, "") for c in given]
+    parts = [_parts(c, given) for c in given]
     bases = [base for base, _ in parts]
     found = Header([], {})
     for k, (whole, (base, unit)) in enumerate(zip(given, parts, strict=True)):

@@ -216,6 +216,7 @@ def test_too_many_cells_are_told_by_the_errors_of_that_fit(tmp_path):
         (1.0, 1.0, 1.0, 8, "[motor] pole_pairs holds poles"),
         (1.0, 1.0, 1.0, 3, "[motor] pole_pairs is 4"),
         (1.5**0.5, 1.5**0.5, 1.0, 4, "power-invariant transformation; both"),
+        (1.0, 3**0.5, 1.0, 4, "the fluxes are between two terminals"),
         (1.0, 1.0, 1e3, 4, "the torque is in mN m"),
         (1.0, 1.0, -1.0, 4, "with the other sign"),
         (1.0, 1.0, 1.03, 4, ""),  # a torque that was measured
@@ -255,6 +256,9 @@ def test_published_maps_do_not_contradict_themselves(name):
         "i_d_A,i_q_A,psi_d_mWb*,psi_q_mWb*,tau",  # *: in mWb
         "Id [Arms]~,Iq [Arms]~,psi_d [mWb]*,psi_q [mWb]*,torque",  # ~: rms
         "Id_rms~,Iq_rms~,flux_d,flux_q,torque",
+        "Id (RMS)~,Iq (RMS)~,flux_d,flux_q,torque",
+        "Id (Peak),Iq (Peak),Flux Linkage D,Flux Linkage Q,Torque",
+        "i_d/A,i_q/A,ψ_d/mWb*,ψ_q/mWb*,T/Nm",  # a quantity over its unit, ISO 80000-1
     ],
 )
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
@@ -275,6 +279,26 @@ def test_names_and_units_of_other_programs(tmp_path, head, separator):
     for found, wanted in zip((p.i_d, p.i_q, p.psi_d, p.psi_q), (d, q, psi_d, psi_q), strict=True):
         np.testing.assert_allclose(found, wanted, atol=1e-8)
     assert torque_notes(torque_line(p), 4, "m.csv") == []
+
+
+def test_a_structure_s_fields_are_its_quantities(tmp_path):
+    """As SyR-e keeps a motor's map: motorModel.FluxMap_dq.Id and so on."""
+    d, q, psi_d, psi_q = planted((7, 9))
+    savemat(tmp_path / "m.mat", {"motorModel": {"FluxMap_dq": {"Id": d, "Iq": q, "Fd": psi_d, "Fq": psi_q}}})
+    p = read_points(tmp_path / "m.mat")
+    np.testing.assert_allclose(p.psi_d, psi_d.ravel(), atol=1e-12)
+
+
+def test_a_map_of_another_unit_is_told_in_the_map_s_own_words(tmp_path):
+    """Fluxes in mWb without a word: 100 Wb of magnet; nothing of [motor] is quoted that does not stand there."""
+    rows = np.stack([x.ravel() for x in planted((9, 11))], axis=1) * [1.0, 1.0, 5e3, 5e3]
+    np.savetxt(tmp_path / "m.csv", rows, delimiter=",", header="i_d,i_q,psi_d,psi_q", comments="")
+    (tmp_path / "mine.toml").write_text(TOML.replace("FILE", "m.csv"))
+    with pytest.raises(BadInput, match=r"m.csv: its points make a magnet flux of 500 Wb.*e.g. psi_d \[mWb\]"):
+        load_drive(tmp_path / "mine.toml")
+    (tmp_path / "m.csv").write_text("i_d,i_q,psi_d,psi_q\n1,2,3,4\n")
+    with pytest.raises(BadInput, match=r"'i_d' has 1 values; a map needs at least 24"):
+        read_points(tmp_path / "m.csv")
 
 
 def test_currents_by_amplitude_and_phase_advance(tmp_path):
