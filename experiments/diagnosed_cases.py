@@ -16,15 +16,15 @@ import numpy as np
 from experiments import synrm_as_integrated as synrm_flux
 from experiments import synrm_standstill
 from experiments.drawing import RESULTS, shared
+from experiments.real_drives import thor
+from experiments.real_drives.campaigns import real_drives
 from experiments.thor_bench import bench
-from model.drives import thor
 from model.map_points import read_points
 from model.map_quality import quality
 from model.standstill import fit_axes
 from sandbox.cli import main as command
 from sandbox.public.campaigns.diagnosed import diagnose
 from sandbox.recordings.campaign import Campaign
-from sandbox.recordings.real_campaigns import real_drives
 from sandbox.recordings.writing import write_campaign
 
 OWN = Path(__file__).parent

@@ -9,9 +9,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from real_results import BLUE, GREY, ORANGE, keep
 
+from experiments.real_drives import laas
+from experiments.real_drives.fitted import Fitted
 from model.datasets import fetch
-from model.drives import laas
-from model.drives.fitted import Fitted
 
 LIMITS = (
     "Amplitudes are currents × a torque constant that is not measured (1.5 × back-EMF, peak values assumed). "

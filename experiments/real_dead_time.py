@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from real_results import BLUE, GREY, ORANGE, keep
 
+from experiments.real_drives import moteus
 from model.datasets import fetch
-from model.drives import moteus
 
 LIMITS = (
     "No i_q, DC link or PWM frequency on file: the voltage is measured, a dead time follows only if 24 V and 30 kHz "

@@ -11,8 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from real_results import BLUE, GREY, ORANGE, keep
 
+from experiments.real_drives import laas
 from model.datasets import fetch
-from model.drives import laas
 
 LIMITS = (
     "The torque constant is 1.5 × back-EMF (peak values assumed), not measured; all torques scale with it. Below "

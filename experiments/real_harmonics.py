@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from real_results import BLUE, GREY, ORANGE, keep
 
+from experiments.real_drives import thor
 from model.datasets import fetch
-from model.drives import thor
 
 LIMITS = (
     "Finite elements, no measurement; 90 angles, so orders up to 42. Orders 12 and 18 are as large as 6 without "

@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from real_results import BLUE, GREY, ORANGE, keep
 
+from experiments.real_drives import thor
 from model.datasets import fetch
-from model.drives import thor
 
 LIMITS = (
     "Finite elements with sinusoidal currents: no PWM loss, no measurement; frequency enters by SyR-e's own rule. Loss "

@@ -13,8 +13,8 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+from experiments.real_drives.fitted import Fitted
 from model.datasets import dataset
-from model.drives.fitted import Fitted
 
 RESULTS = Path(os.environ.get("SENSORLESS_RESULTS") or Path(__file__).parent / "results")
 BLUE, ORANGE, GREY = "#1f5fa8", "#d9730d", "0.45"

@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from real_results import BLUE, GREY, ORANGE, keep
 
+from experiments.real_drives import thor
 from model.datasets import fetch
-from model.drives import thor
 
 LIMITS = (
     "A table computed from a formula (the fit leaves 1e-7), no measurement: the intervals say so and no more. Up to "

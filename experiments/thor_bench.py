@@ -13,7 +13,7 @@ import math
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter1d
 
-from model.drives.thor import RATED_CURRENT, RATED_FREQUENCY, Thor
+from experiments.real_drives.thor import RATED_CURRENT, RATED_FREQUENCY, Thor
 from model.frames import phases
 from model.parameters import Converter, Drive, Injection, Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording

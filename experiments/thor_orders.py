@@ -21,7 +21,7 @@ import numpy as np
 
 from experiments.diagnosed_cases import thor_with_map
 from experiments.drawing import RESULTS, save, shared
-from model.drives import thor
+from experiments.real_drives import thor
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import decompose

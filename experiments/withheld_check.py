@@ -29,6 +29,7 @@ import numpy as np
 
 from experiments import screens
 from experiments import withheld_words as words
+from experiments.withheld_wins import split
 from model.errors import BadInput
 from sandbox.cli.withholding import ROWS
 from sandbox.output.files import write_json
@@ -40,7 +41,6 @@ from sandbox.withheld.scoring.judge import label_of
 from sandbox.withheld.scoring.metrics import GOALS, by_subsystem
 from sandbox.withheld.scoring.rows import BLIND, Row, check_seal, one_code, read_rows
 from sandbox.withheld.scoring.tables_of_rows import by_method, content_of, scored
-from sandbox.withheld.scoring.wins import split
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
 OWN = "diagnosis"  # the project's own method

@@ -11,13 +11,13 @@ import pytest
 from experiments import synrm_as_integrated as synrm_flux
 from experiments import synrm_standstill, thor_orders
 from experiments.drawing import RESULTS
+from experiments.real_drives import thor
+from experiments.real_drives.campaigns import HIDDEN, real_drives
 from experiments.thor_bench import Tables
 from model.drive_files import load_drive
-from model.drives import thor
 from model.effects import library
 from model.standstill import fit_axes
 from sandbox.cli import main
-from sandbox.recordings.real_campaigns import HIDDEN, real_drives
 from tests.data import real_data
 
 MAP = Path(__file__).resolve().parents[3] / "experiments" / "synrm_standstill.toml"

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.real_drives import laas, moteus
 from model.datasets import fetch
-from model.drives import laas, moteus
 from model.errors import unknown
 from model.frames import phases
 from model.parameters import Converter, Drive, Injection, Motor

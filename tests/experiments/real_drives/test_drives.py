@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
+from experiments.real_drives import laas, moteus, thor
+from experiments.real_drives.fitted import Fitted, interval, jackknife
 from model.datasets import locate
-from model.drives import laas, moteus, thor
-from model.drives.fitted import Fitted, interval, jackknife
 from model.errors import BadInput
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from model.drives import laas
+from experiments.real_drives import laas
+from experiments.real_drives.campaigns import real_drives, residual_of_motion
 from model.errors import BadInput
 from sandbox.recordings.campaign import read_campaign
-from sandbox.recordings.real_campaigns import real_drives, residual_of_motion
 from sandbox.recordings.writing import write_campaign
 from tests.data import real_data
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from model.drives.fitted import Fitted, interval, jackknife
+from experiments.real_drives.fitted import Fitted, interval, jackknife
 from model.errors import BadInput
 
 RATED_CURRENT = 22.06  # A peak: 15.6 A rms, motulator's example

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from model.drives.fitted import Fitted, jackknife
+from experiments.real_drives.fitted import Fitted, jackknife
 from model.errors import BadInput
 
 POLE_PAIRS = 12

@@ -2,8 +2,8 @@
 
 import pytest
 
+from experiments.withheld_wins import split, worth
 from sandbox.withheld.scoring.judge import judge
-from sandbox.withheld.scoring.wins import split, worth
 from tests.sandbox.withheld.known import diagnosis_of, truth_of
 
 RIGHT, WRONG = diagnosis_of((["dead_time"], 0.9)), diagnosis_of((["iron_loss"], 0.9))

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.drives.fitted import Fitted, interval
+from experiments.real_drives.fitted import Fitted, interval
 from model.errors import BadInput
 
 NO_LOAD_CURRENT = np.geomspace(0.05, 3.0, 60)  # A, assumed: what motors of this size take turning freely
