@@ -38,7 +38,7 @@ def effects_of(given: Given) -> dict[str, float]:
 
 
 def effects_and_angles(given: Given) -> EffectFile:
-    """Return the same with a file's angles, none of a line or a mapping."""
+    """Return the same with a file's angles, none of a line or a mapping; BadInput where it is none of these."""
     if isinstance(given, Path) or (isinstance(given, str) and given.strip().lower().endswith(".toml")):
         return read_effect_file(Path(str(given).strip()))
     if given is None or isinstance(given, str):

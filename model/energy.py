@@ -95,7 +95,8 @@ def torque(m, d, q, magnet_flux, pole_pairs):
 
 
 def is_convex_to(m: AnyEnergy, d: ArrayLike, q: ArrayLike, points: int = 65) -> NDArray[np.bool_]:
-    """Tell for each flux whether H is strictly convex on the whole straight line from zero flux to it."""
+    """Tell for each flux whether H is strictly convex on the whole straight line from zero flux to it; d, q: Wb, of one
+    shape."""
     s = np.linspace(0.0, 1.0, points).reshape((-1,) + (1,) * np.ndim(d))
     dd, dq, qq = hessian.py_func(m, s * np.asarray(d), s * np.asarray(q))
     return np.asarray(np.all((dd + qq > 0) & (dd * qq > dq * dq), axis=0))

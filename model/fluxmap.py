@@ -141,7 +141,7 @@ def _check_size(file: str, what: str, values: NDArray[np.complex128], sizes: tup
 
 
 def write_map(path: str | Path, m: FluxMap) -> None:
-    """Write a map as .npz (complex, motulator's names), .mat (SyR-e's names) or .csv."""
+    """Write a map as .npz (complex, motulator's names), .mat (SyR-e's names) or .csv; BadInput for another suffix."""
     path = Path(path)
     psi_d, psi_q, i_d, i_q = m.points()
     if path.suffix == ".npz":

@@ -16,7 +16,8 @@ from model.levels import NAMES, NONE, Array, D, Fit, Levels, Q, require_informat
 
 
 def first_order_estimate(levels: Levels, slope: Array) -> Array:
-    """Return L_d, L_q and the five alphas (in NAMES' order) by the paper's split least squares, as printed."""
+    """Return L_d, L_q and the five alphas (in NAMES' order) by the paper's split least squares, as printed; slope:
+    (levels, 2), 1/H. BadInput where an axis has no level at zero current."""
     i_d, i_q = levels.current.T
     zero_d, zero_q = levels.pick(D, None), levels.pick(Q, None)
     for rows, axis in ((zero_d, "d"), (zero_q, "q")):

@@ -139,7 +139,8 @@ def _distinct(values: Array, apart: float) -> list[float]:
 
 
 def resistance_of(levels: Levels) -> tuple[float, float]:
-    """Return R and its standard deviation (ohm) from the bias levels, u = R i + u_0 sign(i) along each level."""
+    """Return R and its standard deviation (ohm) from the bias levels, u = R i + u_0 sign(i) along each level; BadInput
+    where levels do not differ in current."""
     i = np.hypot(*levels.current.T)
     big = i > 0.15 * i.max()
     if big.sum() < 3 or np.ptp(i[big]) < 0.1 * i.max():

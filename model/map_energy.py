@@ -31,7 +31,7 @@ def with_stiffness(e: SplineEnergy) -> SplineEnergy:
 
 def energy_file(e: SplineEnergy, magnet: float, choice: Choice, i_d: Array, i_q: Array) -> bytes:
     """Return a .npz of an energy of current-induced fluxes, magnet flux (Wb), and its points at currents (n,) in A that
-    it reaches; choice: cells and smoothness with which its points may be fitted."""
+    it reaches; choice: cells and smoothness with which its points may be fitted. BadInput where it reaches none."""
     kept = []
     for x, y in zip(i_d.tolist(), i_q.tolist(), strict=True):
         d, q, status = flux_newton(e, x, y, 0.0, 0.0)

@@ -150,7 +150,7 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
 
 def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Path) -> MappedMotor:
     """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), its file named
-    from `folder` or in a data set."""
+    from `folder` or in a data set. BadInput where its points make no motor."""
     path = _path(table, folder)
     found = _remembered(path, _reading(table), _choice(table))
     spline, magnet = found.spline, found.magnet

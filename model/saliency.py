@@ -50,7 +50,8 @@ def ripple(dd, dq, qq, e):
 
 
 def tracking_sign(m: AnyEnergy) -> float:
-    """Return the sign of L_q - L_d at zero current: the sense in which a q-null loop must turn."""
+    """Return the sign of L_q - L_d at zero current: the sense in which a q-null loop must turn; BadInput where there is
+    no saliency."""
     if abs(m.gamma_d - m.gamma_q) < LEAST_SALIENCY * max(m.gamma_d, m.gamma_q):
         raise BadInput(
             f"inductance_d = {1 / m.gamma_d:.4g} H and inductance_q = {1 / m.gamma_q:.4g} H: no saliency at zero "

@@ -156,7 +156,8 @@ def choose_for_map(m: FluxMap) -> Choice:
 
 
 def affordable(psi_d: Array, psi_q: Array) -> list[Choice]:
-    """Return the choices of cells and smoothness whose fit to so many points takes no more memory than is used."""
+    """Return the choices of cells and smoothness whose fit to so many points takes no more memory than is used; psi_d,
+    psi_q: (n,) Wb."""
     return [c for c in CHOICES if _bytes(_Box(psi_d, psi_q, c[0]), len(psi_d)) <= MOST_BYTES]
 
 

@@ -98,7 +98,8 @@ def _rows(test: StepTest, axis: int, delay: float) -> tuple[Array, Array, Array]
 
 
 def fit_axes(tests: Sequence[tuple[StepTest, int]], delays: Array | None = None) -> StandstillFit:
-    """Fit R and V shared by single-axis tests (test, axis 0 = d, 1 = q); scans the delays (s), by default to 0.6 ms."""
+    """Fit R and V shared by single-axis tests (test, axis 0 = d, 1 = q); scans the delays (s), by default to 0.6 ms;
+    BadInput where an axis has no test."""
     if {a for _, a in tests} != {0, 1}:
         missing = "d" if all(a == 1 for _, a in tests) else "q"
         raise BadInput(

@@ -214,6 +214,7 @@ def header_of(file: str, given: Sequence[str], below: Sequence[str] = ()) -> Hea
     A bracket is a unit where it is a known one and the names without it stay apart: 'i_a [mA]', 'I(A)' beside 'I(B)'
     not; so is what stands behind a stroke: 'i_a/A', 'phase/A' beside 'phase/B' not.  A name that stands twice gets a
     number.
+    BadInput for a line of numbers, or of nothing.
     """
     while given and not given[-1]:
         given = given[:-1]  # a separator at the end of each line

@@ -116,6 +116,7 @@ def design(drive: Drive, start_up: bool = True, published: bool = False) -> Desi
     published: whether the estimator's tracking loop takes the gains that `[injection] tracking` names
     (`Estimator.takes_published`); the speed loop is then designed around them.  What a Kalman filter is told
     (`speed_variance`) follows the designed bandwidth in any case.
+    BadInput for a motor without magnets.
     """
     motor, converter, injection = drive.motor, drive.converter, drive.injection
     n, h = samples_per_period(injection, converter), converter.sampling_period
@@ -268,7 +269,8 @@ def top_speed(plant: SampledMotor, loop: Loop) -> float:
 
 
 def tracking_loop(plant: SampledMotor, w: NDArray[np.float64], bandwidth: float) -> tuple[Complex, float, float]:
-    """Return open loop and gains of the type-2 loop around demodulation."""
+    """Return open loop and gains of the type-2 loop around demodulation; w: (n,) rad/s at which the loop is
+    returned."""
     gains = Gains(2.0 * DAMPING * bandwidth, bandwidth**2)
     return tracking_response(plant, w, gains), *gains
 
@@ -321,7 +323,8 @@ def _closed_current(plant: SampledMotor, tuned: Loop, inductance: float, w: NDAr
 def speed_loop(
     plant: SampledMotor, inner: Callable[..., Complex], tracking: Gains, w: NDArray[np.float64], bandwidth: float
 ) -> tuple[Complex, float, float]:
-    """Return open loop and PI gains of the speed controller around current loop and the tracking loop's speed."""
+    """Return open loop and PI gains of the speed controller around current loop and the tracking loop's speed; w: (n,)
+    rad/s at which the loop is returned."""
     n, h, torque_gain = plant.n, plant.h, plant.torque_gain
     z = np.exp(1j * w * h)
     loop = tracking_response(plant, w, tracking)

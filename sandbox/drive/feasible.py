@@ -98,10 +98,11 @@ def first_state(estimator: Estimator, believed: Belief, tuning: Tuning, angle: f
 
 
 def checked(estimator: Estimator) -> Callable[..., Estimate]:
-    """Return a Python estimator's step that says so when it raises or returns something else than an Estimate."""
+    """Return a Python estimator's step that says so when it raises or returns something else than an Estimate;
+    BadInput, or OwnCodeError."""
 
     def step(*arguments: object) -> Estimate:
-        """Return the estimate, once it is seen to be one."""
+        """Return the estimate, once it is seen to be one; BadInput where it is none."""
         try:
             estimate = estimator.step(*arguments)  # type: ignore[arg-type]
         except (BadInput, PhysicsError, MemoryError):

@@ -62,7 +62,8 @@ def plant_second() -> float:
 
 
 def c_reference(anchors: Path) -> float:
-    """Return the cost of one step of `reference_rk4.c` (mode 0, gcc -O3 -march=native) in ns."""
+    """Return the cost of one step of `reference_rk4.c` (mode 0, gcc -O3 -march=native) in ns; BadInput without source
+    or compiler."""
     source = anchors / "reference_rk4.c"
     if not source.is_file() or not shutil.which("gcc"):
         raise BadInput(f"the C reference needs gcc and '{source}'; give the folder with --anchors")
@@ -137,7 +138,8 @@ def effects_cost() -> dict[str, float]:
 
 
 def peer(anchors: Path, python: str, case: str = "poly", seconds: float = 1.0) -> tuple[float, float]:
-    """Return motulator's CPU seconds per simulated second and error rms (degrees) on the same case of its script."""
+    """Return motulator's CPU seconds per simulated second and error rms (degrees) on the same case of its script;
+    BadInput where it cannot be run."""
     script = anchors / "peer_motulator.py"
     if not script.is_file():
         raise BadInput(f"'{script}' does not exist; give the folder with --anchors")

@@ -67,7 +67,8 @@ class Maps:
 
 
 def maps(motor: Motor, radius: float | None = None, points: int = 61) -> Maps:
-    """Return the maps on a square of half-width `radius` (A; default 180 % of rated current), `points` a side."""
+    """Return the maps on a square of half-width `radius` (A; default 180 % of rated current), `points` a side; BadInput
+    for a radius or a number of points that is none."""
     radius = 1.8 * motor.rated_current if radius is None else radius
     if not (math.isfinite(radius) and radius > 0) or points < 3:
         raise BadInput(f"radius = {radius} A, points = {points}; give a radius > 0 and at least 3 points a side")

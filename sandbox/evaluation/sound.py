@@ -57,5 +57,6 @@ def weighted_power(signal: Array, rate: float) -> Array:
 
 
 def loudest(power: Array) -> float:
-    """Return the power of the loudest tone: a tone lies in three lines of a Hann window."""
+    """Return the power of the loudest tone: a tone lies in three lines of a Hann window; power: (lines,) of the
+    spectrum."""
     return float(np.max(np.convolve(power, np.ones(3), "same")))

@@ -146,7 +146,8 @@ def course_of(motion: Motion, pole_pairs: float, period: float) -> dict[str, Arr
 
 
 def noise_floor(converter: Converter) -> float:
-    """Return the rms (A) of one current reading about its true value: noise and counts."""
+    """Return the rms (A) of one current reading about its true value: noise and counts; BadInput where neither is
+    stated."""
     floor = math.hypot(converter.current_noise, converter.current_resolution / math.sqrt(12.0))
     if floor <= 0.0:
         raise BadInput(

@@ -72,7 +72,7 @@ class Spill:
         weakref.finalize(self, self.file.close)
 
     def write(self, at: int, values: Array) -> None:
-        """Write numbers from a place (bytes) on."""
+        """Write numbers from a place (bytes) on; BadInput where there is no room."""
         data = np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
         try:
             with self.lock:

@@ -103,7 +103,7 @@ def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
 
 
 def refined(reading: Reading, corners: Array) -> Ramps:
-    """Return the best ramps with so many corners near those given."""
+    """Return the best ramps with so many corners near those given; corners: (k,), as `tau`."""
     fitted, step = _linear(reading, corners)
     for _ in range(ITERATIONS if len(corners) else 0):
         for halving in range(HALVINGS):

@@ -110,6 +110,7 @@ def prepare(
     base: parameter set at which a free rotor's angle is smoothed (its torque helps the encoder; repeat where a fit has
     moved far).  files: which recordings, all by default.  steps: plant steps a sampling period; by default the least
     whose halving moves no recording's prediction by more than ACCURACY of the noise floor.
+    BadInput where no recording is left, or its values cannot be replayed.
     """
     drive = campaign.drive
     complete(drive.motor, drive.converter, base)
@@ -130,7 +131,7 @@ def prepare(
 
 
 def with_steps(prepared: Prepared, steps: int) -> Prepared:
-    """Return the same with another number of plant steps a sampling period."""
+    """Return the same with another number of plant steps a sampling period; BadInput where that is none."""
     if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
         raise BadInput(f"steps = {steps!r} is no number of plant steps a period; give a whole number >= 1")
     return replace(prepared, steps=steps)
@@ -150,6 +151,7 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
     """Return what parameter sets predict for the recordings; workers: threads (bit-identical results for any number).
 
     A set is a mapping such as {"dead_time.time": 2e-6, "bench.lock_angle": 1e-3}; what is not named is neutral.
+    BadInput without a set, or for one that cannot be.
     """
     if not sets:
         raise BadInput("no parameter set to replay; give at least one ({} for the nominal model)")
@@ -289,7 +291,8 @@ class StreamingReplay:
 
 
 def in_threads(task, jobs, workers: int) -> None:
-    """Run task(job) for all jobs on so many threads; compiled code releases the interpreter."""
+    """Run task(job) for all jobs on so many threads; compiled code releases the interpreter; BadInput for less than
+    one."""
     if workers < 1:
         raise BadInput(f"workers = {workers} is no number of threads; give 1 or more")
     if workers == 1:

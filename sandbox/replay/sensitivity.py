@@ -127,6 +127,7 @@ def sensitivities(
     """Return d(reading)/d(parameter) of the whole campaign at a base set (default: the prepared one).
 
     names: parameters, all by default; workers: threads, any number gives the same bits; share: step over typical size.
+    BadInput for an unknown name, or a share that is none.
     """
     chosen = all_parameters() if names is None else tuple(names)
     for name in chosen:

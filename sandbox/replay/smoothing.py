@@ -61,7 +61,7 @@ class Motion:
 
 
 def locked_motion(theta: Array) -> Motion:
-    """Return the motion of a rotor that stands: the mean reading."""
+    """Return the motion of a rotor that stands: the mean reading; theta: (n,) rad."""
     return Motion(np.full(len(theta), float(np.mean(theta))), np.zeros(len(theta)))
 
 

@@ -153,7 +153,8 @@ def later(track: Any, periods: int) -> Any:
 
 
 def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
-    """Set the states at the first sample: without current, or (`Inputs.loaded`) with the current as read."""
+    """Set the states at the first sample: without current, or (`Inputs.loaded`) with the current as read; BadInput
+    where no flux gives that current."""
     lanes = len(w["offset"])
     off = np.zeros((1, lanes))
     for _ in range(2):  # the deviation at the true angle

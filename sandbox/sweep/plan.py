@@ -161,7 +161,8 @@ def read_sweep(path: str | Path) -> Sweep:
 
 
 def sweep_of(tables: Mapping[str, Any], name: str = "sweep", folder: Path | None = None) -> Sweep:
-    """Return the sweep of tables laid out as in a TOML file, everything checked that can be before it runs."""
+    """Return the sweep of tables laid out as in a TOML file, everything checked that can be before it runs; BadInput
+    for the first thing that is wrong."""
     for table in tables:
         if table not in TABLES:
             from model.effects.library import effect_names

@@ -126,7 +126,8 @@ def counts(folder: Path) -> tuple[int, int]:
 
 
 def read_table(folder: Path) -> Any:
-    """Return the runs of all finished blocks as one pyarrow table, by number."""
+    """Return the runs of all finished blocks as one pyarrow table, by number; BadInput where a folder holds no sweep,
+    or not all of one."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -146,7 +147,8 @@ def check_files(folder: Path, names: Iterable[str]) -> None:
 
 
 def open_traces(folder: Path) -> Any:
-    """Return the traces as an xarray Dataset (run, sample), read when asked for; NaN after a run's end."""
+    """Return the traces as an xarray Dataset (run, sample), read when asked for; NaN after a run's end; BadInput where
+    there are none."""
     xarray, _ = _trace_libraries()
     if not (folder / TRACES).exists():
         raise BadInput(f"'{folder}' holds no traces; ask for them with [traces] in the sweep's file")

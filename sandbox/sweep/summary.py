@@ -70,7 +70,8 @@ def errors_of(table: pyarrow.Table) -> NDArray[np.float64]:
 
 
 def below(errors: NDArray[np.float64], share: float) -> float | None:
-    """Return the error that a share of runs stays below or meets; None where it is infinite or there is no run."""
+    """Return the error that a share of runs stays below or meets; None where it is infinite or there is no run; errors:
+    (runs,) degrees."""
     if errors.size == 0:
         return None
     value = float(np.sort(errors)[min(errors.size, max(1, math.ceil(share * errors.size))) - 1])

@@ -64,7 +64,8 @@ class Reading(NamedTuple):
 
 
 def flux_for(b: SwitchedBench, i: complex, theta: float) -> complex:
-    """Return the flux vector (Wb) whose magnetising current is i (A): Newton's method with a difference Jacobian."""
+    """Return the flux vector (Wb) whose magnetising current is i (A): Newton's method with a difference Jacobian;
+    PhysicsError where none has it."""
     m = magnet(b, complex(math.cos(theta), math.sin(theta)))[0]
     psi, h = m, 1e-6 * max(abs(b.magnet_flux), abs(i) / (b.flux_map.stiffness if b.flux_map else b.g_0), 1e-6)
     for _ in range(NEWTON_STEPS):

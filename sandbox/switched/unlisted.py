@@ -89,7 +89,8 @@ def _check(name: str, value: float) -> None:
 
 
 def with_sign(b: SwitchedBench, shape: str, half_width: float) -> SwitchedBench:
-    """Return the bench whose currents' sign goes through zero as told: 'linear', 'hard' or 'tanh', half_width in A."""
+    """Return the bench whose currents' sign goes through zero as told: 'linear', 'hard' or 'tanh', half_width in A;
+    BadInput for another shape, or a width that is none."""
     if shape not in SHAPES:
         raise unknown("shape of the sign", shape, SHAPES)
     if not (math.isfinite(half_width) and half_width > 0.0):

@@ -139,7 +139,8 @@ def widened(coordinates: Sequence[Coordinate], factor: float) -> list[Coordinate
 
 
 def beginning(point: Point, effect: str) -> Candidate:
-    """Return an effect with its companions (time constants, frequencies, orders) at typical values."""
+    """Return an effect with its companions (time constants, frequencies, orders) at typical values; BadInput where the
+    drive cannot have these."""
     drive = point.prepared.campaign.drive
     own = [p for p in library.load_effect(effect).parameters if p.fit == "log" or p.scan]
     probe = Candidate(effect, {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own})
@@ -201,6 +202,7 @@ def interval(value: float, half: float) -> dict[str, Any]:
 
 
 def inverse_root(diagonal: Array) -> Array:
-    """Return what scales a matrix' diagonal to 1; 0 where a column moves nothing, which leaves it out."""
+    """Return what scales a matrix' diagonal to 1; 0 where a column moves nothing, which leaves it out;
+    diagonal: (p,)."""
     least = 1e-24 * float(np.max(diagonal, initial=1e-200))
     return np.where(diagonal > least, 1.0 / np.sqrt(np.maximum(diagonal, least)), 0.0)

@@ -131,7 +131,8 @@ def single(e: Equations, g: Array, noise: float) -> tuple[Array, Array]:
 
 
 def likely_sets(chances: Array, effects: Sequence[str]) -> list[tuple[tuple[str, ...], float]]:
-    """Return sets of effects with their chances, the most probable first: single effects are independent."""
+    """Return sets of effects with their chances, the most probable first: single effects are independent; chances:
+    a row for each single effect, of the effects and of none of them."""
     sets: dict[frozenset[str], float] = {frozenset(): 1.0}
     for own in chances:
         each: dict[str | None, float] = {None: float(own[-1])}

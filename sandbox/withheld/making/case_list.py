@@ -79,6 +79,7 @@ def cases(
     its own and has one size.  Pairs: one effect of every pair in turn, on the pair's narrow cycles.  Outside: see
     `_outside`.  outside: causes that can be drawn (EVERY for that kind, else OUTSIDE); table: of TABLES; published
     sizes come from every quarter of their range in turn; maps: of mixed checks, which are else the same to the bit.
+    BadInput for an unknown name or a count that is none.
     """
     if kind not in KINDS:
         raise unknown("kind of check", kind, KINDS)

@@ -65,7 +65,7 @@ PAIRS: Mapping[str, tuple[tuple[str, ...], Maker]] = {
 
 
 def all_cycles(pair: str, s: Scale, rng: Generator) -> list[Cycle]:
-    """Return a pair's two cycles."""
+    """Return a pair's two cycles; BadInput for an unknown pair."""
     if pair not in PAIRS:
         raise unknown("pair", pair, PAIRS)
     return PAIRS[pair][1](s, rng)

@@ -28,7 +28,8 @@ def users_cards() -> dict[str, Effect]:
 
 
 def numbers(card: Effect) -> dict[str, str]:
-    """Return the bench's number of each parameter of a card: `effect` for the first, `effect_parameter` for others."""
+    """Return the bench's number of each parameter of a card: `effect` for the first, `effect_parameter` for others;
+    BadInput where the bench has no such number."""
     out = {p.name: f"{card.name}_{p.name}" if k else card.name for k, p in enumerate(card.parameters)}
     for parameter, number in out.items():
         if number not in UNLISTED:

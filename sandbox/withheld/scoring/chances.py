@@ -60,7 +60,7 @@ def calibration_error(chance: ArrayLike, there: ArrayLike) -> float:
 
 
 def f1(chance: ArrayLike, there: ArrayLike) -> float:
-    """Return the harmonic mean of precision and recall of effects named."""
+    """Return the harmonic mean of precision and recall of effects named; chance, there: of one shape."""
     named, true = np.asarray(chance) > NAMED, np.asarray(there) > 0.5
     return float(2.0 * np.sum(named & true) / max(int(np.sum(named) + np.sum(true)), 1))
 

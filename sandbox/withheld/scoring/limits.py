@@ -120,7 +120,8 @@ def _shares(parts: Array) -> Array:
 
 
 def area(positive: ArrayLike, negative: ArrayLike) -> float:
-    """Return the area under the ROC: the chance that a positive's score exceeds a negative's, ties half."""
+    """Return the area under the ROC: the chance that a positive's score exceeds a negative's, ties half; positive:
+    (n,), negative: (m,) scores."""
     return float(np.mean(_exceeds(positive, negative)))
 
 
