@@ -23,10 +23,23 @@ PERIOD = 1e-3  # s, of the LAAS log
 COUNTS = 20_000  # of its encoder
 ROLLING = ("rolling_data", "rolling_data1", "rolling_data2")
 HIDDEN = (  # from a log without i_d, u_d, phase currents and link voltage
-    "dead_time", "device_drop", "dc_link_error", "dc_link_ripple", "pwm_delay", "inductance", "inductance_harmonics",
-    "saturation", "cross_saturation", "skin_effect", "winding_asymmetry", "current_gain", "current_offset",
-    "current_filter", "current_sampling", "encoder_offset",
-)  # fmt: skip
+    "dead_time",
+    "device_drop",
+    "dc_link_error",
+    "dc_link_ripple",
+    "pwm_delay",
+    "inductance",
+    "inductance_harmonics",
+    "saturation",
+    "cross_saturation",
+    "skin_effect",
+    "winding_asymmetry",
+    "current_gain",
+    "current_offset",
+    "current_filter",
+    "current_sampling",
+    "encoder_offset",
+)
 ASSUMED_LINK, ASSUMED_INDUCTANCE = 24.0, 1e-3  # V, H: on no file; nothing below depends on them
 
 
@@ -65,9 +78,18 @@ def laas_drive(folder: Path) -> RealDrive:
     current = max(float(np.max(np.abs(r.current))) for r in runs.values())
     speed = max(float(np.max(np.abs(r.speed))) for r in runs.values())
     motor = Motor(
-        "laas_bldc", laas.POLE_PAIRS, resistance, flux, ASSUMED_INDUCTANCE, ASSUMED_INDUCTANCE, inertia,
-        current, constant * current, speed * 30.0 / math.pi, viscous_friction=friction.viscous.value,
-    )  # fmt: skip
+        "laas_bldc",
+        laas.POLE_PAIRS,
+        resistance,
+        flux,
+        ASSUMED_INDUCTANCE,
+        ASSUMED_INDUCTANCE,
+        inertia,
+        current,
+        constant * current,
+        speed * 30.0 / math.pi,
+        viscous_friction=friction.viscous.value,
+    )
     noise = float(np.median([_noise(runs[name].current) for name in ROLLING]))
     converter = Converter(PERIOD, ASSUMED_LINK, 0.0, noise, encoder_counts=COUNTS)
     provenance = {
