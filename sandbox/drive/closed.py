@@ -16,7 +16,7 @@ from model.steps import step_for_orders, step_for_turn, step_for_winding
 from sandbox.drive.loop import LoopPlant
 from sandbox.plant import additions as add
 from sandbox.plant.batch import blank_room
-from sandbox.plant.sets import batch_of, complete, features_of, machine_rows, timing_of
+from sandbox.plant.sets import batch_of, features_of, machine_rows, timing_of
 from sandbox.replay.walking import at_rest
 
 
@@ -38,7 +38,7 @@ def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_o
 def closed_bench(
     motor: Motor,
     converter: Converter,
-    effects: Mapping[str, float],
+    values: Mapping[str, float],
     rotor: str,
     theta: float,
     step: float,
@@ -46,10 +46,9 @@ def closed_bench(
 ) -> LoopPlant:
     """Return the plant at rest without current at an electrical angle (rad).
 
-    motor: the nominal one; effects: completed parameters; rotor: `locked`, `driven` or `free`; step: s, the longest;
+    motor: the nominal one; values: completed parameters; rotor: `locked`, `driven` or `free`; step: s, the longest;
     truth: another magnetic model than the motor's.
     """
-    values = complete(motor, converter, dict(effects))
     library.check_inside(motor, converter, values)
     features = features_of(motor, values) | add.MOVED
     w = batch_of(motor, converter, [values], 1)

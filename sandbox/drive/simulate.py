@@ -232,12 +232,11 @@ def exact_bench(
 ) -> tuple[Any, ...]:
     """Return the loop's kernel (interpreted where there is no compiled belief) and the plant.
 
-    inside: what is read inside a period, None for nothing.
+    values: completed parameters; inside: what is read inside a period, None for nothing.
     """
     motor = true_motor(drive.motor, values, keep_map=True)
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
-    every = sets.complete(drive.motor, drive.converter, values)
-    step = min(plant_step, longest_step(motor, every, features_of(drive.motor, every), top))
+    step = min(plant_step, longest_step(motor, values, features_of(drive.motor, values), top))
     bench = closed_bench(drive.motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
     bench = looked_into(bench) if inside else bench
     return loop.run_for(bench.flux_map, believed, inside) if believed else loop.run_python, bench

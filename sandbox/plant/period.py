@@ -3,7 +3,7 @@
 Time in a period runs from its pattern's start, t_k + delay: the edges then come in one order and at one instant for
 all sets side by side, whatever their delays.  What differs from set to set is when a commanded edge acts: late by what
 the effects at the port `edge` say of the current there.  Volt-seconds of late edges are exact wherever they fall:
-before the next edge, beyond it, or in the next period (`Pending`).  A pulse cannot be negative.
+before the next edge, beyond it, or in the next period (`wait`).  A pulse cannot be negative.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A measurement campaign on one drive: a folder with `campaign.toml` and one Parquet table a recording.
 
 Read and checked, or written whole; the format is the one of a bench's engineer (units SI, angles electrical,
-transformation amplitude-invariant).  Only this module imports pyarrow, lazily.
+transformation amplitude-invariant).
 """
 
 from __future__ import annotations

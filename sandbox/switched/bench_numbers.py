@@ -43,7 +43,7 @@ class SwitchedBench(NamedTuple):
     magnet_flux: float
     psi_d6: float
     psi_q6: float
-    g_0: float  # energy as a harmonic series of the flux vector, see machine.py
+    g_0: float  # energy as a harmonic series of the flux vector, see `phase_machine`
     g_2: float
     gamma_6: float
     c_1: float

@@ -29,7 +29,7 @@ from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinar
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
 # Of the objective over the squared residual (`noise_at`): a step that gains less changes no decision, since far from
-# the floor the data counts for as much less (`posterior.tempered`).
+# the floor the data counts for as much less.
 TOLERANCE = 0.2
 SHORTEST = 0.05  # share of a step that is still tried: along a bent valley short steps gain, damped ones hardly
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains

@@ -9,7 +9,7 @@ r, g, A the residual and normal equations of j's simulation: what it cannot foll
 bets.  That of b less that of a is the log evidence for a over b that the experiment is expected to bring if a is true;
 estimates meet the variance that the misfit of the recordings so far gives.
 
-What a simulator misses of its bench (`discrepancy`) leans, by chance, to one of the two: it counts as noise beside the
+What a simulator misses of its bench leans, by chance, to one of the two: it counts as noise beside the
 recording's own.  `unknown` foretells nothing, so no recording parts it from the others.
 """
 
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 Rivals = Sequence[tuple[float, EvaluatedModel]]
 LEAST_POWER, SURE = 0.5, 0.95
 # What a simulator may miss of a recording that is not there yet: of its readings' squares, and of the gap that effects
-# make in it.  More than fits leave (`evidence.discrepancy`), as nothing was fitted to it.
+# make in it.  More than fits leave (`evidence/misfit.py`), as nothing was fitted to it.
 FLOOR, SHARE = 0.012, 3e-4
 LEANS = 0.3  # correlation of what a simulator misses with the difference of two hypotheses; a choice, not measured
 LONGER = (2.0, 4.0)  # times a menu's duration that a recording may take, where its own does not do

@@ -16,6 +16,7 @@ from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.plant.additions import stiffen_further
 from sandbox.plant.electrical import stiffen
+from sandbox.plant.sets import complete
 from sandbox.switched import bench_numbers, harmonics
 from sandbox.switched.bench_numbers import bench
 from sandbox.switched.phase_machine import current_and_torque, least_stiffness
@@ -74,7 +75,8 @@ def test_a_closed_loop_sees_what_harmonics_take(theta):
     degree are exact but for rounding, 1e-16 of a current over 1e-4 of its flux."""
     drive = load_drive("ipm_exchanged")
     b = bench(drive.motor, drive.converter, HARMONICS)
-    own = closed_bench(drive.motor, drive.converter, HARMONICS, "locked", theta, 1e-5)
+    values = complete(drive.motor, drive.converter, HARMONICS)
+    own = closed_bench(drive.motor, drive.converter, values, "locked", theta, 1e-5)
     c, s = math.cos(theta), math.sin(theta)
     psi = complex(-0.06 + drive.motor.magnet_flux, 0.045) * complex(c, s)
     own.w["psi_alpha"][0], own.w["psi_beta"][0] = psi.real, psi.imag
