@@ -6,6 +6,7 @@ import pytest
 
 import sandbox
 from tests.sandbox.public.naming import OWN, SHORT
+from tests.sandbox.public.short_run import SHORT_TOML
 
 
 @pytest.fixture(scope="module")
@@ -17,4 +18,12 @@ def run():
 def own_file(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(OWN.format(name="mine"))
+    return path
+
+
+@pytest.fixture
+def short(tmp_path):
+    """Return the file of a short scenario."""
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT_TOML)
     return path
