@@ -67,7 +67,7 @@ class Row(NamedTuple):
 def gap_of(campaign: Campaign) -> float:
     """Return the squares above the noise floor that ordinary deviations leave, in readings."""
     prepared = prepare(campaign)
-    prepared = replace(prepared, floor=floor_of(campaign, prepared.floor))
+    prepared = replace(prepared, noise_std=floor_of(campaign, prepared.noise_std))
     start = Point(prepared, complete(campaign.drive.motor, campaign.drive.converter))
     found = fit(start, (), weights_of(len(prepared.recordings)), workers=1)
     return sum(float(s.rr.sum() - s.n.sum()) for s in found.normal.segments)

@@ -220,7 +220,7 @@ def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]
     """Return a campaign at its nominal model; PhysicsError where that predicts nothing finite."""
     left_over = spare(memory, sum(len(r.t) for r in own.recordings))
     prepared = prepare(in_order(own))
-    prepared = replace(prepared, floor=floor_of(own, prepared.floor), spare=left_over)
+    prepared = replace(prepared, noise_std=floor_of(own, prepared.noise_std), spare=left_over)
     start = Point(prepared, complete(own.drive.motor, own.drive.converter))
     nominal = normal(start, (), workers=workers)
     if not np.isfinite(rms(nominal, range(len(prepared.recordings)))):
@@ -238,7 +238,7 @@ def _excerpts(start: Point) -> Point | None:
         return None
     own = start.prepared.campaign
     short = prepare(in_order(begun(excerpted(own, USUAL_SETTINGS.samples))), steps=start.prepared.steps)
-    return replace(start, prepared=replace(short, floor=start.prepared.floor, spare=start.prepared.spare))
+    return replace(start, prepared=replace(short, noise_std=start.prepared.noise_std, spare=start.prepared.spare))
 
 
 def _with_map(start: Point, short: Point | None) -> tuple[Point, Point | None]:

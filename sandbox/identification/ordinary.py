@@ -122,7 +122,7 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
         untold,
         begin,
         {n: values[n] for n in names[len(known) :]},
-        prepared.floor * math.sqrt(x.square()),
+        prepared.noise_std * math.sqrt(x.square()),
         x.square(),
         shown,
         count,

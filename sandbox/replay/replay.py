@@ -52,7 +52,7 @@ class Prepared:
     campaign: Campaign
     recordings: tuple[Inputs, ...]
     steps: int
-    floor: float  # A rms of one phase's reading
+    noise_std: float  # A rms of one phase's reading
     base: Set
     spare: float = math.inf
     map_error: MapError | None = None
@@ -143,7 +143,7 @@ def halving_error(prepared: Prepared) -> list[float]:
     for r in prepared.recordings:  # one by one: two predictions of everything would be large
         own = replace(prepared, recordings=(r,))
         (coarse,), (fine,) = (replay(p, [prepared.base]).currents for p in (own, with_steps(own, 2 * own.steps)))
-        out.append(float(np.sqrt(np.mean((coarse - fine) ** 2))) / prepared.floor)
+        out.append(float(np.sqrt(np.mean((coarse - fine) ** 2))) / prepared.noise_std)
     return out
 
 
@@ -198,7 +198,7 @@ def residual_of(prepared: Prepared, s: Stretch, shown: Shown) -> Residual:
     """Return the residuals over a stretch of what is predicted there."""
     r, own = prepared.recordings[s.recording], slice(s.first, s.last)
     turned = None if shown.angle is None else (r.angle_read[own, None] - shown.angle) / r.angle_floor
-    return Residual(r.file, r.rotor, (r.read[own, :, None] - shown.current) / prepared.floor, shown.motion, turned)
+    return Residual(r.file, r.rotor, (r.read[own, :, None] - shown.current) / prepared.noise_std, shown.motion, turned)
 
 
 def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:

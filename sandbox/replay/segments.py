@@ -95,7 +95,7 @@ def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[C
         """Return one of them."""
         return ChannelSlopes(name, j, channel(shown, name), columns, size, places)
 
-    out = [part("current", found.current, scale / prepared.floor)]
+    out = [part("current", found.current, scale / prepared.noise_std)]
     if found.motion is not None:  # innovations are normalised already
         out.append(part("motion", found.motion[:, None, :], -scale))
     if found.angle is not None:

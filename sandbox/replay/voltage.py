@@ -29,7 +29,7 @@ def voltage_residual(prepared: Prepared, values: Mapping[str, float], recording:
     """
     r, drive = prepared.recordings[recording], prepared.campaign.drive
     motor = true_motor(drive.motor, dict(values), keep_map=True)
-    i = stationary_residual(current, prepared.floor)
+    i = stationary_residual(current, prepared.noise_std)
     read = (2.0 / 3.0) * r.read @ LEGS
     psi = linked(motor.energy, read, i, r.motion.angle)
     period = drive.converter.sampling_period

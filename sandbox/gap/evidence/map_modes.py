@@ -62,7 +62,7 @@ def with_modes(point: Point, size: float) -> Point:
         return point
     unit = size / np.sqrt(path)
     answers = _without(answers, basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0])
-    value, vector = np.linalg.eigh(unit**2 * answers / prepared.floor**2)
+    value, vector = np.linalg.eigh(unit**2 * answers / prepared.noise_std**2)
     told = np.flatnonzero(value > MIN_INFORMATION)[::-1][:MAX_DIRECTIONS]
     if not len(told):
         return point

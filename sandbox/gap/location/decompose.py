@@ -88,7 +88,7 @@ def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
     return Decomposition(
         total, recordings, channels, directions, speed, current, amplitude,
         _orders(own, z, total), _mechanical(own, shown, total), _injection(point, z, total), _line(point, z, total),
-        readings(shown, point.prepared.floor, _of_readings(point, shown)),
+        readings(shown, point.prepared.noise_std, _of_readings(point, shown)),
     )  # fmt: skip
 
 

@@ -216,7 +216,7 @@ def _recordings(a: Answers, part: Decomposition) -> list[list[str]]:
 
 
 def _floor_caption(a: Answers) -> str:
-    own = amperes(a.diagnosis.start.prepared.floor)
+    own = amperes(a.diagnosis.start.prepared.noise_std)
     return f"Rms of the residual, in noise floors; 1 is noise alone ({own} for currents). ● held out of the fit."
 
 

@@ -36,7 +36,7 @@ def waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: Se
         return list(own[np.arange(len(t)), np.argmax(np.abs(own), axis=1)].tolist())
 
     both = {"before": before[k], "after": after[k]}
-    floor = a.diagnosis.start.prepared.floor
+    floor = a.diagnosis.start.prepared.noise_std
     panels = [
         (f"i_{p} (A)", {name: (t, peaks(floor * x.current[:, j, 0])) for name, x in both.items()})
         for j, p in enumerate("abc")
@@ -91,7 +91,7 @@ def _currents(
     out = []
     for j, read in enumerate(phases_of(d, k)):
         simulated = {
-            name: (t, (read[own] - prepared.floor * x.current[own, j, 0]).tolist())
+            name: (t, (read[own] - prepared.noise_std * x.current[own, j, 0]).tolist())
             for name, x in (("before", before), ("after", after))
         }
         out.append((f"i_{'abc'[j]} (A)", {**simulated, "measured": (t, read[own].tolist())}))

@@ -134,7 +134,7 @@ def _text(a: Answers) -> str:
     d = a.diagnosis
     lines = [f"# {d.campaign.name}", f"**Where?** {answers.where_text(a)}", f"**Which?** {answers.which_text(a)}"]
     lines += [f"**How far?** {answers.far_text(a)}", f"**Next?** {answers.next_text(a)}"]
-    floor = amperes(d.start.prepared.floor)
+    floor = amperes(d.start.prepared.noise_std)
     lines.append(f"Grey: recorded. Orange: simulated before. Blue: simulated after. One noise floor is {floor}.")
     rows = [
         f"| {k} | {file}{' (held out)' if held else ''} | {before:.2f} | {after:.2f} |"

@@ -114,12 +114,12 @@ def simulated(point: Point, chosen: list[int], rng: np.random.Generator) -> list
     """Return (recording, currents alpha, beta (n, 2) in A) that a point predicts, with sensor noise added."""
     part = Prepared(
         point.prepared.campaign, tuple(point.prepared.recordings[k] for k in chosen), point.prepared.steps,
-        point.prepared.floor, point.prepared.base,
+        point.prepared.noise_std, point.prepared.base,
     )  # fmt: skip
     predicted = replay(part, [point.values]).currents
     out = []
     for k, current in zip(chosen, predicted, strict=True):
-        read = current[:, :, 0] + part.floor * rng.standard_normal(current.shape[:2])
+        read = current[:, :, 0] + part.noise_std * rng.standard_normal(current.shape[:2])
         out.append((k, np.asarray((2.0 / 3.0) * read @ LEGS)))
     return out
 

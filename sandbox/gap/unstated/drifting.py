@@ -75,7 +75,7 @@ def drifting(point: Point, shown: Sequence[Residual]) -> Drifting | None:
     own = {file: np.array(x) for file, x in turns.items() if len(x) >= FEWEST}
     if len(own) < 2:
         return None
-    floor = point.prepared.floor
+    floor = point.prepared.noise_std
     means = np.array([floor * x[:, 0].mean(axis=0) for x in own.values()])
     errors = np.array([floor * x[:, 0].std(axis=0, ddof=1).max() / math.sqrt(len(x)) for x in own.values()])
     even = np.array([floor**2 * np.sum(x[:, 1:].mean(axis=0) ** 2) / 2.0 for x in own.values()])

@@ -162,7 +162,7 @@ def parts_of(point: Point) -> list[Part]:
         track = running.track[len(running.track) - r.samples :][:n]
         duty = np.stack([track[f"d_{x}"] for x in "abc"], axis=1)
         kick = track["link"][:, None, None] * whole
-        out.append(Part(duty, kick, own.a, own.c / prepared.floor, np.ascontiguousarray(left.current[:n, :, 0])))
+        out.append(Part(duty, kick, own.a, own.c / prepared.noise_std, np.ascontiguousarray(left.current[:n, :, 0])))
     return out
 
 

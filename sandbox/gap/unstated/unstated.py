@@ -44,7 +44,7 @@ class Unstated:
         """Return a point of the campaign that states it."""
         old = point.prepared
         new = prepare(self.in_campaign(old.campaign), old.base, steps=old.steps)
-        return replace(point, prepared=same_map(replace(new, floor=old.floor, spare=old.spare), old))
+        return replace(point, prepared=same_map(replace(new, noise_std=old.noise_std, spare=old.spare), old))
 
 
 NOTHING = Unstated()

@@ -45,7 +45,7 @@ class ReplayResult(Result):
     def as_json(self) -> dict[str, Any]:
         """Return campaign, effects, noise floor (A) and each recording's rms over it."""
         return {
-            "campaign": self.prepared.campaign.name, "effects": dict(self.effects), "floor": self.prepared.floor,
+            "campaign": self.prepared.campaign.name, "effects": dict(self.effects), "floor": self.prepared.noise_std,
             "recordings": [{"file": file, "rms": value} for file, value in self.rms.items()],
         }  # fmt: skip
 
@@ -163,7 +163,7 @@ def replay(
     if motor is not None:
         own = dataclasses.replace(own, drive=dataclasses.replace(own.drive, motor=load_motor(motor).motor))
     prepared = prepare(own, added, files=files)
-    prepared = Point(dataclasses.replace(prepared, floor=floor_of(own, prepared.floor)), added, angles).turned()
+    prepared = Point(dataclasses.replace(prepared, noise_std=floor_of(own, prepared.noise_std)), added, angles).turned()
     prediction = put_through(prepared, [added], workers=jobs)
     rms = {r.file: float(r.rms()[0]) for r in residuals(prepared, prediction)}
     return ReplayResult(prepared, prediction, added, rms)

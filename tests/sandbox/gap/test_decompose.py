@@ -101,7 +101,7 @@ def test_direction_of_the_missing_voltage(point, values, direction):
     base = replay(point.prepared, [point.values]).currents
     moved = replay(point.prepared, [{**point.values, **values}]).currents
     change = {
-        r.file: (b - a)[:, :, 0] / point.prepared.floor
+        r.file: (b - a)[:, :, 0] / point.prepared.noise_std
         for r, a, b in zip(point.prepared.recordings, base, moved, strict=True)
     }
     part = decompose(point, residual_of(point, lambda r: change[r.file]))
@@ -115,7 +115,7 @@ def test_resistance_grows_with_current_and_dead_time_does_not(point):
     for name, value in (("stator_resistance.resistance", 1.15 * DRIVE.motor.resistance), ("dead_time.time", 2e-6)):
         base, moved = (replay(point.prepared, [{**point.values, **v}]).currents for v in ({}, {name: value}))
         change = {
-            r.file: (b - a)[:, :, 0] / point.prepared.floor
+            r.file: (b - a)[:, :, 0] / point.prepared.noise_std
             for r, a, b in zip(point.prepared.recordings, base, moved, strict=True)
         }
         seen = decompose(point, residual_of(point, lambda r, c=change: c[r.file])).amplitude

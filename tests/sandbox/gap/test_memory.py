@@ -167,7 +167,7 @@ def test_regressions_are_made_on_what_memory_allows():
     assert part.loaded
     assert shortened(point()).prepared.samples == 3600
     alone, all_of_it = (replay(p.prepared, [p.values]).currents[1][:, :, 0] for p in (short, at))
-    miss = np.abs(alone - all_of_it[300:900]) / at.prepared.floor
+    miss = np.abs(alone - all_of_it[300:900]) / at.prepared.noise_std
     assert miss[0].max() > 1.0  # it starts from what was read, which is not what this point predicts
     assert miss[-1].max() < 1e-3  # and forgets that within L/R: 75 ms later to nothing
 

@@ -40,7 +40,9 @@ def recorded(point, currents, added, seed):
     rng = np.random.default_rng(seed)
     prepared, out = point.prepared, []
     for r, i, extra in zip(prepared.campaign.recordings, currents, added, strict=True):
-        read = i + np.column_stack([extra.real, extra.imag]) @ LEGS.T + prepared.floor * rng.standard_normal(i.shape)
+        read = (
+            i + np.column_stack([extra.real, extra.imag]) @ LEGS.T + prepared.noise_std * rng.standard_normal(i.shape)
+        )
         out.append(
             dataclasses.replace(r, columns={**r.columns, **dict(zip(("i_a", "i_b", "i_c"), read.T, strict=True))})
         )
@@ -60,7 +62,7 @@ def found_and_put_in(quiet, functions, seed=0):
     on the recordings held out, samples there, columns of the regression."""
     point, currents = quiet
     turned = [f * np.exp(1j * r.motion.angle) for f, r in zip(functions, point.prepared.recordings, strict=True)]
-    put = sum(1.5 * np.sum(np.abs(functions[k]) ** 2) for k in HELD) / point.prepared.floor**2
+    put = sum(1.5 * np.sum(np.abs(functions[k]) ** 2) for k in HELD) / point.prepared.noise_std**2
     own = recorded(point, currents, turned, seed)
     return remains(own, HELD, before=math.sqrt(2.0)), put
 
@@ -74,7 +76,7 @@ def tolerance(put, columns, share_fitted):
 def test_what_was_put_in_is_found_back(quiet):
     """A product of currents and a sixth harmonic, three floors rms: both in the span, so only noise is lost."""
     point, currents = quiet
-    size = 9.0 * point.prepared.floor
+    size = 9.0 * point.prepared.noise_std
     f = [size * (z.real * z.imag + 1j * z.imag * np.cos(6.0 * th)) for z, th, _ in rotor_frame(point, currents)]
     r, put = found_and_put_in(quiet, f)
     columns, samples = regressors(point, currents)[0].x.shape[2], 4 * sum(len(currents[k]) for k in HELD)

@@ -240,7 +240,7 @@ def test_residuals_over_time_by_hand(monkeypatch, drawn, n, period, points, mill
     residual = np.zeros((n, 3, 1))
     residual[n // 2 - 1, 0], residual[-5:, 1] = -3.0, 9.0
     shown = [SimpleNamespace(current=residual, motion=np.full((n, 1), -4.0))]
-    prepared = SimpleNamespace(recordings=[SimpleNamespace(file="r", samples=n, first=0)], floor=0.5)
+    prepared = SimpleNamespace(recordings=[SimpleNamespace(file="r", samples=n, first=0)], noise_std=0.5)
     columns = {f"i_{p}": np.full(n, 2.0) for p in "abc"}
     campaign = Recorded(r=SimpleNamespace(columns=columns))
     campaign.drive = SimpleNamespace(converter=SimpleNamespace(sampling_period=period))

@@ -105,7 +105,7 @@ def test_recordings_are_numbered_from_one(monkeypatch):
         monkeypatch.setattr(traces.answers, name, lambda a: "told")
     rows = [OfRecording("a.parquet", 4.0, 2.0, False), OfRecording("b.parquet", 3.0, 1.0, True)]
     d = SimpleNamespace(campaign=SimpleNamespace(name="x"), size=SimpleNamespace(recordings=rows))
-    d.start = SimpleNamespace(prepared=SimpleNamespace(floor=0.002))
+    d.start = SimpleNamespace(prepared=SimpleNamespace(noise_std=0.002))
     said = traces._text(SimpleNamespace(diagnosis=d))
     assert "One noise floor is 2 mA." in said
     found = said.splitlines()[-2:]

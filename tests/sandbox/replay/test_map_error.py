@@ -55,10 +55,10 @@ def test_columns_are_what_replays_of_a_moved_map_differ_by(prepared):
     for k in own:
         moved = point.moved(n.coordinates, np.where(np.arange(len(n.x)) == k, 1.0, 0.0))
         (there,) = replay(moved.prepared, [{}]).currents
-        exact = ((there - base) / prepared.floor)[:, :, 0].ravel()
+        exact = ((there - base) / prepared.noise_std)[:, :, 0].ravel()
         found = np.asarray(rows)[:, segment.places.tolist().index(k)]
         assert np.sqrt(np.mean((found - exact) ** 2)) < FEW * np.sqrt(np.mean(exact**2)), k
-        assert np.sqrt(np.mean(exact**2)) * prepared.floor > 1e-4  # A: a move, not rounding
+        assert np.sqrt(np.mean(exact**2)) * prepared.noise_std > 1e-4  # A: a move, not rounding
 
 
 def test_columns_where_current_flows_at_the_start(prepared):
@@ -72,7 +72,7 @@ def test_columns_where_current_flows_at_the_start(prepared):
     k = len(n.x) - 1
     moved = point.moved(n.coordinates, np.where(np.arange(len(n.x)) == k, 1.0, 0.0))
     (there,) = replay(moved.prepared, [{}]).currents
-    exact = ((there - base) / part.floor)[:, :, 0].ravel()
+    exact = ((there - base) / part.noise_std)[:, :, 0].ravel()
     found = np.asarray(n.rows[0])[:, n.segments[0].places.tolist().index(k)]
     assert np.sqrt(np.mean((found - exact) ** 2)) < FEW * np.sqrt(np.mean(exact**2))
     assert abs(exact[:3]).max() < 1e-3 * abs(exact).max()  # the current read there, with either map

@@ -53,7 +53,7 @@ def test_a_wrong_start_is_forgotten_in_the_lead(case):
     prepared = prepare(campaign(case, LAGS), LAGS)
     (whole,) = residuals(*predicted(prepared, LAGS))
     apart = [
-        np.abs((of_stretch(prepared, lead, WRONG).current - whole.current[FIRST:LAST])[:, :, 0] * prepared.floor)
+        np.abs((of_stretch(prepared, lead, WRONG).current - whole.current[FIRST:LAST])[:, :, 0] * prepared.noise_std)
         for lead in (0, ROWS)
     ]
     print(case, [float(x.max()) for x in apart])
@@ -65,7 +65,7 @@ def test_the_link_s_ripple_goes_on_where_it_was():
     prepared = prepare(campaign(CASES[2], LAGS), LAGS)
     (whole,) = residuals(*predicted(prepared, LAGS))
     there, restarted = (
-        np.abs((of_stretch(prepared, ROWS, **more).current - whole.current[FIRST:LAST])[:, :, 0] * prepared.floor)
+        np.abs((of_stretch(prepared, ROWS, **more).current - whole.current[FIRST:LAST])[:, :, 0] * prepared.noise_std)
         for more in ({}, {"first": 0})
     )
     ripple = library.typical("dc_link_ripple", DRIVE.motor, DRIVE.converter)

@@ -36,7 +36,7 @@ def at(offsets, *, along=0.0, even=0.0, turns=20, rotor="free", seed=1):
         for r, x in zip(shown, read, strict=True)
     )
     campaign = Campaign("two", DRIVE, recordings, {}, {"current_offset": USUAL}, False)
-    return SimpleNamespace(prepared=SimpleNamespace(campaign=campaign, recordings=own, floor=FLOOR)), shown
+    return SimpleNamespace(prepared=SimpleNamespace(campaign=campaign, recordings=own, noise_std=FLOOR)), shown
 
 
 def test_offsets_of_two_recordings_are_taken_off():

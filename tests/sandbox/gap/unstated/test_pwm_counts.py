@@ -48,7 +48,7 @@ def test_foretold_is_what_a_replay_with_counts_adds(counts):
     rounded = prepare(dataclasses.replace(campaign, drive=with_counts(LOW, counts)), steps=point.prepared.steps)
     before, after = (replay(p, [point.values]).currents for p in (point.prepared, rounded))
     for part, a, b in zip(parts_of(point), before, after, strict=True):
-        moved, found = (b - a)[:, :, 0] / point.prepared.floor, added(part, counts)
+        moved, found = (b - a)[:, :, 0] / point.prepared.noise_std, added(part, counts)
         assert np.std(found - moved) < 0.03 * np.std(moved)
 
 
