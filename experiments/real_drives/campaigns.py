@@ -17,7 +17,8 @@ from model.datasets import fetch
 from model.errors import unknown
 from model.frames import phases
 from model.parameters import Converter, Drive, Injection, Motor
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
+from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.recordings.findings import Finding
 
 PERIOD = 1e-3  # s, of the LAAS log
 COUNTS = 20_000  # of its encoder

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 from sandbox.motion.load_side import ROWS, load_contradicted
 from sandbox.motion.mistakes import contradictions, inertia_contradicted
-from sandbox.recordings.campaign import Campaign, Finding
+from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.checks.motion import loads, standing
+from sandbox.recordings.findings import Finding
 from sandbox.recordings.motion_log import MotionCampaign, motion_of
 from sandbox.recordings.preflight import REFUSED, Noticed, on_the_way, refusals_first, tried
 

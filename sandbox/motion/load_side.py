@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sandbox.motion.shaft import USUAL_WIDTH, design_of
 from sandbox.motion.windows import averages
-from sandbox.recordings.campaign import Doubt, Finding
+from sandbox.recordings.findings import Doubt, Finding
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
 Array = NDArray[np.float64]

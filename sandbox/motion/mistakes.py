@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput
 from model.units import UNITS
 from sandbox.motion.shaft import USUAL_WIDTH, Nominal, Terms, design_of, fitted, reweighted
 from sandbox.motion.windows import Averages, averages
-from sandbox.recordings.campaign import Doubt, Finding
 from sandbox.recordings.checks.balance import plain
 from sandbox.recordings.checks.changes import fluxes
+from sandbox.recordings.findings import Doubt, Finding, Refused
 from sandbox.recordings.motion_log import MotionCampaign
 
 Array = NDArray[np.float64]
@@ -92,9 +91,10 @@ def contradictions(campaign: MotionCampaign) -> list[Finding]:
     text = f"{r.file}: {said}"
     if found:
         text += f"; it would be right if {', or if '.join(f'{m.guess} ({m.remedy})' for m in found)}"
-    if _strange(seen) and (found or seen.inertia < 0.0 or seen.fastest > FASTEST):
-        raise BadInput(text if found else f"{text}; check units and signs of t, theta and i_q")
     column = "theta" if seen.inertia > 0.0 else "i_q"
+    if _strange(seen) and (found or seen.inertia < 0.0 or seen.fastest > FASTEST):
+        text += "" if found else "; check units and signs of t, theta and i_q"
+        raise Refused(Finding(r.file, column, None, text))
     more = "; a wrong unit of t, theta, i_q or of what [motor] states" if not found else ""
     if seen.inertia > USUAL:
         more += "; a load or a gear does that, too"

@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.drive_files import injection_defaults
-from model.errors import BadInput, as_toml, brief, shown, unknown
+from model.errors import BadInput, as_toml, brief, unknown
 from model.given import read_toml
 from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
 from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, texts
+from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.log_table import first_beyond
 from sandbox.recordings.formats.parquet import read_parquet, with_volts
 from sandbox.recordings.nominal_motor import RATED, Reached, nominal_motor
@@ -60,23 +61,6 @@ LARGEST_CURRENT = 1e5  # A peak, as of rated_current in [motor]
 LINK = (0.1, 1e5)  # V, as in [drive]
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
 NO_LIMITS = Limits()
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Something suspicious, or changed on the way in: file, column and row (None: the whole of it), one sentence."""
-
-    file: str
-    column: str
-    row: int | None
-    text: str
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "text", shown(self.text))  # it holds names of columns as other programs wrote them
-
-
-class Doubt(Finding):
-    """A finding on the way in that a person should look at before going on."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,8 @@ from model.parameters import finite
 from model.units import KNOWN, UNITS
 from sandbox.recordings.angle.commutation import state_names
 from sandbox.recordings.angle.turning import of_log, turns_between, unwrapped, with_angle
-from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, Made, table_of
+from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Made, table_of
+from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.log_table import MOST_VALUES, first_beyond
 
 Array = NDArray[np.float64]

@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import Drive
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, balance
+from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.parquet import with_volts
 
 Array = NDArray[np.float64]

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
+from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.recordings.findings import Doubt, Finding
 
 Array = NDArray[np.float64]
 Hashes = NDArray[np.uint64]

@@ -25,7 +25,6 @@ from sandbox.recordings.campaign import (
     ROTORS,
     Campaign,
     CampaignRecording,
-    Finding,
     Made,
     assemble,
     converter_of,
@@ -45,11 +44,13 @@ from sandbox.recordings.column_map import (
 )
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.copies import counted_once
+from sandbox.recordings.findings import Finding
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
 from sandbox.recordings.rows.slow import with_slow_rows
 from sandbox.recordings.stamps import (
+    JITTER,
     Log,
     by_arrival,
     cut_at_gaps,
@@ -61,7 +62,6 @@ from sandbox.recordings.stamps import (
 
 Array = NDArray[np.float64]
 SILENT = 0.01  # of the sampling period: jitter that the format allows
-JITTER = 0.25  # of it: jitter that leaves no doubt which sample is meant
 DRIFT = 0.01  # relative error of the recorded clock
 MAPS = re.compile(r"\bmap .* (?:with|= \{)")
 

@@ -22,7 +22,7 @@ from model.parameters import Motor, finite
 from sandbox.recordings.angle.changes import at_changes
 from sandbox.recordings.angle.commutation import STEP
 from sandbox.recordings.angle.turning import with_angle
-from sandbox.recordings.campaign import Campaign, Finding, table_of
+from sandbox.recordings.campaign import Campaign, table_of
 from sandbox.recordings.checks.motion_clock import SHORTEST, stretches
 from sandbox.recordings.column_map import (
     Column,
@@ -33,10 +33,12 @@ from sandbox.recordings.column_map import (
     phase_currents,
     source_columns,
     source_units,
+    stamps_of,
 )
 from sandbox.recordings.copies import copied, copy_finding, own_rows
+from sandbox.recordings.findings import Finding
 from sandbox.recordings.importing import Source, unchecked
-from sandbox.recordings.stamps import segment_name
+from sandbox.recordings.stamps import rows_of, segment_name
 
 Array = NDArray[np.float64]
 SHORT_LAG = 2e-5  # s: below it are small coreless motors alone, and inductances in another unit
@@ -231,35 +233,58 @@ def _counted_once(recordings: list[MotionRecording], findings: list[Finding]) ->
 def _read(
     file: str, source: Source, pairs: float | None, constant: float | None, findings: list[Finding]
 ) -> list[MotionRecording]:
-    """Return the stretches of one table."""
+    """Return the stretches of one table between pauses and jumps of its clock.
+
+    An angle is followed from row to row, so each stretch is read by itself.  What is said of all is said once.
+    """
     table = source.table(file)
     mapped = dict(source.mapped)
     if pairs is None and (s := mapped.get("speed")) is not None and not s.mechanical:
         del mapped["speed"]  # electrical: what it says of the shaft is unknown
+    t = stamps_of(file, table, mapped)
+    if t is None:
+        raise BadInput(f"{file}: column 't' is missing; log each row's time stamp: map it")
+    good = stretches(file, t, findings)
+    out, said = [], set[str]()
+    for k, rows in enumerate(good, 1):
+        name = file if len(good) == 1 else segment_name(file, k)
+        part = table if len(rows) == len(t) else rows_of(table, rows)
+        notes: list[Finding] = []
+        out.append(_stretch(name, part, mapped, source.name, pairs, constant, notes))
+        for note in notes:
+            whole = replace(note, file=file, text=note.text.replace(name, file))
+            if whole.text not in said:
+                findings.append(whole if note.row is None else note)
+            said.add(whole.text)
+    return out
+
+
+def _stretch(
+    file: str, table: Table, mapped: Mapping[str, Column], source: str, pairs: float | None, constant: float | None,
+    findings: list[Finding],
+) -> MotionRecording:  # fmt: skip
+    """Return the motion of a table's rows, whose stamps rise without a pause."""
     found, notes = measured(file, table, mapped, pairs or 1.0)
     findings += notes
     own = source_columns(table, mapped)
-    if "t" not in found:
-        raise BadInput(f"{file}: column 't' is missing; log each row's time stamp: map it")
     found, made = with_angle(file, found, own, findings)
     if "theta" not in found:
         why = "without voltages the angle shows the motion"
         raise BadInput(f"{file}: column 'theta' is missing; {why}: map it{OR_SPEED}")
     if pairs is None and not mapped.get("theta", mapped.get("speed", Column("", ""))).mechanical:
-        raise BadInput(f"{source.name}: [motor] lacks 'pole_pairs'; add it, or map theta with mechanical = true")
+        raise BadInput(f"{source}: [motor] lacks 'pole_pairs'; add it, or map theta with mechanical = true")
     if made is not None and not OF_TORQUE & set(found) and {"i_a", "i_b", "i_alpha"} & set(found):
         raise BadInput(
             f"{file}: phase currents tell no torque at an angle made from {made.of}, whose zero is unknown; map "
             "i_q, a torque, or the rotor's angle (theta)"
         )
-    torque = _torque(file, found, made is None, constant, source.name, findings)
+    torque = _torque(file, found, made is None, constant, source, findings)
     load = found.get("load_torque", np.zeros(len(torque)))
     beside = {n: found[n] for n in BESIDE if n in found}
     if "speed" in beside:
         beside["speed"] = beside["speed"] / (pairs or 1.0)
-    at = {"t": found["t"], "angle": found["theta"] / (pairs or 1.0), "torque": torque, "load": load}
     sixth = STEP / (pairs or 1.0) if made is not None and made.either_way else 0.0
-    return [replace(r, sixth=sixth) for r in _pieces(file, at, beside, own, findings)]
+    return MotionRecording(file, found["t"], found["theta"] / (pairs or 1.0), torque, load, beside, own, sixth)
 
 
 def motion_of(campaign: Campaign, why: str) -> MotionCampaign:
@@ -354,19 +379,6 @@ def _torque(
     findings += notes
     i = (2.0 * i_a - i_b - i_c) / 3.0 + 1j * (i_b - i_c) / math.sqrt(3.0)
     return np.asarray(constant * (i * np.exp(-1j * found["theta"])).imag)
-
-
-def _pieces(
-    file: str, own: Mapping[str, Array], beside: Mapping[str, Array], source: Mapping[str, str], findings: list[Finding]
-) -> list[MotionRecording]:
-    """Return a table's stretches between pauses and jumps of its clock."""
-    good = stretches(file, own["t"], findings)
-    out = []
-    for k, rows in enumerate(good, 1):
-        name = file if len(good) == 1 else segment_name(file, k)
-        t, angle, torque, load = (own[n][rows] for n in ("t", "angle", "torque", "load"))
-        out.append(MotionRecording(name, t, angle, torque, load, {n: x[rows] for n, x in beside.items()}, source))
-    return out
 
 
 def _deviations(source: Source) -> dict[str, float]:

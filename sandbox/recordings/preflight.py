@@ -9,7 +9,6 @@ is not there.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -19,12 +18,14 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from model.parameters import Drive
 from model.ratings import cautions
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES
+from sandbox.recordings.checks.changes import CURRENT, MOTOR
 from sandbox.recordings.checks.mistakes import contradictions, conventions_off
 from sandbox.recordings.checks.plausibility import angle, current_sensors, link_voltage, other_columns, voltage_limit
 from sandbox.recordings.checks.shifts import shifted
 from sandbox.recordings.conventions import with_link
+from sandbox.recordings.findings import Doubt, Finding, Refused
 
 Array = NDArray[np.float64]
 REFUSED, SUSPICIOUS, NOTE = "refused", "suspicious", "note"
@@ -34,7 +35,6 @@ TURNS = 5.0  # electrical turns that tell how fast voltage and angle turn
 SHORTEST = 16  # rows of a stretch that turns: two periods at eight samples each
 OFF_PACE = 0.02  # relative, of how fast they turn
 COARSER = 2.0  # times the stated step
-COLUMN = re.compile(r"column '(\w+)'")
 
 
 @dataclass(frozen=True)
@@ -58,14 +58,14 @@ def noticed(campaign: Campaign) -> list[Noticed]:
         cause = tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
         if any(n.level == REFUSED for n in cause):  # what else voltages, currents and angle show is its consequence
             out = [n for n in out if n.level != SUSPICIOUS or n.finding.column not in (*PHASES, *VOLTAGES, "theta")]
-            if not any("if currents are " in n.finding.text for n in cause):  # in another unit they have other bounds
+            if not any(CURRENT in n.finding.rereads for n in cause):  # in another unit they have other bounds
                 out += [n for n in sensors if n.level == REFUSED]
             return refusals_first([*out, *cause])
         out += cause
     out += sensors
     for check in (conventions_off, pace):
         out += tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
-    if not any("in [motor]" in n.finding.text for n in out):  # else its consequence
+    if not any(MOTOR in n.finding.rereads for n in out):  # else its consequence
         out += [Noticed(SUSPICIOUS, f) for f in ratings(campaign)]
     if not any(n.level == REFUSED for n in out):
         out += [Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]]
@@ -82,12 +82,7 @@ def refusals_first(found: Sequence[Noticed]) -> list[Noticed]:
     another unit has other steps, too.
     """
     refused = [n for n in found if n.level == REFUSED]
-    wrong = set[tuple[str, str]]()
-    for n in refused:
-        if match := COLUMN.search(n.finding.text):
-            several = re.search(r"other recordings?\)", n.finding.text)
-            files = {x.finding.file for x in found} if several else {n.finding.file}
-            wrong |= {(file, _kind(match[1])) for file in files}
+    wrong = {(f, _kind(x.column)) for n in refused for x in (n.finding,) if x.column for f in x.files or (x.file,)}
     rest = [n for n in found if n.level != REFUSED]
     return [*refused, *(n for n in rest if n.level == NOTE or (n.finding.file, _kind(n.finding.column)) not in wrong)]
 
@@ -115,6 +110,8 @@ def tried(file: str, check: Callable[[], Iterable[Finding]]) -> list[Noticed]:
     """Return a check's findings, its refusal as one of them."""
     try:
         return [Noticed(SUSPICIOUS, f) for f in check()]
+    except Refused as error:
+        return [Noticed(REFUSED, error.finding)]
     except BadInput as error:
         text = str(error)
         return [Noticed(REFUSED, Finding(file or text.partition(":")[0], "", None, text))]

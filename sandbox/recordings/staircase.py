@@ -18,8 +18,9 @@ from model.errors import BadInput
 from model.levels import NONE, D, Levels, NoStaircase, Q
 from model.parameters import Drive
 from model.ripple import flux_ripple
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES
+from sandbox.recordings.findings import Finding
 from sandbox.recordings.injection import samples_per_period
 
 GAINS = 3.0  # times the mean of the three: the most that a sensor's gain is believed to be off

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput, as_toml, brief, unknown
 from model.number_table import Table
-from sandbox.recordings.campaign import Finding
+from sandbox.recordings.findings import Finding
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -31,6 +31,9 @@ KEYS = ("stamps", "matrix")
 SHORTEST = 64  # rows of a segment that is kept
 MOST_SEGMENTS = 12  # of one recording, the longest
 GAP = 1.5  # of the sampling period: a step beyond it is a gap
+JITTER = 0.25  # of the sampling period: beyond it a row may be another sample
+AROUND = 8  # rows before and after a step that show whether the clock goes on beside the even one
+MOST_OFF = 1000  # steps that are no period, of which each is looked at
 LOST = 0.75  # of the period: a lasting shift of late rows that is a lost sample
 BACK = 8.0  # of the period: a clock that jumps back so far begins again
 SPAN = 50  # rows over which the earliest arrival tells the clock
@@ -63,27 +66,30 @@ def parse_log(table: Mapping[str, Any], source: str) -> Log:
 def cut_at_gaps(file: str, columns: Columns, period: float) -> tuple[list[tuple[str, dict[str, Array]]], list[Finding]]:
     """Return the pieces of a recording between gaps of its stamps (s), named run-1.csv, run-2.csv, ..., and a finding.
 
-    Their stamps count from the recording's beginning.  A recording without a gap, or whose clock is wrong in other
-    ways, is returned as it is.  BadInput where no piece has SHORTEST rows.
+    A gap is a step of more than GAP periods, and one after which the clock goes on beside the even one (a drive that
+    paused for no whole number of periods).  Their stamps count from the recording's beginning.  A recording without a
+    gap, or whose clock is wrong in other ways, is returned as it is.  BadInput where no piece has SHORTEST rows.
     """
     t = columns.get("t")
     if t is None or len(t) < 2:
         return [(file, dict(columns))], []
     step = np.diff(t)
     usual = float(np.median(step))
-    gaps = np.flatnonzero(step > GAP * max(period, usual))
-    if not gaps.size or np.any(step <= 0.0) or not 0.6 < usual / period < 1.4:
+    if np.any(step <= 0.0) or not 0.6 < usual / period < 1.4:
+        return [(file, dict(columns))], []
+    gaps = np.flatnonzero((step > GAP * max(period, usual)) | _goes_on_beside(t, usual))
+    if not gaps.size:
         return [(file, dict(columns))], []
     bounds = np.concatenate([[0], gaps + 1, [len(t)]])
     lengths = np.diff(bounds)
     kept = sorted(np.argsort(-lengths, kind="stable")[:MOST_SEGMENTS])
     kept = [int(k) for k in kept if lengths[k] >= SHORTEST]
-    k = int(gaps[np.argmax(step[gaps])])
+    longest = int(gaps[np.argmax(step[gaps])])
     missing = round(float(np.sum(step[gaps] / period - 1.0)))
-    said = (
-        f"{file}: {gaps.size} gaps in column 't', the longest {step[k]:.4g} s after row {k}; about {missing} samples "
-        "are missing"
-    )
+    many = "a gap" if gaps.size == 1 else f"{gaps.size} gaps"
+    whole = step[longest] > GAP * max(period, usual)
+    lost = f"about {missing} samples are missing" if whole else "the clock goes on beside the even one"
+    said = f"{file}: {many} in column 't', the longest {step[longest]:.4g} s after row {longest}; {lost}"
     if not kept:
         raise BadInput(
             f"{said} and no stretch without a gap has {SHORTEST} rows; log fewer signals, a faster link, or store in "
@@ -98,7 +104,19 @@ def cut_at_gaps(file: str, columns: Columns, period: float) -> tuple[list[tuple[
     rows = len(t) - sum(len(c["t"]) for _, c in pieces)
     left = f", {rows} rows in shorter stretches left out" if rows else ""
     text = f"{said}; it becomes {len(pieces)} recordings, {pieces[0][0]} to {pieces[-1][0]}{left}"
-    return pieces, [Finding(file, "t", k, text)]
+    return pieces, [Finding(file, "t", longest, text)]
+
+
+def _goes_on_beside(t: Array, period: float) -> NDArray[np.bool_]:
+    """Return for each step of stamps t (s) whether it moves the clock by more than JITTER of a period, for good: a row
+    that was stamped late comes back."""
+    off = t - np.arange(len(t)) * period
+    at = np.flatnonzero(np.abs(np.diff(off)) > JITTER * period)
+    out = np.zeros(len(t) - 1, dtype=np.bool_)
+    for k in at if len(at) <= MOST_OFF else ():
+        before, after = off[max(k - AROUND + 1, 0) : k + 1], off[k + 1 : k + 1 + AROUND]
+        out[k] = abs(float(np.median(after) - np.median(before))) > JITTER * period
+    return out
 
 
 def cut_where_begun_again(
@@ -124,7 +142,7 @@ def cut_where_begun_again(
             f"{file}: the log begins again in row {begun[0]}, and no stretch has {SHORTEST} rows; log longer"
         )
     bounds = sorted(sorted(bounds, key=lambda x: x[0] - x[1])[:MOST_SEGMENTS])
-    pieces = [(segment_name(file, k), a, _rows_of(table, a, b)) for k, (a, b) in enumerate(bounds, 1)]
+    pieces = [(segment_name(file, k), a, rows_of(table, np.arange(a, b))) for k, (a, b) in enumerate(bounds, 1)]
     left = length - sum(b - a for a, b in bounds)
     less = f", the longest of {len(begun) + 1}; {left} rows are left out" if left else ""
     often = f" ({len(begun)} times)" if len(begun) > 1 else ""
@@ -132,10 +150,12 @@ def cut_where_begun_again(
     return pieces, [Finding(file, "t", begun[0], text)]
 
 
-def _rows_of(table: Table, first: int, end: int) -> Table:
-    """Return the rows of a table from one on and before another, counted from 0."""
-    columns = {n: x[first:end] for n, x in table.columns.items()}
-    odd = {(n, k - first): cell for (n, k), cell in table.odd.items() if first <= k < end}
+def rows_of(table: Table, rows: NDArray[np.int64]) -> Table:
+    """Return some rows of a table, counted from 0."""
+    own = slice(int(rows[0]), int(rows[-1]) + 1) if len(rows) == rows[-1] - rows[0] + 1 else rows
+    columns = {n: x[own] for n, x in table.columns.items()}
+    place = {int(k): n for n, k in enumerate(rows)} if table.odd else {}
+    odd = {(n, place[k]): cell for (n, k), cell in table.odd.items() if k in place}
     return replace(table, columns=columns, odd=odd, breaks=())
 
 

@@ -23,7 +23,8 @@ from sandbox.public.loading import load_motor
 from sandbox.public.printed import print_cautions
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
-from sandbox.recordings.campaign import NO_LIMITS, Campaign, Finding
+from sandbox.recordings.campaign import NO_LIMITS, Campaign
+from sandbox.recordings.findings import Finding
 from sandbox.recordings.importing import how_to_map
 from sandbox.recordings.preflight import NOTE, REFUSED, SUSPICIOUS, Noticed, noticed, tried
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from sandbox.recordings.angle.commutation import state_names, states_angle
-from sandbox.recordings.campaign import Doubt, Finding, Made
+from sandbox.recordings.campaign import Made
+from sandbox.recordings.findings import Doubt, Finding
 
 Array = NDArray[np.float64]
 WRAP = 1.01  # turns within which a wrapped angle stays

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from model.parameters import Drive
 from sandbox.recordings.angle.commutation import STEP
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.mistakes import ZEROS, Products
+from sandbox.recordings.findings import Doubt, Finding
 
 Array = NDArray[np.float64]
 PARTS, FEWEST = 8, 64  # of a recording whose zero may drift; rows of one

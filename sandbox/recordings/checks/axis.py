@@ -8,11 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import Columns, percent
-from sandbox.recordings.checks.changes import angles, of_angle, source_of
+from sandbox.recordings.checks.changes import ANGLE, angles, of_angle, source_of
+from sandbox.recordings.findings import Finding, Refused
 
 OFF_AXIS = 0.5  # excess of the injected energy along its axis: 30 degrees off
 ON_AXIS = 0.9  # excess that undoing a mistake must reach: 13 degrees
@@ -33,11 +33,12 @@ def off_axis(recordings: Sequence[CampaignRecording], drive: Drive) -> None:
             after = _share_on_axis({**r.columns, "theta": turned}, drive, r.injection_axis)
             if after is not None and after > ON_AXIS:
                 guess, remedy = of_angle(m, zero)
-                raise BadInput(
+                text = (
                     f"{r.file}: row 0 of column 'theta' is {r.theta[0]:.6g}; turned by theta, only "
                     f"{percent(max(share, 0.0))} of the injected voltage lies along axis {r.injection_axis} (at least "
                     f"{percent(ON_AXIS)} expected), it does if {source_of(r)['theta']} is {guess}: {remedy}"
                 )
+                raise Refused(Finding(r.file, "theta", 0, text, rereads=frozenset({ANGLE})))
 
 
 def _share_on_axis(columns: Columns, drive: Drive, axis: str) -> float | None:

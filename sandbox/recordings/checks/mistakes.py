@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.recordings.campaign import CampaignRecording, Finding
+from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.axis import off_axis
 from sandbox.recordings.checks.balance import (
     UNDISTURBED,
@@ -51,6 +50,7 @@ from sandbox.recordings.checks.changes import (
     voltages_held,
 )
 from sandbox.recordings.checks.shifts import Shift, is_turn, moved_back, shifts
+from sandbox.recordings.findings import Finding, Refused
 from sandbox.recordings.rows.commands import mean_command
 
 EXPLAINED = 0.2  # share that undoing a mistake must reach ...
@@ -108,6 +108,12 @@ class Reading:
     def column(self) -> str:
         """The contract's column whose value is shown, empty for the motor's values."""
         return "theta" if self.zero or not self.changes else self.changes[0].column
+
+    @property
+    def rereads(self) -> frozenset[str]:
+        """Parts of a log of which another factor or zero is right; another order moves no bound."""
+        parts = {c.part for c in self.changes if c.signal is None}
+        return frozenset({*parts, ANGLE} if self.zero else parts)
 
     def words(self, source: Source) -> tuple[str, str]:
         """Return what was read wrongly, and what to do."""
@@ -210,18 +216,17 @@ class Unanswered(Finding):
 
 
 def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Raise BadInput for the mistake that explains what recordings contradict; return what no mistake explains."""
+    """Raise Refused for the mistake that explains what recordings contradict; return what no mistake explains."""
     read = [(r, balance(r.columns, drive)) for r in recordings]
     doubtful = [(r, b) for r, b in read if b.doubtful and not saturation_explains(r, drive)]
     found = explanations(doubtful, drive)
     if _is_shift(recordings, doubtful, found, drive):
         return []  # `shifted` says so
     if found and not found[0].gentle:
-        raise BadInput(_sentence(found, doubtful))
+        raise Refused(_finding(found, doubtful))
     off_axis(recordings, drive)
     if found:
-        file = next(r.file for (r, _), good in zip(doubtful, found[0].answered, strict=True) if good)
-        return [Finding(file, found[0].column, None, _sentence(found, doubtful))]
+        return [_finding(found, doubtful)]
     return [
         Unanswered(
             r.file, "u_alpha", b.worst_row,
@@ -274,6 +279,13 @@ def _freed(doubtful: Sequence[tuple[CampaignRecording, Balance]], reading: Readi
     shares = np.array([Products(r, drive, b.share, b.noise).shares(reading.changes, ZEROS) for r, b in doubtful])
     best = int(np.argmin(shares[reading.answered].sum(axis=0)))
     return replace(reading, zero=float(ZEROS[best]) or reading.zero, shares=shares[:, best])
+
+
+def _finding(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]) -> Finding:
+    """Return the finding on the readings that explain recordings."""
+    own = [x for x, good in zip(doubtful, found[0].answered, strict=True) if good]
+    files, row = tuple(r.file for r, _ in own), own[0][1].worst_row
+    return Finding(files[0], found[0].column, row, _sentence(found, doubtful), files, found[0].rereads)
 
 
 def _sentence(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]) -> str:
@@ -398,7 +410,7 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
         guess, remedy = of_angle(None, zero)
         r, name = parts[0].recording, source_of(parts[0].recording)["theta"]
         text = f"{percent(before)} of the commanded voltage is unexplained, {percent(turned)} if {name} is {guess}"
-        return [Finding(r.file, "theta", None, f"{r.file}: {text}: {remedy}")]
+        return [Finding(r.file, "theta", None, f"{r.file}: {text}: {remedy}", rereads=frozenset({ANGLE}))]
     told = sorted(((left((c,)), k, c) for k, c in enumerate(table)), key=lambda x: x[:2])
     after, _, best = told[0]
     factors = [abs(f) for f in (best.scale, *best.values)]
@@ -412,7 +424,7 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
         f"{r.file}: {percent(before)} of the commanded voltage is unexplained, {percent(after)} if "
         f"{', or '.join(c.guess for c in alike)}; then {alike[0].remedy}"
     )
-    return [Finding(r.file, alike[0].column, None, text)]
+    return [Finding(r.file, alike[0].column, None, text, rereads=frozenset({alike[0].part}))]
 
 
 def _left_by(r: CampaignRecording, b: Balance, drive: Drive) -> float:

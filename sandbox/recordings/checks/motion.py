@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from model.errors import BadInput
-from sandbox.recordings.campaign import Doubt, Finding
 from sandbox.recordings.checks.plausibility import runs
+from sandbox.recordings.findings import Doubt, Finding, Refused
 from sandbox.recordings.motion_log import OR_SPEED, MotionCampaign, MotionRecording
 
 STANDS = 1e-9  # rad
@@ -57,11 +57,12 @@ def _stuck(r: MotionRecording, campaign: MotionCampaign) -> None:
                 else f"to stop so would take {needed:.3g} N m"
             )
             name = r.source.get("theta", "theta")
-            raise BadInput(
+            text = (
                 f"{r.file}: row {begin} of column '{name}' and {end - begin - 1} rows after it "
                 f"are the same though {why}; the encoder is stuck, or the log repeats it: repair it or leave the "
                 "recording out"
             )
+            raise Refused(Finding(r.file, "theta", begin, text))
 
 
 def _load(r: MotionRecording) -> list[Finding]:

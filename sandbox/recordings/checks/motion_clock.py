@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from sandbox.recordings.campaign import Doubt, Finding
+from sandbox.recordings.findings import Doubt, Finding
 from sandbox.recordings.stamps import SHORTEST
 
 Array = NDArray[np.float64]

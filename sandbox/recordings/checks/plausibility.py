@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.recordings.campaign import CampaignRecording, Finding
+from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import PHASES
 from sandbox.recordings.checks.mistakes import contradictions
 from sandbox.recordings.checks.shifts import shifted
+from sandbox.recordings.findings import Finding, Refused
 from sandbox.recordings.staircase import LARGEST_TURN, check_sensors, rest_of_sum
 
 Array = NDArray[np.float64]
@@ -47,18 +47,20 @@ def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
     nominal, middle = r.dc_bus_voltage or drive.converter.dc_bus_voltage, float(np.median(r.u_dc))
     if low.size:
         k = int(low[0])
-        raise BadInput(
+        text = (
             f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V ({low.size} of {len(r.u_dc)} rows are not "
             "positive); "
             "the controller divides by it: record the link voltage, or map u_dc = {value = ...}"
         )
+        raise Refused(Finding(r.file, "u_dc", k, text))
     for factor, prefix in UNITS_OFF:
         if 0.5 < middle / nominal / factor < 2.0:
-            raise BadInput(
+            text = (
                 f"{r.file}: row 0 of column 'u_dc' is {r.u_dc[0]:.6g}, [drive] dc_bus_voltage is {nominal:g} V; is "
                 "u_dc in "
                 f'{prefix}V? convert it to V or map it with unit = "{prefix}V"'
             )
+            raise Refused(Finding(r.file, "u_dc", 0, text))
     if not 0.5 < middle / nominal < 2.0:
         text = (
             f"{r.file}: column 'u_dc' is {middle:.6g} V in the middle, [drive] dc_bus_voltage is {nominal:g} V (a "
@@ -96,7 +98,8 @@ def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
                     cause = "it was not recorded: leave it out of [columns], two currents are enough"
                 elif top:
                     cause = "its sensor is saturated: lower the current or widen the range"
-                raise BadInput(f"{said}, and the three no longer sum to zero (bound {bound:.2g} A); {cause}")
+                text = f"{said}, and the three no longer sum to zero (bound {bound:.2g} A); {cause}"
+                raise Refused(Finding(r.file, name, begin, text))
             if x[begin] != 0.0:
                 findings.append(Finding(r.file, name, begin, f"{said}: {what}; check the sensor"))
             break
@@ -115,10 +118,11 @@ def _refuse_one_sided(r: CampaignRecording, phase: dict[str, Array]) -> None:
     )
     if 0.9 * 2**16 < top < 2**16:
         cause = "are they 16 bits without a sign? take 65536 off those above 32767"
-    raise BadInput(
+    text = (
         f"{r.file}: row 0 of column 'i_a' is {x[0]:.6g}; in all rows all three currents are positive, and those of one "
         f"star sum to zero: {cause}"
     )
+    raise Refused(Finding(r.file, "i_a", 0, text))
 
 
 def _odd_one_out(r: CampaignRecording, phase: dict[str, Array]) -> None:
@@ -138,10 +142,11 @@ def _odd_one_out(r: CampaignRecording, phase: dict[str, Array]) -> None:
         k = int(np.argmax(np.abs(phase[name])))
         total = sum(float(y[k]) for y in phase.values())
         cause = {-1.0: "its sign is wrong: map it with scale = -1", 1e-3: "is it in kA?", 1e3: "is it in mA?"}[wrong]
-        raise BadInput(
+        text = (
             f"{r.file}: row {k} of column '{name}' is {phase[name][k]:.6g} A and the three phases sum to {total:.4g} A "
             f"instead of 0; {cause}{'' if wrong < 0 else ' give all three in A'}"
         )
+        raise Refused(Finding(r.file, name, k, text))
 
 
 def runs(x: Array) -> list[tuple[int, int]]:
@@ -161,11 +166,12 @@ def voltage_limit(r: CampaignRecording) -> list[Finding]:
     k = int(beyond[np.argmax(size[beyond] / r.u_dc[beyond])])
     said = f"{r.file}: row {k} of column 'u_alpha': the command is {size[k]:.4g} V"
     if size[k] > 1.02 * r.u_dc[k]:
-        raise BadInput(
+        text = (
             f"{said}, u_dc only {r.u_dc[k]:.4g} V (an inverter gives {HEXAGON * r.u_dc[k]:.4g} V at most); check the "
             "units of "
             "voltages and of u_dc"
         )
+        raise Refused(Finding(r.file, "u_alpha", k, text))
     text = (
         f"{said}, beyond u_dc / sqrt(3) = {r.u_dc[k] / math.sqrt(3.0):.4g} V ({beyond.size} rows from {beyond[0]}); "
         "the "
@@ -179,11 +185,12 @@ def angle(r: CampaignRecording, drive: Drive) -> list[Finding]:
     theta, span = r.theta, float(np.ptp(r.theta))
     if r.rotor == "locked":
         if span > LARGEST_TURN:
-            raise BadInput(
+            text = (
                 f"{r.file}: theta spans {span:.3g} while rotor = 'locked' (at most {LARGEST_TURN} rad); lock the "
                 "rotor, "
                 "correct 'rotor', or convert theta from degrees to electrical rad"
             )
+            raise Refused(Finding(r.file, "theta", None, text))
         return []
     if span == 0.0:
         text = f"{r.file}: row 0 of column 'theta' is {theta[0]:.6g} and never changes while rotor = '{r.rotor}'"
@@ -196,11 +203,12 @@ def angle(r: CampaignRecording, drive: Drive) -> list[Finding]:
     wild = np.flatnonzero(np.abs(step) > math.pi)
     if wild.size:
         k = int(wild[0])
-        raise BadInput(
+        text = (
             f"{r.file}: row {k + 1} of column 'theta' jumps by {step[k]:.4g} rad from the row before (at most pi can "
             "be "
             "followed); give the angle unwrapped, electrical, in rad"
         )
+        raise Refused(Finding(r.file, "theta", k + 1, text))
     return _lost_sample(r, step, count)
 
 
@@ -210,13 +218,14 @@ def _stuck_encoder(r: CampaignRecording, count: float) -> None:
         after = abs(r.theta[min(end - 1 + BEFORE, len(r.theta) - 1)] - r.theta[end - 1])
         moved = max(float(before), float(after))
         if moved > 0.1 + BEFORE * count:
-            raise BadInput(
+            text = (
                 f"{r.file}: row {begin} of column 'theta' is {r.theta[begin]:.6g} rad and does not change for "
                 f"{end - begin} "
                 f"rows, though it moved by {moved:.3g} rad within {BEFORE} rows beside them; the encoder is stuck: "
                 "repair it "
                 "or leave the recording out"
             )
+            raise Refused(Finding(r.file, "theta", begin, text))
 
 
 def _lost_sample(r: CampaignRecording, step: Array, count: float) -> list[Finding]:

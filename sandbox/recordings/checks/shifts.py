@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.recordings.campaign import CampaignRecording, Finding
+from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, UNDISTURBED, VOLTAGES, Complex
+from sandbox.recordings.findings import Finding, Refused
 from sandbox.recordings.rows.commands import mean_command
 
 Array = NDArray[np.float64]
@@ -54,6 +54,11 @@ class Shift:
         return abs(self.rows) > LATE and self.before > UNDISTURBED
 
     @property
+    def finding(self) -> Finding:
+        """It as a finding."""
+        return Finding(self.files[0], self.moved[0], None, self.sentence, self.files)
+
+    @property
     def sentence(self) -> str:
         """What is off, by how much, and what to move."""
         count = abs(self.rows)
@@ -78,8 +83,8 @@ def shifted(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Findi
     found = shifts(recordings, drive)
     for s in found:
         if s.refused:
-            raise BadInput(s.sentence)
-    return [Finding(s.files[0], s.moved[0], None, s.sentence) for s in found]
+            raise Refused(s.finding)
+    return [s.finding for s in found]
 
 
 def shifts(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Shift]:

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import Complex, balance
+from sandbox.recordings.findings import Doubt, Finding
 from sandbox.recordings.rows.commands import HELD, INTERPOLATED
 from sandbox.recordings.stamps import MOST_SEGMENTS, SHORTEST, segment_name
 

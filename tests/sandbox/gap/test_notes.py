@@ -8,8 +8,8 @@ from sandbox.gap.evidence.gap_size import OfRecording
 from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.report import answers, left
 from sandbox.gap.words import quantity
-from sandbox.recordings.campaign import Finding
 from sandbox.recordings.checks.mistakes import Unanswered
+from sandbox.recordings.findings import Finding
 
 
 def diagnosis(findings, *after):

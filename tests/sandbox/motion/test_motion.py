@@ -21,7 +21,8 @@ from sandbox.motion.telling import contract, parameters, refitted, sentences, to
 from sandbox.motion.torques import numbers
 from sandbox.recordings.angle.changes import at_changes
 from sandbox.recordings.angle.commutation import STEP, between
-from sandbox.recordings.motion_log import MotionRecording, by_changes
+from sandbox.recordings.importing import source_of
+from sandbox.recordings.motion_log import MotionRecording, by_changes, read_motion
 from tests.sandbox.motion.shafts import CONSTANT, COUNT, INERTIA, ORDERS, both_ways, campaign, shaft
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -78,6 +79,28 @@ def by_states(r, off=0.0):
     sectors = np.floor((PAIRS * r.angle - off) / STEP)
     drawn = between(sectors - sectors[0]) + STEP * sectors[0] + off
     return dataclasses.replace(r, angle=drawn / PAIRS, sixth=STEP / PAIRS, zero=off / PAIRS)
+
+
+def test_a_motion_that_pauses_has_the_angle_of_each_of_its_parts(tmp_path):
+    """States of two runs in one file, the rotor turned on by hand between them: as in files of their own."""
+    toml = '[columns]\nhall = {column = "h"}\nt = {column = "t"}\ni_q = {column = "i"}\n[motor]\npole_pairs = 7\n'
+    toml += "magnet_flux = 0.005\ninertia = 2e-4\n"
+    t = np.arange(900) * 2e-3
+    order = np.array([1, 3, 2, 6, 4, 5])
+    runs = [0.3 + 50.0 * t, 2.9 - 40.0 * t - 3.0 * t**2]  # rad electrical
+    tables = [np.stack([t + 9.0 * k, order[np.floor(a / STEP).astype(int) % 6], 0.1 * t], axis=1) for k, a in
+              enumerate(runs)]  # fmt: skip
+    for name, rows in (("both", np.concatenate(tables)), ("a", tables[0]), ("b", tables[1])):
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="t,h,i", comments="", fmt="%.9g")
+
+    def read(*files):
+        text = toml + "".join(f'[[recording]]\nfile = "{f}.csv"\nrotor = "free"\n' for f in files)
+        (tmp_path / "c.toml").write_text(text)
+        return read_motion(source_of(tmp_path, tmp_path / "c.toml"), "no voltages").recordings
+
+    for together, alone in zip(read("both"), read("a", "b"), strict=True):
+        np.testing.assert_allclose(np.diff(together.t), np.diff(alone.t), atol=1e-9)
+        np.testing.assert_allclose(together.angle, alone.angle, atol=1e-9)
 
 
 def test_a_motion_told_by_states_is_judged_at_their_changes():

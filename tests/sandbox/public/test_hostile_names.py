@@ -15,7 +15,8 @@ from model.drive_files import MOTORS, load_drive
 from model.errors import LONGEST_SENTENCE, BadInput, PhysicsError, sentence, shown, unknown
 from model.names import LONGEST, check_file, check_name, fitting, html_text
 from sandbox.cli import main
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding, read_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.findings import Finding
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
 

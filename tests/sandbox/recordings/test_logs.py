@@ -75,6 +75,24 @@ def test_gaps_cut_a_recording_into_named_pieces(tmp_path):
         campaign(tmp_path, "run.csv")
 
 
+@pytest.mark.parametrize("pause", [0.3, 0.5, -0.4])
+def test_a_clock_that_goes_on_beside_the_even_one_is_cut_there(tmp_path, pause):
+    """The drive stood still for no whole number of periods: rows before and after are recordings of their own, as
+    they were; a single row that was stamped late is none."""
+    columns = turning(400)
+    columns["t"] = columns["t"] + pause * H * (np.arange(400) >= 180)
+    csv(tmp_path / "run.csv", columns)
+    found = campaign(tmp_path, "run.csv")
+    assert [len(r.t) for r in found] == [180, 220]
+    assert "a gap in column 't'" in found.findings[0].text
+    assert "the clock goes on beside the even one" in found.findings[0].text
+    assert found.findings[0].row == 179
+    np.testing.assert_allclose(found["run-2"].theta, columns["theta"][180:], atol=1e-12)
+    columns["t"] = turning(400)["t"] + 0.24 * H * (np.arange(400) == 180)
+    csv(tmp_path / "run.csv", columns)
+    assert [len(r.t) for r in campaign(tmp_path, "run.csv")] == [400]
+
+
 def test_rows_that_arrive_late_are_the_drives_samples(tmp_path):
     columns, rng = turning(), np.random.default_rng(0)
     late = np.maximum.accumulate(columns["t"] + rng.exponential(0.7 * H, 400)) + 1e-9 * np.arange(400)
