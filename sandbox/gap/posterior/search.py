@@ -71,7 +71,7 @@ class Search:
         self.met: Weights = {}  # of segments, at their point
         self.chosen: dict[str, Candidate] = {}
         self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
-        self.looked = False  # for what the campaign does not state
+        self.looked = False  # whether nothing was found that the campaign does not state
 
     def begun(self) -> tuple[Fit, bool]:
         """Return the fit of the set that excerpts name, without effects where there are none, and where ordinary
@@ -141,18 +141,16 @@ class Search:
 
     def restated(self, here: Fit, *, excerpts: bool) -> Fit | None:
         """Return a set fitted again to the campaign that states what its fit's residual tells; None where that tells
-        nothing, or stating it leaves more.  Once, before curves join, which hide it."""
+        nothing, or stating it leaves more: then nothing is looked for again, as curves join, which hide it."""
         if self.looked:
             return None
-        self.looked = True
-        new = unstated(here, self.problem.known, self.problem.settings, excerpts=excerpts)
-        if not new:
-            return None
-        self.problem.report("fitting what the campaign does not state")
-        again = attempted(
-            new.at(here.point), here.effects, self.problem.fitted, smooth=True, workers=self.problem.workers
-        )
+        p = self.problem
+        new, again = unstated(here, p.known, p.settings, excerpts=excerpts), None
+        if new:
+            p.report("fitting what the campaign does not state")
+            again = attempted(new.at(here.point), here.effects, p.fitted, smooth=True, workers=p.workers)
         if again is None or rms_of(again) >= rms_of(here):
+            self.looked = True
             return None
         self.state(new)
         return again

@@ -33,6 +33,7 @@ SURE = 5.0  # standard errors
 EVEN = 0.1  # squares of even harmonics over those of the offset: a half wave that a sensor cuts has 0.22
 NAMED = 3  # recordings whose offsets a sentence holds
 SENSORS = ("i_a", "i_b", "i_c")
+NONE = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,12 @@ class Drifting:
             "This was taken off before anything else; measure offsets at rest before each recording."
         )
 
+    def and_then(self, new: Drifting) -> Drifting:
+        """Return both together: what is found beside what was taken off already."""
+        files = {**self.offsets, **new.offsets}
+        both = {f: np.add(self.offsets.get(f, NONE), new.offsets.get(f, NONE)).tolist() for f in files}
+        return Drifting({f: (a, b, c) for f, (a, b, c) in both.items()}, {**self.errors, **new.errors})
+
     def as_json(self) -> list[dict[str, Any]]:
         """Return one row a recording."""
         return [
@@ -65,9 +72,10 @@ class Drifting:
         ]
 
 
-def drifting(point: Point, shown: Sequence[Residual]) -> Drifting | None:
+def drifting(point: Point, shown: Sequence[Residual], known: Drifting | None = None) -> Drifting | None:
     """Return what the offsets of a campaign's recordings differ by; None where they do not differ by more than is
-    ordinary.  shown: the residuals at a point."""
+    ordinary.  shown: the residuals at a point; known: what was taken off already: the answer is what to take off beside
+    it, however small."""
     turns: dict[str, list[Array]] = {}
     for r, x in zip(point.prepared.recordings, shown, strict=True):
         if r.rotor != "locked":
@@ -79,11 +87,12 @@ def drifting(point: Point, shown: Sequence[Residual]) -> Drifting | None:
     means = np.array([floor * x[:, 0].mean(axis=0) for x in own.values()])
     errors = np.array([floor * x[:, 0].std(axis=0, ddof=1).max() / math.sqrt(len(x)) for x in own.values()])
     even = np.array([floor**2 * np.sum(x[:, 1:].mean(axis=0) ** 2) / 2.0 for x in own.values()])
-    beside = means - np.median(means, axis=0)
+    gone = np.array([known.offsets.get(file, NONE) if known else NONE for file in own])
+    beside = means + gone - np.median(means + gone, axis=0) - gone
     size = np.max(np.abs(beside), axis=1)
     common = BENCH["bench.common_offset"].ordinary
     usual = 0.0 if common is None else deviation_of(point.prepared.campaign, common, 0.0) / common.share
-    far = (size > ORDINARY * usual) & (size > SURE * errors)
+    far = (size > (0.0 if known else ORDINARY * usual)) & (size > SURE * errors)
     if not np.any(far) or float(even.sum()) > EVEN * float(np.sum(beside**2)):
         return None
     offsets = {file: (float(a), float(b), float(c)) for file, (a, b, c) in zip(own, beside, strict=True)}

@@ -32,7 +32,8 @@ class Unstated:
 
     def and_then(self, new: Unstated) -> Unstated:
         """Return both, what is new beside what was known."""
-        return Unstated(new.counts or self.counts, new.drifting or self.drifting)
+        drifts = self.drifting.and_then(new.drifting) if self.drifting and new.drifting else None
+        return Unstated(new.counts or self.counts, drifts or new.drifting or self.drifting)
 
     def in_campaign(self, campaign: Campaign) -> Campaign:
         """Return a campaign that states it: duties rounded to the counts, offsets taken off."""
@@ -51,9 +52,10 @@ NOTHING = Unstated()
 
 
 def unstated(found: Fit, known: Unstated, settings: Settings, *, excerpts: bool = False) -> Unstated:
-    """Return what a fit's residual tells that is not known yet.  Counts are looked for where it has more than noise,
-    offsets not in excerpts, as the whole recordings have more turns."""
+    """Return what a fit's residual tells that is not known yet.  Counts are looked for where it has more than noise.
+    Offsets are looked for again beside counts, as rounding shifts the means of turns, but not in excerpts, as the whole
+    recordings have more turns."""
     point = found.point
-    drifts = None if known.drifting is not None or excerpts else drifting(point, shown(point))
+    drifts = None if excerpts else drifting(point, shown(point), known.drifting)
     looked = known.counts is None and drifts is None and rms_of(found) > settings.gap
     return Unstated(pwm_counts(point) if looked else None, drifts)

@@ -19,6 +19,7 @@ from model.energy import SOLVED, flux_newton, is_convex_to
 from model.errors import unknown
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
+from sandbox.drive.record import UNCERTAINTY
 from sandbox.switched.bench_numbers import SOFT_SIGN, SwitchedBench
 from sandbox.withheld.making.map_motors import MAPS, changed
 
@@ -30,19 +31,6 @@ USUAL_SPREAD = 0.1
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 DRAWN = ("resistance", "magnet_flux", "inductance_d", "inductance_q", *ALPHAS, "inertia", "viscous_friction")
 KEPT = ("inductance_d", "inductance_q", *ALPHAS)
-UNCERTAINTY = {
-    "resistance": 0.01,
-    "magnet_flux": 0.01,
-    "inductance_d": 0.015,
-    "inductance_q": 0.015,
-    "alpha_30": 0.03,
-    "alpha_12": 0.04,
-    "alpha_40": 0.04,
-    "alpha_22": 0.05,
-    "alpha_04": 0.04,
-    "inertia": 0.03,
-    "viscous_friction": 0.15,
-}
 LINK_NOISE = 0.3  # V rms of one reading of the DC link
 OFF = 2.0  # times: by how much stated deviations are misjudged at the most
 MOST_OFF = 3.0  # stated deviations; without this bound one bench in three would have a value beyond it
