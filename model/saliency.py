@@ -86,11 +86,31 @@ def local_angle(m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike) -> Array:
     return np.asarray(0.5 * np.arctan2(-2.0 * s * dq, s * (dd - qq)))
 
 
-def _q_ripple(m: AnyEnergy, i_d: float, i_q: float, e: float) -> float:
-    """Return y_q(e) where the reference (i_d, i_q) is applied in the estimated frame; NaN outside the domain."""
+def known_null_ends(m: AnyEnergy, i_d: float, i_q: float, points: int = 60) -> float | None:
+    """Return the current (A) on the straight way from zero to (i_d, i_q) from which a q-null loop that takes the null's
+    own angle at these currents into account finds no way back; None where it always does, or the model ends before.
+
+    An error of the estimate turns the actual current, too. Where that turns the null further than the error is, the
+    ripple across it has the wrong sign, however well the loop knows the motor.
+    """
+    sign, d, q, h = tracking_sign(m), 0.0, 0.0, 1e-4
+    for share in np.linspace(0.0, 1.0, points + 1)[1:]:
+        x, y = float(share * i_d), float(share * i_q)
+        d, q, status = flux_newton(m, x, y, d, q)
+        if status or not is_convex_to(m, d, q):
+            return None
+        null = null_angle(*hessian(m, d, q), sign)
+        if sign * (_q_ripple(m, x, y, h, null) - _q_ripple(m, x, y, -h, null)) <= 0.0:
+            return float(share * math.hypot(i_d, i_q))
+    return None
+
+
+def _q_ripple(m: AnyEnergy, i_d: float, i_q: float, e: float, beside: float = 0.0) -> float:
+    """Return y_q where the reference (i_d, i_q) is applied in the frame that is estimated e off, and the injection so
+    much (rad) beside its d; NaN outside the domain."""
     a, b = math.cos(e) * i_d + math.sin(e) * i_q, -math.sin(e) * i_d + math.cos(e) * i_q
     d, q, status = flux_newton(m, a, b, 0.0, 0.0)
-    return math.nan if status else float(ripple.py_func(*hessian(m, d, q), e)[1])
+    return math.nan if status else float(ripple.py_func(*hessian(m, d, q), e + beside)[1])
 
 
 def self_consistent_angle(m: AnyEnergy, i_d: float, i_q: float, steps: int = 60) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from estimators.contract import Estimator
 from model.parameters import Drive, Motor
-from model.saliency import null_turned, self_consistent_angle
+from model.saliency import known_null_ends, null_turned, self_consistent_angle
 from sandbox.evaluation.score import WITH_THEORY, Row
 
 POINTS = 40  # currents up to the load's at which a place to stand is looked for
@@ -53,8 +53,15 @@ def _of_null(row: Row, true: Motor, i_d: float, i_q: float, rated: float) -> str
             f"{beyond(turned[0])} the null of the q ripple stands 45 degrees or more beside d, where a linear belief "
             f"takes it for d; {100.0 * turned[1]:.0f} % of the saliency is left: believe the saturated model"
         )
-    by_theory = row.belief == "linear" and row.closed_loop and row.estimator in WITH_THEORY
-    if by_theory and (end := _no_null(true, i_d, i_q)) is not None:
+    if not row.closed_loop or row.estimator not in WITH_THEORY:
+        return None
+    if row.belief == "saturated" and (end := known_null_ends(true.energy, i_d, i_q)) is not None:
+        return (
+            f"{beyond(end)} an error of the estimate turns the currents, and by them the saliency's axis further than "
+            "itself, so that the ripple leads away even with a saturated belief; keep the load below, or ask for "
+            "another i_d"
+        )
+    if row.belief == "linear" and (end := _no_null(true, i_d, i_q)) is not None:
         return (
             f"{beyond(end)} cross-saturation leaves a linear belief no angle at which the ripple across it is zero; "
             "believe the saturated model"
