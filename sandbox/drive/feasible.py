@@ -198,7 +198,10 @@ def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = Fal
         flux_from_current(motor.energy, np.array([-1.0, 1.0]) * tuning.bias, 0.0)
     except PhysicsError as error:
         if not isinstance(motor.energy, Energy):
-            raise PhysicsError(f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}") from None
+            raise PhysicsError(
+                f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}; a scenario with start_up = false "
+                "begins with the angle known, and needs no such current"
+            ) from None
         ends = [boundary_on_ray(motor.energy, sign * tuning.bias, 0.0)[0] for sign in (-1.0, 1.0)]
         end = min(ends, key=abs)
         remedy = ", or set start_up = false in the scenario, whose own loads it can carry" if carried else ""

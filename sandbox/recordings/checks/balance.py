@@ -145,11 +145,12 @@ def window_of(columns: Columns) -> int:
     return 1
 
 
-def with_saturation(r: CampaignRecording, drive: Drive) -> Balance | None:
+def with_saturation(r: CampaignRecording, drive: Drive, window: int | None = None) -> Balance | None:
     """Return the balance with the nominal model's saturation; None where it holds less than half of the windows."""
+    size = window or window_of(r.columns)
     with np.errstate(all="ignore"):  # currents of a wrong unit
-        told = balance(r.columns, drive, saturated=True)
-    asked = min(LOOKED, len(r.t) // window_of(r.columns))
+        told = balance(r.columns, drive, size, saturated=True)
+    asked = min(LOOKED, len(r.t) // size)
     return told if len(told.rows) >= 0.5 * asked else None
 
 

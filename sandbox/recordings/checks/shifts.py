@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
+from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
-from sandbox.recordings.checks.balance import PHASES, UNDISTURBED, VOLTAGES, Complex
+from sandbox.recordings.checks.balance import PHASES, UNDISTURBED, VOLTAGES, Complex, with_saturation
 from sandbox.recordings.findings import Finding, Refused
 from sandbox.recordings.rows.commands import mean_command
 
@@ -89,7 +90,8 @@ def shifted(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Findi
 
 def shifts(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Shift]:
     """Return the shift that explains recordings together far better, or else those of single ones."""
-    told = {r.file: own for r in recordings if (own := curves(r, drive)) and _now(own) > NOTICED}
+    linear = ((r, own) for r in recordings if (own := curves(r, drive)) and _now(own) > NOTICED)
+    told = {r.file: own for r, c in linear if _now(own := _as_it_stands(c, r, drive)) > NOTICED}
     if not told:
         return []
     most = min(len(c[VOLTAGES]) for c in told.values()) // 2
@@ -102,6 +104,14 @@ def shifts(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Shift]
         return [_shift(best, told, found)]
     alone = {f: _best(c) for f, c in told.items() if _now(c) > UNDISTURBED}
     return [_shift(own, told, [f]) for f, own in alone.items() if _answers(told[f], own)]
+
+
+def _as_it_stands(c: dict[tuple[str, ...], Array], r: CampaignRecording, drive: Drive) -> dict[tuple[str, ...], Array]:
+    """Return a recording's curves, at no shift what the saturated model leaves where that is less."""
+    told = with_saturation(r, drive, window=1)
+    if told is None or (left := max(told.share - told.noise, 0.0)) >= _now(c):
+        return c
+    return {moved: np.concatenate([x[: len(x) // 2], [left], x[len(x) // 2 + 1 :]]) for moved, x in c.items()}
 
 
 def moved_back(r: CampaignRecording, shift: Shift) -> CampaignRecording:

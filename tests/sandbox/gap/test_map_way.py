@@ -60,11 +60,12 @@ def test_a_plan_is_made_for_a_map_as_for_alphas(name, tmp_path):
     assert sandbox.plan(motor, can=("free",)).plan.experiments
 
 
-def test_a_staircase_without_a_fault_is_not_suspicious_where_the_iron_saturates(tmp_path):
+@pytest.mark.parametrize("scenario", ["staircase", "creep_reversal"])
+def test_a_drive_without_a_fault_is_not_suspicious_where_the_iron_saturates(scenario, tmp_path):
     """Nothing was planted. Up to 180 % load L_q falls to a seventh of that at no current; the start-up turned the
     injection."""
     motor, _ = mapped("brusa", tmp_path)
-    sandbox.simulate(motor, "staircase", "qnull", seed=3, record=tmp_path / "record")
+    sandbox.simulate(motor, scenario, "qnull", seed=3, record=tmp_path / "record")
     found = sandbox.check(tmp_path / "record", effects=False)
     assert found.mistakes == ()
     assert not any("give theta in electrical rad" in n.finding.text for n in found.noticed)
