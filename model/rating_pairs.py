@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from model.drive_files import ASSUMED
@@ -125,11 +125,18 @@ PAIRS = (
 
 @dataclass(frozen=True)
 class Unit:
-    """Another unit in which numbers may stand: names of [motor] or [drive], in words, and the factor to ours."""
+    """Another unit in which numbers may stand: names of [motor] or [drive], in words, and the factor to ours; of what:
+    in words, where they are no names of the file's."""
 
     names: tuple[str, ...]
     said: str
     factor: float
+    of: str = ""
+
+    @property
+    def guess(self) -> str:
+        """Return what may stand in which unit."""
+        return f"{self.of or ' and '.join(self.names)} {self.said}"
 
 
 INDUCTANCES = ("inductance_d", "inductance_q")
@@ -156,27 +163,36 @@ UNITS = (
 )
 
 
+FROM_MAP = (*INDUCTANCES, "magnet_flux")
+PAIRS_OF_MAP = (*PAIRS[:2], dataclasses.replace(PAIRS[2], low=0.01), *PAIRS[3:])  # a map is of a motor with iron
+UNITS_OF_MAP = (
+    Unit(INDUCTANCES, "in mA", 1e3, "the flux map's currents"), Unit(FROM_MAP, "in mWb", 1e-3, "the flux map's fluxes"),
+    Unit(INDUCTANCES, "in kA", 1e-3, "the flux map's currents"), *(u for u in UNITS if u.names[0] not in FROM_MAP),
+)  # fmt: skip
+
+
 def pairs_off(drive: Drive, beside: Callable[[Drive], bool]) -> tuple[str, ...]:
     """Return one sentence on stated numbers that cannot belong to one motor, nothing where they can.
 
     beside: whether further tests of a drive find nothing; a unit is named only where it mends those, too.
     """
+    pairs, units = PAIRS, UNITS
     if isinstance(drive.motor, MappedMotor):
-        pairs: tuple[Pair, ...] = (PAIRS[0], *PAIRS[4:7])
-    else:
-        pairs = PAIRS
+        drive, pairs, units = dataclasses.replace(drive, motor=drive.motor.linear), PAIRS_OF_MAP, UNITS_OF_MAP
     off = [(p, x) for p in pairs if not p.low <= (x := p.size(drive)) <= p.high]
     if not off:
         return ()
-    names = [f"{' and '.join(u.names)} {u.said}" for u in _mending(drive, pairs, beside)]
+    names = [u.guess for u in _mending(drive, pairs, units, beside)]
     said = "; ".join(p.said(drive, x) for p, x in off[:3])
     asked = f"{', or '.join(names[:3])}?" if names else "one of these values is in another unit, or of another motor"
     return (f"{said}; no motor has that: {asked}",)
 
 
-def _mending(drive: Drive, pairs: tuple[Pair, ...], beside: Callable[[Drive], bool]) -> Iterator[Unit]:
+def _mending(
+    drive: Drive, pairs: Sequence[Pair], units: Sequence[Unit], beside: Callable[[Drive], bool]
+) -> Iterator[Unit]:
     """Yield the units that mend all that is off."""
-    for u in UNITS:
+    for u in units:
         part = "converter" if u.names[0] == "dc_bus_voltage" else "motor"
         own = getattr(drive, part)
         try:

@@ -2,9 +2,11 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from model.drive_files import load_drive, motor_names
+from model.errors import BadInput
 from model.ratings import assumed, cautions, largest_torque
 
 
@@ -102,3 +104,30 @@ def test_what_a_motors_file_does_not_state_is_said(tmp_path):
     assert "does not state sampling_period and dc_bus_voltage" in said
     assert "dc_bus_voltage = 400 V" in said
     assert all(assumed(load_drive(name)) == () for name in motor_names())
+
+
+@pytest.mark.parametrize(
+    ("amps", "webers", "said"),
+    [
+        (1.0, 1.0, None),
+        (1e3, 1.0, "the flux map's currents in mA?"),
+        (1.0, 1e3, "map.csv: at zero current its inductances are 9 H and 20 H and its magnet flux 50 Wb"),
+        (0.7071, 1.0, None),  # rms currents: within what motors have; a column of torque tells them
+    ],
+)
+def test_a_flux_map_in_another_unit_is_named(amps, webers, said, tmp_path):
+    """9 and 20 mH, 0.05 Wb, 6 A: L I / psi is 1 and 2.4; a map of milliamperes makes it a thousandth of that."""
+    i = np.linspace(-12.0, 12.0, 9)
+    i_d, i_q = (x.ravel() for x in np.meshgrid(i, i))
+    rows = np.stack([amps * i_d, amps * i_q, webers * (0.05 + 9e-3 * i_d), webers * 20e-3 * i_q], axis=1)
+    np.savetxt(tmp_path / "map.csv", rows, delimiter=",", header="i_d,i_q,psi_d,psi_q", comments="")
+    (tmp_path / "mine.toml").write_text(
+        "[motor]\npole_pairs = 4\nresistance = 0.4\ninertia = 0.002\nrated_current = 6.0\nrated_torque = 3.4\n"
+        'rated_speed_rpm = 3000.0\n[flux_map]\nfile = "map.csv"\ncells = [4, 4]\nsmooth = 1e-5\n'
+        "[drive]\nsampling_period = 125e-6\ndc_bus_voltage = 320.0\n"
+    )
+    try:
+        told = " ".join(cautions(load_drive(tmp_path / "mine.toml")))
+    except BadInput as error:
+        told = str(error)
+    assert told == "" if said is None else said in told
