@@ -111,7 +111,7 @@ def test_what_a_motors_file_does_not_state_is_said(tmp_path):
     [
         (1.0, 1.0, None),
         (1e3, 1.0, "the flux map's currents in mA?"),
-        (1.0, 1e3, "map.csv: at zero current its inductances are 9 H and 20 H and its magnet flux 50 Wb"),
+        (1.0, 1e3, "map.csv: its points make a magnet flux of 50 Wb, L_d = 9 H and L_q = 20 H"),
         (0.7071, 1.0, None),  # rms currents: within what motors have; a column of torque tells them
     ],
 )

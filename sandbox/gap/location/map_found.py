@@ -33,8 +33,8 @@ class MapFound:
         """Return one sentence; rated: current, A."""
         return (
             f"The flux map was fitted, too: where recordings are, the current at a flux is {self.rms:.3g} A rms off "
-            f"({100.0 * self.rms / rated:.2g} % of rated_current), at most {self.largest:.3g} A. With the map as stated "
-            f"residuals would be {self.as_stated:.2f} times the noise floor, with the one found they are "
+            f"({100.0 * self.rms / rated:.2g} % of rated_current), at most {self.largest:.3g} A. With the map as "
+            f"stated residuals would be {self.as_stated:.2f} times the noise floor, with the one found they are "
             f"{self.residual:.2f}. The map beside motor.toml is the one found."
         )
 

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, UNDISTURBED, VOLTAGES, Complex, with_saturation
