@@ -166,9 +166,11 @@ UNITS = (
 FROM_MAP = (*INDUCTANCES, "magnet_flux")
 PAIRS_OF_MAP = (*PAIRS[:2], dataclasses.replace(PAIRS[2], low=0.01), *PAIRS[3:])  # a map is of a motor with iron
 UNITS_OF_MAP = (
-    Unit(INDUCTANCES, "in mA", 1e3, "the flux map's currents"), Unit(FROM_MAP, "in mWb", 1e-3, "the flux map's fluxes"),
-    Unit(INDUCTANCES, "in kA", 1e-3, "the flux map's currents"), *(u for u in UNITS if u.names[0] not in FROM_MAP),
-)  # fmt: skip
+    Unit(INDUCTANCES, "in mA", 1e3, "the flux map's currents"),
+    Unit(FROM_MAP, "in mWb", 1e-3, "the flux map's fluxes"),
+    Unit(INDUCTANCES, "in kA", 1e-3, "the flux map's currents"),
+    *(u for u in UNITS if u.names[0] not in FROM_MAP),
+)
 
 
 def pairs_off(drive: Drive, beside: Callable[[Drive], bool]) -> tuple[str, ...]:
