@@ -65,7 +65,7 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
     i = rated * complex(-0.1, 0.5) * e
     psi = meter.flux(i, motor.magnet_flux * e)
     for name, x in (("psi", psi), ("eddy", psi), ("slow", i)):
-        getattr(w, f"{name}_a")[0], getattr(w, f"{name}_b")[0] = pair(x)
+        getattr(w, f"{name}_alpha")[0], getattr(w, f"{name}_beta")[0] = pair(x)
     timing, looks, seen, span = timing_of(w, h, steps), np.empty(0), np.empty((0, 2)), 0.0
     kept = plant.at_start, plant.in_middle, plant.lose, plant.moved
     stored: list[float] = []

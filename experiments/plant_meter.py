@@ -61,7 +61,7 @@ class Meter:
 
     def vector(self, name: str) -> complex:
         """Return a vector of the batch."""
-        return complex(getattr(self.w, f"{name}_a")[0], getattr(self.w, f"{name}_b")[0])
+        return complex(getattr(self.w, f"{name}_alpha")[0], getattr(self.w, f"{name}_beta")[0])
 
     def speeds(self) -> tuple[float, float]:
         """Return the speeds of rotor and load, rad/s mechanical."""

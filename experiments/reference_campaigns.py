@@ -90,8 +90,8 @@ def events(d: Drive, run: Run, r: CampaignRecording, values: Mapping[str, float]
     c, omega, u = d.converter, d.motor.pole_pairs * run.speed, r.u_alpha + 1j * r.u_beta
     legs = np.stack([(u * A ** (-m)).real for m in range(3)], axis=1)
     duty = 0.5 + (legs - 0.5 * (legs.max(1) + legs.min(1))[:, None]) / c.dc_bus_voltage
-    v, course = complete(d.motor, c, values), lambda t: (0.3 + omega * t, omega)
-    plant = Reference(d.motor, v, c.sampling_period, c.dc_bus_voltage, course=course)
+    v, trajectory = complete(d.motor, c, values), lambda t: (0.3 + omega * t, omega)
+    plant = Reference(d.motor, v, c.sampling_period, c.dc_bus_voltage, trajectory=trajectory)
     return plant.run(duty, plant.start(0.3))[0]
 
 

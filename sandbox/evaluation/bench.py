@@ -22,7 +22,7 @@ import numpy as np
 from estimators.registry import load_estimator
 from model.compiled import kernel
 from model.drive_files import load_drive
-from model.effects.library import complete, effect_names, typical
+from model.effects.library import effect_names, typical
 from model.errors import BadInput
 from model.parameters import Drive
 from model.saliency import current_for_torque
@@ -32,6 +32,7 @@ from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.evaluation.score import error_of
 from sandbox.plant.period import STILL
+from sandbox.plant.sets import complete
 
 PERIODS, C_STEPS = 100_000, 4_000_000
 C_STEP = 1e-5  # s, of the reference

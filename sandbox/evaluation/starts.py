@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from estimators.contract import Estimator
 from estimators.startup import start_periods
-from model.effects.library import complete
 from model.errors import BadInput
 from model.frames import wrapped
 from model.parameters import Drive
@@ -21,6 +20,7 @@ from sandbox.drive.feasible import check_feasible, first_state, step_of
 from sandbox.drive.recording import ROW
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import LONGEST, exact_bench, inside_for, profile_of, rig_of
+from sandbox.plant.sets import complete
 from sandbox.recordings.injection import carrier
 
 ANGLES = 36

@@ -66,9 +66,9 @@ def test_why_a_value_differs(name, factor, said):
 
 
 def test_copper_explains_a_resistance_by_its_temperature():
-    """0.393 % a kelvin: 10 % are 25 K."""
+    """IEC 60034-1: in proportion to 235 + temperature (°C), so 10 % from 20 °C are 25.5 K."""
     row = rows(RIGHT | {"resistance": 0.05 / 1.1})["resistance"]
-    assert "copper 25 K warmer" in row.said
+    assert "copper 26 K warmer" in row.said
 
 
 def test_effects_of_the_voltage_are_named():

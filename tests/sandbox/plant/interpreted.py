@@ -94,7 +94,7 @@ class Meter:
     def at_start(self, share):
         """End the last segment and begin one, share of the period after its start."""
         w, counts = self.w, 0 <= self.period - self.first_period < TURN
-        now = [complex(getattr(w, f"{x}_a")[0], getattr(w, f"{x}_b")[0]) for x in ("i", "core", "slow")]
+        now = [complex(getattr(w, f"{x}_alpha")[0], getattr(w, f"{x}_beta")[0]) for x in ("i", "core", "slow")]
         if counts:
             span, volts, impulse, first, middle = self.last
             i = (first[0] + 4.0 * middle[0] + now[0]) / 6.0
@@ -110,7 +110,7 @@ class Meter:
     def in_middle(self, span, impulse):
         """Keep what a segment's middle says."""
         w = self.w
-        middle = [complex(getattr(w, f"{x}_a")[0], getattr(w, f"{x}_b")[0]) for x in ("j", "core")] + [0j]
+        middle = [complex(getattr(w, f"{x}_alpha")[0], getattr(w, f"{x}_beta")[0]) for x in ("j", "core")] + [0j]
         self.last = span, complex(w.volt_alpha[0], w.volt_beta[0]), impulse, self.begun, middle
 
 

@@ -46,7 +46,7 @@ def test_open_terminals_show_what_the_magnets_induce():
     for k in range(20):
         current = plant.advance(0j, blocked=True)
         assert abs(current) < 1e-5 * MOTOR.rated_current
-        found = complex(*plant.bench.room["told"]) / H
+        found = complex(*plant.bench.room["given"]) / H
         theta = 0.3 + omega * H * (k + 0.5)
         x = 0.5 * omega * H
         induced = 1j * omega * MOTOR.magnet_flux * np.exp(1j * theta) * math.sin(x) / x

@@ -102,7 +102,7 @@ def test_vesc(tmp_path):
     (tmp_path / "log.csv").write_text(";\n".join([*lines, ""]))
     source = source_of(tmp_path, preset="vesc")
     why = motion_only(source)
-    assert why.startswith("sampling_period = 0.02 s is beyond L/R")
+    assert why.startswith("log.csv: rows 0.02 s apart are beyond L/R = ")
     r = read_motion(source, why).recordings[0]
     np.testing.assert_allclose(r.t - r.t[0], t, atol=1e-6)
     np.testing.assert_allclose(r.angle - r.angle[0], np.radians(100.0 * t), atol=1e-6)
