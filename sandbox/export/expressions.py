@@ -8,20 +8,15 @@ import math
 from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
+from estimators.c import expressions as scalar
 from sandbox.export.kinds import INT, LANE, REAL, Absent, Kind, Lane, Record, Rows, Several, declared
 
-OPERATORS = {
-    ast.Add: ("+", 6),
-    ast.Sub: ("-", 6),
-    ast.Mult: ("*", 7),
-    ast.Div: ("/", 7),
-    ast.FloorDiv: ("/", 7),
-    ast.Mod: ("%", 7),
+OPERATORS = scalar.OPERATORS | {
     ast.BitAnd: ("&", 3),
     ast.BitOr: ("|", 3),
     ast.LShift: ("<<", 5),
 }
-COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+COMPARED = scalar.COMPARED
 MATHS = (
     "cos",
     "sin",
