@@ -165,6 +165,22 @@ def laas_motion(folder: Path) -> dict[str, Any]:
     return told(shared("SENSORLESS_DATA", "realdata") / "laas_bldc", "--columns", str(folder / "laas.toml"))
 
 
+EMPS = """[columns]
+t = {column = "t"}
+theta = {column = "qm", mechanical = true}
+torque = {column = "vir", scale = 35.15065188}
+[[recording]]
+file = "DATA_EMPS.mat"
+rotor = "free"
+"""
+
+
+def emps(folder: Path) -> dict[str, Any]:
+    """Return what the motion of a linear axis tells: metres stand for radians, newtons for newton metres."""
+    (folder / "emps.toml").write_text(EMPS)
+    return told(shared("SENSORLESS_DATA", "realdata") / "emps", "--columns", str(folder / "emps.toml"))
+
+
 def moteus(folder: Path) -> dict[str, Any]:
     """Return what steady points say, and how `diagnose` refuses them."""
     os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))

@@ -107,6 +107,15 @@ CASES: dict[str, Case] = {
         "`unknown`",
         "Believe `unknown`, not more: residuals are those of stamps rounded to 1 ms.",
     ),
+    "emps": Case(
+        diagnosed.emps,
+        "mass 95.11 kg, viscous 203.5 N s/m, dry 20.39 N, offset -3.16 N (by force and motion of the same file); "
+        "here N m stands for N, rad for m",
+        "friction, viscous friction; `unknown`",
+        "Believe both: 21.2 N and 196 N s/m are within 5 % of what was published, and so are the mass (94.8 kg) and "
+        "the offset (3.2 N), which the answer fits but does not print (`tests/sandbox/motion/test_emps.py`). Nothing "
+        "else is named. Believe `unknown`: three floors are left, and nothing is known beyond these four numbers.",
+    ),
     "sew_map": Case(
         diagnosed.sew_map,
         "a measured map whose i_q and -i_q halves differ; ψ_q from -34 to +22 mWb",
