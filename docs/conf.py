@@ -31,7 +31,8 @@ exclude_patterns = ["_build", "extensions", "drawings", "tutorials/*", "README.m
 smartquotes = False  # options begin with two dashes
 default_role = "literal"
 highlight_language = "text"  # of a block that names none
-logging.getLogger("sensorless").setLevel(logging.ERROR)  # pages do not say that something was compiled
+# pages do not say that something was compiled
+logging.getLogger("sensorless").setLevel(logging.ERROR)
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "attrs_inline"]
 myst_heading_anchors = 3

@@ -1,13 +1,16 @@
-"""Flux observer for speed, no injection: the voltage's flux against the current's through the believed map.
+"""Flux observer for speed, no injection: the voltage's flux against the current's through the
+believed map.
 
   psi_i(theta) = R(theta) (phi(R(-theta) i) + (phi_m, 0))            flux of the measured current
   d psi / dt   = u - R i + g n (n . (psi_i - psi)) + g' (psi_i - psi)  flux of the voltage
   e = (psi - psi_i) . a / |a|^2,   a = d psi_i / d theta = R(theta) (J (phi + (phi_m, 0)) - L J i)
-a is the auxiliary flux: for a linear motor psi_m + (L_d - L_q) i_d, the active flux, along q.  The flux of the voltage
-is drawn to that of the current across a (n the unit vector there), where the angle does not show; along a only as far
-as the angle is known from elsewhere (g', in `hybrid`), for there it carries the angle.
+a is the auxiliary flux: for a linear motor psi_m + (L_d - L_q) i_d, the active flux, along q.  The
+flux of the voltage is drawn to that of the current across a (n the unit vector there), where the
+angle does not show; along a only as far as the angle is known from elsewhere (g', in `hybrid`), for
+there it carries the angle.
 
-Below about a tenth of rated speed resistance and inverter errors exceed the back-EMF: not to be used alone there.
+Below about a tenth of rated speed resistance and inverter errors exceed the back-EMF: not to be
+used alone there.
 """
 
 from __future__ import annotations
@@ -89,6 +92,7 @@ ESTIMATOR = Estimator(
     step,
     injection=NONE,
     delay="none: the flux of the voltage is up to date",
-    speeds="from about a tenth of rated speed on, where the back-EMF exceeds errors of R i and of the inverter",
+    speeds="from about a tenth of rated speed on, where the back-EMF exceeds errors of R i and "
+    "of the inverter",
     source="Boldea, Paicu, Andreescu, IEEE Trans. Power Electron. 23 (2008) (active flux)",
 )

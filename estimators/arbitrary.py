@@ -1,10 +1,13 @@
-"""Arbitrary injection: the matrix of incremental 1/inductance fitted to whatever voltage was commanded, angle from it.
+"""Arbitrary injection: the matrix of incremental 1/inductance fitted to whatever voltage was
+commanded, angle from it.
 
-No carrier is known.  Flux ripple f and current ripple g are what one filter, real in the rotor's frame, leaves of
-psi = integral of (u - R i) and of i: two zeros at rest there, two poles at half the injection's frequency,
+No carrier is known.  Flux ripple f and current ripple g are what one filter, real in the rotor's
+frame, leaves of psi = integral of (u - R i) and of i: two zeros at rest there, two poles at half
+the injection's frequency,
   H = (1 - r/z)^2 / (1 - a r/z)^2,   r = exp(j omega h),   a = exp(-pi/N),
-so means, their ramps and the magnet are gone.  Seen from the estimated rotor frame the matrix between them is fitted
-and its turn is the error (`matrix_fit`), the believed one being that at the mean current.
+so means, their ramps and the magnet are gone.  Seen from the estimated rotor frame the matrix
+between them is fitted and its turn is the error (`matrix_fit`), the believed one being that at the
+mean current.
 """
 
 from __future__ import annotations
@@ -30,7 +33,8 @@ BELIEVED = 0.2  # rho over the sum of |f|^2 that the injection makes
 
 @kernel
 def filtered(state, value, now, before, out, out_before, r, pole):
-    """Take one value of the stator frame; return and remember H of it, two values of each being kept at the slots."""
+    """Take one value of the stator frame; return and remember H of it, two values of each being
+    kept at the slots."""
     last, result_1 = get(state, now), get(state, out)
     result = value - 2.0 * r * last + r * r * get(state, before)
     result += 2.0 * pole * result_1 - pole * pole * get(state, out_before)
@@ -43,7 +47,8 @@ def filtered(state, value, now, before, out, out_before, r, pole):
 
 @kernel
 def ripples(state, sample, omega, resistance, tuning):
-    """Take one sample; return f (Wb) and g (A), complex, of the stator frame, at a speed omega (rad/s)."""
+    """Take one sample; return f (Wb) and g (A), complex, of the stator frame, at a speed omega
+    (rad/s)."""
     h, corner = tuning.sampling_period, math.pi / tuning.period
     r = cmath.exp(1j * omega * h)
     pole = math.exp(-corner) * r
@@ -67,7 +72,8 @@ def step(state, sample, belief, tuning):
     if state[PHASE] != TRACKING:
         return start(state, sample, belief, tuning)
     axis = predict(state, tuning)
-    mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)  # y is shown, not used
+    # y is shown, not used
+    mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)
     f, g = ripples(state, sample, state[SLOW_OMEGA], belief.resistance, tuning)
     if state[SEEN] < 3 * tuning.period:  # filters and mean have a beginning of their own
         state[SEEN] += 1.0
@@ -76,7 +82,11 @@ def step(state, sample, belief, tuning):
     f, g = f * back, g * back
     s, d, slope = believed(state, belief.energy, complex(mean_d, mean_q))
     add(state, f, g - s * f - d * f.conjugate(), forgetting(tuning.period))
-    correct(state, angle_error(d, slope, solve(state, believed_weight(tuning))[1], belief.energy), tuning)
+    correct(
+        state,
+        angle_error(d, slope, solve(state, believed_weight(tuning))[1], belief.energy),
+        tuning,
+    )
     return tracked(state, state[AXIS], y_d, y_q, tuning)
 
 
@@ -92,5 +102,6 @@ ESTIMATOR = Estimator(
     step,
     delay="0.5 (N - 1) samples of forgetting (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds",
-    source="Paulus, Landsmann, Kennel, SLED 2011 (arbitrary injection, direct angle); filter and belief derived here",
+    source="Paulus, Landsmann, Kennel, SLED 2011 (arbitrary injection, direct angle); filter "
+    "and belief derived here",
 )

@@ -1,4 +1,5 @@
-"""What a belief says at a measured current, flux and Hessian, whether it has an answer at all, and what is told."""
+"""What a belief says at a measured current, flux and Hessian, whether it has an answer at all, and
+what is told."""
 
 from __future__ import annotations
 
@@ -8,14 +9,17 @@ from model.compiled import kernel
 from model.energy import SOLVED, flux_newton, hessian
 
 LEAST = 0.3  # of the slope at zero current, see `damped`
-TRACKED, UNCERTAIN = 1.0, 2.0  # Estimate.tracking; UNCERTAIN: the belief has no flux at the measured current
+# Estimate.tracking; UNCERTAIN: the belief has no flux at the measured current
+TRACKED, UNCERTAIN = 1.0, 2.0
 
 
 @kernel
 def believed_flux(state, energy, i_d, i_q):
-    """Return phi_d, phi_q (Wb) at a current (A) of the rotor frame, the last one where the belief has none.
+    """Return phi_d, phi_q (Wb) at a current (A) of the rotor frame, the last one where the belief
+    has none.
 
-    state[OUTSIDE] says which of both; a second try from zero flux catches a start that had gone astray.
+    state[OUTSIDE] says which of both; a second try from zero flux catches a start that had gone
+    astray.
     """
     d, q, status = flux_newton(energy, i_d, i_q, state[FLUX_D], state[FLUX_Q])
     if status != SOLVED:
@@ -35,10 +39,12 @@ def believed_hessian(state, energy, i_d, i_q):
 
 @kernel
 def damped(step, power, energy):
-    """Return a Gauss-Newton step (rad): its numerator over the slope's square (1/H^2), less of it where that is small.
+    """Return a Gauss-Newton step (rad): its numerator over the slope's square (1/H^2), less of it
+    where that is small.
 
-    Noise goes through one over the slope, so a step is taken in full at the slope of zero current, by half at LEAST of
-    it, where damping of the tracking loop has gone from 1 to 0.7, and not at all where the matrix carries no angle.
+    Noise goes through one over the slope, so a step is taken in full at the slope of zero current,
+    by half at LEAST of it, where damping of the tracking loop has gone from 1 to 0.7, and not at
+    all where the matrix carries no angle.
     """
     usual = energy.gamma_d - energy.gamma_q
     least = LEAST * LEAST
@@ -53,9 +59,12 @@ def trust(state):
 
 @kernel
 def tracked(state, theta, y_d, y_q, tuning, injection=1.0):
-    """Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the ripple y (1/H) seen.
+    """Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the
+    ripple y (1/H) seen.
 
     injection: how much of it is wanted, 0 to 1.
     """
     size = tuning.amplitude * tuning.peak
-    return Estimate(theta, state[OMEGA], state[AXIS], 0.0, trust(state), y_d * size, y_q * size, injection)
+    return Estimate(
+        theta, state[OMEGA], state[AXIS], 0.0, trust(state), y_d * size, y_q * size, injection
+    )

@@ -1,11 +1,13 @@
-"""One step of the estimators that inject 45 degrees beside the estimated d axis and compare one number of the ripple.
+"""One step of the estimators that inject 45 degrees beside the estimated d axis and compare one
+number of the ripple.
 
-Along an axis at phi from d of a motor with mean inverse inductance S and half difference D of both axes (1/H), one Wb
-of flux ripple makes a current ripple of
+Along an axis at phi from d of a motor with mean inverse inductance S and half difference D of both
+axes (1/H), one Wb of flux ripple makes a current ripple of
   S + D cos 2 phi              along it (`vesc_hfi`),
   sqrt(S^2 + D^2 + 2 S D cos 2 phi)   in size (`hfi45`),
-which at phi = 45 degrees - e change most with the error e.  What a belief expects at the mean current, with resistance
-and speed to first order, is the ripple of `inversion`; its difference over its slope drives the tracking loop.
+which at phi = 45 degrees - e change most with the error e.  What a belief expects at the mean
+current, with resistance and speed to first order, is the ripple of `inversion`; its difference over
+its slope drives the tracking loop.
 """
 
 from __future__ import annotations
@@ -23,12 +25,15 @@ from model.compiled import kernel
 ALONG, SIZE = True, False  # which number of the ripple is compared
 BESIDE = 0.25 * math.pi
 SEEN = FREE  # samples since starting up
-WAIT = 4  # injection periods: the axis turns by 45 degrees at once, which leaves a step of the mean current to decay
+# injection periods: the axis turns by 45 degrees at once, which leaves a step of the mean current
+# to decay
+WAIT = 4
 
 
 @kernel
 def compared(y_d, y_q, which):
-    """Return the number of a ripple (1/H, in the injection's frame) that is compared: ALONG or SIZE."""
+    """Return the number of a ripple (1/H, in the injection's frame) that is compared: ALONG or
+    SIZE."""
     return y_d if which else math.hypot(y_d, y_q)
 
 
@@ -53,10 +58,15 @@ def step_beside(state, sample, belief, tuning, which):
     more = expected(state, mean_d, mean_q, DELTA, belief, tuning, which)
     less = expected(state, mean_d, mean_q, -DELTA, belief, tuning, which)
     slope = (more - less) / (2.0 * DELTA)
-    if state[SEEN] < WAIT * tuning.period:  # until the window holds this axis alone, the mean at rest
+    if state[SEEN] < WAIT * tuning.period:
+        # until the window holds this axis alone, the mean at rest
         state[SEEN] += 1.0
     else:
-        correct(state, damped(slope * (compared(y_d, y_q, which) - here), slope * slope, belief.energy), tuning)
+        correct(
+            state,
+            damped(slope * (compared(y_d, y_q, which) - here), slope * slope, belief.energy),
+            tuning,
+        )
     peak = tuning.amplitude * tuning.peak
     axis = state[AXIS] + BESIDE
     return Estimate(state[AXIS], state[OMEGA], axis, 0.0, trust(state), y_d * peak, y_q * peak, 1.0)

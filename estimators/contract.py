@@ -3,9 +3,10 @@
 An estimator is two functions,
   init(belief, tuning, angle=None) -> state              state: flat float64 array, its only memory
   step(state, sample, belief, tuning) -> Estimate        updates the state in place
-called once a sampling period.  A compiled one has the explicit signature STEP and is passed into the loop as a
-function pointer; one written in Python keeps whatever object it likes as state and runs on the slower path.  One that
-reads the current inside the PWM period (PWM) is given an Oversampled in place of the Sample: signature STEP_INSIDE.
+called once a sampling period.  A compiled one has the explicit signature STEP and is passed into
+the loop as a function pointer; one written in Python keeps whatever object it likes as state and
+runs on the slower path.  One that reads the current inside the PWM period (PWM) is given an
+Oversampled in place of the Sample: signature STEP_INSIDE.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ MAX_PERIOD = 64  # samples in an injection period
 
 
 class Sample(NamedTuple):
-    """What an estimator is given once a sampling period, at t_k; nothing in it comes from the true rotor.
+    """What an estimator is given once a sampling period, at t_k; nothing in it comes from the true
+    rotor.
 
     Parameters
     ----------
@@ -35,7 +37,8 @@ class Sample(NamedTuple):
     u_alpha, u_beta : float
         V: voltage commanded along alpha and beta for the interval that ends at t_k.
     carrier : float
-        s: zero-mean primitive F of the injected waveform at t_k, the ripple of the flux (Wb) for each injected volt.
+        s: zero-mean primitive F of the injected waveform at t_k, the ripple of the flux (Wb) for
+            each injected volt.
 
     Examples
     --------
@@ -57,7 +60,8 @@ def as_sample(row):
     return Sample(i_alpha=row[0], i_beta=row[1], u_alpha=row[2], u_beta=row[3], carrier=row[4])
 
 
-READ_ALPHA, READ_BETA, COMMANDED_ALPHA, COMMANDED_BETA = range(4)  # what stands in a row of `Oversampled.readings`
+# what stands in a row of `Oversampled.readings`
+READ_ALPHA, READ_BETA, COMMANDED_ALPHA, COMMANDED_BETA = range(4)
 
 
 class Oversampled(NamedTuple):
@@ -68,7 +72,8 @@ class Oversampled(NamedTuple):
     u_alpha: float  # V, as in Sample
     u_beta: float  # V, as in Sample
     carrier: float  # s, as in Sample
-    readings: np.ndarray  # (n, 4), see READ_ALPHA: A read at t_k - h + (j + 1/2) h/n, V s commanded since t_k - h
+    # (n, 4), see READ_ALPHA: A read at t_k - h + (j + 1/2) h/n, V s commanded since t_k - h
+    readings: np.ndarray
 
 
 class Estimate(NamedTuple):
@@ -85,7 +90,8 @@ class Estimate(NamedTuple):
     bias : float
         A: current to hold along theta while starting up.
     tracking : float
-        No unit: 0 while starting up, 1 after it, 2 where the belief has no flux at the measured current.
+        No unit: 0 while starting up, 1 after it, 2 where the belief has no flux at the measured
+            current.
     ripple_d, ripple_q : float
         A: amplitude of the current's ripple along the axis and across it.
     injection : float, default 1.0
@@ -96,7 +102,7 @@ class Estimate(NamedTuple):
     >>> from sandbox import Estimate
     >>> Estimate(theta=0.1, omega=0.0, axis=0.1, bias=0.0, tracking=1.0, ripple_d=0.02, ripple_q=0.0).injection
     1.0
-    """
+    """  # noqa: E501
 
     theta: float
     omega: float
@@ -131,7 +137,7 @@ class Belief(NamedTuple):
     >>> linear = Belief(motor.linear_energy, motor.magnet_flux, motor.resistance, 6.0, motor.inertia)
     >>> round(1.0 / linear.energy.gamma_d, 6)  # H, along d
     0.0458
-    """
+    """  # noqa: E501
 
     energy: AnyEnergy
     magnet_flux: float
@@ -141,7 +147,8 @@ class Belief(NamedTuple):
 
 
 class Tuning(NamedTuple):
-    """What an estimator is told about the drive and its gains: set by design before the run, none of it measured.
+    """What an estimator is told about the drive and its gains: set by design before the run, none
+    of it measured.
 
     Parameters
     ----------
@@ -214,8 +221,11 @@ STEP_INSIDE = ESTIMATE(STATE, OVERSAMPLED, BELIEF, TUNING)
 
 
 def is_usual(belief: Belief) -> bool:
-    """Tell whether a belief is plain floats about a quartic, hence of type BELIEF: asking numba takes 20 us."""
-    return type(belief.energy) is Energy and all(type(x) is float for x in (*belief.energy, *belief[1:]))
+    """Tell whether a belief is plain floats about a quartic, hence of type BELIEF: asking numba
+    takes 20 us."""
+    return type(belief.energy) is Energy and all(
+        type(x) is float for x in (*belief.energy, *belief[1:])
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -229,17 +239,18 @@ class Estimator:
     summary : str
         One line: what it does.
     init : callable
-        ``init(belief, tuning, angle=None) -> state``; angle: rad, where the rotor is, None to find it. The state is the
-        estimator's only memory: an array of float64 if `compiled`, otherwise any object.
+        ``init(belief, tuning, angle=None) -> state``; angle: rad, where the rotor is, None to find
+        it. The state is the estimator's only memory: an array of float64 if `compiled`, otherwise
+        any object.
     step : callable
-        ``step(state, sample, belief, tuning) -> Estimate``, called once a sampling period with a `Sample`, a `Belief`
-        and a `Tuning`; it changes the state in place.
+        ``step(state, sample, belief, tuning) -> Estimate``, called once a sampling period with a
+        `Sample`, a `Belief` and a `Tuning`; it changes the state in place.
     compiled : bool, default True
-        Whether `step` has the signature STEP of this module and runs inside the compiled loop. A step in Python
-        (False) runs on a slower path.
+        Whether `step` has the signature STEP of this module and runs inside the compiled loop. A
+        step in Python (False) runs on a slower path.
     injection : {'pulsating', 'rotating', 'none', 'pwm', 'random'}, default 'pulsating'
-        What it injects while it tracks ('pwm': nothing, it reads the ripple of the PWM itself; 'random': a square wave
-        of random cycles); starting up always pulsates.
+        What it injects while it tracks ('pwm': nothing, it reads the ripple of the PWM itself;
+        'random': a square wave of random cycles); starting up always pulsates.
     delay : str, default ''
         In words: how late it tells the angle.
     speeds : str, default ''
@@ -247,8 +258,9 @@ class Estimator:
     source : str, default ''
         Where it is published.
     type_2 : bool, default True
-        Whether `Tuning.kp` and `Tuning.ki` are the gains of a type 2 loop around the injection's ripple, and nothing
-        else. Gains that a firmware publishes (`[injection] tracking`) act on such a loop only.
+        Whether `Tuning.kp` and `Tuning.ki` are the gains of a type 2 loop around the injection's
+        ripple, and nothing else. Gains that a firmware publishes (`[injection] tracking`) act on
+        such a loop only.
 
     Examples
     --------
@@ -261,7 +273,7 @@ class Estimator:
     ...     return Estimate(state[0], 0.0, state[0], bias=0.0, tracking=1.0, ripple_d=0.0, ripple_q=0.0)
     >>> Estimator("still", "the rotor never turns", init, step, compiled=False)
     <Estimator: still, the rotor never turns>
-    """
+    """  # noqa: E501
 
     name: str
     summary: str
@@ -293,7 +305,8 @@ class Estimator:
         return OVERSAMPLED if self.inside else SAMPLE
 
     def step_for(self, belief: Belief) -> Any:
-        """Return the compiled step for a belief's kind of energy: STEP, or another compiled when first asked for."""
+        """Return the compiled step for a belief's kind of energy: STEP, or another compiled when
+        first asked for."""
         if not self.compiled or is_usual(belief) or (kind := numba.typeof(belief)) == BELIEF:
             return self.step
         return compiled_as(ESTIMATE(STATE, self.sample, kind, TUNING), self.step.py_func)  # type: ignore[attr-defined]

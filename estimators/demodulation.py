@@ -1,12 +1,13 @@
 """Synchronous demodulation, and the memory that every injection estimator shares.
 
-Currents in the injection frame are i = mean + Gamma_hat (u F), F the sampled zero-mean primitive of the injected
-waveform.  Over a whole period sum F = 0, so  sum i F / sum F^2  is the ripple and the plain average the mean.
+Currents in the injection frame are i = mean + Gamma_hat (u F), F the sampled zero-mean primitive of
+the injected waveform.  Over a whole period sum F = 0, so  sum i F / sum F^2  is the ripple and the
+plain average the mean.
 Normalising by the *sampled* F matters: the continuous factor is 5 % off at eight samples a period.
 
-A current that rises through the window would still pass for ripple, with a sign that turns every half period (F
-does).  So the results of two windows half a period apart are averaged: weights 1/2, 1, 1/2 over three half
-periods, exact for a steady ripple on a linear trend.
+A current that rises through the window would still pass for ripple, with a sign that turns every
+half period (F does).  So the results of two windows half a period apart are averaged: weights 1/2,
+1, 1/2 over three half periods, exact for a steady ripple on a linear trend.
 """
 
 from __future__ import annotations
@@ -36,9 +37,11 @@ def blank(own: int = 0) -> np.ndarray:
 def demodulate(state, sample, axis, omega, tuning):
     """Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) in the axis' frame.
 
-    The mean is looked at from one frame, the present axis turned back at the estimated speed, and taken off
-    first: in frames that carry the tracking loop's jitter, mean current times jitter would come out as ripple.
-    The ripple is then looked at from the present frame or from the axis of its own time (`tuning.present`).
+    The mean is looked at from one frame, the present axis turned back at the estimated speed, and
+    taken off first: in frames that carry the tracking loop's jitter, mean current times jitter
+    would come out
+    as ripple. The ripple is then looked at from the present frame or from the axis of its own time
+    (`tuning.present`).
     """
     half = tuning.period // 2
     n = 3 * half

@@ -1,9 +1,11 @@
-"""Inversion of the ripple at low speed, flux observer at high speed, handed over by the estimated speed.
+"""Inversion of the ripple at low speed, flux observer at high speed, handed over by the estimated
+speed.
 
-One tracking loop takes (1 - w) e_injection + w e_flux; w rises linearly between the speed whose back-EMF is half the
-voltage that rated current drops in the resistance, and twice that: below, an error of a few percent in R would be an
-error of degrees.  While injection leads, the flux of the voltage is drawn to that of the current wholly, so that the
-hand-over finds it ready.  Beyond the hand-over nothing reads the ripple and injection fades out with speed.
+One tracking loop takes (1 - w) e_injection + w e_flux; w rises linearly between the speed whose
+back-EMF is half the voltage that rated current drops in the resistance, and twice that: below, an
+error of a few percent in R would be an error of degrees.  While injection leads, the flux of the
+voltage is drawn to that of the current wholly, so that the hand-over finds it ready.  Beyond the
+hand-over nothing reads the ripple and injection fades out with speed.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ def share(omega, belief, tuning):
 
 @kernel
 def wanted(omega, belief, tuning):
-    """Return the share of injection wanted: all up to the end of the hand-over, none from half as much again on."""
+    """Return the share of injection wanted: all up to the end of the hand-over, none from half as
+    much again on."""
     first = BEGIN * belief.resistance * tuning.bias / belief.magnet_flux
     return min(max(3.0 - abs(omega) / first, 0.0), 1.0)
 
@@ -43,7 +46,9 @@ def step(state, sample, belief, tuning):
     w = share(state[OMEGA], belief, tuning)
     flux_error = observe(state, sample, 1.0 - w, belief, tuning)
     mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)
-    ripple_error = believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning) if w < 1.0 else 0.0
+    ripple_error = (
+        believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning) if w < 1.0 else 0.0
+    )
     correct(state, (1.0 - w) * ripple_error + w * flux_error, tuning)
     return tracked(state, state[AXIS], y_d, y_q, tuning, wanted(state[OMEGA], belief, tuning))
 
@@ -61,5 +66,6 @@ ESTIMATOR = Estimator(
     type_2=False,
     delay="0.75 N - 0.5 samples of demodulation at low, none at high speed",
     speeds="all; the hand-over lies between 0.5 and 1 times R x rated current / magnet flux",
-    source="Piippo, Hinkkanen, Luomi, IEEE Trans. Ind. Electron. 55 (2008) (adaptive observer with fading injection)",
+    source="Piippo, Hinkkanen, Luomi, IEEE Trans. Ind. Electron. 55 (2008) (adaptive observer "
+    "with fading injection)",
 )

@@ -2,10 +2,11 @@
 
 With injection along the estimated d axis, the believed ripple at error e is
   S(e) = R(e) Gamma_R(R(-e) i) R(-e) (1, 0),    Gamma_R = Gamma (1 - lag (R Gamma + omega J)^2),
-the second term being the first effect of resistance and speed on the in-phase ripple (the one of first order in R is
-in quadrature with F and drops out); of it, R^2 Gamma^2 and R omega (Gamma J + J Gamma) = R omega trace(Gamma) J are
-taken, omega^2 is small.  The error that minimises |y - S(e)| feeds the phase-locked loop: one
-Gauss-Newton step a sample.  It needs a non-zero slope vector S', not a saliency of a given sign.
+the second term being the first effect of resistance and speed on the in-phase ripple (the one of
+first order in R is in quadrature with F and drops out); of it, R^2 Gamma^2 and R omega (Gamma J + J
+Gamma) = R omega trace(Gamma) J are taken, omega^2 is small.  The error that minimises |y - S(e)|
+feeds the phase-locked loop: one Gauss-Newton step a sample.  It needs a non-zero slope vector S',
+not a saliency of a given sign.
 """
 
 from __future__ import annotations
@@ -36,7 +37,11 @@ def believed_ripple(state, mean_d, mean_q, e, belief, tuning):
     r_dq = dq - c * (s_dd * dq + s_dq * qq)
     r_qq = qq - c * (s_dq * dq + s_qq * qq)
     y_d, y_q = ripple(r_dd, r_dq, r_qq, e)
-    c, s, w = math.cos(e), math.sin(e), tuning.lag * belief.resistance * state[SLOW_OMEGA] * (dd + qq)
+    c, s, w = (
+        math.cos(e),
+        math.sin(e),
+        tuning.lag * belief.resistance * state[SLOW_OMEGA] * (dd + qq),
+    )
     t_d, t_q = rotate(dd * s + dq * c, dq * s + qq * c, e)  # Gamma J times the injection
     return y_d - w * t_d, y_q - w * t_q
 
@@ -74,5 +79,6 @@ ESTIMATOR = Estimator(
     step,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds",
-    source="Jebai, Malrait, Martin, Rouchon, IEMDC 2011, eqs. of the ripple; Gauss-Newton on both components",
+    source="Jebai, Malrait, Martin, Rouchon, IEMDC 2011, eqs. of the ripple; Gauss-Newton on "
+    "both components",
 )

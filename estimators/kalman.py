@@ -1,10 +1,12 @@
 """Extended Kalman filter with the energy model, compiled.
 
-State x = (psi_alpha, psi_beta, omega, theta): total stator flux linkage (Wb), electrical speed and angle.
+State x = (psi_alpha, psi_beta, omega, theta): total stator flux linkage (Wb), electrical speed and
+angle.
   d psi / dt = u - R i,   d omega / dt = noise,   d theta / dt = omega,
   i = R(theta) grad H(R(-theta) psi - (phi_m, 0)),
-one Heun step a sampling period.  Injection makes theta observable at standstill: the ripple changes the
-Jacobian of i by theta through Gamma_dd - Gamma_qq.  Twin on filterpy: `estimators.kalman_filterpy`.
+one Heun step a sampling period.  Injection makes theta observable at standstill: the ripple changes
+the Jacobian of i by theta through Gamma_dd - Gamma_qq.  Twin on filterpy:
+`estimators.kalman_filterpy`.
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ def current_jacobian(psi_a, psi_b, theta, belief):
 
 @kernel
 def sandwich(s, left, middle, out):
-    """Write left middle left^T (4 x 4, offsets into s) to `out`, through the scratch W; out may be middle."""
+    """Write left middle left^T (4 x 4, offsets into s) to `out`, through the scratch W; out may be
+    middle."""
     for i in range(4):
         for j in range(4):
             total = 0.0
@@ -98,7 +101,8 @@ def predict(s, u_a, u_b, belief, tuning):
 
 @kernel
 def shrink(s, v):
-    """Correct the covariance (Joseph form) with I - K H in F and the gains in K; v (A^2): variance of a reading."""
+    """Correct the covariance (Joseph form) with I - K H in F and the gains in K; v (A^2): variance
+    of a reading."""
     sandwich(s, F, P, P)
     for i in range(4):
         for j in range(4):
@@ -136,7 +140,8 @@ def update(s, i_a, i_b, belief, tuning):
 
 @kernel
 def doubt(s, variance):
-    """Set the covariance from starting up: a variance of the first two states, those of speed and angle."""
+    """Set the covariance from starting up: a variance of the first two states, those of speed and
+    angle."""
     for k in range(16):
         s[P + k] = 0.0
     s[P] = s[P + 5] = variance
@@ -199,5 +204,6 @@ ESTIMATOR = Estimator(
     type_2=False,
     delay="none of its own: a prediction by the model, corrected each sample",
     speeds="all; at standstill it needs the injection, and R and the inverter's voltage well known",
-    source="Bolognani, Tubiana, Zigliotto, IEEE Trans. Ind. Appl. 39 (2003), with the energy of IEMDC 2011",
+    source="Bolognani, Tubiana, Zigliotto, IEEE Trans. Ind. Appl. 39 (2003), with the energy of "
+    "IEMDC 2011",
 )

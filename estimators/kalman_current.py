@@ -1,14 +1,16 @@
-"""Extended Kalman filter on the currents, as textbooks and small drives have it, with the injection beside.
+"""Extended Kalman filter on the currents, as textbooks and small drives have it, with the injection
+beside.
 
-State x = (i_alpha, i_beta, omega, theta), measured: its first two.  In the rotor's frame, phi the flux that a belief
-has at a current, Gamma its Hessian there, J a quarter turn:
+State x = (i_alpha, i_beta, omega, theta), measured: its first two.  In the rotor's frame, phi the
+flux that a belief has at a current, Gamma its Hessian there, J a quarter turn:
   d i / dt = Gamma (u - R i - omega J (phi + phi_m)) + omega J i    (turned to the stationary frame),
   d omega / dt = noise,   d theta / dt = omega.
-With a linear belief this is the usual filter of a salient motor with constant L_d and L_q.  Mean by Heun's step, the
-transition by differences at its start.  The flux is not a state: what the voltage lacks is noise of the currents alone,
-that of the flux times the mean of gamma_d^2 and gamma_q^2, alike in both axes, and is forgotten with them; `ekf`
-remembers it as flux.  Injection makes theta observable at standstill: Gamma u turns with theta.
-"""
+With a linear belief this is the usual filter of a salient motor with constant L_d and L_q.  Mean by
+Heun's step, the transition by differences at its start.  The flux is not a state: what the voltage
+lacks is noise of the currents alone, that of the flux times the mean of gamma_d^2 and gamma_q^2,
+alike in both axes, and is forgotten with them; `ekf` remembers it as flux.  Injection makes theta
+observable at standstill: Gamma u turns with theta.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -80,7 +82,8 @@ def update(s, i_a, i_b, tuning):
         s[F + 4 * k + 2] = s[F + 4 * k + 3] = 0.0
     for k in range(4):
         s[X + k] -= s[F + 4 * k] * e_a + s[F + 4 * k + 1] * e_b
-        s[K + k], s[K + 4 + k] = s[F + 4 * k], s[F + 4 * k + 1]  # minus K: the sign goes out in squares
+        # minus K: the sign goes out in squares
+        s[K + k], s[K + 4 + k] = s[F + 4 * k], s[F + 4 * k + 1]
     for k in range(4):
         s[F + 5 * k] += 1.0
     shrink(s, v)
@@ -114,6 +117,7 @@ ESTIMATOR = Estimator(
     type_2=False,
     delay="none of its own: a prediction by the model, corrected each sample",
     speeds="all; at standstill it needs the injection",
-    source="Dhaouadi, Mohan, Norum, IEEE Trans. Power Electron. 6 (1991) 491 (states and measurement); Bolognani, "
-    "Tubiana, Zigliotto, IEEE Trans. Ind. Appl. 39 (2003); any belief by its flux and Hessian, derived here",
+    source="Dhaouadi, Mohan, Norum, IEEE Trans. Power Electron. 6 (1991) 491 (states and "
+    "measurement); Bolognani, Tubiana, Zigliotto, IEEE Trans. Ind. Appl. 39 (2003); any belief by "
+    "its flux and Hessian, derived here",
 )

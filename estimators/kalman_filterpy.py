@@ -1,7 +1,7 @@
 """The extended Kalman filter of `estimators.kalman` once more, on filterpy and NumPy.
 
-Readable form and oracle of the compiled one (compared step by step in tests/estimators), and an example of an
-estimator written in Python: any object may be its state.
+Readable form and oracle of the compiled one (compared step by step in tests/estimators), and an
+example of an estimator written in Python: any object may be its state.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ class EnergyFilter(ExtendedKalmanFilter):
         return np.concatenate([u - self.belief.resistance * self.current(x), [0.0, x[OMEGA]]])
 
     def predict_x(self, u: Any = 0) -> None:
-        """Propagate the mean by one Heun step and leave the Jacobian in F for filterpy's covariance."""
+        """Propagate the mean by one Heun step and leave the Jacobian in F for filterpy's
+        covariance."""
         t, x = self.tuning.sampling_period, self.x
         slope = self.rate(x, u)
         derivative = np.zeros((4, 4))
@@ -92,7 +93,12 @@ def begin(theta: float, i: np.ndarray, belief: Belief, tuning: Tuning) -> Energy
 
 
 def filtered(
-    begin: Callable[..., Any], update: Callable[..., None], state: State, sample: Sample, belief: Belief, tuning: Tuning
+    begin: Callable[..., Any],
+    update: Callable[..., None],
+    state: State,
+    sample: Sample,
+    belief: Belief,
+    tuning: Tuning,
 ) -> Estimate:
     """Take one sample with the filter that `begin` returns; `update` gives it the current (2,)."""
     i = np.array([sample.i_alpha, sample.i_beta])
@@ -112,7 +118,14 @@ def filtered(
 
 def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estimate:
     """Take one sample."""
-    return filtered(begin, lambda f, i: f.update(i, f.current_jacobian, f.current), state, sample, belief, tuning)
+    return filtered(
+        begin,
+        lambda f, i: f.update(i, f.current_jacobian, f.current),
+        state,
+        sample,
+        belief,
+        tuning,
+    )
 
 
 ESTIMATOR = Estimator(

@@ -1,8 +1,9 @@
-"""The inversion of both ripple components, tracked by a mechanical observer: believed torque and inertia go ahead.
+"""The inversion of both ripple components, tracked by a mechanical observer: believed torque and
+inertia go ahead.
 
   d theta / dt = omega + l1 e,   d omega / dt = p/J (T(i) - T_load) + l2 e,   d T_load / dt = -l3 e,
-so that a change of the motor's own torque needs no error to be followed; a change of load does.  A wrong inertia, or
-a rotor held from outside, is taken up by the load torque.
+so that a change of the motor's own torque needs no error to be followed; a change of load does.  A
+wrong inertia, or a rotor held from outside, is taken up by the load torque.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ def step(state, sample, belief, tuning):
     axis = predict(state, tuning)
     mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)
     error = believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning)
-    driving = torque(belief.energy, state[FLUX_D], state[FLUX_Q], belief.magnet_flux, belief.pole_pairs)
+    driving = torque(
+        belief.energy, state[FLUX_D], state[FLUX_Q], belief.magnet_flux, belief.pole_pairs
+    )
     correct_mechanical(state, error, driving, belief, tuning)
     return tracked(state, state[AXIS], y_d, y_q, tuning)
 

@@ -1,11 +1,11 @@
 """Inversion of both ripple components under a watch that tests other angles, and recovers.
 
-Each sample tests one of M hypotheses e_j = 2 pi j/M: "the rotor stands e_j ahead of the estimate", by the squared
-distance |y - S(e_j)|^2 between the ripple averaged over the last M samples and the ripple believed there.  Filtered
-over sweeps, the hypothesis of least distance takes over once it explains the ripple much better than any within the
-tracking loop's reach does, beyond noise, for several sweeps.
-0 and 180 degrees differ by saturation alone: with a linear belief, or without current, the watch sees a lost axis but
-no wrong pole.
+Each sample tests one of M hypotheses e_j = 2 pi j/M: "the rotor stands e_j ahead of the estimate",
+by the squared distance |y - S(e_j)|^2 between the ripple averaged over the last M samples and the
+ripple believed there.  Filtered over sweeps, the hypothesis of least distance takes over once it
+explains the ripple much better than any within the tracking loop's reach does, beyond noise, for
+several sweeps. 0 and 180 degrees differ by saturation alone: with a linear belief, or without
+current, the watch sees a lost axis but no wrong pole.
 """
 
 from __future__ import annotations
@@ -14,7 +14,17 @@ import math
 
 from estimators.believed import tracked
 from estimators.contract import STEP, Estimator
-from estimators.demodulation import AXIS, FLUX_D, FLUX_Q, FREE, OMEGA, OUTSIDE, PHASE, blank, demodulate
+from estimators.demodulation import (
+    AXIS,
+    FLUX_D,
+    FLUX_Q,
+    FREE,
+    OMEGA,
+    OUTSIDE,
+    PHASE,
+    blank,
+    demodulate,
+)
 from estimators.inversion import believed_error, believed_ripple
 from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct, predict
@@ -22,7 +32,8 @@ from model.compiled import kernel, kernel_as
 
 HYPOTHESES = 24
 SWEEP, DOUBTS, WAITED = FREE, FREE + 1, FREE + 2
-SUM, SEEN = FREE + 3, FREE + 7  # mean_d, mean_q, y_d, y_q: summed over this sweep, averaged over the last
+# mean_d, mean_q, y_d, y_q: summed over this sweep, averaged over the last
+SUM, SEEN = FREE + 3, FREE + 7
 DISTANCE = FREE + 11
 OWN = 11 + HYPOTHESES
 KEEP = 0.7  # of a distance, from sweep to sweep
@@ -49,7 +60,8 @@ def distance(state, mean_d, mean_q, y_d, y_q, e, belief, tuning):
 @kernel
 def watch(state, mean_d, mean_q, y_d, y_q, belief, tuning):
     """Test one hypothesis; return the angle (rad) to jump by, 0 mostly."""
-    if state[WAITED] < 4 * tuning.period:  # until the window holds tracking alone, after a jump, too
+    if state[WAITED] < 4 * tuning.period:
+        # until the window holds tracking alone, after a jump, too
         state[WAITED] += 1.0
         return 0.0
     j = int(state[SWEEP])
@@ -59,7 +71,9 @@ def watch(state, mean_d, mean_q, y_d, y_q, belief, tuning):
     state[SUM + 3] += y_q / HYPOTHESES
     if state[SEEN + 2] != 0.0:
         e = 2.0 * math.pi * j / HYPOTHESES
-        now = distance(state, state[SEEN], state[SEEN + 1], state[SEEN + 2], state[SEEN + 3], e, belief, tuning)
+        now = distance(
+            state, state[SEEN], state[SEEN + 1], state[SEEN + 2], state[SEEN + 3], e, belief, tuning
+        )
         state[DISTANCE + j] += (1.0 - KEEP) * (now - state[DISTANCE + j])
     state[SWEEP] = (j + 1) % HYPOTHESES
     if state[SWEEP] != 0.0:
@@ -107,10 +121,12 @@ def init(belief, tuning, angle=None):
 
 ESTIMATOR = Estimator(
     "monitor",
-    "inversion under a watch: hypothesis test of other angles, 180 degrees among them, and recovery",
+    "inversion under a watch: hypothesis test of other angles, 180 degrees among them, "
+    "and recovery",
     init,
     step,
     delay="as inversion; a lost lock is mended after about 6 sweeps of 24 samples",
     speeds="as inversion; the wrong pole shows under load, with a saturated belief",
-    source="multiple hypotheses by squared residuals: Bar-Shalom, Li, Kirubarajan, Estimation (2001), section 11",
+    source="multiple hypotheses by squared residuals: Bar-Shalom, Li, Kirubarajan, Estimation "
+    "(2001), section 11",
 )

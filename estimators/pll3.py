@@ -1,4 +1,5 @@
-"""The inversion of both ripple components, tracked by a phase-locked loop of type 3: no lag on a ramp of speed."""
+"""The inversion of both ripple components, tracked by a phase-locked loop of type 3: no lag on a
+ramp of speed."""
 
 from __future__ import annotations
 
@@ -35,5 +36,6 @@ ESTIMATOR = Estimator(
     type_2=False,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds; no lag on a ramp",
-    source="Gardner, Phaselock Techniques, 3rd ed., section 2.2 (third-order loop); error signal of `inversion`",
+    source="Gardner, Phaselock Techniques, 3rd ed., section 2.2 (third-order loop); error "
+    "signal of `inversion`",
 )

@@ -1,12 +1,14 @@
-"""Gains of tracking loops that open firmwares publish as their defaults, in the units of `tracking.correct`.
+"""Gains of tracking loops that open firmwares publish as their defaults, in the units of
+`tracking.correct`.
 
-VESC (bldc: foc_hfi_adjust_angle of motor/foc_math.c; foc_hfi_gain = 0.3 of motor/mcconf_default.h, commit 09266def):
-once an injection period dt the angle moves by dt (4000 g e + I), g = 0.3, and the speed I by 10 g e.
+VESC (bldc: foc_hfi_adjust_angle of motor/foc_math.c; foc_hfi_gain = 0.3 of motor/mcconf_default.h,
+commit 09266def): once an injection period dt the angle moves by dt (4000 g e + I), g = 0.3, and the
+speed I by 10 g e.
 
-MESC (MESC_Firmware: MESC_Common/Src/MESChfi.c, commit 1ea620e1): twice an injection period the angle moves by x + y,
-x = 5000 (m/m_0 - 1) of 65 536 parts of a turn, m the size of the ripple and m_0 its mean over a turn, y = 0.05 times
-the sum of all x.  45 degrees beside d, m/m_0 - 1 = 2 S D e/(S^2 + D^2), with the mean S and half the difference D of
-both inverse inductances.
+MESC (MESC_Firmware: MESC_Common/Src/MESChfi.c, commit 1ea620e1): twice an injection period the
+angle moves by x + y, x = 5000 (m/m_0 - 1) of 65 536 parts of a turn, m the size of the ripple and
+m_0 its mean over a turn, y = 0.05 times the sum of all x.  45 degrees beside d, m/m_0 - 1 = 2 S D
+e/(S^2 + D^2), with the mean S and half the difference D of both inverse inductances.
 
 Left out: both firmwares' limits of error and speed.
 """

@@ -1,19 +1,22 @@
-"""Injection by the PWM itself: the matrix of incremental 1/inductance fitted to the ripple inside the switching period.
+"""Injection by the PWM itself: the matrix of incremental 1/inductance fitted to the ripple inside
+the switching period.
 
-Nothing is added to the commanded voltage.  The current is read n times a period; the pulses' edges are known, so is the
-voltage's integral psi up to each reading.  Between readings j of one period
+Nothing is added to the commanded voltage.  The current is read n times a period; the pulses' edges
+are known, so is the voltage's integral psi up to each reading.  Between readings j of one period
   i_j = Gamma (psi_j - R integral of i - t_j e) + const,
-e the back-EMF. What of psi - R integral of i and of i is no straight line over the period are flux ripple f_j and
-current ripple g_j: constants, ramps and with them e are gone. The pulses' shift turns its sign from one period to the
-next; where f opposes the last period's, the same readings of that period are taken off: f doubles, and what both have
-alike goes, dead time, the arc of a turning magnet, the curvature of saturation over the ripple. Each pair is seen
-from its own period's estimated rotor frame; the matrix between them is fitted and its turn is the error
-(`matrix_fit`), the believed one being that at the mean current of both.
+e the back-EMF. What of psi - R integral of i and of i is no straight line over the period are flux
+ripple f_j and current ripple g_j: constants, ramps and with them e are gone. The pulses' shift
+turns its sign from
+one period to the next; where f opposes the last period's, the same readings of that period are
+taken off: f doubles, and what both have alike goes, dead time, the arc of a turning magnet, the
+curvature of saturation over the ripple. Each pair is seen from its own period's estimated rotor
+frame; the matrix between them is fitted and its turn is the error (`matrix_fit`), the believed one
+being that at the mean current of both.
 
 The belief's weight is that of a Gaussian saliency as uncertain as it is large,
   rho = 2 (sigma_i^2 / |D_0|^2 + sigma_psi^2),
-sigma_i the reading's noise and sigma_psi what the inverter leaves of the volt-seconds: without ripple the error is
-zero.
+sigma_i the reading's noise and sigma_psi what the inverter leaves of the volt-seconds: without
+ripple the error is zero.
 """
 
 from __future__ import annotations
@@ -46,13 +49,15 @@ OWN = TAKEN + 8 * MAX_READINGS + 2
 
 @kernel
 def flux_of(readings, j, area, resistance):
-    """Return the flux (Wb) at a reading that the voltage and R i have made; area: integral of the current (A s)."""
+    """Return the flux (Wb) at a reading that the voltage and R i have made; area: integral of the
+    current (A s)."""
     return complex(readings[j, COMMANDED_ALPHA], readings[j, COMMANDED_BETA]) - resistance * area
 
 
 @kernel
 def lines(readings, h, resistance):
-    """Return means and slopes a period of flux (Wb) and current (A) over a period's readings, by least squares."""
+    """Return means and slopes a period of flux (Wb) and current (A) over a period's readings, by
+    least squares."""
     n = readings.shape[0]
     area = psi_0 = psi_1 = i_0 = i_1 = 0j
     last = complex(readings[0, READ_ALPHA], readings[0, READ_BETA])
@@ -68,7 +73,8 @@ def lines(readings, h, resistance):
 
 @kernel
 def ripples(state, readings, back, resistance, h):
-    """Write f (Wb) and g (A) of a period, turned by `back`; return the scalar product of f with the last period's."""
+    """Write f (Wb) and g (A) of a period, turned by `back`; return the scalar product of f with the
+    last period's."""
     psi_0, psi_1, i_0, i_1 = lines(readings, h, resistance)
     n, product = readings.shape[0], 0.0
     area, last = 0j, complex(readings[0, READ_ALPHA], readings[0, READ_BETA])
@@ -85,7 +91,8 @@ def ripples(state, readings, back, resistance, h):
 
 @kernel
 def collect(state, readings, back, s, d, resistance, tuning):
-    """Add a period's ripples less the last one's to the sums, where they oppose; back: stator to rotor frame."""
+    """Add a period's ripples less the last one's to the sums, where they oppose; back: stator to
+    rotor frame."""
     opposed = ripples(state, readings, back, resistance, tuning.sampling_period) < 0.0
     add(state, 0j, 0j, forgetting(AGE))
     for j in range(readings.shape[0]):
@@ -137,6 +144,6 @@ ESTIMATOR = Estimator(
     injection=PWM,
     delay="1.5 periods: pairs of periods, forgotten as an average over two",
     speeds="0 to where the current loop holds",
-    source="Schroedl, IAS 1996 (INFORM); Gao, Asher, Sumner, Makys, IEEE Trans. Ind. Appl. 43 (2007) (PWM excitation); "
-    "pairs of periods, fit and belief derived here",
+    source="Schroedl, IAS 1996 (INFORM); Gao, Asher, Sumner, Makys, IEEE Trans. Ind. Appl. "
+    "43 (2007) (PWM excitation); pairs of periods, fit and belief derived here",
 )

@@ -1,11 +1,12 @@
 """q-null: inject along an axis, turn it until the ripple across it vanishes.
 
-At the null the axis stands at the cross-saturation angle from the magnet.  The linear belief takes it for the
-magnet; the saturated belief adds the angle its Hessian predicts at the measured current, which makes axis and
-offset consistent with each other (the self-consistent offset).
+At the null the axis stands at the cross-saturation angle from the magnet.  The linear belief takes
+it for the magnet; the saturated belief adds the angle its Hessian predicts at the measured current,
+which makes axis and offset consistent with each other (the self-consistent offset).
 
-At speed the resistance turns the null by lag R omega (Gamma_dd + Gamma_qq) Gamma_qq / (Gamma_dd - Gamma_qq) rad (0.1
-degree at 5 % of rated speed for `ipm_exchanged`, 0.25 for `ipm`), which either belief adds.
+At speed the resistance turns the null by lag R omega (Gamma_dd + Gamma_qq) Gamma_qq /
+(Gamma_dd - Gamma_qq) rad (0.1 degree at 5 % of rated speed for `ipm_exchanged`, 0.25 for `ipm`),
+which either belief adds.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from model.saliency import null_angle
 
 @kernel
 def believed_null(state, mean_d, mean_q, belief, tuning):
-    """Return null angle (rad) and ripple slope (1/H) that the belief gives at the mean current of the axis frame."""
+    """Return null angle (rad) and ripple slope (1/H) that the belief gives at the mean current of
+    the axis frame."""
     e = belief.energy
     sign = 1.0 if e.gamma_d >= e.gamma_q else -1.0
     i_d, i_q = rotate(mean_d, mean_q, -state[OFFSET])  # into the estimated rotor frame
@@ -58,5 +60,6 @@ ESTIMATOR = Estimator(
     step,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds",
-    source="Jebai, Malrait, Martin, Rouchon, IEMDC 2011, section III; Linke, Kennel, Holtz, IEMDC 2003 (offset)",
+    source="Jebai, Malrait, Martin, Rouchon, IEMDC 2011, section III; Linke, Kennel, Holtz, "
+    "IEMDC 2003 (offset)",
 )

@@ -1,17 +1,20 @@
-"""Random frequency: a square wave along the estimated d axis whose cycles have one of two lengths, drawn by lot.
+"""Random frequency: a square wave along the estimated d axis whose cycles have one of two lengths,
+drawn by lot.
 
-The drive's injection period N and half of it follow each other at random, each in a random sense, so that the
-injection's energy lies in no line: it hisses and does not whistle.  (In one sense alone a line would be left at twice
-the frequency, of (1/3)^2 of a square wave's, as short cycles take a third of the time and all have one phase.)
+The drive's injection period N and half of it follow each other at random, each in a random sense,
+so that the injection's energy lies in no line: it hisses and does not whistle.  (In one sense alone
+a line would be left at twice the frequency, of (1/3)^2 of a square wave's, as short cycles take a
+third of the time and all have one phase.)
 
-A cycle of M samples, M a multiple of four, begins in the middle of a pulse (+ for M/4, - for M/2, + for M/4), where the
-flux ripple is zero, so that cycles of either length and sense join without a step of its mean; one of two samples is
-+ -.  The drive's own square wave is turned by half a turn where its sign differs.
+A cycle of M samples, M a multiple of four, begins in the middle of a pulse (+ for M/4, - for M/2, +
+for M/4), where the flux ripple is zero, so that cycles of either length and sense join without a
+step of its mean; one of two samples is + -.  The drive's own square wave is turned by half a turn
+where its sign differs.
 
-The ripple is the least-squares slope of the current on the flux ripple F of the signs that were sent, over three half
-periods, beside a constant and a straight line: exact for a steady ripple on a linear trend, as the usual windows are,
-whatever the cycles.  Angle from it as in `qnull`.  Its correction for resistance at speed is that of the long cycle,
-which has nine tenths of the power.
+The ripple is the least-squares slope of the current on the flux ripple F of the signs that were
+sent, over three half periods, beside a constant and a straight line: exact for a steady ripple on a
+linear trend, as the usual windows are, whatever the cycles.  Angle from it as in `qnull`.  Its
+correction for resistance at speed is that of the long cycle, which has nine tenths of the power.
 
 Needs a square waveform of four samples a period, or eight, twelve, ...
 """
@@ -41,15 +44,17 @@ from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct, predict
 from model.compiled import kernel, kernel_as
 
-# place in the drive's own period at t_k; flux ripple (s) of what acted up to t_k; signs asked for last, and before;
-# place and length of the cycle, its sense; the lot; samples since starting up
+# place in the drive's own period at t_k; flux ripple (s) of what acted up to t_k; signs asked for
+# last, and before; place and length of the cycle, its sense; the lot; samples since starting up
 TURN, FLUX, SIGN, ACTING, PLACE, LENGTH, SENSE, LOT, SEEN = range(FREE, FREE + 9)
-FIRST_LOT, FACTOR, MODULUS = 20161201.0, 16807.0, 2147483647.0  # Park, Miller, Comm. ACM 31 (1988) 1192
+# Park, Miller, Comm. ACM 31 (1988) 1192
+FIRST_LOT, FACTOR, MODULUS = 20161201.0, 16807.0, 2147483647.0
 
 
 @kernel
 def drawn(state):
-    """Return an evenly distributed number in (0, 1), by the minimal standard generator: exact in doubles."""
+    """Return an evenly distributed number in (0, 1), by the minimal standard generator: exact in
+    doubles."""
     state[LOT] = (FACTOR * state[LOT]) % MODULUS
     return state[LOT] / MODULUS
 
@@ -114,11 +119,13 @@ def demodulated(state, sample, axis, omega, tuning):
 def step(state, sample, belief, tuning):
     """Take one sample; see the module's text."""
     n, h = tuning.period, tuning.sampling_period
-    state[TURN] = 0.0 if sample.carrier < -0.999 * tuning.peak else state[TURN] + 1.0  # the primitive starts lowest
+    # the primitive starts lowest
+    state[TURN] = 0.0 if sample.carrier < -0.999 * tuning.peak else state[TURN] + 1.0
     if state[PHASE] != TRACKING:
         return start(state, sample, belief, tuning)
     axis = predict(state, tuning)
-    state[FLUX] += h * state[ACTING]  # what was asked for at t_(k-2) acts over the interval that ends at t_k
+    # what was asked for at t_(k-2) acts over the interval that ends at t_k
+    state[FLUX] += h * state[ACTING]
     mean_d, mean_q, y_d, y_q = demodulated(state, sample, axis, state[OMEGA], tuning)
     state[OFFSET], slope = believed_null(state, mean_d, mean_q, belief, tuning)
     if state[SEEN] < 2 * n:  # until the window holds these signs alone
@@ -126,7 +133,8 @@ def step(state, sample, belief, tuning):
     else:
         correct(state, y_q / slope, tuning)
     state[ACTING], state[SIGN] = state[SIGN], next_sign(state, n)
-    own = 1.0 if (state[TURN] + 1.0) % n < n // 2 else -1.0  # the drive's wave over the interval that begins at t_k+1
+    # the drive's wave over the interval that begins at t_k+1
+    own = 1.0 if (state[TURN] + 1.0) % n < n // 2 else -1.0
     inject = state[AXIS] + (0.0 if own == state[SIGN] else math.pi)
     size = tuning.amplitude * tuning.peak
     theta = state[AXIS] + state[OFFSET]
@@ -148,6 +156,7 @@ ESTIMATOR = Estimator(
     injection=RANDOM,
     delay="0.75 N - 0.5 samples of demodulation (N samples of the longer cycle)",
     speeds="0 to where the current loop behind the injection's average holds",
-    source="Wang, Yang, Yuan, Wang, Zhang, Xu, IEEE Trans. Ind. Electron. 63 (2016) 7423 (two frequencies at random, "
-    "cycle by cycle); Zhang, Wang, Xu, IEEE Trans. Ind. Electron. 65 (2018) (random phase); least squares derived here",
+    source="Wang, Yang, Yuan, Wang, Zhang, Xu, IEEE Trans. Ind. Electron. 63 (2016) 7423 "
+    "(two frequencies at random, cycle by cycle); Zhang, Wang, Xu, IEEE Trans. Ind. Electron. 65 "
+    "(2018) (random phase); least squares derived here",
 )

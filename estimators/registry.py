@@ -18,7 +18,8 @@ from model.plugins import brought, line_of, load
 if TYPE_CHECKING:
     from estimators.contract import Estimator
 
-AnyEstimator: TypeAlias = "str | Path | Estimator"  # a name, a Python file or a shared library, or the object
+# a name, a Python file or a shared library, or the object
+AnyEstimator: TypeAlias = "str | Path | Estimator"
 LIBRARIES = (".so", ".dylib", ".dll")
 MODULES = {
     "qnull": "estimators.qnull",
@@ -50,7 +51,8 @@ def estimator_names() -> list[str]:
 
 
 def check_known(which: AnyEstimator) -> None:
-    """Raise BadInput, before anything is compiled, for an unknown name or a file that does not exist."""
+    """Raise BadInput, before anything is compiled, for an unknown name or a file that does not
+    exist."""
     if isinstance(which, (str, Path)):
         if Path(which).suffix in LIBRARIES:
             _check_library(Path(which))
@@ -66,19 +68,24 @@ def _is_file_name(which: str | Path) -> bool:
 
 def _check_there(path: Path) -> None:
     if not path.is_file():
-        raise BadInput(f"estimator file '{path}' does not exist; give a Python file that defines ESTIMATOR")
+        raise BadInput(
+            f"estimator file '{path}' does not exist; give a Python file that defines ESTIMATOR"
+        )
 
 
 def _check_library(path: Path) -> None:
     if not path.is_file():
-        raise BadInput(f"estimator library '{path}' does not exist; build one as `sensorless_estimator.h` says")
+        raise BadInput(
+            f"estimator library '{path}' does not exist; build one as `sensorless_estimator.h` says"
+        )
 
 
 def load_estimator(which: AnyEstimator) -> Estimator:
-    """Return an estimator by name, from a Python file that defines ESTIMATOR, from a shared library, or as it is given.
+    """Return an estimator by name, from a Python file that defines ESTIMATOR, from a shared
+    library, or as it is given.
 
-    BadInput for an unknown name (with the nearest one), a file without an estimator, and an estimator of one's own
-    that bears the name of a built-in one.
+    BadInput for an unknown name (with the nearest one), a file without an estimator, and an
+    estimator of one's own that bears the name of a built-in one.
     """
     check_known(which)
     from estimators.contract import Estimator
@@ -102,12 +109,16 @@ def _brought(name: str) -> Estimator:
     point = brought("estimators")[name]
     found = load(point)
     if not isinstance(found, Estimator) or found.name != name:
-        raise BadInput(f"'{point.value}' of another package is no Estimator of the name '{name}'; mend it there")
+        raise BadInput(
+            f"'{point.value}' of another package is no Estimator of the name '{name}'; "
+            "mend it there"
+        )
     return found
 
 
 def load_estimator_library(path: str | Path) -> Estimator:
-    """Return the estimator of a shared library (`c/sensorless_estimator.h`); BadInput where it does not fit."""
+    """Return the estimator of a shared library (`c/sensorless_estimator.h`); BadInput where it does
+    not fit."""
     _check_library(Path(path))
     from estimators.shared_library import load_library  # compiles
 
@@ -115,12 +126,18 @@ def load_estimator_library(path: str | Path) -> Estimator:
 
 
 def summaries() -> dict[str, str]:
-    """Return what each estimator does in one line, read from its source: importing it would compile it.
+    """Return what each estimator does in one line, read from its source: importing it would compile
+    it.
 
     Those of other packages: what their package says of itself.
     """
-    own = {n: _summary(Path(__file__).with_name(f"{m.rpartition('.')[2]}.py")) for n, m in MODULES.items()}
-    return own | {name: line_of(point) for name, point in brought("estimators").items() if name not in own}
+    own = {
+        n: _summary(Path(__file__).with_name(f"{m.rpartition('.')[2]}.py"))
+        for n, m in MODULES.items()
+    }
+    return own | {
+        name: line_of(point) for name, point in brought("estimators").items() if name not in own
+    }
 
 
 def _summary(path: Path) -> str:
@@ -133,12 +150,17 @@ def _summary(path: Path) -> str:
 
 
 def _from_file(path: Path) -> Estimator:
-    """Return the ESTIMATOR of a user's file; the file's folder is where its own imports are found, too."""
+    """Return the ESTIMATOR of a user's file; the file's folder is where its own imports are found,
+    too."""
     from estimators.contract import Estimator
 
     full = path.resolve()
-    name = f"{path.stem}_{zlib.crc32(os.fsencode(full)):x}"  # importable again: compiled code is cached by module name
-    if name not in sys.modules or getattr(sys.modules[name], "READ_AT", None) != full.stat().st_mtime_ns:
+    # importable again: compiled code is cached by module name
+    name = f"{path.stem}_{zlib.crc32(os.fsencode(full)):x}"
+    if (
+        name not in sys.modules
+        or getattr(sys.modules[name], "READ_AT", None) != full.stat().st_mtime_ns
+    ):
         spec = spec_from_file_location(name, full)
         if spec is None or spec.loader is None:
             raise BadInput(f"estimator file '{path}' is no Python file; give one that ends in .py")
@@ -147,22 +169,27 @@ def _from_file(path: Path) -> Estimator:
         sys.path.append(str(full.parent))
         try:
             spec.loader.exec_module(module)
-        except (Exception, SystemExit) as error:  # whatever a user's file raises is the user's to mend
+        except (Exception, SystemExit) as error:
+            # whatever a user's file raises is the user's to mend
             del sys.modules[name]
-            raise BadInput(f"estimator file '{path}' cannot be run: {raised(error)}; mend it there") from error
+            raise BadInput(
+                f"estimator file '{path}' cannot be run: {raised(error)}; mend it there"
+            ) from error
         finally:
             sys.path.remove(str(full.parent))
         module.READ_AT = full.stat().st_mtime_ns  # type: ignore[attr-defined]
     found = getattr(sys.modules[name], "ESTIMATOR", None)
     if not isinstance(found, Estimator):
         raise BadInput(
-            f"estimator file '{path}' defines no ESTIMATOR; write ESTIMATOR = Estimator(name, summary, init, step)"
+            f"estimator file '{path}' defines no ESTIMATOR; write ESTIMATOR = "
+            "Estimator(name, summary, init, step)"
         )
     return found
 
 
 def _apart(own: Estimator) -> Estimator:
-    """Return an estimator; BadInput where its name cannot be shown, or is that of a built-in one that it is not."""
+    """Return an estimator; BadInput where its name cannot be shown, or is that of a built-in one
+    that it is not."""
     check_name(own.name, "estimator's name")
     if own.name in MODULES and own is not load_estimator(own.name):
         raise BadInput(f"'{own.name}' is the name of a built-in estimator; give yours another one")

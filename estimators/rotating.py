@@ -1,16 +1,19 @@
 """Rotating injection, position from the negative sequence of the current.
 
-The injected voltage turns once in N samples, u_k = U exp(j rho_k), rho_k = 2 pi k/N.  A winding with eigenvalues
-mu_1, mu_2 of Gamma (principal axis at angle chi from d) answers u_k along each axis with mu H(mu),
+The injected voltage turns once in N samples, u_k = U exp(j rho_k), rho_k = 2 pi k/N.  A winding
+with eigenvalues mu_1, mu_2 of Gamma (principal axis at angle chi from d) answers u_k along each
+axis with mu H(mu),
   H(mu) = b/(z - a),  a = exp(-R mu h),  b = (1 - a)/(R mu),  z = exp(2 pi j/N),
-exactly at standstill.  Beside the positive sequence the current has conj(P - Q)/2 exp(2j chi) conj(u_k), P = mu_1
-H(mu_1), Q = mu_2 H(mu_2): the negative one, which turns with twice the rotor's angle.  Divided by the lossless flux
-ripple psi_k = h u_k/(z - 1) it is
+exactly at standstill.  Beside the positive sequence the current has conj(P - Q)/2 exp(2j chi)
+conj(u_k), P = mu_1 H(mu_1), Q = mu_2 H(mu_2): the negative one, which turns with twice the rotor's
+angle.  Divided by the lossless flux ripple psi_k = h u_k/(z - 1) it is
   D = exp(2j chi) conj(P - Q) / (2 conj(h/(z - 1))),
-Gamma_dd - Gamma_qq over 2 plus j Gamma_dq without resistance; the resistance turns it by about R trace(Gamma)/Omega,
-degrees that the belief takes along.  Error e: half the angle between measured and believed D.
+Gamma_dd - Gamma_qq over 2 plus j Gamma_dq without resistance; the resistance turns it by about R
+trace(Gamma)/Omega, degrees that the belief takes along.  Error e: half the angle between measured
+and believed D.
 
-Needs a square waveform of at least four samples: the axis of injection is turned from sample to sample.
+Needs a square waveform of at least four samples: the axis of injection is turned from sample to
+sample.
 """
 
 from __future__ import annotations
@@ -41,7 +44,8 @@ TURN, SEEN = FREE, FREE + 1  # place in the turn at t_k; samples seen since star
 
 @kernel
 def answer(eigenvalue, resistance, h, z):
-    """Return mu H(mu): the current at the samples per volt turning once in N samples, along an axis of stiffness mu."""
+    """Return mu H(mu): the current at the samples per volt turning once in N samples, along an axis
+    of stiffness mu."""
     a = math.exp(-resistance * eigenvalue * h)
     return (1.0 - a) / resistance / (z - a)
 
@@ -58,14 +62,20 @@ def believed_sequence(dd, dq, qq, resistance, h, n):
 
 @kernel
 def negative_sequence(state, sample, axis, omega, tuning):
-    """Take one sample; return the mean current mean_d, mean_q (A) and D (1/H, complex), all from the present frame.
+    """Take one sample; return the mean current mean_d, mean_q (A) and D (1/H, complex), all from
+    the present frame.
 
-    Weights 1/2, 1, 1/2 over three half periods, as in `demodulation`: exact on a linear trend of the current.
+    Weights 1/2, 1, 1/2 over three half periods, as in `demodulation`: exact on a linear trend of
+    the current.
     """
     period, half, h = tuning.period, tuning.period // 2, tuning.sampling_period
     n = 3 * half
     newest = int(state[CURSOR])
-    ideal = h / (cmath.exp(2j * math.pi / period) - 1.0) * cmath.exp(2j * math.pi * state[TURN] / period)
+    ideal = (
+        h
+        / (cmath.exp(2j * math.pi / period) - 1.0)
+        * cmath.exp(2j * math.pi * state[TURN] / period)
+    )
     state[RING_A + newest], state[RING_B + newest] = sample.i_alpha, sample.i_beta
     state[RING_C + newest], state[RING_S + newest] = ideal.real, ideal.imag
     state[CURSOR] = (newest + 1) % n
@@ -89,7 +99,8 @@ def negative_sequence(state, sample, axis, omega, tuning):
 def step(state, sample, belief, tuning):
     """Take one sample; see the module's text."""
     n = tuning.period
-    state[TURN] = 0.0 if sample.carrier < -0.999 * tuning.peak else state[TURN] + 1.0  # the primitive starts lowest
+    # the primitive starts lowest
+    state[TURN] = 0.0 if sample.carrier < -0.999 * tuning.peak else state[TURN] + 1.0
     if state[PHASE] != TRACKING:
         return start(state, sample, belief, tuning)
     axis = predict(state, tuning)
@@ -102,7 +113,8 @@ def step(state, sample, belief, tuning):
     error = 0.5 * (measured * expected.conjugate()).imag / abs(expected) ** 2
     correct(state, error, tuning)
     turn = (state[TURN] + 1.0) % n
-    inject = 2.0 * math.pi * turn / n - (0.0 if turn < n // 2 else math.pi)  # the waveform's sign is -1 there
+    # the waveform's sign is -1 there
+    inject = 2.0 * math.pi * turn / n - (0.0 if turn < n // 2 else math.pi)
     inject -= 1.5 * tuning.sampling_period * state[OMEGA]  # which the drive adds
     size = tuning.amplitude * tuning.peak
     r_d, r_q = measured.real * size, measured.imag * size
@@ -121,6 +133,8 @@ ESTIMATOR = Estimator(
     step,
     injection=ROTATING,
     delay="0.75 N - 0.5 samples of demodulation (N samples a turn of the injection)",
-    speeds="0 to where the current loop behind the injection's average holds; torque ripple from the q injection",
-    source="Jansen, Lorenz, IEEE Trans. Ind. Appl. 31 (1995) 240; resistance exactly, by the sampled winding",
+    speeds="0 to where the current loop behind the injection's average holds; torque ripple "
+    "from the q injection",
+    source="Jansen, Lorenz, IEEE Trans. Ind. Appl. 31 (1995) 240; resistance exactly, by the "
+    "sampled winding",
 )

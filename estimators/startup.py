@@ -1,9 +1,11 @@
 """Initial position with polarity, at standstill without load.
 
-1. Inject along alpha, then along beta: the ripples are the columns of R(theta) Gamma R(-theta) at zero current,
-   whose principal axis is theta modulo pi, in closed form (no loop that could hang at 90 degrees).
-2. Inject along that axis while holding +bias, then -bias, along it: the magnet's own direction saturates, so
-   the ripple is larger there (a saturated belief says which way, a linear one takes that for granted).
+1. Inject along alpha, then along beta: the ripples are the columns of R(theta) Gamma R(-theta) at
+   zero current, whose principal axis is theta modulo pi, in closed form (no loop that could hang at
+   90 degrees).
+2. Inject along that axis while holding +bias, then -bias, along it: the magnet's own direction
+   saturates, so the ripple is larger there (a saturated belief says which way, a linear one takes
+   that for granted).
 """
 
 from __future__ import annotations
@@ -46,7 +48,8 @@ def start_periods(settle: int, average: int) -> int:
 
 @kernel
 def polarity_rise(energy, bias):
-    """Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the ripple is there."""
+    """Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the
+    ripple is there."""
     d_plus, q_plus, _ = flux_newton(energy, bias, 0.0, 0.0, 0.0)
     d_minus, q_minus, _ = flux_newton(energy, -bias, 0.0, 0.0, 0.0)
     return hessian(energy, d_plus, q_plus)[0] - hessian(energy, d_minus, q_minus)[0]
@@ -75,7 +78,8 @@ def next_phase(state, belief, tuning, y_d, y_q):
 
 @kernel
 def start(state, sample, belief, tuning):
-    """Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity are known."""
+    """Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity
+    are known."""
     axis = state[AXIS]
     if state[PHASE] == TOLD:
         state[PHASE] = TRACKING

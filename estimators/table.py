@@ -1,8 +1,9 @@
-"""q-null with its offset from a table instead of a flux inversion: self-consistent, computed once from the belief.
+"""q-null with its offset from a table instead of a flux inversion: self-consistent, computed once
+from the belief.
 
-The table holds, over the mean current seen from the axis of injection, the offset o with o = null(R(-o) i), the slope
-of the ripple there and the speed's share of the offset: the fixed point that `qnull` approaches sample by sample.
-Bilinear between points 0.2 of rated current apart.
+The table holds, over the mean current seen from the axis of injection, the offset o with
+o = null(R(-o) i), the slope of the ripple there and the speed's share of the offset: the fixed
+point that `qnull` approaches sample by sample. Bilinear between points 0.2 of rated current apart.
 """
 
 from __future__ import annotations
@@ -11,7 +12,17 @@ import math
 
 from estimators.believed import tracked
 from estimators.contract import STEP, Estimator
-from estimators.demodulation import AXIS, FREE, OFFSET, OMEGA, OUTSIDE, PHASE, SLOW_OMEGA, blank, demodulate
+from estimators.demodulation import (
+    AXIS,
+    FREE,
+    OFFSET,
+    OMEGA,
+    OUTSIDE,
+    PHASE,
+    SLOW_OMEGA,
+    blank,
+    demodulate,
+)
 from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct, predict
 from model.compiled import kernel, kernel_as
@@ -27,7 +38,8 @@ ANGLES, SLOPES, TURNS = FREE, FREE + SIDE * SIDE, FREE + 2 * SIDE * SIDE
 
 @kernel
 def entry(energy, x, y, start):
-    """Return offset (rad), slope (1/H) and (Gamma_dd + Gamma_qq) Gamma_qq / slope at a current (A) of the axis' frame.
+    """Return offset (rad), slope (1/H) and (Gamma_dd + Gamma_qq) Gamma_qq / slope at a current (A)
+    of the axis' frame.
 
     The fixed point is sought from `start` (rad); NaN where the belief has no flux on the way.
     """
@@ -52,9 +64,16 @@ def fill(state, energy, rated):
     """Compute the table for currents up to REACH times rated (A)."""
     for j in range(SIDE):
         for k in range(SIDE):
-            x, y = REACH * rated * (2.0 * j / (SIDE - 1) - 1.0), REACH * rated * (2.0 * k / (SIDE - 1) - 1.0)
+            x, y = (
+                REACH * rated * (2.0 * j / (SIDE - 1) - 1.0),
+                REACH * rated * (2.0 * k / (SIDE - 1) - 1.0),
+            )
             angle, slope, turn = entry(energy, x, y, 0.0)
-            state[ANGLES + SIDE * j + k], state[SLOPES + SIDE * j + k], state[TURNS + SIDE * j + k] = angle, slope, turn
+            (
+                state[ANGLES + SIDE * j + k],
+                state[SLOPES + SIDE * j + k],
+                state[TURNS + SIDE * j + k],
+            ) = angle, slope, turn
 
 
 @kernel
@@ -102,5 +121,6 @@ ESTIMATOR = Estimator(
     step,
     delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
     speeds="0 to where the current loop behind the injection's average holds",
-    source="Guglielmi, Pastorelli, Vagati, Cross-saturation effects in IPM motors, IEEE Trans. Ind. Appl. 42 (2006)",
+    source="Guglielmi, Pastorelli, Vagati, Cross-saturation effects in IPM motors, IEEE Trans. "
+    "Ind. Appl. 42 (2006)",
 )

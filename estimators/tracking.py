@@ -11,8 +11,11 @@ LARGEST_ERROR = 0.5  # rad; a demodulated error beyond it is noise or a slipped 
 
 @kernel
 def predict(state, tuning):
-    """Advance the angle to t_k with the last speed; return it.  SLOW_OMEGA is that speed without its noise."""
-    state[SLOW_OMEGA] += SLOW * tuning.sampling_period * tuning.kp * (state[OMEGA] - state[SLOW_OMEGA])
+    """Advance the angle to t_k with the last speed; return it.  SLOW_OMEGA is that speed without
+    its noise."""
+    state[SLOW_OMEGA] += (
+        SLOW * tuning.sampling_period * tuning.kp * (state[OMEGA] - state[SLOW_OMEGA])
+    )
     state[AXIS] += tuning.sampling_period * state[OMEGA]
     return state[AXIS]
 
@@ -27,7 +30,8 @@ def correct(state, error, tuning):
 
 @kernel
 def correct_type_3(state, error, tuning):
-    """Type-3 loop: no lag on a ramp of speed.  Triple pole at kp/3, which keeps the crossover of the type-2 loop.
+    """Type-3 loop: no lag on a ramp of speed.  Triple pole at kp/3, which keeps the crossover of
+    the type-2 loop.
 
     (s + w)^3 = s^3 + kp s^2 + kp^2/3 s + kp^3/27, kp = 3 w.
     """
@@ -40,9 +44,11 @@ def correct_type_3(state, error, tuning):
 
 @kernel
 def correct_mechanical(state, error, torque, belief, tuning):
-    """Mechanical observer: the believed motor torque (N m) turns a believed inertia, a load torque takes up the rest.
+    """Mechanical observer: the believed motor torque (N m) turns a believed inertia, a load torque
+    takes up the rest.
 
-    The same triple pole; the load torque (N m) is the acceleration of `correct_type_3` in other units.
+    The same triple pole; the load torque (N m) is the acceleration of `correct_type_3` in other
+    units.
     """
     error = min(max(error, -LARGEST_ERROR), LARGEST_ERROR)
     h, kp, per_torque = tuning.sampling_period, tuning.kp, belief.pole_pairs / belief.inertia

@@ -1,8 +1,9 @@
 """Unscented Kalman filter with the energy model, compiled.
 
-State and model as in `estimators.kalman`; instead of Jacobians, nine points at mean +- columns of the square root of
-(n + lambda) P go through Heun's step and through the current of the model.  Merwe's weights: alpha = 1/2, beta = 2,
-kappa = 0.  Twin on filterpy: `estimators.unscented_filterpy`.
+State and model as in `estimators.kalman`; instead of Jacobians, nine points at mean +- columns of
+the square root of (n + lambda) P go through Heun's step and through the current of the model.
+Merwe's weights: alpha = 1/2, beta = 2, kappa = 0.  Twin on filterpy:
+`estimators.unscented_filterpy`.
 """
 
 from __future__ import annotations
@@ -87,7 +88,8 @@ def predict(s, u_a, u_b, belief, tuning):
 
 @kernel
 def update(s, i_a, i_b, belief, tuning):
-    """Correct with one current sample, through points drawn anew after the prediction, as filterpy does."""
+    """Correct with one current sample, through points drawn anew after the prediction, as filterpy
+    does."""
     z_a = z_b = 0.0
     for k in range(POINTS):
         at, w = S + N * k, OTHERS if k else MEAN_0

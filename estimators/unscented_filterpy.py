@@ -1,4 +1,5 @@
-"""The unscented filter of `estimators.unscented` once more, on filterpy and NumPy: its readable form and oracle."""
+"""The unscented filter of `estimators.unscented` once more, on filterpy and NumPy: its readable
+form and oracle."""
 
 from __future__ import annotations
 

@@ -16,7 +16,8 @@ SVG = "http://www.w3.org/2000/svg"
 
 
 class Layout(NamedTuple):
-    """Where a drawing's panels stand: the whole width, where the first sample is, a period's length (px), how many."""
+    """Where a drawing's panels stand: the whole width, where the first sample is, a period's length
+    (px), how many."""
 
     wide: int
     left: int
@@ -27,9 +28,14 @@ class Layout(NamedTuple):
 DESK, TELEPHONE = Layout(940, 150, 180, 4), Layout(370, 14, 168, 2)
 
 
-def text(x: float, y: float, said: str, colour: str = INK, anchor: str = "start", size: int = 13) -> str:
+def text(
+    x: float, y: float, said: str, colour: str = INK, anchor: str = "start", size: int = 13
+) -> str:
     """Return a line of text."""
-    return f'<text x="{x:g}" y="{y:g}" fill="{colour}" text-anchor="{anchor}" font-size="{size}">{said}</text>'
+    return (
+        f'<text x="{x:g}" y="{y:g}" fill="{colour}" text-anchor="{anchor}" '
+        f'font-size="{size}">{said}</text>'
+    )
 
 
 def path(points: list[tuple[float, float]], colour: str, width: float = 1.5) -> str:
@@ -42,7 +48,9 @@ def carrier(lay: Layout, top: float, double: bool) -> str:
     """Return the carrier: a peak at the first sample; a period of PWM is one sample's, or two."""
     each = 1 if double else 2
     half = lay.period / each
-    points = [(lay.left + k * half, top if k % 2 == 0 else top + 60) for k in range(each * lay.count + 1)]
+    points = [
+        (lay.left + k * half, top if k % 2 == 0 else top + 60) for k in range(each * lay.count + 1)
+    ]
     return path(points, GREY)
 
 
@@ -56,11 +64,18 @@ def leg(lay: Layout, top: float, edges: list[float]) -> str:
 
 
 def panel(lay: Layout, top: float, double: bool) -> list[str]:
-    """Return one panel: samples, carrier, compare values, leg a, and which columns belong to which instant."""
+    """Return one panel: samples, carrier, compare values, leg a, and which columns belong to which
+    instant."""
     narrow = lay is TELEPHONE
     rate = "1 / (2 sampling_period)" if double else "1 / sampling_period"
-    title = f"{'double' if double else 'single'} update: {'PWM' if narrow else 'pwm_frequency'} = {rate}"
-    out = [text(14 if narrow else 20, top, title, size=14 if narrow else 15), carrier(lay, top + 20, double)]
+    title = (
+        f"{'double' if double else 'single'} update: {'PWM' if narrow else 'pwm_frequency'} "
+        f"= {rate}"
+    )
+    out = [
+        text(14 if narrow else 20, top, title, size=14 if narrow else 15),
+        carrier(lay, top + 20, double),
+    ]
     if not narrow:
         out += [text(20, top + 55, "carrier, compare", GREY), text(20, top + 125, "leg a", BLUE)]
     edges = []
@@ -74,21 +89,36 @@ def panel(lay: Layout, top: float, double: bool) -> list[str]:
     out.append(leg(lay, top + 105, edges))
     for k in range(lay.count + 1):
         x = lay.left + k * lay.period
-        out += [path([(x, top + 12), (x, top + 175)], GREY, 1), text(x, top + 192, f"t_{k}", anchor="middle")]
+        out += [
+            path([(x, top + 12), (x, top + 175)], GREY, 1),
+            text(x, top + 192, f"t_{k}", anchor="middle"),
+        ]
     for k in range(lay.count):
         x = lay.left + (k + 0.5) * lay.period
         out.append(text(x, top + 155, f"u of row {k}", RED, "middle"))
-        out.append(text(lay.left + k * lay.period + 4, top + 173, f"i, theta, u_dc of row {k}", INK, size=12))
+        out.append(
+            text(
+                lay.left + k * lay.period + 4, top + 173, f"i, theta, u_dc of row {k}", INK, size=12
+            )
+        )
     return out
 
 
 def drawing(lay: Layout = DESK) -> str:
     """Return the whole drawing as SVG."""
-    lines = [f'<svg xmlns="{SVG}" viewBox="0 0 {lay.wide} 440" width="{lay.wide}" font-family="system-ui, sans-serif">']
+    lines = [
+        (
+            f'<svg xmlns="{SVG}" viewBox="0 0 {lay.wide} 440" width="{lay.wide}" '
+            'font-family="system-ui, sans-serif">'
+        )
+    ]
     names = [text(14, 470, "grey: carrier; red: compare; blue: leg a")] if lay is TELEPHONE else []
     if names:
         lines[0] = lines[0].replace(" 440", " 480")
-    return "\n".join([*lines, STYLE, *panel(lay, 30, False), *panel(lay, 245, True), *names, "</svg>"]) + "\n"
+    return (
+        "\n".join([*lines, STYLE, *panel(lay, 30, False), *panel(lay, 245, True), *names, "</svg>"])
+        + "\n"
+    )
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
-"""What the one plant costs beside the three copies of every effect that it replaced, measured in one run.
+"""What the one plant costs beside the three copies of every effect that it replaced, measured in
+one run.
 
-The state before (BEFORE) is taken out of the repository's history into a temporary folder; both trees run the same
-probes in turns, each in a process of its own, on one thread, and the least CPU time of several counts.  Writes
-results/plant/cost.{json,md}.
+The state before (BEFORE) is taken out of the repository's history into a temporary folder; both
+trees run the same probes in turns, each in a process of its own, on one thread, and the least CPU
+time of several counts.  Writes results/plant/cost.{json,md}.
 
 Run: python -m experiments.cost_before [--campaigns FOLDER ...]
-(FOLDER: campaigns to diagnose, such as $SENSORLESS_RECORDINGS/practice/p01; ten minutes for two of them)
+(FOLDER: campaigns to diagnose, such as $SENSORLESS_RECORDINGS/practice/p01; ten minutes for two of
+them)
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from sandbox.output.files import version, write_json
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = Path(__file__).parent / "results" / "plant"
 BEFORE = (
-    "89cffbbfcab0c3cad8aa7e92c82752020048b38e"  # the last state with an averaged loop and closed forms in the replay
+    # the last state with an averaged loop and closed forms in the replay
+    "89cffbbfcab0c3cad8aa7e92c82752020048b38e"
 )
 PROBE = Path(__file__).with_name("cost_probe.py")
 TURNS = 3
@@ -58,8 +61,8 @@ def table(before: dict[str, float], now: dict[str, float], only_now: dict[str, f
     lines = [
         "# What the plant costs",
         "",
-        f"Written by `python -m experiments.cost_before` on {datetime.date.today()}, {version()}. CPU time, one "
-        f"thread, the least of {TURNS} runs in turns; before: commit {BEFORE[:7]}.",
+        f"Written by `python -m experiments.cost_before` on {datetime.date.today()}, {version()}. "
+        f"CPU time, one thread, the least of {TURNS} runs in turns; before: commit {BEFORE[:7]}.",
         "",
         "| | before | now | ratio | goal |",
         "|---|--:|--:|--:|--:|",
@@ -69,26 +72,40 @@ def table(before: dict[str, float], now: dict[str, float], only_now: dict[str, f
         told = "" if goal is None else f"≤ {goal:g}"
         lines.append(f"| {name} | {old:.4g} | {now[name]:.4g} | {now[name] / old:.2f} | {told} |")
     if only_now:
-        lines += ["", "| now alone | |", "|---|--:|", *(f"| {k} | {v:.4g} |" for k, v in only_now.items())]
+        lines += [
+            "",
+            "| now alone | |",
+            "|---|--:|",
+            *(f"| {k} | {v:.4g} |" for k, v in only_now.items()),
+        ]
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
     """Measure both states and write what they cost."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--campaigns", nargs="*", default=[], help="folders of campaigns to diagnose")
+    parser.add_argument(
+        "--campaigns", nargs="*", default=[], help="folders of campaigns to diagnose"
+    )
     campaigns = [str(Path(c).resolve()) for c in parser.parse_args().campaigns]
     with tempfile.TemporaryDirectory() as place:
         old = Path(place) / "before"
-        packed = subprocess.run(["git", "archive", BEFORE], cwd=ROOT, capture_output=True, check=True).stdout
+        packed = subprocess.run(
+            ["git", "archive", BEFORE], cwd=ROOT, capture_output=True, check=True
+        ).stdout
         old.mkdir()
         subprocess.run(["tar", "-x", "-C", str(old)], input=packed, check=True)
         found: dict[str, list[dict[str, float]]] = {"before": [], "now": []}
         for turn in range(TURNS):
             for name, tree in (("before", old), ("now", ROOT)):
-                found[name].append(probed(tree, Path(place) / f"cache-{name}", campaigns if not turn else []))
+                found[name].append(
+                    probed(tree, Path(place) / f"cache-{name}", campaigns if not turn else [])
+                )
                 print(f"turn {turn + 1} of {TURNS}, {name}", flush=True)
-    least = {name: {k: min(turn[k] for turn in turns if k in turn) for k in turns[0]} for name, turns in found.items()}
+    least = {
+        name: {k: min(turn[k] for turn in turns if k in turn) for k in turns[0]}
+        for name, turns in found.items()
+    }
     shared = {k: v for k, v in least["before"].items() if k in least["now"]}
     only_now = {k: v for k, v in least["now"].items() if k not in shared}
     RESULTS.mkdir(parents=True, exist_ok=True)

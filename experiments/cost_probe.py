@@ -1,7 +1,8 @@
-"""The probes of `cost_before`: run in a tree of the project's history, old or new, they print CPU seconds as JSON.
+"""The probes of `cost_before`: run in a tree of the project's history, old or new, they print CPU
+seconds as JSON.
 
-Run by cost_before: python cost_probe.py TREE [CAMPAIGN ...]; nothing but names that both trees have is used, looked up
-where each has them.
+Run by cost_before: python cost_probe.py TREE [CAMPAIGN ...]; nothing but names that both trees have
+is used, looked up where each has them.
 """
 
 from __future__ import annotations
@@ -69,7 +70,8 @@ def every(motor: str) -> dict[str, float]:
 
 
 def replayed(folder: str, effect: str) -> float:
-    """Return nanoseconds a period and set for SETS sets of one effect ('' for none) on a campaign."""
+    """Return nanoseconds a period and set for SETS sets of one effect ('' for none) on a
+    campaign."""
     campaign = read_campaign(folder)
     prepared = prepare(campaign)
     sizes = typical(effect, campaign.drive.motor, campaign.drive.converter) if effect else {}
@@ -90,9 +92,9 @@ def main() -> None:
     for folder in sys.argv[2:]:
         name = folder.rstrip("/").rpartition("/")[2]
         for effect in ("", "dead_time", "iron_loss", "current_filter"):
-            out[f"replay, {effect.replace('_', ' ') or 'no effect'}, {name} (ns a period and set)"] = replayed(
-                folder, effect
-            )
+            out[
+                f"replay, {effect.replace('_', ' ') or 'no effect'}, {name} (ns a period and set)"
+            ] = replayed(folder, effect)
         diagnose = anywhere("diagnose", "sandbox.gap.diagnose")
         found = []
         spent = timed(lambda: found.append(diagnose(folder, workers=1)))  # noqa: B023

@@ -1,9 +1,12 @@
-"""What does the diagnosis say about campaigns of an independent bench, and is it right where the truth is known?
+"""What does the diagnosis say about campaigns of an independent bench, and is it right where the
+truth is known?
 
-Diagnoses every campaign of a folder (blindly: truth files are opened only for the table, after all answers are
-written); writes one diagnosis.json each and a table to experiments/results/diagnosis/.  Resumable: what is there stays.
+Diagnoses every campaign of a folder (blindly: truth files are opened only for the table, after all
+answers are written); writes one diagnosis.json each and a table to experiments/results/diagnosis/.
+Resumable: what is there stays.
 
-Run: python -m experiments.diagnose_recordings FOLDER   (FOLDER: practice or sealed; about half a minute a campaign)
+Run: python -m experiments.diagnose_recordings FOLDER
+    (FOLDER: practice or sealed; about half a minute a campaign)
 """
 
 from __future__ import annotations
@@ -43,13 +46,26 @@ def _named(folder: Path) -> tuple[Path, dict[str, Any]]:
 def row(folder: Path, d: dict[str, Any]) -> str:
     """Return one line of the table."""
     truth = folder.parent / f"{folder.name}.truth.toml"
-    known = " + ".join(tomllib.loads(truth.read_text())["effects"]) or "none" if truth.exists() else "sealed"
+    known = (
+        " + ".join(tomllib.loads(truth.read_text())["effects"]) or "none"
+        if truth.exists()
+        else "sealed"
+    )
     best, gap = d["hypotheses"][0], d["gap"]
     effects = " + ".join(best["effects"]) or "no gap"
     closed = "" if gap["closed"] is None else f"{100 * gap['closed']:.2f} %"
     cost = f"{d['cost']['simulations']} / {d['cost']['seconds']:.0f} s"
     sizes = f"{gap['raw']:.2f} → {gap['before']:.2f} → {gap['after']:.3f}"
-    cells = (folder.name, known, d["verdict"], effects, f"{best['probability']:.3f}", sizes, closed, cost)
+    cells = (
+        folder.name,
+        known,
+        d["verdict"],
+        effects,
+        f"{best['probability']:.3f}",
+        sizes,
+        closed,
+        cost,
+    )
     return f"| {' | '.join(cells)} |"
 
 
@@ -58,9 +74,18 @@ def main(folder: Path) -> None:
     campaigns = sorted(p for p in folder.iterdir() if (p / "campaign.toml").exists())
     answers = dict(spread(_named, campaigns, 2))
     found = [answers[c] for c in campaigns]
-    lines = [f"Diagnoses of `{folder.name}/`, {date.today()}, by `python -m experiments.diagnose_recordings`.", ""]
+    lines = [
+        (
+            f"Diagnoses of `{folder.name}/`, {date.today()}, by `python -m "
+            "experiments.diagnose_recordings`."
+        ),
+        "",
+    ]
     lines += [
-        "| campaign | put in | verdict | best hypothesis | probability | J raw → before → after | closed | cost |"
+        (
+            "| campaign | put in | verdict | best hypothesis | probability | J raw → before "
+            "→ after | closed | cost |"
+        )
     ]
     lines += ["|---|---|---|---|--:|---|--:|---|"]
     lines += [row(c, d) for c, d in zip(campaigns, found, strict=True)]

@@ -1,4 +1,5 @@
-"""Real drives handed to `sensorless diagnose` as they are on file: one function a case of `real_cases`."""
+"""Real drives handed to `sensorless diagnose` as they are on file: one function a case of
+`real_cases`."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.writing import write_campaign
 
 OWN = Path(__file__).parent
-TABLE = [[0.0, 0.0], [0.2, 2.4], [0.5, 4.4], [1.0, 5.3], [4.5, 6.2]]  # A, V: as `model/inverter_table.py` shows it
+# A, V: as `model/inverter_table.py` shows it
+TABLE = [[0.0, 0.0], [0.2, 2.4], [0.5, 4.4], [1.0, 5.3], [4.5, 6.2]]
 HEADS = ("Where?", "Which?", "How far?", "Left?", "Not told?")
 LAAS = """[columns]
 t = {column = "Time"}
@@ -45,12 +47,15 @@ encoder_counts = 20000
 
 
 def told(campaign: Path, *arguments: str) -> dict[str, Any]:
-    """Return what `sensorless diagnose` says: its lines and figures, or the sentence with which it refuses."""
+    """Return what `sensorless diagnose` says: its lines and figures, or the sentence with which it
+    refuses."""
     said, refused = io.StringIO(), io.StringIO()
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out"
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(refused):
-            code = command(["diagnose", str(campaign), *arguments, "--jobs", "1", "--out", str(out)])
+            code = command(
+                ["diagnose", str(campaign), *arguments, "--jobs", "1", "--out", str(out)]
+            )
         if code:
             text = refused.getvalue().strip().splitlines()[-1]
             return {"verdict": "refused", "lines": [text.replace(str(campaign), "FOLDER")]}
@@ -78,20 +83,26 @@ def figures(found: dict[str, Any]) -> dict[str, Any]:
 def synrm_quartic(folder: Path) -> dict[str, Any]:
     """Return the SynRM's standstill test against the quartic energy that was fitted to it."""
     return told(
-        shared("SENSORLESS_DATA", "realdata") / "synrm_standstill", "--columns", str(OWN / "synrm_standstill.toml")
+        shared("SENSORLESS_DATA", "realdata") / "synrm_standstill",
+        "--columns",
+        str(OWN / "synrm_standstill.toml"),
     )
 
 
 def laas_rolling(folder: Path) -> dict[str, Any]:
-    """Return LAAS' rolling runs with u_q, on an even grid, effects that the log cannot show left out."""
+    """Return LAAS' rolling runs with u_q, on an even grid, effects that the log cannot show left
+    out."""
     os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))
     drive = real_drives("laas_bldc")[0]
     assert drive.campaign is not None
-    return told(write_campaign(folder / "laas", drive.campaign), "--exclude", ",".join(drive.hidden))
+    return told(
+        write_campaign(folder / "laas", drive.campaign), "--exclude", ",".join(drive.hidden)
+    )
 
 
 def thor_quartic(folder: Path) -> dict[str, Any]:
-    """Return THOR's finite elements behind voltages against the quartic energy fitted to their mean."""
+    """Return THOR's finite elements behind voltages against the quartic energy fitted to their
+    mean."""
     table = thor.read(shared("SENSORLESS_DATA", "realdata") / "thor_fea" / "thor_fea.npz")
     return told(write_campaign(folder / "thor", bench(table)))
 
@@ -102,33 +113,46 @@ def write_map(path: Path, points: Any) -> None:
 
 
 def synrm_own_map(folder: Path) -> dict[str, Any]:
-    """Return the same against the spline through its own flux points (both axes' tests, half of the cross test)."""
+    """Return the same against the spline through its own flux points (both axes' tests, half of the
+    cross test)."""
     data = synrm_standstill.tests()
     fit = fit_axes([(data["d"], 0), (data["q"], 1)])
     psi_d, psi_q, i_d, i_q = synrm_standstill.points(data, fit, half=True)
     place = folder / "synrm"
     place.mkdir()
     for file in synrm_standstill.FILES.values():
-        (place / file).write_bytes((shared("SENSORLESS_DATA", "realdata") / "synrm_standstill" / file).read_bytes())
+        (place / file).write_bytes(
+            (shared("SENSORLESS_DATA", "realdata") / "synrm_standstill" / file).read_bytes()
+        )
     return told(*_with_map(place, np.c_[i_d, i_q, psi_d, psi_q], "cells = [12, 8]\nsmooth = 0.003"))
 
 
 def synrm_as_integrated(folder: Path) -> dict[str, Any]:
-    """Return the same after what `experiments.synrm_as_integrated` corrects, R of the authors included."""
+    """Return the same after what `experiments.synrm_as_integrated` corrects, R of the authors
+    included."""
     resistance, tests = list(synrm_flux.steps().values())[-1]
     place = folder / "synrm"
     place.mkdir()
     for name, c in tests.items():
         rows = np.column_stack([c.t, *c.u, *c.i])
-        np.savetxt(place / synrm_standstill.FILES[name], rows, delimiter=",", header="t,Ud,Uq,Id,Iq", comments="")
+        np.savetxt(
+            place / synrm_standstill.FILES[name],
+            rows,
+            delimiter=",",
+            header="t,Ud,Uq,Id,Iq",
+            comments="",
+        )
     arguments = _with_map(place, synrm_flux.map_points(tests), "cells = [12, 14]\nsmooth = 0.001")
     text = (place / "columns.toml").read_text()
-    (place / "columns.toml").write_text(text.replace("resistance = 11.02", f"resistance = {resistance:.6g}"))
+    (place / "columns.toml").write_text(
+        text.replace("resistance = 11.02", f"resistance = {resistance:.6g}")
+    )
     return told(*arguments)
 
 
 def _with_map(place: Path, points: Any, fitted: str) -> tuple[Any, ...]:
-    """Write the SynRM's flux map and the column map that has it for a nominal model; return what `told` is given."""
+    """Write the SynRM's flux map and the column map that has it for a nominal model; return what
+    `told` is given."""
     write_map(place / "map.csv", points)
     text = (OWN / "synrm_standstill.toml").read_text()
     of_map = ("inductance_", "alpha_", "magnet_flux")
@@ -138,31 +162,48 @@ def _with_map(place: Path, points: Any, fitted: str) -> tuple[Any, ...]:
 
 
 def thor_own_map(folder: Path) -> dict[str, Any]:
-    """Return THOR's finite elements behind voltages, their mean over the angle as nominal flux map."""
+    """Return THOR's finite elements behind voltages, their mean over the angle as nominal flux
+    map."""
     return told(thor_with_map(folder))
 
 
 def thor_with_map(folder: Path) -> Path:
-    """Write THOR's campaign with the tables' mean over the angle as nominal flux map; return its folder."""
+    """Write THOR's campaign with the tables' mean over the angle as nominal flux map; return its
+    folder."""
     table = thor.read(shared("SENSORLESS_DATA", "realdata") / "thor_fea" / "thor_fea.npz")
     place = write_campaign(folder / "thor", bench(table))
     i_d, i_q = np.meshgrid(table.i_d, table.i_q, indexing="ij")
     psi_d, psi_q = table.psi_d.mean(2), table.psi_q.mean(2)
-    rows = [np.c_[i_d.ravel(), s * i_q.ravel(), psi_d.ravel(), s * psi_q.ravel()] for s in (1.0, -1.0)]
+    rows = [
+        np.c_[i_d.ravel(), s * i_q.ravel(), psi_d.ravel(), s * psi_q.ravel()] for s in (1.0, -1.0)
+    ]
     rows[1] = rows[1][i_q.ravel() > 0.0]  # the machine's mirror image: the tables hold i_q >= 0
     write_map(place / "map.csv", np.vstack(rows))
     text = (place / "campaign.toml").read_text()
-    kept = "\n".join(x for x in text.splitlines() if not x.startswith(("inductance_", "alpha_", "magnet_flux =")))
-    (place / "campaign.toml").write_text(kept + '\n[flux_map]\nfile = "map.csv"\ncells = [14, 12]\nsmooth = 0.001\n')
+    kept = "\n".join(
+        x for x in text.splitlines() if not x.startswith(("inductance_", "alpha_", "magnet_flux ="))
+    )
+    (place / "campaign.toml").write_text(
+        kept + '\n[flux_map]\nfile = "map.csv"\ncells = [14, 12]\nsmooth = 0.001\n'
+    )
     return place
 
 
 def laas_motion(folder: Path) -> dict[str, Any]:
     """Return all of LAAS' files as they are, by their motion."""
-    files = ("quasi_static_scan", "acceleration", "speed_test1", "rolling_data", "rolling_data1", "rolling_data2")
+    files = (
+        "quasi_static_scan",
+        "acceleration",
+        "speed_test1",
+        "rolling_data",
+        "rolling_data1",
+        "rolling_data2",
+    )
     text = LAAS + "".join(f'[[recording]]\nfile = "{file}.txt"\nrotor = "free"\n' for file in files)
     (folder / "laas.toml").write_text(text)
-    return told(shared("SENSORLESS_DATA", "realdata") / "laas_bldc", "--columns", str(folder / "laas.toml"))
+    return told(
+        shared("SENSORLESS_DATA", "realdata") / "laas_bldc", "--columns", str(folder / "laas.toml")
+    )
 
 
 EMPS = """[columns]
@@ -176,25 +217,33 @@ rotor = "free"
 
 
 def emps(folder: Path) -> dict[str, Any]:
-    """Return what the motion of a linear axis tells: metres stand for radians, newtons for newton metres."""
+    """Return what the motion of a linear axis tells: metres stand for radians, newtons for newton
+    metres."""
     (folder / "emps.toml").write_text(EMPS)
-    return told(shared("SENSORLESS_DATA", "realdata") / "emps", "--columns", str(folder / "emps.toml"))
+    return told(
+        shared("SENSORLESS_DATA", "realdata") / "emps", "--columns", str(folder / "emps.toml")
+    )
 
 
 def moteus(folder: Path) -> dict[str, Any]:
     """Return what steady points say, and how `diagnose` refuses them."""
     os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))
     found = told(shared("SENSORLESS_DATA", "realdata") / "moteus_ld")
-    return found | {"lines": found["lines"] + [f"{d.name}: {d.can[0]}" for d in real_drives("moteus_ld")]}
+    return found | {
+        "lines": found["lines"] + [f"{d.name}: {d.can[0]}" for d in real_drives("moteus_ld")]
+    }
 
 
 def sew_map(folder: Path) -> dict[str, Any]:
     """Return what the audit says of the SEW machine's measured map."""
     os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))
-    found = quality(read_points(shared("SENSORLESS_DATA", "realdata") / "sew_map" / "LUT_SEW_jax_grad.mat"))
+    found = quality(
+        read_points(shared("SENSORLESS_DATA", "realdata") / "sew_map" / "LUT_SEW_jax_grad.mat")
+    )
     turned = quality(
         read_points(
-            shared("SENSORLESS_DATA", "realdata") / "sew_map" / "LUT_SEW_jax_grad.mat", angle=found.angle or 0.0
+            shared("SENSORLESS_DATA", "realdata") / "sew_map" / "LUT_SEW_jax_grad.mat",
+            angle=found.angle or 0.0,
         )
     )
     lines = [*found.sentences(), *(f"turned: {text}" for text in turned.sentences())]
@@ -209,8 +258,8 @@ def sew_map(folder: Path) -> dict[str, Any]:
 
 
 def _with_table() -> tuple[Campaign, Campaign]:
-    """Return a campaign of the switched bench whose legs lose what the measured table says: nominal with the table, and
-    without it."""
+    """Return a campaign of the switched bench whose legs lose what the measured table says: nominal
+    with the table, and without it."""
     from dataclasses import replace
 
     from experiments.example_campaign import CASES, drive, recording
@@ -220,7 +269,10 @@ def _with_table() -> tuple[Campaign, Campaign]:
     legs = replace(own, converter=replace(own.converter, inverter_table=tuple(map(tuple, TABLE))))
     rng = np.random.default_rng(7)
     parts = tuple(recording(legs, case, {}, rng) for case in CASES)
-    both = (Campaign("inverter_table", d, parts, UNCERTAINTY, background_of(own), False) for d in (legs, own))
+    both = (
+        Campaign("inverter_table", d, parts, UNCERTAINTY, background_of(own), False)
+        for d in (legs, own)
+    )
     return tuple(both)  # type: ignore[return-value]
 
 

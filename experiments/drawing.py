@@ -12,10 +12,18 @@ from typing import Any
 import numpy as np
 
 RESULTS = Path(__file__).parent / "results"
-COLOURS = {"model": "#1f4e79", "data": "#c0392b", "first": "#e08e0b", "linear": "#7f8c8d", "other": "#2e8b57"}
+COLOURS = {
+    "model": "#1f4e79",
+    "data": "#c0392b",
+    "first": "#e08e0b",
+    "linear": "#7f8c8d",
+    "other": "#2e8b57",
+}
 
 
-def new_figure(rows: int = 1, columns: int = 1, width: float = 5.0, height: float = 3.6) -> tuple[Any, Any]:
+def new_figure(
+    rows: int = 1, columns: int = 1, width: float = 5.0, height: float = 3.6
+) -> tuple[Any, Any]:
     """Return a figure and its axes (rows, columns), grids drawn, no upper and right frame."""
     from matplotlib.figure import Figure
 
@@ -29,7 +37,8 @@ def new_figure(rows: int = 1, columns: int = 1, width: float = 5.0, height: floa
 
 
 def save(name: str, numbers: dict[str, Any], figure: Any = None) -> None:
-    """Write results/<name>.json (and .png), each whole or not at all; numbers undefined become null."""
+    """Write results/<name>.json (and .png), each whole or not at all; numbers undefined become
+    null."""
     RESULTS.mkdir(exist_ok=True)
     if figure is not None:
         partial = RESULTS / f".{name}.png"
@@ -58,7 +67,8 @@ def plain(x: Any) -> Any:
 
 
 def shared(variable: str, name: str) -> Path:
-    """Return a folder of data that are not part of the repository: an environment variable or beside the checkout."""
+    """Return a folder of data that are not part of the repository: an environment variable or
+    beside the checkout."""
     path = Path(os.environ.get(variable) or Path(__file__).resolve().parents[2] / "shared" / name)
     if not path.is_dir():
         raise SystemExit(f"no folder '{path}': set {variable} to the data")

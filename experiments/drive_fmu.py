@@ -1,4 +1,5 @@
-"""A drive as an FMU under a controller in Python: estimator and current control here, motor and inverter there.
+"""A drive as an FMU under a controller in Python: estimator and current control here, motor and
+inverter there.
 
 python -m experiments.drive_fmu     prints the position error; needs FMPy and a C compiler
 """
@@ -25,7 +26,8 @@ from sandbox.plant.edges import duties
 from sandbox.public.exports.drive import export_drive
 from sandbox.recordings.injection import carrier
 
-MOTOR, ESTIMATOR, LOAD, SPEED, ROTOR_DRIVEN = "ipm_exchanged", "qnull", 0.8, 0.05, 1  # of rated current and speed
+# of rated current and speed
+MOTOR, ESTIMATOR, LOAD, SPEED, ROTOR_DRIVEN = "ipm_exchanged", "qnull", 0.8, 0.05, 1
 SECONDS, BEGIN = 0.6, 0.1  # s; from when on there is load and speed
 READINGS = ["read_a", "read_b", "read_c", "theta_read"]
 EFFECTS = {"dead_time.time": 5e-7}
@@ -56,12 +58,20 @@ def run(folder: Path) -> np.ndarray:
     control, tuning, wave = gains.control, gains.tuning, carrier(drive.injection, drive.converter)
     state, step, memory = estimator.init(belief, tuning, 0.0), estimator.step_for(belief), blank()
     fmu, places = unit(folder)
-    h, link, n, error = control.sampling_period, drive.converter.dc_bus_voltage, len(wave.waveform), []
+    h, link, n, error = (
+        control.sampling_period,
+        drive.converter.dc_bus_voltage,
+        len(wave.waveform),
+        [],
+    )
     before = acting = (0.0, 0.0)
     for k in range(round(SECONDS / h)):
         loaded = k * h >= BEGIN
         omega = SPEED * drive.motor.rated_omega if loaded else 0.0
-        given = {**dict(zip(("duty_a", "duty_b", "duty_c"), duties(*acting, link), strict=True)), "omega_driven": omega}
+        given = {
+            **dict(zip(("duty_a", "duty_b", "duty_c"), duties(*acting, link), strict=True)),
+            "omega_driven": omega,
+        }
         fmu.setReal([places[name] for name in given], list(given.values()))
         fmu.doStep(k * h, h)
         a, b, c, theta = fmu.getReal([places[name] for name in READINGS])
@@ -71,7 +81,10 @@ def run(folder: Path) -> np.ndarray:
         wanted = LOAD * drive.motor.rated_current if loaded else 0.0
         u = current_control(memory, control, i_d, i_q, 0.0, wanted, omega)
         pulse = control.amplitude * now.injection * wave.waveform[(k + 1) % n]
-        x, y = rotate(*u, now.theta + 1.5 * h * now.omega), rotate(pulse, 0.0, now.axis + 1.5 * h * now.omega)
+        x, y = (
+            rotate(*u, now.theta + 1.5 * h * now.omega),
+            rotate(pulse, 0.0, now.axis + 1.5 * h * now.omega),
+        )
         before, acting = acting, (x[0] + y[0], x[1] + y[1])
         if k * h >= 2.0 * BEGIN:
             error.append(math.degrees(float(wrapped(now.theta - theta))))
@@ -85,7 +98,10 @@ def main() -> None:
     """Run and say how far the estimate was off."""
     with tempfile.TemporaryDirectory() as folder:
         error = run(Path(folder))
-    print(f"{ESTIMATOR} on {MOTOR} as an FMU: mean {error.mean():+.3f}, rms {np.sqrt(np.mean(error**2)):.3f} degrees")
+    print(
+        f"{ESTIMATOR} on {MOTOR} as an FMU: mean {error.mean():+.3f}, rms "
+        f"{np.sqrt(np.mean(error**2)):.3f} degrees"
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""What an exported drive costs in C: microseconds a PWM period on one core, and what that means for a test rig.
+"""What an exported drive costs in C: microseconds a PWM period on one core, and what that means for
+a test rig.
 
 python -m experiments.drive_in_c     writes results/drive_in_c.{json,md}
 """
@@ -59,7 +60,7 @@ int main(void) {
     printf("%.9g\\n", ((double)(to.tv_sec - from.tv_sec) + 1e-9 * (double)(to.tv_nsec - from.tv_nsec)) / $periods);
     return wrong;
 }
-""")
+""")  # noqa: E501
 
 
 def costs(effects: Mapping[str, float]) -> dict[str, float]:
@@ -73,9 +74,22 @@ def cost(folder: Path, parts: int, double: bool) -> float:
     """Return the same of an exported drive, in so many parts."""
     (folder / "timer.c").write_text(TIMER.substitute(cname=MOTOR, periods=PERIODS, parts=parts))
     wide = ["-DSENSORLESS_FLOAT64"] if double else []
-    call = [str(compiler()), "-std=gnu99", "-O2", *wide, "-o", "timer", "timer.c", "sensorless_drive.c", "-lm"]
+    call = [
+        str(compiler()),
+        "-std=gnu99",
+        "-O2",
+        *wide,
+        "-o",
+        "timer",
+        "timer.c",
+        "sensorless_drive.c",
+        "-lm",
+    ]
     subprocess.run(call, cwd=folder, check=True)
-    runs = [subprocess.run(["./timer"], cwd=folder, capture_output=True, text=True, check=True) for _ in range(ROUNDS)]
+    runs = [
+        subprocess.run(["./timer"], cwd=folder, capture_output=True, text=True, check=True)
+        for _ in range(ROUNDS)
+    ]
     return 1e6 * min(float(run.stdout) for run in runs)
 
 
@@ -99,12 +113,14 @@ def page(made: dict) -> str:
     head = [f"| effects | {' | '.join(kinds)} |", f"|---|{len(kinds) * '--:|'}"]
     worst = max(row["double, 10 parts"] for row in rows.values()) / 10.0
     return (
-        f"# An exported drive in C: microseconds a PWM period\n\n`python -m experiments.drive_in_c`, {made['date']}, "
-        f"one core beside other programs, least of {ROUNDS} rounds of {PERIODS} periods of {made['period_us']:g} µs; "
-        f"`{made['motor']}`, rotor free, a turning voltage of 5 % of the link.\n\n"
+        "# An exported drive in C: microseconds a PWM period\n\n`python -m "
+        f"experiments.drive_in_c`, {made['date']}, one core beside other programs, least of "
+        f"{ROUNDS} rounds of {PERIODS} periods of {made['period_us']:g} µs; `{made['motor']}`, "
+        "rotor free, a turning voltage of 5 % of the link.\n\n"
         + "\n".join([*head, *lines])
         + "\n\n"
-        f"A step of hardware in the loop takes one part: {worst:.2f} µs at the most here (its mean; a real-time system "
+        f"A step of hardware in the loop takes one part: {worst:.2f} µs at the most here "
+        "(its mean; a real-time system "
         "needs room for the worst). A tenth of a period of 100 µs leaves 10 µs for it.\n"
     )
 

@@ -1,11 +1,13 @@
-"""Which estimator for which motor: the whole protocol, every family with both beliefs on four motors.
+"""Which estimator for which motor: the whole protocol, every family with both beliefs on four
+motors.
 
 python -m experiments.estimator_protocol [--peer-python PYTHON] [--jobs N | --dask ADDRESS | --page]
-    writes results/estimator_protocol.{json,md,png} and the table of estimators/LIMITS.md; --page: nothing is run, page,
-    table and figure anew from the JSON
+    writes results/estimator_protocol.{json,md,png} and the table of estimators/LIMITS.md; --page:
+    nothing is run, page, table and figure anew from the JSON
 
-The table of README.md and the account in estimators/LIMITS.md quote these files.  An interrupted run goes on where it
-stopped.  With a Python that has motulator 0.18 the reversal is measured beside it in the same run.
+The table of README.md and the account in estimators/LIMITS.md quote these files.  An interrupted
+run goes on where it stopped.  With a Python that has motulator 0.18 the reversal is measured beside
+it in the same run.
 """
 
 from __future__ import annotations
@@ -49,16 +51,27 @@ or the drive did not reach its speed in time; *as theory* is an error as large a
 Without a mark there is no goal. A cell of a test of position gives the worst mean error and, in brackets, the worst
 error that 95 % of the samples stay below, in electrical degrees. It looks at loads up to 180 %, and where the ripple
 carries information. *Lost* counts the parts of the test in which lock was lost, *slow* those in which the drive did not
-reach the speed asked for in time."""
+reach the speed asked for in time."""  # noqa: E501
 
 
 def markdown(result: Protocol, made: str) -> str:
-    """Return the result page: every motor's table, worst figures of each test; made: when, and by which code."""
+    """Return the result page: every motor's table, worst figures of each test; made: when, and by
+    which code."""
     cpu = sum(row.cpu_seconds for row in result.rows)
-    tests = "\n".join(fill(f"- **{name}**: {line}.", 120, subsequent_indent="  ") for name, line in LINES.items())
-    blocks = ["# Protocol of all estimators", f"{made}: {cpu:.0f} s of processor time.", LEGEND, tests]
+    tests = "\n".join(
+        fill(f"- **{name}**: {line}.", 120, subsequent_indent="  ") for name, line in LINES.items()
+    )
+    blocks = [
+        "# Protocol of all estimators",
+        f"{made}: {cpu:.0f} s of processor time.",
+        LEGEND,
+        tests,
+    ]
     if result.peer:
-        blocks.append(f"motulator's reversal in the same run: {result.peer[1]:.2f}° rms, {result.peer[0]:.2f} CPU s/s.")
+        blocks.append(
+            f"motulator's reversal in the same run: {result.peer[1]:.2f}° rms, "
+            f"{result.peer[0]:.2f} CPU s/s."
+        )
     for motor in dict.fromkeys(row.unit.motor for row in result.rows):
         blocks += [f"## {motor}", *folded(*table(result, motor))]
     return "\n\n".join(blocks) + "\n"
@@ -76,7 +89,8 @@ def folded(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
 
 
 def failing(row: Row) -> str:
-    """Return a failed test's name with its worst mean (else p95) where it is beyond the goal, and the parts lost."""
+    """Return a failed test's name with its worst mean (else p95) where it is beyond the goal, and
+    the parts lost."""
     m = row.outcome.metrics
     mean, p95, lost = m.get("mean_deg"), m.get("p95_deg"), m.get("lost")
     said = []
@@ -89,7 +103,8 @@ def failing(row: Row) -> str:
 
 
 def verdicts(result: Protocol) -> str:
-    """Return the table of what fails with a saturated belief (FAILURES), estimators of one verdict together."""
+    """Return the table of what fails with a saturated belief (FAILURES), estimators of one verdict
+    together."""
     rows = [r for r in result.rows if r.unit.belief == "saturated" and r.unit.test in FAILURES]
     motors = list(dict.fromkeys(r.unit.motor for r in rows))
     same: dict[tuple[str, ...], list[str]] = {}
@@ -110,7 +125,8 @@ def with_table(text: str, table: str) -> str:
 
 
 def kept() -> tuple[Protocol, str]:
-    """Return the protocol that the JSON keeps, without its points, and when and by which code it was made."""
+    """Return the protocol that the JSON keeps, without its points, and when and by which code it
+    was made."""
     found = json.loads((RESULTS / f"{NAME}.json").read_text(encoding="utf-8"))
     rows = [
         Row(
@@ -122,7 +138,9 @@ def kept() -> tuple[Protocol, str]:
         for r in found["tests"]
     ]
     beside = found["peer"] and (found["peer"]["cpu_s_per_s"], found["peer"]["rms_deg"])
-    return Protocol(tuple(rows), found["seed"], beside), stamp(found["date"], found["version"], found["commit"])
+    return Protocol(tuple(rows), found["seed"], beside), stamp(
+        found["date"], found["version"], found["commit"]
+    )
 
 
 def stamp(date: str, release: str, state: str | None) -> str:
@@ -134,7 +152,9 @@ def draw(result: Protocol, made: str) -> None:
     """Write page and figure, and print the page."""
     text = markdown(result, made)
     (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
-    LIMITS.write_text(with_table(LIMITS.read_text(encoding="utf-8"), verdicts(result)), encoding="utf-8")
+    LIMITS.write_text(
+        with_table(LIMITS.read_text(encoding="utf-8"), verdicts(result)), encoding="utf-8"
+    )
     protocol_figure(tables(result), reading(result), RESULTS / f"{NAME}.png")
     print(text)
 

@@ -1,8 +1,9 @@
 """The sample campaign that comes with the package (`sensorless diagnose --example`), made anew.
 
-Four recordings of the switched bench, which shares no code with the simulator that the diagnosis fits: the paper's
-interior-magnet motor with a hot winding (R +15 %) behind an inverter with 2 us of dead time; the nominal model knows of
-neither.  Readings have the noise and the counts that campaign.toml states.
+Four recordings of the switched bench, which shares no code with the simulator that the diagnosis
+fits: the paper's interior-magnet motor with a hot winding (R +15 %) behind an inverter with 2 us of
+dead time; the nominal model knows of neither.  Readings have the noise and the counts that
+campaign.toml states.
 
 Run: python -m experiments.example_campaign   (writes sandbox/recordings/example; a few seconds)
 """
@@ -42,7 +43,8 @@ def drive():
 
 
 def recording(own, case, effects, rng) -> CampaignRecording:
-    """Return one recording: a swinging, turning voltage with injection along d, read with counts and noise."""
+    """Return one recording: a swinging, turning voltage with injection along d, read with counts
+    and noise."""
     name, rotor, speed, size = case
     c, pairs = own.converter, own.motor.pole_pairs
     period, k = c.sampling_period, np.arange(SAMPLES)
@@ -52,10 +54,26 @@ def recording(own, case, effects, rng) -> CampaignRecording:
     u = (size * swing * np.exp(1j * k / 160) + back) * np.exp(1j * middle)
     u += own.injection.amplitude * np.where(k % 8 < 4, 1, -1) * np.exp(1j * middle)
     u = np.round(u.real, 2) + 1j * np.round(u.imag, 2)  # as a drive logs them; smaller on disk
-    motion = {"theta": 0.3 + pairs * speed * period * k, "speed": speed} if rotor == "driven" else {"theta": 0.3}
-    r = replay(quiet(bench(own.motor, c, effects)), rotor, u.real, u.imag, c.dc_bus_voltage, **{"speed": 0.0, **motion})
+    motion = (
+        {"theta": 0.3 + pairs * speed * period * k, "speed": speed}
+        if rotor == "driven"
+        else {"theta": 0.3}
+    )
+    r = replay(
+        quiet(bench(own.motor, c, effects)),
+        rotor,
+        u.real,
+        u.imag,
+        c.dc_bus_voltage,
+        **{"speed": 0.0, **motion},
+    )
     count = math.tau * pairs / c.encoder_counts
-    columns = {"t": k * period, "u_alpha": u.real, "u_beta": u.imag, "u_dc": np.full(SAMPLES, c.dc_bus_voltage)}
+    columns = {
+        "t": k * period,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "u_dc": np.full(SAMPLES, c.dc_bus_voltage),
+    }
     columns["theta"] = count * np.floor(r["theta"] / count + 0.5)
     for phase in ("i_a", "i_b", "i_c"):
         read = r[phase] + c.current_noise * rng.standard_normal(SAMPLES)
@@ -66,7 +84,10 @@ def recording(own, case, effects, rng) -> CampaignRecording:
 def campaign() -> Campaign:
     """Return the sample campaign."""
     own, rng = drive(), np.random.default_rng(20261122)
-    effects = {"dead_time.time": DEAD_TIME, "stator_resistance.resistance": HOT * own.motor.resistance}
+    effects = {
+        "dead_time.time": DEAD_TIME,
+        "stator_resistance.resistance": HOT * own.motor.resistance,
+    }
     recordings = tuple(recording(own, case, effects, rng) for case in CASES)
     return Campaign("example", own, recordings, UNCERTAINTY, background_of(own), False)
 

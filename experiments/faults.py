@@ -1,9 +1,10 @@
-"""Long commands, killed at random moments and run again: the same results to the bit, nothing left behind?
+"""Long commands, killed at random moments and run again: the same results to the bit, nothing left
+behind?
 
-`python -m experiments.faults --moments 50` sends SIGKILL, SIGTERM and SIGINT in turn to each command at moments spread
-evenly over what it takes, runs it again to its end, and compares every number and table with those of a run that
-nobody disturbed.  Wrong is: another number, a traceback, a process that lives on, a file that was prepared and is
-still there when the second run has ended.
+`python -m experiments.faults --moments 50` sends SIGKILL, SIGTERM and SIGINT in turn to each
+command at moments spread evenly over what it takes, runs it again to its end, and compares every
+number and table with those of a run that nobody disturbed.  Wrong is: another number, a traceback,
+a process that lives on, a file that was prepared and is still there when the second run has ended.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 PATIENCE = 20.0  # s in which the processes of a command have to be gone
 LONGEST = 900.0  # s of a command
 SCENARIO = (
-    "[scenario]\nname = 'short'\n[[segment]]\nduration = 0.3\n[[segment]]\nduration = 0.5\nload = 1.0\nramp = 0.1\n"
+    "[scenario]\nname = 'short'\n[[segment]]\nduration = 0.3\n[[segment]]\nduration = "
+    "0.5\nload = 1.0\nramp = 0.1\n"
 )
 SWEEP = """
 [scenario]
@@ -49,7 +51,16 @@ points = 400
 true_factor.magnet_flux = { normal = [1.0, 0.02] }
 """
 CALLS = {
-    "compare": ("compare", "--scenario", "s.toml", "--estimators", "qnull,ekf", "--out", "{}", "--quiet"),
+    "compare": (
+        "compare",
+        "--scenario",
+        "s.toml",
+        "--estimators",
+        "qnull,ekf",
+        "--out",
+        "{}",
+        "--quiet",
+    ),
     "protocol": (
         "protocol",
         "--estimators",
@@ -79,7 +90,17 @@ CALLS = {
         "2",
         "--quiet",
     ),
-    "diagnose": ("diagnose", "campaign", "--exclude", "EXCLUDED", "--jobs", "2", "--out", "{}", "--quiet"),
+    "diagnose": (
+        "diagnose",
+        "campaign",
+        "--exclude",
+        "EXCLUDED",
+        "--jobs",
+        "2",
+        "--out",
+        "{}",
+        "--quiet",
+    ),
     "score": ("withheld", "score", "{}", "--jobs", "2", "--quiet"),
 }
 CAMPAIGN = """
@@ -103,9 +124,22 @@ RECORDED = (
     "--json-only",
     "--quiet",
 )
-CHECK = ("withheld", "make", "check", "--count", "2", "--kind", "controls", "--cycles", "practice", "--quiet")
-KEPT = {".json", ".parquet", ".toml", ".csv", ".sealed", ""}  # figures and traces hold the hour at which they were made
-OF_NOW = {*COSTS, "seconds", "seconds_over_60", "made_by", "made", "sha256"}  # of costs, and of a manifest with them
+CHECK = (
+    "withheld",
+    "make",
+    "check",
+    "--count",
+    "2",
+    "--kind",
+    "controls",
+    "--cycles",
+    "practice",
+    "--quiet",
+)
+# figures and traces hold the hour at which they were made
+KEPT = {".json", ".parquet", ".toml", ".csv", ".sealed", ""}
+# of costs, and of a manifest with them
+OF_NOW = {*COSTS, "seconds", "seconds_over_60", "made_by", "made", "sha256"}
 
 
 class Fault(NamedTuple):
@@ -148,7 +182,8 @@ def start(name: str, home: Path, out: Path, paths: Sequence[Path] = ()) -> subpr
 
 
 def finish(name: str, home: Path, out: Path) -> float:
-    """Run a command to its end; return the seconds it took.  RuntimeError where it does not end well."""
+    """Run a command to its end; return the seconds it took.  RuntimeError where it does not end
+    well."""
     begun = time.monotonic()
     process = start(name, home, out)
     _, said = process.communicate(timeout=LONGEST)
@@ -190,7 +225,9 @@ def bare(tree: Any) -> Any:
     return [bare(x) for x in tree] if isinstance(tree, list) else tree
 
 
-def disturbed(name: str, home: Path, out: Path, sent: signal.Signals, seconds: float, whole: dict[str, str]) -> Fault:
+def disturbed(
+    name: str, home: Path, out: Path, sent: signal.Signals, seconds: float, whole: dict[str, str]
+) -> Fault:
     """Send a command a signal after some seconds, run it again, and say what is wrong then."""
     process = start(name, home, out)
     time.sleep(seconds)
@@ -216,7 +253,11 @@ def disturbed(name: str, home: Path, out: Path, sent: signal.Signals, seconds: f
 
 def parts(home: Path) -> list[str]:
     """Return what was prepared and never put in its place."""
-    return sorted(p.relative_to(home).as_posix() for p in home.rglob(".*") if "part" in p.name or "protocol" in p.name)
+    return sorted(
+        p.relative_to(home).as_posix()
+        for p in home.rglob(".*")
+        if "part" in p.name or "protocol" in p.name
+    )
 
 
 def main() -> None:
@@ -224,7 +265,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--moments", type=int, default=12, help="a command (12)")
     parser.add_argument("--only", nargs="+", choices=CALLS, default=list(CALLS))
-    parser.add_argument("--first", type=int, default=0, help="moment to go on from, of a run that was stopped (0)")
+    parser.add_argument(
+        "--first", type=int, default=0, help="moment to go on from, of a run that was stopped (0)"
+    )
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     for name in options.only:
@@ -236,12 +279,25 @@ def main() -> None:
             whole, faults = contents(home / "whole"), []
             assert whole == contents(home / "first"), f"{name}: two undisturbed runs differ"
             for k in range(options.first, options.moments):
-                seconds = takes * (k + random.Random(f"{options.seed} {name} {k}").random()) / options.moments
-                fault = disturbed(name, home, home / f"out{k}", SIGNALS[k % len(SIGNALS)], seconds, whole)
+                seconds = (
+                    takes
+                    * (k + random.Random(f"{options.seed} {name} {k}").random())
+                    / options.moments
+                )
+                fault = disturbed(
+                    name, home, home / f"out{k}", SIGNALS[k % len(SIGNALS)], seconds, whole
+                )
                 faults.append(fault)
-                print(f"{name} {k}: {fault.sent} after {seconds:.2f} s: {fault.wrong or 'well'}", flush=True)
+                print(
+                    f"{name} {k}: {fault.sent} after {seconds:.2f} s: {fault.wrong or 'well'}",
+                    flush=True,
+                )
             good = sum(not fault.wrong for fault in faults)
-            print(f"{name:<9} {takes:.1f} s, {good} of {len(faults)} moments well, {len(whole)} files", flush=True)
+            print(
+                f"{name:<9} {takes:.1f} s, {good} of {len(faults)} moments well, "
+                f"{len(whole)} files",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""`python -m experiments.few_effects withheld score DIR`: the command line, with diagnoses of few effects.
+"""`python -m experiments.few_effects withheld score DIR`: the command line, with diagnoses of few
+effects.
 
 For `faults` and `full_disk`: of others no more is learnt, but a whole diagnosis takes a minute.
 """
@@ -28,7 +29,8 @@ def few(folder: Path, exclude: Sequence[str] = ()) -> Any:
 
 
 def scoring(run: Callable[..., None], *given: Any, **named: Any) -> None:
-    """Run `withheld score` with diagnoses of few effects; imported here, where a signal is heard."""
+    """Run `withheld score` with diagnoses of few effects; imported here, where a signal is
+    heard."""
     from experiments.few_effects import few
     from sandbox.withheld.scoring import blind
 

@@ -1,4 +1,5 @@
-"""Figure 1: flux-current magnetisation curves of the IPM, exact and by the paper's first-order formulas."""
+"""Figure 1: flux-current magnetisation curves of the IPM, exact and by the paper's first-order
+formulas."""
 
 from __future__ import annotations
 
@@ -25,10 +26,18 @@ def main(name: str = "ipm") -> None:
             style = {0: "-", 1: "--", 2: ":"}[round(abs(c))]
             axis.plot(i, flux, style, color=colour, linewidth=1.3, label=f"i_{other} = {c:g} A")
             if c == 0.0:
-                axis.plot(i, first, color=COLOURS["first"], linewidth=1.0, label=f"first order, i_{other} = 0")
+                axis.plot(
+                    i,
+                    first,
+                    color=COLOURS["first"],
+                    linewidth=1.0,
+                    label=f"first order, i_{other} = 0",
+                )
             numbers[f"phi_{kind}_at_i_{other}_{c:g}"] = flux
             numbers[f"first_order_error_{kind}_{k}"] = float(np.max(np.abs(first - flux)))
-        axis.set(xlabel=f"i_{kind} (A)", ylabel=f"phi_{kind} (Wb)", title=f"phi_{kind}, i_{other} held")
+        axis.set(
+            xlabel=f"i_{kind} (A)", ylabel=f"phi_{kind} (Wb)", title=f"phi_{kind}, i_{other} held"
+        )
         axis.legend(fontsize=8)
     figure.suptitle(f"Fig. 1  magnetisation curves ({name})")
     save("figure_1_curves", numbers, figure)

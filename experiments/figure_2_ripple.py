@@ -1,4 +1,5 @@
-"""Figure 2: i_d from rest under a square wave, 500 Hz, mean 23 V, amplitude 30 V (SPM), and eq. (iprocd)."""
+"""Figure 2: i_d from rest under a square wave, 500 Hz, mean 23 V, amplitude 30 V (SPM), and eq.
+(iprocd)."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ MEAN, AMPLITUDE, FREQUENCY, FINE = 23.0, 30.0, 500.0, 100
 
 
 def response(name: str, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return t (s), i_d (A) and the triangle F with amplitude pi / 2, on a grid of FINE points a period."""
+    """Return t (s), i_d (A) and the triangle F with amplitude pi / 2, on a grid of FINE points a
+    period."""
     motor = load_drive(name).motor
     h, half = 1 / (FREQUENCY * FINE), FINE // 2
     k, flux, i = np.arange(round(duration / h)), 0.0, []
@@ -45,10 +47,17 @@ def main() -> None:
         column[0].set(ylabel="i_d (A)", title=name)
         column[1].plot(1e3 * t[zoom], i[zoom], color=COLOURS["data"], label="simulated")
         line = mean + formula * triangle[zoom]
-        column[1].plot(1e3 * t[zoom], line, "--", color=COLOURS["model"], label="mean + i~ F(Omega t)")
+        column[1].plot(
+            1e3 * t[zoom], line, "--", color=COLOURS["model"], label="mean + i~ F(Omega t)"
+        )
         column[1].set(xlabel="t (ms)", ylabel="i_d (A)", ylim=(mean - 0.5, mean + 0.5))
         column[1].legend(fontsize=8, loc="lower right")
-        numbers[name] = {"mean": mean, "ripple_formula": formula, "ripple_simulated": peak, "ratio": peak / formula}
+        numbers[name] = {
+            "mean": mean,
+            "ripple_formula": formula,
+            "ripple_simulated": peak,
+            "ratio": peak / formula,
+        }
     figure.suptitle("Fig. 2  time response of i_d, square wave 30 V at 500 Hz on 23 V")
     save("figure_2_ripple", {"motors": numbers}, figure)
 

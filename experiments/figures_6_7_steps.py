@@ -1,7 +1,8 @@
-"""Figures 6 and 7: large steps of u_d, saturated against linear (IPM), and the flux by integrating u - R i.
+"""Figures 6 and 7: large steps of u_d, saturated against linear (IPM), and the flux by integrating
+u - R i.
 
-"Measured" is the true motor's simulation with 2 mA noise, sampled at 4 kHz; the models are the exact fit to the
-paper's test and that fit without its alphas.
+"Measured" is the true motor's simulation with 2 mA noise, sampled at 4 kHz; the models are the
+exact fit to the paper's test and that fit without its alphas.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ def step_test(drive: Drive, bench: LockedBench | None = None):
 def main(name: str = "ipm") -> None:
     """Draw both figures."""
     drive = load_drive(name)
-    fit = identify(paper_campaign(drive, bench=LockedBench(noise=0.002, resolution=0.0024))).fits["exact"]
+    fit = identify(paper_campaign(drive, bench=LockedBench(noise=0.002, resolution=0.0024))).fits[
+        "exact"
+    ]
     found = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, **fit.values))
     alphas = {n: 0.0 for n in fit.values if n.startswith("alpha")}
     linear = dataclasses.replace(drive, motor=dataclasses.replace(found.motor, **alphas))
@@ -43,22 +46,34 @@ def main(name: str = "ipm") -> None:
     rest.set(xlabel="t (ms)", ylabel="model less data (A)", xlim=(75, 200))
     axis.set_xlim(75, 200)
     axis.plot(1e3 * t, i, ".", ms=2.5, color=COLOURS["data"], label="data")
-    axis.plot(1e3 * t, predicted["saturated"], color=COLOURS["model"], label="identified, saturated")
-    axis.plot(1e3 * t, predicted["linear"], "--", color=COLOURS["linear"], label="saturation left out")
+    axis.plot(
+        1e3 * t, predicted["saturated"], color=COLOURS["model"], label="identified, saturated"
+    )
+    axis.plot(
+        1e3 * t, predicted["linear"], "--", color=COLOURS["linear"], label="saturation left out"
+    )
     axis.set(ylabel="i_d (A)", title=f"Fig. 6  large steps of u_d ({name})")
     axis.legend(fontsize=8)
     rms = {k: float(np.sqrt(np.mean((x - i) ** 2))) for k, x in predicted.items()}
     save("figure_6_step", {"motor": name, "rms_error": rms, "noise": 0.002}, figure)
     h, start = t[1], flux_from_current(found.motor.energy, LEVELS[0], 0.0)[0]
     middle = 0.5 * (i[1:] + i[:-1])
-    flux = start + h * np.concatenate([[0.0], np.cumsum(u[:-1] - fit.values["resistance"] * middle)])
+    flux = start + h * np.concatenate(
+        [[0.0], np.cumsum(u[:-1] - fit.values["resistance"] * middle)]
+    )
     grid = np.linspace(-1.9, 1.9, 77)
     model = flux_from_current(found.motor.energy, grid, 0.0)[0]
     figure, axes = new_figure(1, 1, 6.0, 4.2)
     axis = axes[0, 0]
     axis.plot(i, flux, ".", ms=2.5, color=COLOURS["data"], label="integral of u - R i")
     axis.plot(grid, model, color=COLOURS["model"], label="identified")
-    axis.plot(grid, fit.values["inductance_d"] * grid, "--", color=COLOURS["linear"], label="saturation left out")
+    axis.plot(
+        grid,
+        fit.values["inductance_d"] * grid,
+        "--",
+        color=COLOURS["linear"],
+        label="saturation left out",
+    )
     axis.set(xlabel="i_d (A)", ylabel="phi_d (Wb)", title=f"Fig. 7  saturation curve ({name})")
     axis.legend(fontsize=8)
     error = float(np.sqrt(np.mean((flux - np.interp(i, grid, model)) ** 2)))

@@ -1,7 +1,8 @@
-"""How well do quartic, spline energy and piecewise-linear table carry measured and computed flux maps?
+"""How well do quartic, spline energy and piecewise-linear table carry measured and computed flux
+maps?
 
-Each is fitted to every other grid line of the map and judged on the rest: flux at given current, torque, and
-incremental inductances against central differences of the whole map.
+Each is fitted to every other grid line of the map and judged on the rest: flux at given current,
+torque, and incremental inductances against central differences of the whole map.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ MAPS = {
 
 
 def quartic_fit(m: FluxMap, limit: float) -> tuple[Energy, float]:
-    """Return the quartic energy and magnet flux of least squares on grad H = i, over currents up to a limit (A)."""
+    """Return the quartic energy and magnet flux of least squares on grad H = i, over currents up to
+    a limit (A)."""
     psi_d, psi_q, i_d, i_q = m.points()
     near = np.hypot(i_d, i_q) <= limit
     psi_d, psi_q, i_d, i_q = psi_d[near], psi_q[near], i_d[near], i_q[near]
@@ -38,16 +40,22 @@ def quartic_fit(m: FluxMap, limit: float) -> tuple[Energy, float]:
         rows_q = np.column_stack([o, q, o, 2 * d * q, o, 2 * d**2 * q, 4 * q**3])
         one = np.concatenate([np.ones_like(d), o])
         c, *_ = np.linalg.lstsq(
-            np.column_stack([np.concatenate([rows_d, rows_q]), one]), np.concatenate([i_d, i_q]), rcond=None
+            np.column_stack([np.concatenate([rows_d, rows_q]), one]),
+            np.concatenate([i_d, i_q]),
+            rcond=None,
         )
         *coefficients, constant = c
         energy = Energy(*(float(x) for x in coefficients))
-        magnet -= 0.5 * constant / energy.gamma_d  # a constant current means the magnet flux is elsewhere
+        # a constant current means the magnet flux is elsewhere
+        magnet -= 0.5 * constant / energy.gamma_d
     return energy, float(magnet)
 
 
-def carried(train: FluxMap, rated: float, x: np.ndarray, y: np.ndarray) -> dict[str, tuple[np.ndarray, ...]]:
-    """Return psi_d, psi_q, L_dd, L_dq, L_qq of the three models at currents (NaN where a model does not hold)."""
+def carried(
+    train: FluxMap, rated: float, x: np.ndarray, y: np.ndarray
+) -> dict[str, tuple[np.ndarray, ...]]:
+    """Return psi_d, psi_q, L_dd, L_dq, L_qq of the three models at currents (NaN where a model does
+    not hold)."""
     m, magnet = quartic_fit(train, 1.25 * rated)
     out = {}
     rows = []
@@ -68,7 +76,11 @@ def carried(train: FluxMap, rated: float, x: np.ndarray, y: np.ndarray) -> dict[
     h = 1e-4 * np.ptp(train.i_d)  # inside the cell above the point: the table's own slope
     dd, dq, qq = (
         (t((x + a, y + b)) - f) / h
-        for t, f, a, b in ((table[0], psi[0], h, 0), (table[0], psi[0], 0, h), (table[1], psi[1], 0, h))
+        for t, f, a, b in (
+            (table[0], psi[0], h, 0),
+            (table[0], psi[0], 0, h),
+            (table[1], psi[1], 0, h),
+        )
     )
     out["table"] = (*psi, dd, dq, qq)
     return out
@@ -86,7 +98,10 @@ def judge(name: str) -> tuple[dict[str, object], dict[str, np.ndarray]]:
     torque = 1.5 * pairs * (full.psi_d * y - full.psi_q * x)
     ring = np.abs(np.hypot(x, y) / rated - 1) < 0.06
     k = np.argmax(np.where(ring, torque, -np.inf))
-    rated_flux, rated_torque = float(np.hypot(full.psi_d, full.psi_q).flat[k]), float(torque.flat[k])
+    rated_flux, rated_torque = (
+        float(np.hypot(full.psi_d, full.psi_q).flat[k]),
+        float(torque.flat[k]),
+    )
     measured = torque if full.torque is None else full.torque
     fd = (
         np.gradient(full.psi_d, full.i_d, axis=0),
@@ -101,9 +116,11 @@ def judge(name: str) -> tuple[dict[str, object], dict[str, np.ndarray]]:
         "rated_flux": rated_flux,
         "rated_torque": rated_torque,
         "held_out_points": int(held.sum()),
-        "map_not_reciprocal_rms": _rms((fd[1] - np.gradient(full.psi_q, full.i_d, axis=0))[inner]) / scale,
+        "map_not_reciprocal_rms": _rms((fd[1] - np.gradient(full.psi_q, full.i_d, axis=0))[inner])
+        / scale,
         "map_torque_rms": float(np.sqrt(np.mean((torque - measured)[held] ** 2)) / rated_torque),
-        "map_points_not_passive": int(np.sum(fd[0] * fd[2] - fd[1] ** 2 <= 0)) + int(np.sum(fd[0] <= 0)),
+        "map_points_not_passive": int(np.sum(fd[0] * fd[2] - fd[1] ** 2 <= 0))
+        + int(np.sum(fd[0] <= 0)),
     }
     for model, (psi_d, psi_q, *found) in carried(train, rated, x, y).items():
         valid = held & np.isfinite(psi_d)
@@ -118,8 +135,11 @@ def judge(name: str) -> tuple[dict[str, object], dict[str, np.ndarray]]:
             "torque_rms": _rms(t[valid]) / rated_torque,
             "torque_rms_within_rated": _rms(t[valid & (size <= rated)]) / rated_torque,
             "inductance_rms": _rms(error[:, good].ravel()) / scale,
-            "inductance_rms_beyond_a_quarter": _rms(error[:, good & (size > 0.25 * rated)].ravel()) / scale,
-            "inductance_median": float(np.median(np.abs(error[:, good]))) / scale if good.any() else np.nan,
+            "inductance_rms_beyond_a_quarter": _rms(error[:, good & (size > 0.25 * rated)].ravel())
+            / scale,
+            "inductance_median": float(np.median(np.abs(error[:, good]))) / scale
+            if good.any()
+            else np.nan,
             "outside_valid_domain": int(np.sum(held & ~np.isfinite(psi_d))),
         }
     cut = np.linspace(full.i_q[0], full.i_q[-1], 401)
@@ -138,11 +158,18 @@ def main() -> None:
     numbers = {}
     for axis, name in zip(axes[0], MAPS, strict=True):
         numbers[name], cut = judge(name)
-        axis.plot(cut["grid"], 1e3 * cut["difference"], ".", color="0.5", label="differences of the map")
+        axis.plot(
+            cut["grid"], 1e3 * cut["difference"], ".", color="0.5", label="differences of the map"
+        )
         for model, colour in (("table", "first"), ("quartic", "linear"), ("spline", "model")):
-            axis.plot(cut["i_q"], 1e3 * cut[model], color=COLOURS[colour], linewidth=1.2, label=model)
+            axis.plot(
+                cut["i_q"], 1e3 * cut[model], color=COLOURS[colour], linewidth=1.2, label=model
+            )
         axis.set(
-            title=f"{name}, i_d = 0", xlabel="i_q (A)", ylabel="L_qq (mH)", ylim=(0, 1.3e3 * np.max(cut["difference"]))
+            title=f"{name}, i_d = 0",
+            xlabel="i_q (A)",
+            ylabel="L_qq (mH)",
+            ylim=(0, 1.3e3 * np.max(cut["difference"])),
         )
         axis.legend(fontsize=8)
     save("flux_maps", {"maps": numbers}, figure)

@@ -1,10 +1,12 @@
-"""Places that a command cannot write to, clocks that go back, first runs side by side: what is left, what comes after?
+"""Places that a command cannot write to, clocks that go back, first runs side by side: what is
+left, what comes after?
 
-`python -m experiments.full_disk --moments 20` runs every command (those of `faults`) where the disk ends after some
-bytes, where the place becomes read-only at some moment, where the clock is set back by an hour, where the cache of
-kernels is on a full or read-only disk, and twice at once with no cache at all.  Wrong is: a traceback, more than one
-sentence, another exit code than 0 or 2, a file that stands there though the command did not end well, or other
-numbers once there is room again.  Small file systems are mounted in a name space of its own (Linux, `unshare`).
+`python -m experiments.full_disk --moments 20` runs every command (those of `faults`) where the disk
+ends after some bytes, where the place becomes read-only at some moment, where the clock is set back
+by an hour, where the cache of kernels is on a full or read-only disk, and twice at once with no
+cache at all.  Wrong is: a traceback, more than one sentence, another exit code than 0 or 2, a file
+that stands there though the command did not end well, or other numbers once there is room again.
+Small file systems are mounted in a name space of its own (Linux, `unshare`).
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ time.time = lambda: _now() - ({back} if time.monotonic() > _until else 0.0)
 
 
 class Place(NamedTuple):
-    """A trial: what is wrong with the place, how much (bytes or s), and what was wrong with the answer ('' nothing)."""
+    """A trial: what is wrong with the place, how much (bytes or s), and what was wrong with the
+    answer ('' nothing)."""
 
     command: str
     fault: str
@@ -48,8 +51,11 @@ def mount(folder: Path, options: str) -> None:
 
 
 def change(folder: Path, options: str) -> bool:
-    """Change a mounted file system's options; tell whether it could be done (a file may be open)."""
-    done = subprocess.run(["mount", "-o", f"remount,{options}", str(folder)], check=False, capture_output=True)
+    """Change a mounted file system's options; tell whether it could be done (a file may be
+    open)."""
+    done = subprocess.run(
+        ["mount", "-o", f"remount,{options}", str(folder)], check=False, capture_output=True
+    )
     return done.returncode == 0
 
 
@@ -64,7 +70,9 @@ def ended(process: subprocess.Popen[bytes]) -> tuple[int, str]:
     return process.returncode, said.decode(errors="replace").strip()
 
 
-def judged(code: int, said: str, name: str, out: Path, whole: dict[str, str], resumes: bool) -> list[str]:
+def judged(
+    code: int, said: str, name: str, out: Path, whole: dict[str, str], resumes: bool
+) -> list[str]:
     """Return what is wrong with how a command ended in a bad place."""
     if code == 0:
         return [] if contents(out) == whole else ["it ended well with other numbers"]
@@ -87,7 +95,9 @@ def once_more(name: str, home: Path, out: Path, whole: dict[str, str]) -> list[s
     except RuntimeError as error:
         return [str(error)]
     found = contents(out)
-    wrong = [f"{k} is not the same" for k in sorted({*found, *whole}) if found.get(k) != whole.get(k)][:3]
+    wrong = [
+        f"{k} is not the same" for k in sorted({*found, *whole}) if found.get(k) != whole.get(k)
+    ][:3]
     return wrong + [f"left {x}" for x in parts(out)[:2]]
 
 
@@ -111,7 +121,8 @@ def full(name: str, home: Path, place: Path, size: float, whole: dict[str, str])
 
 
 def read_only(name: str, home: Path, place: Path, seconds: float, whole: dict[str, str]) -> Place:
-    """Run a command in a place that becomes read-only after some seconds (0: from the start), then again."""
+    """Run a command in a place that becomes read-only after some seconds (0: from the start), then
+    again."""
     mount(place, ROOM)
     try:
         out = place / "out"
@@ -126,20 +137,27 @@ def read_only(name: str, home: Path, place: Path, seconds: float, whole: dict[st
         code, said = ended(process)
         wrong = judged(code, said, name, out, whole, name in ("sweep", "protocol", "make", "score"))
         change(place, "rw")
-        return Place(name, "read-only", seconds, "; ".join(wrong + once_more(name, home, out, whole)))
+        return Place(
+            name, "read-only", seconds, "; ".join(wrong + once_more(name, home, out, whole))
+        )
     finally:
         unmount(place)
 
 
 def bad_cache(name: str, home: Path, place: Path, size: float, whole: dict[str, str]) -> Place:
-    """Run a command whose cache lies on a disk of some bytes (0: read-only): it has to end well, only slower."""
+    """Run a command whose cache lies on a disk of some bytes (0: read-only): it has to end well,
+    only slower."""
     mount(place, f"size={int(size)}" if size else "ro")
     before = os.environ.get("SENSORLESS_CACHE")
     os.environ["SENSORLESS_CACHE"] = str(place / "cache")
     out = home / "out_cache"
     try:
         code, said = ended(start(name, home, out))
-        wrong = judged(code, said, name, out, whole, False) if code == 0 else [f"exit code {code}: {said[-160:]}"]
+        wrong = (
+            judged(code, said, name, out, whole, False)
+            if code == 0
+            else [f"exit code {code}: {said[-160:]}"]
+        )
         return Place(name, "cache", size, "; ".join(wrong))
     finally:
         _set("SENSORLESS_CACHE", before)
@@ -148,7 +166,8 @@ def bad_cache(name: str, home: Path, place: Path, size: float, whole: dict[str, 
 
 
 def clock_back(name: str, home: Path, seconds: float, whole: dict[str, str]) -> Place:
-    """Run a command whose clock is set back after some seconds, then again over files of the future."""
+    """Run a command whose clock is set back after some seconds, then again over files of the
+    future."""
     (home / "clock").mkdir(exist_ok=True)
     (home / "clock" / "sitecustomize.py").write_text(CLOCK.format(after=seconds, back=BACK))
     out = home / f"out_clock{seconds:.2f}"
@@ -191,7 +210,9 @@ def _set(name: str, value: str | None) -> None:
         os.environ[name] = value
 
 
-def trials(name: str, home: Path, moments: int, kinds: Sequence[str], chance: random.Random) -> list[Place]:
+def trials(
+    name: str, home: Path, moments: int, kinds: Sequence[str], chance: random.Random
+) -> list[Place]:
     """Return what became of one command in all places, told as they come."""
     prepare(name, home)
     finish(name, home, home / "first")  # compiles
@@ -230,7 +251,9 @@ KINDS = ("full", "read-only", "cache", "clock", "two first runs")
 
 def main() -> None:
     """Run in a name space of its own; print a line a fault, then how many trials went well."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--moments", type=int, default=4, help="a command and kind (4)")
     parser.add_argument("--only", nargs="+", choices=CALLS, default=list(CALLS))
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
@@ -238,14 +261,20 @@ def main() -> None:
     options = parser.parse_args()
     if os.environ.get("IN_NAME_SPACE") != "1":
         os.environ |= {"IN_NAME_SPACE": "1", "PYTHONPATH": str(ROOT)}
-        os.execvp("unshare", ["unshare", "-rm", sys.executable, "-m", "experiments.full_disk", *sys.argv[1:]])
+        os.execvp(
+            "unshare",
+            ["unshare", "-rm", sys.executable, "-m", "experiments.full_disk", *sys.argv[1:]],
+        )
     chance = random.Random(options.seed)
     for name in options.only:
         with tempfile.TemporaryDirectory() as made:
             found = trials(name, Path(made), options.moments, options.kinds, chance)
         for kind in options.kinds:
             own = [p for p in found if p.fault == kind]
-            print(f"{name:<9} {kind:<15} {sum(not p.wrong for p in own)} of {len(own)} well", flush=True)
+            print(
+                f"{name:<9} {kind:<15} {sum(not p.wrong for p in own)} of {len(own)} well",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

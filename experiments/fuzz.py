@@ -1,9 +1,12 @@
-"""Damaged files and calls at every door of the project: which are refused in one sentence, which escape.
+"""Damaged files and calls at every door of the project: which are refused in one sentence, which
+escape.
 
-`python -m experiments.fuzz --inputs 100000` goes on where it stopped (`--state FILE`); an escape is made smaller and
-kept under `tests/fuzz/findings`, where the suite tries it ever after.  An input is good if it is let in, or refused in
-one line of at most 400 characters, within 10 s, within 2 GB, leaving nothing behind.  Inputs are read in a child
-process: one that crashes, or hangs where no alarm is heard, is an escape, too, and the next child goes on behind it.
+`python -m experiments.fuzz --inputs 100000` goes on where it stopped (`--state FILE`); an escape is
+made smaller and kept under `tests/fuzz/findings`, where the suite tries it ever after.  An input is
+good if it is let in, or refused in one line of at most 400 characters, within 10 s, within 2 GB,
+leaving nothing behind.  Inputs are read in a child process: one that crashes, or hangs where no
+alarm is heard, is an escape, too, and the next child
+goes on behind it.
 """
 
 from __future__ import annotations
@@ -33,7 +36,8 @@ SILENT = WAITED + 60.0 + SMALLER  # s without a word from a child after which it
 
 
 def smaller(escapes: Any, content: bytes) -> bytes:
-    """Return a shorter input that escapes in the same way: pieces are cut out while it still does."""
+    """Return a shorter input that escapes in the same way: pieces are cut out while it still
+    does."""
     begun, size = time.monotonic(), max(len(content) // 2, 1)
     while size and time.monotonic() - begun < SMALLER:
         k = 0
@@ -72,7 +76,12 @@ class Count:
 
     def state(self) -> dict[str, Any]:
         """Return what is kept."""
-        return {"next": self.next, "kinds": self.kinds, "slowest": self.slowest, "escapes": self.escapes}
+        return {
+            "next": self.next,
+            "kinds": self.kinds,
+            "slowest": self.slowest,
+            "escapes": self.escapes,
+        }
 
     def tell(self) -> None:
         """Say that an input is done: in a child, to its parent."""
@@ -124,7 +133,8 @@ def run_calls(count: Count, until: int, deadline: float) -> None:
                 number = count.next
                 words = call_number(number)
                 outcome = call(words)
-                if outcome.why.startswith("took "):  # what is compiled at first use is compiled once
+                if outcome.why.startswith("took "):
+                    # what is compiled at first use is compiled once
                     outcome = call(words)
                 if left := left_behind(folder, here, words):
                     outcome = Outcome("escaped", f"left {sorted(left)[:3]} behind", outcome.seconds)
@@ -138,7 +148,8 @@ def run_calls(count: Count, until: int, deadline: float) -> None:
 
 
 def in_child(work: Callable[[Count], None], count: Count, silent: float = SILENT) -> Count:
-    """Let a child process work on a copy of a count; return it, with an escape where the child crashed or hung."""
+    """Let a child process work on a copy of a count; return it, with an escape where the child
+    crashed or hung."""
     fork = multiprocessing.get_context("fork")
     heard, told = fork.Pipe(duplex=False)
 
@@ -180,10 +191,16 @@ def in_child(work: Callable[[Count], None], count: Count, silent: float = SILENT
 def main() -> None:
     """Run; print a line a door."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--inputs", type=int, default=10_000, help="in all, earlier ones of the same state included")
-    parser.add_argument("--state", type=Path, default=Path("sensorless-out/fuzz.json"), help="counts so far")
+    parser.add_argument(
+        "--inputs", type=int, default=10_000, help="in all, earlier ones of the same state included"
+    )
+    parser.add_argument(
+        "--state", type=Path, default=Path("sensorless-out/fuzz.json"), help="counts so far"
+    )
     parser.add_argument("--door", help="this one only")
-    parser.add_argument("--seconds", type=float, default=1e9, help="stop after so long; call again to go on")
+    parser.add_argument(
+        "--seconds", type=float, default=1e9, help="stop after so long; call again to go on"
+    )
     options = parser.parse_args()
     kept = json.loads(options.state.read_text()) if options.state.is_file() else {}
     deadline = time.monotonic() + options.seconds
@@ -200,7 +217,9 @@ def main() -> None:
             if name == "cli":
                 count = in_child(partial(run_calls, until=part, deadline=deadline), count)
             else:
-                count = in_child(partial(run_door, by_name[name], until=part, deadline=deadline), count)
+                count = in_child(
+                    partial(run_door, by_name[name], until=part, deadline=deadline), count
+                )
             counts[name] = count
             aside = options.state.with_suffix(".part")
             aside.write_text(json.dumps({n: c.state() for n, c in counts.items()}, indent=1))

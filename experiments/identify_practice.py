@@ -1,4 +1,5 @@
-"""Does the exact fit find the true motor of every practice campaign, whatever effect was put into the drive?
+"""Does the exact fit find the true motor of every practice campaign, whatever effect was put into
+the drive?
 
 The identification sees the campaign folder alone; the truth files are opened here, afterwards.
 """
@@ -34,8 +35,13 @@ def judge(found: Identification, truth: dict[str, float]) -> dict[str, object]:
 
 
 def table(campaigns: dict[str, dict]) -> str:
-    """Return the markdown table: errors in percent, those beyond two standard deviations with their size."""
-    head = "| campaign | effect | " + " | ".join(TRUTH.values()) + " | intervals that hold | misfit |\n"
+    """Return the markdown table: errors in percent, those beyond two standard deviations with their
+    size."""
+    head = (
+        "| campaign | effect | "
+        + " | ".join(TRUTH.values())
+        + " | intervals that hold | misfit |\n"
+    )
     lines = [head, "|---" * (len(NAMES) + 4) + "|\n"]
     for name, c in campaigns.items():
         cells = []
@@ -49,7 +55,8 @@ def table(campaigns: dict[str, dict]) -> str:
 
 
 def main() -> None:
-    """Identify every practice campaign; write table, numbers and a figure of the errors in standard deviations."""
+    """Identify every practice campaign; write table, numbers and a figure of the errors in standard
+    deviations."""
     folder = shared("SENSORLESS_RECORDINGS", "recordings") / "practice"
     campaigns: dict[str, dict] = {}
     for path in sorted(folder.glob("p*.truth.toml")):
@@ -62,11 +69,15 @@ def main() -> None:
     axis.axhspan(-1.96, 1.96, color="0.93", zorder=0)
     for k, c in enumerate(campaigns.values()):
         x = k + np.linspace(-0.3, 0.3, len(NAMES))
-        axis.plot(x, [np.clip(c["z"][n], -6, 6) for n in NAMES], "o", color=COLOURS["model"], markersize=4)
+        axis.plot(
+            x, [np.clip(c["z"][n], -6, 6) for n in NAMES], "o", color=COLOURS["model"], markersize=4
+        )
     labels = [f"{k}\n{', '.join(c['effects']) or 'none'}" for k, c in campaigns.items()]
     axis.set_xticks(range(len(labels)), labels, rotation=35, ha="right", fontsize=8)
     axis.set(
-        ylabel="error / standard deviation", ylim=(-6.3, 6.3), title="exact fit: R, L_d, L_q, five alphas (±6: more)"
+        ylabel="error / standard deviation",
+        ylim=(-6.3, 6.3),
+        title="exact fit: R, L_d, L_q, five alphas (±6: more)",
     )
     save("identify_practice", {"campaigns": campaigns}, figure)
     (RESULTS / "identify_practice.md").write_text(table(campaigns), encoding="utf-8")

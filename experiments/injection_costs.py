@@ -1,7 +1,10 @@
-"""What injection costs: every estimator with both beliefs on three motors, error beside loss and sound.
+"""What injection costs: every estimator with both beliefs on three motors, error beside loss and
+sound.
 
-Run: python -m experiments.injection_costs   (about a minute; writes experiments/results/injection_costs*)
-The plant has core loss of its effect's usual size (iron_loss, 20 times the rated reactance), so that iron counts.
+Run: python -m experiments.injection_costs
+    (about a minute; writes experiments/results/injection_costs*)
+The plant has core loss of its effect's usual size (iron_loss, 20 times the rated reactance), so
+that iron counts.
 """
 
 from __future__ import annotations
@@ -24,7 +27,11 @@ RESULTS = Path(__file__).parent / "results"
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
 SCENE = Scenario(
     "costs",
-    (Segment(0.4), Segment(0.8, 1.0, ramp=0.2, settle=0.5), Segment(0.8, 1.0, 0.1, ramp=0.3, settle=0.5)),
+    (
+        Segment(0.4),
+        Segment(0.8, 1.0, ramp=0.2, settle=0.5),
+        Segment(0.8, 1.0, 0.1, ramp=0.3, settle=0.5),
+    ),
     "driven",
 )
 
@@ -34,12 +41,15 @@ def main() -> None:
     parts, numbers = [f"# What injection costs\n\n{datetime.date.today()}, seed 0. {told()}"], {}
     for name in MOTORS:
         drive = load_drive(name)
-        result = compare(drive, SCENE, ESTIMATORS, effects=typical("iron_loss", drive.motor, drive.converter))
+        result = compare(
+            drive, SCENE, ESTIMATORS, effects=typical("iron_loss", drive.motor, drive.converter)
+        )
         found = standings(result.rows)
         screens.write(cost_figure(found, name), RESULTS / f"injection_costs_{name}")
         numbers[name] = result.as_json()["rows"]
         parts.append(
-            f"## {name}\n\n![Error, loss and sound of each estimator](injection_costs_{name}.svg)\n\n{markdown(found)}"
+            f"## {name}\n\n![Error, loss and sound of each "
+            f"estimator](injection_costs_{name}.svg)\n\n{markdown(found)}"
         )
         print(parts[-1])
     write_json(RESULTS, "injection_costs", {"motors": numbers})
@@ -49,9 +59,10 @@ def main() -> None:
 def told() -> str:
     """Return what was run and how to read it."""
     return textwrap.fill(
-        "A driven rotor at standstill without load, at standstill with rated load, at 10 % speed with rated load, the "
-        f"estimate in control. {READING} `sensorless compare --effects iron_loss.core_resistance=...` makes such a "
-        "table of your motor, and `--quiet-below`, `--loss-below` are limits of what it recommends.",
+        "A driven rotor at standstill without load, at standstill with rated load, at 10 % speed "
+        f"with rated load, the estimate in control. {READING} `sensorless compare --effects "
+        "iron_loss.core_resistance=...` makes such a table of your motor, and `--quiet-below`, "
+        "`--loss-below` are limits of what it recommends.",
         120,
         initial_indent=" " * 20,
     ).strip()
@@ -61,7 +72,9 @@ def markdown(found: tuple[Standing, ...]) -> str:
     """Return the table of costs as markdown."""
     heads, lines = cost_table(found)
     rule = "|---|" + "--:|" * (len(heads) - 1)
-    return "\n".join([f"| {' | '.join(heads)} |", rule, *(f"| {' | '.join(line)} |" for line in lines)])
+    return "\n".join(
+        [f"| {' | '.join(heads)} |", rule, *(f"| {' | '.join(line)} |" for line in lines)]
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""Do the 95 % intervals of the exact fit hold?  400 simulated tests a motor, sensors with noise and resolution.
+"""Do the 95 % intervals of the exact fit hold?  400 simulated tests a motor, sensors with noise and
+resolution.
 
 Full chain each time: recordings, steady stretches, demodulation, joint fit.
 """
@@ -23,8 +24,12 @@ def study(name: str, repetitions: int = REPETITIONS) -> np.ndarray:
     z = []
     for k in range(repetitions):
         c = drive.converter
-        bench = LockedBench(theta=0.4, noise=c.current_noise, resolution=c.current_resolution, seed=3 * k)
-        fit = identify(paper_campaign(drive, np.linspace(-top, top, LEVELS), DWELL, bench)).fits["exact"]
+        bench = LockedBench(
+            theta=0.4, noise=c.current_noise, resolution=c.current_resolution, seed=3 * k
+        )
+        fit = identify(paper_campaign(drive, np.linspace(-top, top, LEVELS), DWELL, bench)).fits[
+            "exact"
+        ]
         z.append([(fit.values[n] - getattr(drive.motor, n)) / fit.sd[n] for n in NAMES])
     return np.array(z)
 
@@ -38,16 +43,26 @@ def main() -> None:
         share = np.mean(np.abs(z) < 1.959964, axis=0)
         spread = 1.96 * np.sqrt(0.95 * 0.05 / len(z))
         axis.axhspan(93, 97, color="0.93", zorder=0)
-        axis.errorbar(range(8), 100 * share, 100 * spread, fmt="o", color=COLOURS["model"], capsize=3)
+        axis.errorbar(
+            range(8), 100 * share, 100 * spread, fmt="o", color=COLOURS["model"], capsize=3
+        )
         axis.set(title=name, ylim=(90, 100), ylabel="intervals that hold the truth (%)")
-        axis.set_xticks(range(8), [n.replace("inductance", "L").replace("resistance", "R") for n in NAMES], rotation=60)
+        axis.set_xticks(
+            range(8),
+            [n.replace("inductance", "L").replace("resistance", "R") for n in NAMES],
+            rotation=60,
+        )
         numbers[name] = {
             "repetitions": len(z),
             "coverage": dict(zip(NAMES, share, strict=True)),
             "all_parameters": float(np.mean(share)),
             "mean_z": dict(zip(NAMES, z.mean(axis=0), strict=True)),
         }
-    save("interval_coverage", {"motors": numbers, "levels": LEVELS, "periods_per_level": DWELL}, figure)
+    save(
+        "interval_coverage",
+        {"motors": numbers, "levels": LEVELS, "periods_per_level": DWELL},
+        figure,
+    )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""Is what a long recording, a large campaign or a long simulation costs in proportion to its length?
+"""Is what a long recording, a large campaign or a long simulation costs in proportion to its
+length?
 
-`python -m experiments.load` runs the command line on ever longer input, each time in a process of its own, and prints
-processor time, the largest memory and the exponent of time between one length and the next (1: in proportion).
-`--longest` goes up to 10 minutes at 10 kHz in one recording, 200 recordings in a campaign, an hour's simulation.  Of
-more than 250 000 samples a diagnosis works on 100 000 only.  `--memory` is a limit in GB for each.
+`python -m experiments.load` runs the command line on ever longer input, each time in a process of
+its own, and prints processor time, the largest memory and the exponent of time between one length
+and the next (1: in proportion). `--longest` goes up to 10 minutes at 10 kHz in one recording, 200
+recordings in a campaign, an hour's simulation.  Of more than 250 000 samples a diagnosis works on
+100 000 only.  `--memory` is a limit in GB for each.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ class Case(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """What one call cost: processor time in s, largest memory in GB, or the sentence with which it was refused."""
+    """What one call cost: processor time in s, largest memory in GB, or the sentence with which it
+    was refused."""
 
     name: str
     length: float
@@ -61,8 +64,10 @@ CASES = (
 def scenario(seconds: float) -> str:
     """Return a driven run: standstill, then turning under load."""
     return (
-        f'[scenario]\nname = "long"\nrotor = "driven"\n[[segment]]\nduration = {seconds / 6}\nload = 0.3\n'
-        f"[[segment]]\nduration = {seconds * 5 / 6}\nspeed = 0.1\nload = 0.8\nramp = {seconds / 60}\n"
+        '[scenario]\nname = "long"\nrotor = "driven"\n[[segment]]\nduration = '
+        f"{seconds / 6}\nload = 0.3\n"
+        f"[[segment]]\nduration = {seconds * 5 / 6}\nspeed = 0.1\nload = 0.8\nramp = "
+        f"{seconds / 60}\n"
     )
 
 
@@ -96,7 +101,8 @@ def recorded(home: Path, seconds: float) -> list[str]:
 
 
 def many(home: Path, count: int) -> Path:
-    """Return a campaign of so many short recordings: one recorded run under many names, each a link."""
+    """Return a campaign of so many short recordings: one recorded run under many names, each a
+    link."""
     one, folder = home / f"r{SHORT:g}", home / f"many{count}"
     if not one.exists():
         called(home, recorded(home, SHORT), None)
@@ -115,7 +121,8 @@ def many(home: Path, count: int) -> Path:
 
 
 def called(home: Path, words: Sequence[str], memory: float | None) -> tuple[float, float, str]:
-    """Call the command line in a process of its own; return its processor time, memory (GB) and refusal."""
+    """Call the command line in a process of its own; return its processor time, memory (GB) and
+    refusal."""
 
     def limited() -> None:
         """Let the process map no more than the limit."""
@@ -125,11 +132,15 @@ def called(home: Path, words: Sequence[str], memory: float | None) -> tuple[floa
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     call = [sys.executable, "-m", "sandbox.cli", *words, "--quiet", "--out", str(home / "out")]
     with (home / "said.txt").open("w") as said:
-        process = subprocess.Popen(call, cwd=home, env=environment, stderr=said, stdout=said, preexec_fn=limited)
+        process = subprocess.Popen(
+            call, cwd=home, env=environment, stderr=said, stdout=said, preexec_fn=limited
+        )
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
     lines = (home / "said.txt").read_text(errors="replace").strip().splitlines()
-    wrong = f"exit code {process.returncode}: {(lines or [''])[-1][:200]}" if process.returncode else ""
+    wrong = (
+        f"exit code {process.returncode}: {(lines or [''])[-1][:200]}" if process.returncode else ""
+    )
     return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024 / GIGA, wrong
 
 
@@ -152,7 +163,8 @@ def cost(case: Case, length: float, home: Path, memory: float | None) -> Cost:
 
 
 def exponents(found: Sequence[Cost]) -> Iterator[tuple[Cost, float]]:
-    """Yield each cost with the exponent of its time against the length before it, NaN for a first one."""
+    """Yield each cost with the exponent of its time against the length before it, NaN for a first
+    one."""
     before: dict[str, Cost] = {}
     for c in found:
         last = before.get(c.name)
@@ -174,14 +186,20 @@ def table(found: Sequence[Cost]) -> list[str]:
         if c.refused:
             lines.append(f"| {c.name} | {c.length:g} {c.unit} | {c.refused} | {c.memory:.2f} | |")
         else:
-            lines.append(f"| {c.name} | {c.length:g} {c.unit} | {c.seconds:.1f} | {c.memory:.2f} | {told} |")
+            lines.append(
+                f"| {c.name} | {c.length:g} {c.unit} | {c.seconds:.1f} | {c.memory:.2f} | {told} |"
+            )
     return lines
 
 
 def main() -> None:
     """Run, and write results/load.md and load.json where all cases ran at their longest."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--longest", action="store_true", help="the lengths of the issue: an hour or more")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--longest", action="store_true", help="the lengths of the issue: an hour or more"
+    )
     parser.add_argument("--only", nargs="+", choices=[c.name for c in CASES])
     parser.add_argument("--most", type=float, default=math.inf, help="no length above this")
     parser.add_argument("--memory", type=float, help="GB that a process may map")

@@ -1,6 +1,7 @@
 """The main job on the paper's motors: figures and table that the README shows.
 
-Run: python experiments/main_job.py   (about 20 s; writes experiments/results/main_job*.{svg,json,md})
+Run: python experiments/main_job.py
+    (about 20 s; writes experiments/results/main_job*.{svg,json,md})
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ def main() -> None:
         write_json(RESULTS, f"main_job_{name}", result.as_json())
         title = f"# {name}, staircase ({datetime.date.today()}, seed 0)\n\n"
         note = "Mean position error in electrical degrees (95th percentile of its size).\n\n"
-        (RESULTS / f"main_job_{name}.md").write_text(title + note + comparison_markdown(result) + "\n")
+        (RESULTS / f"main_job_{name}.md").write_text(
+            title + note + comparison_markdown(result) + "\n"
+        )
 
 
 if __name__ == "__main__":

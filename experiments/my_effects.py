@@ -1,4 +1,5 @@
-"""Two effects that no library has: a fan on the load's shaft, and a resolver whose windings are not square."""
+"""Two effects that no library has: a fan on the load's shaft, and a resolver whose windings are not
+square."""
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Parameter
@@ -39,7 +40,8 @@ RESOLVER = Effect(
     summary="second-order error of a resolver: its windings are not square",
     subsystem="sensor",
     equation="theta_read = theta + p a sin(2 theta_mech + phase)",
-    source="Hanselman, Resolver signal requirements for high accuracy resolver-to-digital conversion, 1990",
+    source="Hanselman, Resolver signal requirements for high accuracy resolver-to-digital "
+    "conversion, 1990",
     parameters=(
         Parameter("amplitude", "rad", 0.0, 0.0, 0.1, 0.003),
         Parameter("phase", "rad", 0.0, -6.3, 6.3, 0.5),

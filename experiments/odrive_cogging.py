@@ -1,11 +1,13 @@
-"""What does `sensorless diagnose` say of a hobby drive's runs without voltages, and do the author's own maps agree?
+"""What does `sensorless diagnose` say of a hobby drive's runs without voltages, and do the author's
+own maps agree?
 
-An ODrive with a brushless motor (data set by G. Chen, MIT): slow turns and spin-ups, polled over USB with uneven
-stamps, and, as an answer that no fit of ours has seen, maps of the current that holds the rotor at each angle. The
-drive filters the current that it reports (`I_measured_report_filter_k = 0.001` among the author's commands, 125 ms at 8
-kHz).
+An ODrive with a brushless motor (data set by G. Chen, MIT): slow turns and spin-ups, polled over
+USB with uneven stamps, and, as an answer that no fit of ours has seen, maps of the current that
+holds the rotor at each angle. The drive filters the current that it reports
+(`I_measured_report_filter_k = 0.001` among the author's commands, 125 ms at 8 kHz).
 
-Run: python -m experiments.odrive_cogging (half a minute; needs SENSORLESS_DATA or the shared folder)
+Run: python -m experiments.odrive_cogging (half a minute; needs SENSORLESS_DATA or the shared
+folder)
 """
 
 from __future__ import annotations
@@ -59,23 +61,32 @@ runs agree to 7 %; their intervals are narrower than that, they count scatter, n
 the author's figure is another. Friction: only the slow turns without compensation meet the maps; the other
 three sets say twice as much, as dry friction, viscous friction and an offset of the current trade: do not
 believe it beyond a factor of two. Whatever is electrical is not on file and not judged.
-"""
+"""  # noqa: E501
 
 
 def cases(data: Path, folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the diagnosis of slow turns and of spin-ups, each without and with the drive's compensation."""
+    """Return the diagnosis of slow turns and of spin-ups, each without and with the drive's
+    compensation."""
     found = {}
     for name, word, tests in (("without", "nocomp", (4, 5)), ("with", "comp", (3, 7))):
-        slow = [*(data / "slow2" / f"{word}_{k}.npy" for k in range(3)), data / "slow2_slower" / f"{word}_0.npy"]
+        slow = [
+            *(data / "slow2" / f"{word}_{k}.npy" for k in range(3)),
+            data / "slow2_slower" / f"{word}_0.npy",
+        ]
         spins = []
         for test in tests:
             runs = np.load(data / "accel_tests" / f"spinup_{test}_{word}.npy", allow_pickle=True)
-            for k in range(20, runs.shape[1]):  # 1 A and more, forth and back: below, the rotor may not start
+            for k in range(20, runs.shape[1]):
+                # 1 A and more, forth and back: below, the rotor may not start
                 path = folder / f"spin_{word}_{test}_{k}.npy"
                 np.save(path, np.array([runs[1][k], runs[2][k], runs[3][k]], dtype=float))
                 spins.append(path)
-        found[f"slow, {name} compensation"] = diagnosed([np.load(p) for p in slow], folder / f"slow_{word}")
-        found[f"spin-ups, {name} compensation"] = diagnosed([np.load(p) for p in spins], folder / f"spin_{word}")
+        found[f"slow, {name} compensation"] = diagnosed(
+            [np.load(p) for p in slow], folder / f"slow_{word}"
+        )
+        found[f"spin-ups, {name} compensation"] = diagnosed(
+            [np.load(p) for p in spins], folder / f"spin_{word}"
+        )
     return found
 
 
@@ -91,20 +102,25 @@ def diagnosed(runs: list[np.ndarray], folder: Path) -> dict[str, Any]:
 
 
 def holding_map(path: Path) -> tuple[dict[int, complex], float]:
-    """Return the torque on the rotor by a map of holding currents, each order (A; phase of a sine), and its mean."""
+    """Return the torque on the rotor by a map of holding currents, each order (A; phase of a sine),
+    and its mean."""
     values = np.load(path)
     at = np.flatnonzero(values)
     angle, current = math.tau * at / COUNTS, values[at]
     parts = {n: -2.0 * np.mean(current * np.exp(-1j * n * angle)) for n in ORDERS}
-    return {n: complex(np.conj(-1j * np.conj(c))) for n, c in parts.items()}, float(np.mean(current))
+    return {n: complex(np.conj(-1j * np.conj(c))) for n, c in parts.items()}, float(
+        np.mean(current)
+    )
 
 
 def spin_up_inertia(data: Path) -> float:
-    """Return the inertia (kg m^2) by the author's method: parabolas through compensated spin-ups, acceleration over
-    current beyond 1 A."""
+    """Return the inertia (kg m^2) by the author's method: parabolas through compensated spin-ups,
+    acceleration over current beyond 1 A."""
     points = []
     for test in (3, 7, 8):
-        setting, t, position, _ = np.load(data / "accel_tests" / f"spinup_{test}_comp.npy", allow_pickle=True)
+        setting, t, position, _ = np.load(
+            data / "accel_tests" / f"spinup_{test}_comp.npy", allow_pickle=True
+        )
         for k in range(20, len(t)):
             parabola = np.polyfit(t[k], np.array(position[k]) * math.tau / COUNTS, 2)
             points.append((float(setting[k]), abs(2.0 * parabola[0])))
@@ -133,7 +149,10 @@ def compared(found: dict[str, dict[str, Any]], maps: dict[str, Any]) -> list[dic
             "map_spread": float(np.std(np.abs(every), ddof=1)),
             "map_phase": float(np.angle(mean)),
         }
-        for key, case in (("slow", "slow, without compensation"), ("spin", "spin-ups, without compensation")):
+        for key, case in (
+            ("slow", "slow, without compensation"),
+            ("spin", "spin-ups, without compensation"),
+        ):
             own = next((o for o in found[case]["motion"]["orders"] if o["order"] == n), None)
             if own is not None:
                 off = math.remainder(own["phase"]["value"] - row["map_phase"], math.tau)
@@ -147,28 +166,39 @@ def value(case: dict[str, Any], name: str, scale: float = 1.0) -> str:
     own = case["hypotheses"][0]["parameters"].get(name)
     if own is None:
         return "–"
-    return f"{scale * own['value']:.3g} [{scale * own['ci95'][0]:.3g}, {scale * own['ci95'][1]:.3g}]"
+    return (
+        f"{scale * own['value']:.3g} [{scale * own['ci95'][0]:.3g}, {scale * own['ci95'][1]:.3g}]"
+    )
 
 
 def page(found: dict[str, Any], rows: list[dict[str, Any]], told: dict[str, float]) -> str:
     """Return the results as a page."""
     lines = ["An ODrive's runs without voltages, by `python -m experiments.odrive_cogging`.", ""]
     lines += [
-        "| case | verdict | effects | J before → after | dry friction (A) | current late (ms) | inertia (1e-4 kg m²) |"
+        (
+            "| case | verdict | effects | J before → after | dry friction (A) | current late "
+            "(ms) | inertia (1e-4 kg m²) |"
+        )
     ]
     lines += ["|---|---|---|---|---|---|---|"]
     for name, case in found.items():
         effects = ", ".join(case["hypotheses"][0]["effects"])
         gap, inertia = case["gap"], case["motion"]["inertia"]
-        j = f"{1e4 * inertia['value']:.2f} [{1e4 * inertia['ci95'][0]:.2f}, {1e4 * inertia['ci95'][1]:.2f}]"
+        j = (
+            f"{1e4 * inertia['value']:.2f} [{1e4 * inertia['ci95'][0]:.2f}, "
+            f"{1e4 * inertia['ci95'][1]:.2f}]"
+        )
         lines.append(
-            f"| {name} | {case['verdict']} | {effects} | {gap['before']:.1f} → {gap['after']:.2f} | "
-            f"{value(case, 'coulomb_friction.torque', 1.0 / CONSTANT)} | "
+            f"| {name} | {case['verdict']} | {effects} | {gap['before']:.1f} → {gap['after']:.2f} "
+            f"| {value(case, 'coulomb_friction.torque', 1.0 / CONSTANT)} | "
             f"{value(case, 'current_filter.time_constant', 1e3)} | {j} |"
         )
     lines += [
         "",
-        "Cogging, torque on the rotor in A of i_q; phases (rad) beside the author's maps of holding current, the",
+        (
+            "Cogging, torque on the rotor in A of i_q; phases (rad) beside the author's maps "
+            "of holding current, the"
+        ),
     ]
     lines += [f"mean of {len(MAPS)}:", ""]
     lines += ["| order | map | slow turns | spin-ups | phase off, slow | phase off, spin-ups |"]
@@ -176,9 +206,16 @@ def page(found: dict[str, Any], rows: list[dict[str, Any]], told: dict[str, floa
     for r in rows:
         cells = [
             f"{r[k]:{form}}" if k in r else "–"
-            for k, form in (("slow", ".3f"), ("spin", ".3f"), ("slow_phase_off", "+.2f"), ("spin_phase_off", "+.2f"))
+            for k, form in (
+                ("slow", ".3f"),
+                ("spin", ".3f"),
+                ("slow_phase_off", "+.2f"),
+                ("spin_phase_off", "+.2f"),
+            )
         ]
-        lines.append(f"| {r['order']} | {r['map']:.3f} ± {r['map_spread']:.3f} | {' | '.join(cells)} |")
+        lines.append(
+            f"| {r['order']} | {r['map']:.3f} ± {r['map_spread']:.3f} | {' | '.join(cells)} |"
+        )
     return "\n".join([*lines, "", BELIEVE.format(**{**told, "inertia": 1e4 * told["inertia"]})])
 
 
@@ -190,8 +227,13 @@ def main() -> None:
     names = (*MAPS, "e_16r", "rev_16")
     maps = {m: holding_map(data / "coggingmap_0" / f"cogging_measure_final_{m}.npy") for m in names}
     rows = compared(found, maps)
-    runs = {w: [np.load(data / "slow2" / f"{w}_{k}.npy") for k in range(3)] for w in ("nocomp", "comp")}
-    forward, back = np.mean([maps[m][1] for m in MAPS]), np.mean([maps[m][1] for m in ("e_16r", "rev_16")])
+    runs = {
+        w: [np.load(data / "slow2" / f"{w}_{k}.npy") for k in range(3)] for w in ("nocomp", "comp")
+    }
+    forward, back = (
+        np.mean([maps[m][1] for m in MAPS]),
+        np.mean([maps[m][1] for m in ("e_16r", "rev_16")]),
+    )
     told = {
         "friction": float(forward - back) / 2.0,
         "inertia": spin_up_inertia(data),
@@ -200,10 +242,20 @@ def main() -> None:
     }
     drawn, axes = new_figure(1, 2, 4.6, 3.4)
     place = np.arange(len(rows))
-    for k, (key, colour) in enumerate((("map", "0.5"), ("slow", COLOURS["model"]), ("spin", COLOURS["first"]))):
-        axes[0, 0].bar(place + 0.27 * (k - 1), [r.get(key, 0.0) for r in rows], 0.27, color=colour, label=key)
+    for k, (key, colour) in enumerate(
+        (("map", "0.5"), ("slow", COLOURS["model"]), ("spin", COLOURS["first"]))
+    ):
+        axes[0, 0].bar(
+            place + 0.27 * (k - 1), [r.get(key, 0.0) for r in rows], 0.27, color=colour, label=key
+        )
         if key != "map":
-            axes[0, 1].plot(place, [r.get(f"{key}_phase_off", np.nan) for r in rows], "o", color=colour, label=key)
+            axes[0, 1].plot(
+                place,
+                [r.get(f"{key}_phase_off", np.nan) for r in rows],
+                "o",
+                color=colour,
+                label=key,
+            )
     for a, title in ((axes[0, 0], "amplitude (A)"), (axes[0, 1], "phase beside the maps (rad)")):
         a.set_xticks(place, [str(r["order"]) for r in rows])
         a.set(title=title, xlabel="order per turn")

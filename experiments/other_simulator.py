@@ -1,9 +1,12 @@
-"""Campaigns whose only plant is another project's simulator (motulator 0.18, Python >= 3.12), diagnosed blindly.
+"""Campaigns whose only plant is another project's simulator (motulator 0.18, Python >= 3.12),
+diagnosed blindly.
 
     pip install motulator==0.18.0
-    python -m experiments.other_simulator FOLDER [CASE ...]     # record; then: sensorless diagnose FOLDER/CASE
+    python -m experiments.other_simulator FOLDER [CASE ...]
+        # record; then: sensorless diagnose FOLDER/CASE
 
-A 2.2 kW motor without saturation on switching PWM: its integrator, its carrier comparison, its dead time, its shaft.
+A 2.2 kW motor without saturation on switching PWM: its integrator, its carrier comparison, its dead
+time, its shaft.
 The control is a few lines here: currents in the encoder's frame, speed around it for free rotors.
 """
 
@@ -24,7 +27,14 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
 
 PAIRS, R, L_D, L_Q, MAGNET, INERTIA, LINK = 3, 3.6, 0.036, 0.051, 0.545, 0.015, 540.0
-RATED, TORQUE, SPEED_RPM, COUNTS, NOISE, STEP = 4.3 * math.sqrt(2.0), 14.0, 1500.0, 4096, 0.012, 0.01
+RATED, TORQUE, SPEED_RPM, COUNTS, NOISE, STEP = (
+    4.3 * math.sqrt(2.0),
+    14.0,
+    1500.0,
+    4096,
+    0.012,
+    0.01,
+)
 INJECTED, BAND = 80.0, 2.0 * math.pi * 120.0  # V; rad/s of the current control
 CARRIER, LOAD_INERTIA, DAMPING = 250e-6, 0.6 * INERTIA, 0.02
 
@@ -55,7 +65,11 @@ class Case:
         if self.delay:
             out["pwm_delay"] = {"delay": 0.5 * self.delay * CARRIER}
         if self.shaft_hz:
-            shaft = {"load_inertia": LOAD_INERTIA, "stiffness": stiffness(self.shaft_hz), "damping_ratio": DAMPING}
+            shaft = {
+                "load_inertia": LOAD_INERTIA,
+                "stiffness": stiffness(self.shaft_hz),
+                "damping_ratio": DAMPING,
+            }
             out["shaft_compliance"] = shaft
         return out
 
@@ -77,7 +91,8 @@ CASES = {
 
 @dataclass(frozen=True)
 class Run:
-    """One recording: currents d, q (A) over time, or for a free rotor speed (rad/s) and load (N m); seconds."""
+    """One recording: currents d, q (A) over time, or for a free rotor speed (rad/s) and load (N m);
+    seconds."""
 
     file: str
     rotor: str
@@ -87,21 +102,59 @@ class Run:
     axis: str = "none"
 
 
-def stairs(levels: list[tuple[float, float]], hold: float) -> Callable[[float], tuple[float, float]]:
+def stairs(
+    levels: list[tuple[float, float]], hold: float
+) -> Callable[[float], tuple[float, float]]:
     """Return pairs of values one after another, each held for so many seconds."""
     return lambda t: levels[min(int(t / hold), len(levels) - 1)]
 
 
-GRID = [(0.0, 0.0), (0.0, 3.0), (-2.0, 3.0), (-4.0, 0.0), (0.0, -3.0), (-2.0, 6.0), (2.0, 1.0), (0.0, -6.0)]
+GRID = [
+    (0.0, 0.0),
+    (0.0, 3.0),
+    (-2.0, 3.0),
+    (-4.0, 0.0),
+    (0.0, -3.0),
+    (-2.0, 6.0),
+    (2.0, 1.0),
+    (0.0, -6.0),
+]
 RUNS = (
-    Run("locked_d.parquet", "locked", 0.4, stairs([(x, 0.0) for x in (0, 2, 4, -2, -4, -5, 5, 1)], 0.05), axis="d"),
-    Run("locked_q.parquet", "locked", 0.4, stairs([(0.0, x) for x in (0, 2, 4, -2, -4, -5, 5, 1)], 0.05), axis="d"),
-    Run("locked_slow.parquet", "locked", 0.4, lambda t: (1.5 * math.sin(12.0 * t), 1.5 * math.cos(17.0 * t))),
+    Run(
+        "locked_d.parquet",
+        "locked",
+        0.4,
+        stairs([(x, 0.0) for x in (0, 2, 4, -2, -4, -5, 5, 1)], 0.05),
+        axis="d",
+    ),
+    Run(
+        "locked_q.parquet",
+        "locked",
+        0.4,
+        stairs([(0.0, x) for x in (0, 2, 4, -2, -4, -5, 5, 1)], 0.05),
+        axis="d",
+    ),
+    Run(
+        "locked_slow.parquet",
+        "locked",
+        0.4,
+        lambda t: (1.5 * math.sin(12.0 * t), 1.5 * math.cos(17.0 * t)),
+    ),
     Run("driven_slow.parquet", "driven", 0.6, stairs(GRID, 0.075), lambda t: 15.0),
     Run("driven.parquet", "driven", 0.6, stairs(GRID, 0.075), lambda t: 30.0 + 60.0 * t),
     Run("driven_fast.parquet", "driven", 0.4, stairs(GRID, 0.05), lambda t: 100.0),
-    Run("free.parquet", "free", 0.8, stairs([(20.0, 0.0), (60.0, 0.0), (60.0, 8.0), (-30.0, 3.0)], 0.2)),
-    Run("free_fast.parquet", "free", 0.8, stairs([(90.0, 0.0), (90.0, 10.0), (50.0, -6.0), (100.0, 0.0)], 0.2)),
+    Run(
+        "free.parquet",
+        "free",
+        0.8,
+        stairs([(20.0, 0.0), (60.0, 0.0), (60.0, 8.0), (-30.0, 3.0)], 0.2),
+    ),
+    Run(
+        "free_fast.parquet",
+        "free",
+        0.8,
+        stairs([(90.0, 0.0), (90.0, 10.0), (50.0, -6.0), (100.0, 0.0)], 0.2),
+    ),
 )
 
 
@@ -125,7 +178,10 @@ class Control:
         """Sample, keep a row, return period and duties."""
         k, h = len(self.rows), self.case.period
         t = k * h
-        i = np.round((plant.machine.meas_currents() + NOISE * self.rng.standard_normal(3)) / STEP) * STEP
+        i = (
+            np.round((plant.machine.meas_currents() + NOISE * self.rng.standard_normal(3)) / STEP)
+            * STEP
+        )
         count = math.tau / COUNTS
         angle = round(plant.mechanics.meas_position() / count) * count
         step = math.remainder(angle - self.last, math.tau)
@@ -181,7 +237,9 @@ def recorded(run: Run, case: Case, seed: int) -> CampaignRecording:
     else:
         shaft = model.MechanicalSystem(INERTIA)
     if run.rotor == "free":
-        shaft.set_external_load_torque(lambda t: run.wanted(case.period * math.floor(t / case.period + 1e-6))[1])
+        shaft.set_external_load_torque(
+            lambda t: run.wanted(case.period * math.floor(t / case.period + 1e-6))[1]
+        )
     converter = model.VoltageSourceConverter(None if case.bridge else LINK, t_d=case.dead_time)
     bus = model.DiodeBridgeDCBus(235e-6, 2e-3, 400.0, 50.0, [converter]) if case.bridge else None
     plant = model.Drive(
@@ -218,18 +276,27 @@ def campaign_of(name: str, seed: int = 1) -> Campaign:
     says = {"pwm_frequency": 1.0 / case.period, "encoder_counts": COUNTS, **case.says}
     converter = Converter(case.period, LINK, STEP, NOISE, **says)
     injection = Injection(1.0 / (8.0 * case.period), INJECTED)
-    ordinary = dict.fromkeys(("resistance", "magnet_flux", "inductance_d", "inductance_q", "inertia"), 0.01)
-    background = {"current_gain": 0.0015, "current_offset": 0.005, "encoder_offset": 0.002, "dead_time": 4e-8}
+    ordinary = dict.fromkeys(
+        ("resistance", "magnet_flux", "inductance_d", "inductance_q", "inertia"), 0.01
+    )
+    background = {
+        "current_gain": 0.0015,
+        "current_offset": 0.005,
+        "encoder_offset": 0.002,
+        "dead_time": 4e-8,
+    }
     background |= {"load_torque_gain": 0.01, "load_torque_offset": 0.04}
     runs = tuple(recorded(r, case, seed + k) for k, r in enumerate(RUNS))
     return Campaign(name, Drive(motor, converter, injection, {}), runs, ordinary, background, False)
 
 
 def main(folder: str, *names: str) -> None:
-    """Record the campaigns named (all by default) below a folder, their truths beside them where all is stated."""
+    """Record the campaigns named (all by default) below a folder, their truths beside them where
+    all is stated."""
     for name in names or CASES:
         print(write_campaign(Path(folder) / name, campaign_of(name)), flush=True)
-        if name.endswith("_unsaid"):  # their inverter works otherwise than they state, so there is more than effects
+        if name.endswith("_unsaid"):
+            # their inverter works otherwise than they state, so there is more than effects
             continue
         truth = CASES[name].truth()
         tables: list[tuple[str, Any]] = [("", {"effects": list(truth)})]

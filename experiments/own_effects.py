@@ -1,7 +1,9 @@
-"""Effects of one's own, named by the diagnosis: a fan and a resolver that the library does not hold (`my_effects.py`).
+"""Effects of one's own, named by the diagnosis: a fan and a resolver that the library does not hold
+(`my_effects.py`).
 
-Recordings come from the switched bench, which has both and shares no code with the plant.  Each campaign is diagnosed
-twice by the command line: with the library alone, and with --effects-from my_effects.py.
+Recordings come from the switched bench, which has both and shares no code with the plant.  Each
+campaign is diagnosed twice by the command line: with the library alone, and with --effects-from
+my_effects.py.
 """
 
 from __future__ import annotations
@@ -23,8 +25,12 @@ from sandbox.withheld.making.make import campaign_of
 
 FILE = Path(__file__).parent / "my_effects.py"
 SEED = 20261122
-PLANTED = {"fan": {"fan": 1.5e-5}, "resolver": {"resolver": 0.004, "resolver_phase": 0.7}}  # of the switched bench
-TRUE = {"fan": {"fan.coefficient": 1.5e-5}, "resolver": {"resolver.amplitude": 0.004, "resolver.phase": 0.7}}
+# of the switched bench
+PLANTED = {"fan": {"fan": 1.5e-5}, "resolver": {"resolver": 0.004, "resolver_phase": 0.7}}
+TRUE = {
+    "fan": {"fan.coefficient": 1.5e-5},
+    "resolver": {"resolver.amplitude": 0.004, "resolver.phase": 0.7},
+}
 
 
 def recorded(name: str) -> Campaign:
@@ -35,7 +41,17 @@ def recorded(name: str) -> Campaign:
 
 def diagnosed(campaign: Path, out: Path, *more: str) -> dict[str, Any]:
     """Return diagnosis.json of a campaign, by the command line."""
-    call = [sys.executable, "-m", "sandbox.cli", "diagnose", str(campaign), "--out", str(out), "--quiet", *more]
+    call = [
+        sys.executable,
+        "-m",
+        "sandbox.cli",
+        "diagnose",
+        str(campaign),
+        "--out",
+        str(out),
+        "--quiet",
+        *more,
+    ]
     subprocess.run(call, check=True)
     found: dict[str, Any] = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
     return found
@@ -49,7 +65,10 @@ def row(name: str, folder: Path) -> str:
     for key, more in (("library", ()), ("own", ("--effects-from", str(FILE)))):
         found = diagnosed(campaign, folder / f"{name}-{key}", *more)
         best = found["hypotheses"][0]
-        cells.append(f"{', '.join(best['effects']) or 'none'} ({best['probability']:.2f}), {found['verdict']}")
+        cells.append(
+            f"{', '.join(best['effects']) or 'none'} ({best['probability']:.2f}), "
+            f"{found['verdict']}"
+        )
     values = [
         f"{p} {v['value']:.3g} [{v['ci95'][0]:.3g}, {v['ci95'][1]:.3g}], true {TRUE[name][p]:.3g}"
         for p, v in best["parameters"].items()
@@ -61,12 +80,19 @@ def row(name: str, folder: Path) -> str:
 def main() -> None:
     """Record, diagnose and write the table."""
     head = [
-        "| on the bench | by the library alone | with my_effects.py | value | residual, noise floors |",
+        (
+            "| on the bench | by the library alone | with my_effects.py | value | residual, "
+            "noise floors |"
+        ),
         "|---|---|---|---|--:|",
     ]
     with tempfile.TemporaryDirectory() as folder:
         rows = [row(name, Path(folder)) for name in PLANTED]
-    text = "# Effects of one's own\n\n`python -m experiments.own_effects`\n\n" + "\n".join([*head, *rows]) + "\n"
+    text = (
+        "# Effects of one's own\n\n`python -m experiments.own_effects`\n\n"
+        + "\n".join([*head, *rows])
+        + "\n"
+    )
     (RESULTS / "own_effects.md").write_text(text, encoding="utf-8")
     print(text)
 

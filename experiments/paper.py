@@ -1,4 +1,5 @@
-"""Regenerate every figure and table of the paper: `python -m experiments.paper` (results/, about a minute)."""
+"""Regenerate every figure and table of the paper: `python -m experiments.paper` (results/, about a
+minute)."""
 
 from __future__ import annotations
 

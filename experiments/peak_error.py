@@ -2,8 +2,9 @@
 
     python -m experiments.peak_error
 
-The table gives the largest error (electrical degrees) in every eighth of the run, then with speed references that ramp.
-motulator's column is of its own control on its own plant, `peer_motulator.py` case `poly`, 2026-11-22.
+The table gives the largest error (electrical degrees) in every eighth of the run, then with speed
+references that ramp. motulator's column is of its own control on its own plant, `peer_motulator.py`
+case `poly`, 2026-11-22.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ def ramped(scenario: Scenario, ramp: float) -> Scenario:
 
 
 def peaks(name: str, ramp: float = 0.0) -> tuple[list[float], float]:
-    """Return the largest error (degrees) of each eighth, and the milliseconds after its start of the run's largest."""
+    """Return the largest error (degrees) of each eighth, and the milliseconds after its start of
+    the run's largest."""
     drive, scenario = peer_case()
     r = simulate(drive, ramped(scenario, ramp), load_estimator(name)).recording
     off = np.abs(np.degrees(np.angle(np.exp(1j * (r.theta_hat - r.theta)))))
@@ -56,7 +58,10 @@ def peaks(name: str, ramp: float = 0.0) -> tuple[list[float], float]:
 def report() -> str:
     """Return both tables as Markdown."""
     found = {name: peaks(name) for name in NAMES}
-    lines = ["| from (s) | what happens | " + " | ".join(NAMES) + " | motulator |", "|---|---|--:|--:|--:|--:|"]
+    lines = [
+        "| from (s) | what happens | " + " | ".join(NAMES) + " | motulator |",
+        "|---|---|--:|--:|--:|--:|",
+    ]
     for k, what in enumerate(WHAT):
         row = " | ".join(f"{found[name][0][k]:.2f}" for name in NAMES)
         lines.append(f"| {k * EIGHTH:.3f} | {what} | {row} | {PEER[k]:.2f} |")
@@ -83,7 +88,7 @@ on a straight line; what is bent passes for ripple across the axis. It is over a
 which is told the voltage, does not see it. motulator's own largest errors, 2.5 degrees, come with the steps of load,
 where q-null has 0.2. A reference that ramps for two milliseconds takes nine tenths of the peak away, as the second
 table shows: nothing is to mend in the estimator, a step of the reference is to be avoided with a carrier this short.
-"""
+"""  # noqa: E501
 
 
 if __name__ == "__main__":

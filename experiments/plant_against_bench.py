@@ -1,15 +1,22 @@
-"""The plant against the switched bench: every effect at typical and double size, ten pairs, three motors.
+"""The plant against the switched bench: every effect at typical and double size, ten pairs, three
+motors.
 
-Recordings of the switched bench without noise (locked, driven at two speeds, free) through the replay, the parameter
-set told: rms difference of the sampled currents over rated current.  Where it exceeds LARGEST, the same once more with
-the bench's integration step a thirty-second of its own, with 16 plant steps a period, and with the rotor's motion told
-instead of smoothed: the one that takes the difference away says where it comes from.  And a millionth is put on the
-resistance: where its trace swells by GROWN from sample to sample, the drive itself enlarges every difference.
+Recordings of the switched bench without noise (locked, driven at two speeds, free) through the
+replay, the parameter set told: rms difference of the sampled currents over rated current.  Where it
+exceeds LARGEST, the
+same once more with the bench's integration step a thirty-second of its own, with 16 plant steps a
+period, and with the rotor's motion told instead of smoothed: the one that takes the difference away
+says where it comes from.  And a millionth is put on the resistance: where its trace swells by GROWN
+from sample to sample, the drive
+itself enlarges every
+difference.
 
-A replayed free rotor follows the encoder, so mechanics hardly show in its currents.  The last three columns are of a
-free rotor that nothing corrects (`plant_alone`): currents, angle and speed, apart after as long as the recording runs.
+A replayed free rotor follows the encoder, so mechanics hardly show in its currents.  The last three
+columns are of a free rotor that nothing corrects (`plant_alone`): currents, angle and speed, apart
+after as long as the recording runs.
 
-Run: python -m experiments.plant_against_bench   (4 minutes; Brusa's map in SENSORLESS_DATA; writes results/plant/)
+Run: python -m experiments.plant_against_bench
+    (4 minutes; Brusa's map in SENSORLESS_DATA; writes results/plant/)
 """
 
 from __future__ import annotations
@@ -41,7 +48,8 @@ MOTORS = ("ipm", "ipm_exchanged", "brusa_hsm1")
 CASES = (("locked", 0.0), ("driven", 120.0), ("driven", 600.0), ("free", 0.0))  # rad/s electrical
 LARGEST = 2e-5
 ALIKE = 0.1  # an equation says what is seen: so close, relative
-GROWN, MILLIONTH = 100.0, 1e-6  # largest over median trace of a millionth more resistance: 1 to 6 where nothing grows
+# largest over median trace of a millionth more resistance: 1 to 6 where nothing grows
+GROWN, MILLIONTH = 100.0, 1e-6
 SAMPLES, SETTLED, COUNTS = 700, 100, 1 << 20
 EQUATIONS = """
 What each reason is, S the length of a segment, e the change of current to its middle:
@@ -64,7 +72,7 @@ What each reason is, S the length of a segment, e the change of current to its m
   map has G = 4980 1/H along d at no current: with 4 us and two legs inside the factor is -2.65 (seen: 2.6 a period, for
   differences of any origin).  Steps do not help against it; the drive does the same to a change of its resistance.
 - bench's own step: it ends at the corners of sign(i) (over them it would be of first order), late edges aside.
-"""
+"""  # noqa: E501
 Told = list[tuple[CampaignRecording, Motion]]
 
 
@@ -80,16 +88,30 @@ def record(
     d, q = flux_from_current(motor.energy, -0.1 * rated, 0.5 * rated)
     flux = complex(float(d) + motor.magnet_flux, float(q))
     still = 0.8 * motor.resistance * rated * np.sin(2.0 * np.pi * k / 600.0)
-    size = motor.resistance * rated * complex(-0.1, 0.5) + 1j * speed * flux if rotor == "driven" else still + 0j
-    u = size * np.exp(1j * middle) + drive.injection.amplitude * np.where(k % 8 < 4, 1, -1) * np.exp(1j * middle)
+    size = (
+        motor.resistance * rated * complex(-0.1, 0.5) + 1j * speed * flux
+        if rotor == "driven"
+        else still + 0j
+    )
+    u = size * np.exp(1j * middle) + drive.injection.amplitude * np.where(
+        k % 8 < 4, 1, -1
+    ) * np.exp(1j * middle)
     load, more = np.zeros(SAMPLES), {"theta": theta, "speed": speed / pairs}
     if rotor == "free":
         u = motor.resistance * rated * (0.7 + 0.35 * np.sin(k / 50.0)).astype(complex)
         load = np.where(k > 300, 0.1 * motor.rated_torque, 0.0)
         more = {"theta": START, "load_torque": load}
     r = switched(b, rotor, u.real.copy(), u.imag.copy(), converter.dc_bus_voltage, **more)
-    columns = {"t": k * period, "u_alpha": u.real, "u_beta": u.imag, "theta": r["theta"], "load_torque": load}
-    columns |= {"u_dc": np.full(SAMPLES, converter.dc_bus_voltage)} | {x: r[x] for x in ("i_a", "i_b", "i_c")}
+    columns = {
+        "t": k * period,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "theta": r["theta"],
+        "load_torque": load,
+    }
+    columns |= {"u_dc": np.full(SAMPLES, converter.dc_bus_voltage)} | {
+        x: r[x] for x in ("i_a", "i_b", "i_c")
+    }
     wobble = b.eccentricity / pairs * np.cos(r["position"] / pairs + b.eccentricity_phase)
     told = Motion(r["theta"].copy(), pairs * r["speed"] * (1.0 + wobble))
     return CampaignRecording(f"{rotor}_{speed:g}.parquet", rotor, "d", columns), told
@@ -100,12 +122,16 @@ def recorded(drive: Drive, effects: Mapping[str, float], finer: float = 1.0) -> 
     return [record(drive, effects, rotor, speed, finer) for rotor, speed in CASES]
 
 
-def apart(drive: Drive, told: Told, prepared: Prepared, effects: Mapping[str, float]) -> list[float]:
+def apart(
+    drive: Drive, told: Told, prepared: Prepared, effects: Mapping[str, float]
+) -> list[float]:
     """Return the rms difference of currents over rated current of each recording."""
     out = []
     for (r, _), current in zip(told, replay(prepared, [effects]).currents, strict=True):
         miss = (np.stack([r.i_a, r.i_b, r.i_c], axis=1) - current[:, :, 0])[SETTLED:]
-        out.append(float(np.sqrt(np.mean(np.sum(miss**2, axis=1) * 2.0 / 3.0))) / drive.motor.rated_current)
+        out.append(
+            float(np.sqrt(np.mean(np.sum(miss**2, axis=1) * 2.0 / 3.0))) / drive.motor.rated_current
+        )
     return out
 
 
@@ -116,11 +142,15 @@ def moved(inputs: Inputs, motion: Motion, period: float) -> Inputs:
 
 
 def run(drive: Drive, effects: Mapping[str, float]) -> dict[str, Any]:
-    """Return the differences, and where one is too large those with a finer bench, finer plant, and told motion."""
+    """Return the differences, and where one is too large those with a finer bench, finer plant, and
+    told motion."""
     told = recorded(drive, effects)
     campaign = Campaign("bench", drive, tuple(r for r, _ in told), {}, {}, False)
     prepared = prepare(campaign, effects)
-    found: dict[str, Any] = {"steps": prepared.steps, "apart": apart(drive, told, prepared, effects)}
+    found: dict[str, Any] = {
+        "steps": prepared.steps,
+        "apart": apart(drive, told, prepared, effects),
+    }
     found["alone"] = alone(drive, *told[-1], effects, SETTLED)
     if max(found["alone"].current, found["alone"].speed) > LARGEST:
         own = record(drive, effects, *CASES[-1], 32.0)
@@ -129,11 +159,15 @@ def run(drive: Drive, effects: Mapping[str, float]) -> dict[str, Any]:
         found["alone_both"] = alone(drive, *own, effects, SETTLED, 16.0)
     if max(found["apart"]) > LARGEST:
         period = drive.converter.sampling_period
-        exactly = tuple(moved(i, m, period) for i, (_, m) in zip(prepared.recordings, told, strict=True))
+        exactly = tuple(
+            moved(i, m, period) for i, (_, m) in zip(prepared.recordings, told, strict=True)
+        )
         fine = recorded(drive, effects, 32.0)
         found["bench_finer"] = apart(drive, fine, prepared, effects)
         found["plant_finer"] = apart(drive, told, with_steps(prepared, 16), effects)
-        found["motion_told"] = apart(drive, told, dataclasses.replace(prepared, recordings=exactly), effects)
+        found["motion_told"] = apart(
+            drive, told, dataclasses.replace(prepared, recordings=exactly), effects
+        )
         all_three = dataclasses.replace(prepared, recordings=exactly, steps=16)
         found["all_three"] = apart(drive, fine, all_three, effects)
         if isinstance(drive.motor.energy, SplineEnergy):
@@ -144,8 +178,8 @@ def run(drive: Drive, effects: Mapping[str, float]) -> dict[str, Any]:
 
 
 def grown(drive: Drive, prepared: Prepared, effects: Mapping[str, float]) -> list[float]:
-    """Return by how much the trace of a millionth more resistance swells in each recording: its largest over its
-    median, of the samples judged."""
+    """Return by how much the trace of a millionth more resistance swells in each recording: its
+    largest over its median, of the samples judged."""
     resistance = dict(effects).get("stator_resistance.resistance", drive.motor.resistance)
     changed = {**effects, "stator_resistance.resistance": resistance * (1.0 + MILLIONTH)}
     trace = [
@@ -165,12 +199,22 @@ def why(found: Mapping[str, Any], k: int) -> str:
     least = min(kinds, key=lambda kind: found[kind][k])
     if found["grown"][k] > GROWN:
         return (
-            f"the drive's own gain, which makes a millionth of resistance {found['grown'][k]:.0f} times as large, too"
+            "the drive's own gain, which makes a millionth of resistance "
+            f"{found['grown'][k]:.0f} times as large, too"
         )
-    said = f"{found[least][k] * 1e6:.1f} ppm without; {found['all_three'][k] * 1e6:.1f} without all three"
+    said = (
+        f"{found[least][k] * 1e6:.1f} ppm without; {found['all_three'][k] * 1e6:.1f} without "
+        "all three"
+    )
     told = found.get("left_out", [])[k : k + 1]
-    if least == "plant_finer" and told and abs(told[0] - found["apart"][k]) < ALIKE * found["apart"][k]:
-        return f"the plant's step on a flux map, whose equation says {told[0] * 1e6:.1f} ppm ({said})"
+    if (
+        least == "plant_finer"
+        and told
+        and abs(told[0] - found["apart"][k]) < ALIKE * found["apart"][k]
+    ):
+        return (
+            f"the plant's step on a flux map, whose equation says {told[0] * 1e6:.1f} ppm ({said})"
+        )
     return f"{kinds[least]} ({said})"
 
 
@@ -189,12 +233,13 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
     lines = [
         "# The plant against the switched bench",
         "",
-        f"Written by `python -m experiments.plant_against_bench` on {date.today().isoformat()}: rms difference of "
-        "sampled currents over rated current, ppm (driven: rad/s electrical), steps a period as `prepare` chooses; "
-        f"encoder of {COUNTS} counts, so that its counts do not show. "
-        f"Above {LARGEST * 1e6:.0f} ppm the reason stands below. The last three columns: the free rotor left alone, "
-        "as the closed loop moves it, nothing correcting it: rms difference of the currents (ppm of rated current), of "
-        "the angle (thousandths of a degree, electrical) and of the speed (ppm of rated speed).",
+        f"Written by `python -m experiments.plant_against_bench` on {date.today().isoformat()}: "
+        "rms difference of sampled currents over rated current, ppm (driven: rad/s electrical), "
+        f"steps a period as `prepare` chooses; encoder of {COUNTS} counts, so that its counts do "
+        f"not show. Above {LARGEST * 1e6:.0f} ppm the reason stands below. The last three columns: "
+        "the free rotor left alone, as the closed loop moves it, nothing correcting it: rms "
+        "difference of the currents (ppm of rated current), of the angle (thousandths of a "
+        "degree, electrical) and of the speed (ppm of rated speed).",
     ]
     more = ("alone: current", "angle", "speed")
     for motor, rows in results.items():
@@ -208,7 +253,9 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
         reasons = []
         for title, found in rows.items():
             if "refused" in found:
-                lines.append(f"| {title} | | {found['refused']} |" + " |" * (len(names) + len(more) - 1))
+                lines.append(
+                    f"| {title} | | {found['refused']} |" + " |" * (len(names) + len(more) - 1)
+                )
                 continue
             i, angle, v = found["alone"]
             told = [(x, f"{x * 1e6:.1f}") for x in (*found["apart"], i)] + [(v, f"{v * 1e6:.2f}")]
@@ -227,19 +274,28 @@ def main() -> None:
     results: dict[str, dict[str, Any]] = {}
     for motor in MOTORS:
         drive = load_drive(motor)
-        drive = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, encoder_counts=COUNTS))
+        drive = dataclasses.replace(
+            drive, converter=dataclasses.replace(drive.converter, encoder_counts=COUNTS)
+        )
         results[motor] = {}
         for title, effects in cases(drive):
             try:
                 if of_quartic(drive, title):
-                    raise BadInput("the switched bench keeps a motor's flux map as it is; nothing to compare")
+                    raise BadInput(
+                        "the switched bench keeps a motor's flux map as it is; nothing to compare"
+                    )
                 results[motor][title] = run(drive, effects)
             except BadInput as refused:
                 results[motor][title] = {"refused": str(refused).partition(";")[0]}
             print(motor, title, results[motor][title], flush=True)
     OUT.mkdir(parents=True, exist_ok=True)
     (OUT / "against_bench.md").write_text(table(results), encoding="utf-8")
-    content = {"date": date.today().isoformat(), "largest": LARGEST, "cases": CASES, "results": results}
+    content = {
+        "date": date.today().isoformat(),
+        "largest": LARGEST,
+        "cases": CASES,
+        "results": results,
+    }
     (OUT / "against_bench.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 

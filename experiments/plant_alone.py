@@ -1,9 +1,11 @@
-"""A free rotor that nothing corrects: the closed loop's plant under a recording's voltages, against the switched bench.
+"""A free rotor that nothing corrects: the closed loop's plant under a recording's voltages, against
+the switched bench.
 
-In a replay the encoder corrects a free rotor sample by sample, so friction, cogging, inertia and shaft hardly show in
-its currents.  Here the plant of `simulate` gets the voltages and the load that the bench got, once the angle it starts
-from, and then goes its own way: what it and the bench differ by in current, angle and speed has added up over the
-whole recording.
+In a replay the encoder corrects a free rotor sample by sample, so friction, cogging, inertia and
+shaft hardly show in its currents.  Here the plant of `simulate` gets the voltages and the load that
+the bench got, once the angle it starts from, and then goes its own way: what it and the bench
+differ by in current, angle and speed has
+added up over the whole recording.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ START = 0.3  # rad electrical: where the bench's free rotor stands at first
 
 
 class Left(NamedTuple):
-    """Rms differences: current over rated current, angle read (degrees electrical), its speed over rated speed."""
+    """Rms differences: current over rated current, angle read (degrees electrical), its speed over
+    rated speed."""
 
     current: float
     angle: float
@@ -42,9 +45,11 @@ def alone(
     settled: int,
     finer: float = 1.0,
 ) -> Left:
-    """Return how far the plant is from a free recording of the bench and the motion that the bench's encoder reads.
+    """Return how far the plant is from a free recording of the bench and the motion that the
+    bench's encoder reads.
 
-    settled: samples at the beginning that do not count; finer: so many times shorter steps than a closed loop's.
+    settled: samples at the beginning that do not count; finer: so many times shorter steps than a
+    closed loop's.
     """
     motor, converter = drive.motor, drive.converter
     values, period = complete(motor, converter, effects), converter.sampling_period
@@ -65,6 +70,11 @@ def alone(
         progress(k, bench, rig, applied, memory, looks, seen, rng, False)
         currents[k] = read_phases(w, rig, rng)
     read = np.stack([recording.i_a, recording.i_b, recording.i_c], axis=1)
-    miss = np.sqrt(np.mean(np.sum((currents - read)[settled:] ** 2, axis=1) * 2.0 / 3.0)) / motor.rated_current
-    off = np.sqrt(np.mean((track - np.stack([motion.angle, motion.speed], axis=1))[settled:] ** 2, axis=0))
+    miss = (
+        np.sqrt(np.mean(np.sum((currents - read)[settled:] ** 2, axis=1) * 2.0 / 3.0))
+        / motor.rated_current
+    )
+    off = np.sqrt(
+        np.mean((track - np.stack([motion.angle, motion.speed], axis=1))[settled:] ** 2, axis=0)
+    )
     return Left(float(miss), float(np.degrees(off[0])), float(off[1] / motor.rated_omega))

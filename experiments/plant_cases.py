@@ -1,4 +1,5 @@
-"""What the plant is looked at with: every effect at typical and double size, ten pairs, several orders at once."""
+"""What the plant is looked at with: every effect at typical and double size, ten pairs, several
+orders at once."""
 
 from __future__ import annotations
 
@@ -33,17 +34,22 @@ SEVERAL = {
 SATURATED = ("alpha_30", "alpha_12", "alpha_21", "alpha_03")  # of an inductance harmonic
 OF_QUARTIC = ("cross_saturation", "inductance", "saturation")
 TEETH_PHASE = 0.5  # rad: neither sine nor cosine alone
-ZONE = 0.1  # of rated current, half-width of dead time's own zone, a tanh: about what is measured on a small drive
+# of rated current, half-width of dead time's own zone, a tanh: about what is measured on a small
+# drive
+ZONE = 0.1
 
 
 def sizes(name: str, drive: Drive, times: float) -> dict[str, float]:
-    """Return an effect at so many times its typical size; what says how, not how much, stays (no jitter)."""
+    """Return an effect at so many times its typical size; what says how, not how much, stays (no
+    jitter)."""
     card, motor = library.load_effect(name), drive.motor
     out = library.typical(name, motor, drive.converter)
     for p in card.parameters:
         value, neutral = out[f"{name}.{p.name}"], p.neutral_for(motor)
         if p.name in (card.switches or [q.name for q in card.parameters]):
-            out[f"{name}.{p.name}"] = value / times if np.isinf(neutral) else neutral + times * (value - neutral)
+            out[f"{name}.{p.name}"] = (
+                value / times if np.isinf(neutral) else neutral + times * (value - neutral)
+            )
     return {k: v for k, v in out.items() if not k.endswith("jitter")}
 
 
@@ -56,8 +62,13 @@ def cases(drive: Drive) -> Iterator[tuple[str, dict[str, float]]]:
     second = {f"{part}.{n}" for part, names in SEVERAL.items() for n in names}
     motor, known = drive.motor, library.parameters()
     more = {name: known[name].typical_for(motor, drive.converter) for name in sorted(second)}
-    firsts = {k: v for part in SEVERAL for k, v in sizes(part.partition(".")[0], drive, 1.0).items()}
-    yield "sixth and twelfth orders", firsts | more | {"cogging_torque.2.order_mech": 2.0 * motor.pole_pairs}
+    firsts = {
+        k: v for part in SEVERAL for k, v in sizes(part.partition(".")[0], drive, 1.0).items()
+    }
+    yield (
+        "sixth and twelfth orders",
+        firsts | more | {"cogging_torque.2.order_mech": 2.0 * motor.pole_pairs},
+    )
     teeth = {f"inductance_harmonics.2.{n}" for n in SATURATED}
     yield (
         "twelfth order of saturated teeth",
@@ -74,5 +85,6 @@ def cases(drive: Drive) -> Iterator[tuple[str, dict[str, float]]]:
 
 
 def of_quartic(drive: Drive, title: str) -> bool:
-    """Return whether a case changes coefficients of the quartic and the motor has a flux map, which stays as it is."""
+    """Return whether a case changes coefficients of the quartic and the motor has a flux map, which
+    stays as it is."""
     return isinstance(drive.motor.energy, SplineEnergy) and title.partition(" ")[0] in OF_QUARTIC

@@ -1,14 +1,17 @@
-"""The plant's energy balance, effect by effect: what goes in is lost, handed to the shaft, or stored.
+"""The plant's energy balance, effect by effect: what goes in is lost, handed to the shaft, or
+stored.
 
     3/2 int u i dt = copper + skin + core + legs + friction + shaft + change of what is stored
 
-Twenty periods of the plant, every effect at typical size that has to do with energy, the rotor locked, driven, free.
-The electrical power is that of the legs' terminals, so what devices drop is lost behind them.  Shaft: the air gap's
-work on a driven rotor, the load's of a free one.  Stored: 3/2 (H + eddy branch + skin branch), kinetic energy, twist
-of the shaft, potential of the cogging.  What is left, over the largest of these terms, with 1, 16 and 64 steps a
-period.  `plant_meter` adds the terms up; so that it can look into them, kernels run without a compiler.
+Twenty periods of the plant, every effect at typical size that has to do with energy, the rotor
+locked, driven, free. The electrical power is that of the legs' terminals, so what devices drop is
+lost behind them.  Shaft: the air gap's work on a driven rotor, the load's of a free one.  Stored:
+3/2 (H + eddy branch + skin branch), kinetic energy, twist of the shaft, potential of the cogging.
+What is left, over the largest of these terms, with 1, 16 and 64 steps a period.  `plant_meter` adds
+the terms up; so that it can look into them, kernels run without a compiler.
 
-Run: python -m experiments.plant_energy   (4 minutes; writes experiments/results/plant/energy.{md,json})
+Run: python -m experiments.plant_energy
+    (4 minutes; writes experiments/results/plant/energy.{md,json})
 or for one row: python -m experiments.plant_energy MOTOR TITLE   (prints it)
 """
 
@@ -40,18 +43,28 @@ from sandbox.plant.fixed import fix
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 
 MOTORS = ("ipm", "ipm_exchanged", "brusa_hsm1")
-CASES = (("locked", 0.0), ("driven", 120.0), ("driven", 600.0), ("free", 300.0))  # rad/s electrical, at the beginning
+# rad/s electrical, at the beginning
+CASES = (("locked", 0.0), ("driven", 120.0), ("driven", 600.0), ("free", 300.0))
 STEPS, PERIODS = (1, 16, 64), 20
 RESOLVED = 1e-9  # of the largest term: below, no order is told
 OUTSIDE = ("pwm_delay", "current_", "encoder_")  # what only sensors see, or the samples' instants
 
 
-def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float, steps: int) -> dict[str, float]:
-    """Return all terms (J) of PERIODS periods with so many steps a period; speed: rad/s electrical."""
+def balance(
+    drive: Drive, effects: Mapping[str, float], rotor: str, speed: float, steps: int
+) -> dict[str, float]:
+    """Return all terms (J) of PERIODS periods with so many steps a period; speed: rad/s
+    electrical."""
     motor, converter = drive.motor, drive.converter
-    v, h, rated = complete(motor, converter, effects), converter.sampling_period, motor.rated_current
-    features = features_of(motor, v) | add.MOVED | add.MOTION | add.LINK  # with LINK segments are taken by their parts
-    sets.fix = lambda w, nominal: fix(Fields(w), nominal)  # no compiler here that would see a record's fields
+    v, h, rated = (
+        complete(motor, converter, effects),
+        converter.sampling_period,
+        motor.rated_current,
+    )
+    # with LINK segments are taken by their parts
+    features = features_of(motor, v) | add.MOVED | add.MOTION | add.LINK
+    # no compiler here that would see a record's fields
+    sets.fix = lambda w, nominal: fix(Fields(w), nominal)
     w: Any = Fields(batch_of(motor, converter, [v], 1))
     room: Any = Fields(blank_room(1))
     if rotor != "free":
@@ -97,8 +110,14 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
     applied = plant.STILL._replace(load=load, load_after=load)
     try:
         for k in range(PERIODS):
-            u = motor.resistance * i / e + 1j * speed * psi / e + drive.injection.amplitude * (1 if k % 8 < 4 else -1)
-            u *= complex(math.cos(0.3 + speed * h * (k + 0.5)), math.sin(0.3 + speed * h * (k + 0.5)))
+            u = (
+                motor.resistance * i / e
+                + 1j * speed * psi / e
+                + drive.injection.amplitude * (1 if k % 8 < 4 else -1)
+            )
+            u *= complex(
+                math.cos(0.3 + speed * h * (k + 0.5)), math.sin(0.3 + speed * h * (k + 0.5))
+            )
             room.before[:] = room.duty
             room.duty[:] = duties(u.real, u.imag, converter.dc_bus_voltage)
             write_edges(room, h)
@@ -107,9 +126,13 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
             trajectory = plant.RotorTrajectory(
                 math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, applied
             )
-            span = plant.travel(w, flux_map, timing, features, room, trajectory, k * h, span, looks, seen)
+            span = plant.travel(
+                w, flux_map, timing, features, room, trajectory, k * h, span, looks, seen
+            )
         theta = motor.pole_pairs * meter.turn()
-        plant.at_start(w, flux_map, features, math.cos(theta), math.sin(theta), 0.0, trajectory, span)
+        plant.at_start(
+            w, flux_map, features, math.cos(theta), math.sin(theta), 0.0, trajectory, span
+        )
     finally:
         plant.at_start, plant.in_middle, plant.lose, plant.moved = kept
     return meter.total | {"stored": meter.stored() - stored[0]}
@@ -131,7 +154,8 @@ def looked_at(drive: Drive) -> Iterator[tuple[str, dict[str, float]]]:
 
 
 def row(drive: Drive, effects: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Return of each case what is left at every number of steps, and the terms (J) with most steps."""
+    """Return of each case what is left at every number of steps, and the terms (J) with most
+    steps."""
     out = []
     for rotor, speed in CASES:
         found = [balance(drive, effects, rotor, speed, n) for n in STEPS]
@@ -140,9 +164,14 @@ def row(drive: Drive, effects: Mapping[str, float]) -> list[dict[str, Any]]:
 
 
 def cell(found: Mapping[str, Any]) -> str:
-    """Return what is left with fewest and most steps (ppm), and the order between the last two numbers of steps."""
+    """Return what is left with fewest and most steps (ppm), and the order between the last two
+    numbers of steps."""
     few, many = (abs(x) for x in found["left"][-2:])
-    order = "-" if many < RESOLVED or few < many else f"{math.log(few / many) / math.log(STEPS[-1] / STEPS[-2]):.1f}"
+    order = (
+        "-"
+        if many < RESOLVED or few < many
+        else f"{math.log(few / many) / math.log(STEPS[-1] / STEPS[-2]):.1f}"
+    )
     return f"{1e6 * abs(found['left'][0]):.2g}, {1e6 * many:.1g}: {order}"
 
 
@@ -152,17 +181,30 @@ def table(results: Mapping[str, Mapping[str, list[dict[str, Any]]]]) -> str:
     lines = [
         "# Energy balance of the plant",
         "",
-        f"Written by `python -m experiments.plant_energy` on {date.today().isoformat()}. Energy in less losses, "
-        f"work and change of what is stored over {PERIODS} periods, with {STEPS[0]} and {STEPS[-1]} steps a period (ppm"
-        f" of the largest of these terms), and the order of convergence between {STEPS[-2]} and {STEPS[-1]} steps "
-        "(a dash: nothing left to tell). Numbers beside a rotor: rad/s electrical, of a free one at the beginning.",
+        f"Written by `python -m experiments.plant_energy` on {date.today().isoformat()}. Energy in "
+        f"less losses, work and change of what is stored over {PERIODS} periods, with {STEPS[0]} "
+        f"and {STEPS[-1]} steps a period (ppm of the largest of these terms), and the order of "
+        f"convergence between {STEPS[-2]} and {STEPS[-1]} steps (a dash: nothing left to tell). "
+        "Numbers beside a rotor: rad/s electrical, of a free one at the beginning.",
     ]
     for motor, rows in results.items():
-        lines += ["", f"## {motor}", "", f"| effects | {' | '.join(names)} |", "|---|" + "---|" * len(names)]
+        lines += [
+            "",
+            f"## {motor}",
+            "",
+            f"| effects | {' | '.join(names)} |",
+            "|---|" + "---|" * len(names),
+        ]
         lines += [f"| {title} | {' | '.join(map(cell, found))} |" for title, found in rows.items()]
         terms = next(iter(rows.values()))[0]["terms"]
-        lines += ["", "Largest share that a term has of the largest one, over all rows and cases:", ""]
-        shares = {name: max(share(c["terms"], name) for f in rows.values() for c in f) for name in terms}
+        lines += [
+            "",
+            "Largest share that a term has of the largest one, over all rows and cases:",
+            "",
+        ]
+        shares = {
+            name: max(share(c["terms"], name) for f in rows.values() for c in f) for name in terms
+        }
         lines += [", ".join(f"{name} {x:.2g}" for name, x in shares.items()) + "."]
     return "\n".join(lines) + "\n"
 
@@ -175,8 +217,17 @@ def share(terms: Mapping[str, float], name: str) -> float:
 def main(motor: str = "", title: str = "") -> None:
     """Run one row and print it, or everything and write the table."""
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        again = [sys.executable, "-m", "experiments.plant_energy", *([motor, title] if motor else [])]
-        raise SystemExit(subprocess.run(again, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=False).returncode)
+        again = [
+            sys.executable,
+            "-m",
+            "experiments.plant_energy",
+            *([motor, title] if motor else []),
+        ]
+        raise SystemExit(
+            subprocess.run(
+                again, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, check=False
+            ).returncode
+        )
     if motor:
         drive = load_drive(motor)
         print(json.dumps(row(drive, dict(cases(drive))[title])))

@@ -1,10 +1,13 @@
-"""What the plant's step leaves out of a flux map, by its equation: H'''[S z', S z']/24 of the mean current.
+"""What the plant's step leaves out of a flux map, by its equation: H'''[S z', S z']/24 of the mean
+current.
 
-Over a segment of length S the flux z in the rotor's frame goes straight on with slope z', so its mean current exceeds
-the current at its mean by H'''[S z', S z']/24.  A map's step leaves this out (a quartic's takes it, `electrical.bend`),
-and with it a drop R H'''[S z', S z']/24.  Here it is added up along a recording of the bench, segment by segment, and
-what comes of it in the flux: d x/dt = -(R G + j omega) x + what is missing, G the inverse inductance there.  The skin
-effect's resistance counts as the winding's: within a segment the current behind its lag stays.
+Over a segment of length S the flux z in the rotor's frame goes straight on with slope z', so its
+mean current exceeds the current at its mean by H'''[S z', S z']/24.  A map's step leaves this out
+(a quartic's takes it, `electrical.bend`), and with it a drop R H'''[S z', S z']/24.  Here it is
+added up along a recording of the bench, segment by segment, and what comes of it in the flux: d
+x/dt = -(R G + j omega) x + what is missing, G the inverse
+inductance there.  The skin effect's resistance counts as the winding's: within a segment the
+current behind its lag stays.
 """
 
 from __future__ import annotations
@@ -34,23 +37,34 @@ def inverse_inductance(m: SplineEnergy, z: complex) -> np.ndarray:
 
 
 def bent(m: SplineEnergy, z: complex, change: complex, apart: float) -> complex:
-    """Return H'''[change, change] (A): the Hessian's slope along a change of flux (Wb), by central differences."""
+    """Return H'''[change, change] (A): the Hessian's slope along a change of flux (Wb), by central
+    differences."""
     if change == 0.0:
         return 0j
     h = apart * change / abs(change)
-    slope = (inverse_inductance(m, z + h) - inverse_inductance(m, z - h)) * abs(change) / (2.0 * apart)
+    slope = (
+        (inverse_inductance(m, z + h) - inverse_inductance(m, z - h)) * abs(change) / (2.0 * apart)
+    )
     return complex(*(slope @ (change.real, change.imag)))
 
 
 def left_out(
-    drive: Drive, recording: CampaignRecording, motion: Motion, effects: Mapping[str, float], settled: int
+    drive: Drive,
+    recording: CampaignRecording,
+    motion: Motion,
+    effects: Mapping[str, float],
+    settled: int,
 ) -> float:
     """Return the rms of the current that comes of what a map's step leaves out, over rated current.
 
-    recording: locked or driven; one step a period, so segments are those between edges, half a period at most.
+    recording: locked or driven; one step a period, so segments are those between edges, half a
+    period at most.
     """
     motor, period = drive.motor, drive.converter.sampling_period
-    m, rows = motor.energy, batch_of(motor, drive.converter, [complete(motor, drive.converter, effects)], 1)
+    m, rows = (
+        motor.energy,
+        batch_of(motor, drive.converter, [complete(motor, drive.converter, effects)], 1),
+    )
     assert isinstance(m, SplineEnergy)
     resistance, magnet, link = (float(rows[name][0]) for name in ("resistance", "magnet", "supply"))
     apart, x, found = APART * motor.magnet_flux, np.zeros(2), []
@@ -68,12 +82,24 @@ def left_out(
         corners = np.sort([*corners, *halves])
         for t, span in zip(corners[:-1], np.diff(corners), strict=True):
             on = (rise <= t) & (t < fall)
-            u, back = link * (2.0 / 3.0) * complex(on @ LEGS), np.exp(-1j * (theta + omega * (t + 0.5 * span)))
+            u, back = (
+                link * (2.0 / 3.0) * complex(on @ LEGS),
+                np.exp(-1j * (theta + omega * (t + 0.5 * span))),
+            )
             seen = (flux + 0.5 * span * u) * back
             change = span * (u * back - 1j * omega * seen)
-            missing += span / period * (resistance + rows["skin_r"]) / 24.0 * bent(m, seen - magnet, change, apart)
+            missing += (
+                span
+                / period
+                * (resistance + rows["skin_r"])
+                / 24.0
+                * bent(m, seen - magnet, change, apart)
+            )
             flux += span * u
         rate = resistance * inverse_inductance(m, z) + omega * TURNED
         rest = np.linalg.solve(rate + 1e-9 * np.eye(2), (missing.real, missing.imag))
         x = rest + expm(-period * rate) @ (x - rest)
-    return float(np.sqrt(np.mean(np.sum(np.array(found[settled:]) ** 2, axis=1)))) / motor.rated_current
+    return (
+        float(np.sqrt(np.mean(np.sum(np.array(found[settled:]) ** 2, axis=1))))
+        / motor.rated_current
+    )

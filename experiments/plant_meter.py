@@ -1,8 +1,10 @@
-"""A meter beside the plant: what it takes in, loses, hands on and stores, from what kernels leave in its batch.
+"""A meter beside the plant: what it takes in, loses, hands on and stores, from what kernels leave
+in its batch.
 
-Only where kernels are interpreted (NUMBA_DISABLE_JIT=1), one lane: `experiments.plant_energy` puts it in.  The current
-in a segment is its parabola through start, middle and end, and the kinks that late edges make in it
-(`sandbox.plant.lags`); the voltage what the legs apply, edge by edge, as late as they act.
+Only where kernels are interpreted (NUMBA_DISABLE_JIT=1), one lane: `experiments.plant_energy` puts
+it in.  The current in a segment is its parabola through start, middle and end, and the kinks that
+late edges make in it (`sandbox.plant.lags`); the voltage what the legs apply, edge by edge, as late
+as they act.
 """
 
 from __future__ import annotations
@@ -35,8 +37,9 @@ class Fields:
 
 
 class Middle(NamedTuple):
-    """A segment as its middle knows it: length (s), link (V), the legs' levels, late edges with what they change of
-    these and how late (s), flux at the start (Wb), current in the middle and mean iron-loss current (A)."""
+    """A segment as its middle knows it: length (s), link (V), the legs' levels, late edges with
+    what they change of these and how late (s), flux at the start (Wb), current in the middle and
+    mean iron-loss current (A)."""
 
     span: float
     link: float
@@ -48,9 +51,12 @@ class Middle(NamedTuple):
 
 
 class Meter:
-    """What a plant takes in, loses and hands on (J), added up segment by segment; w: of one lane."""
+    """What a plant takes in, loses and hands on (J), added up segment by segment; w: of one
+    lane."""
 
-    def __init__(self, w: Any, v: Mapping[str, float], drive: Drive, rotor: str, load: float) -> None:
+    def __init__(
+        self, w: Any, v: Mapping[str, float], drive: Drive, rotor: str, load: float
+    ) -> None:
         self.w, self.v, self.motor, self.rotor, self.load = w, v, drive.motor, rotor, load
         self.flux_map = drive.motor.energy if isinstance(drive.motor.energy, SplineEnergy) else None
         names = ("in", "copper", "skin", "core", "legs", "friction", "shaft")
@@ -74,27 +80,40 @@ class Meter:
         return float(self.w.angle[0] / self.w.pairs[0] + self.w.load_share[0] * self.w.twist[0])
 
     def magnetic(self, psi: complex) -> tuple[complex, float]:
-        """Return the magnetising current (A) and H (J up to 3/2) at a flux (Wb), the rotor as it stands."""
+        """Return the magnetising current (A) and H (J up to 3/2) at a flux (Wb), the rotor as it
+        stands."""
         w, theta = self.w, self.turn() * self.motor.pole_pairs
         c, s, e = math.cos(theta), math.sin(theta), complex(math.cos(theta), math.sin(theta))
         m = w.magnet[0] + complex(*ports.magnets(w, 0, c, s)[:2])
         m += sum(complex(*ports.further_magnets(w, k, 0, c, s)[:2]) for k in range(w.more_magnets))
         z = psi / e - m
         i = complex(*electrical.quartic(w, 0, z.real, z.imag))
-        h = w.gamma_d[0] * z.real**2 / 2 + w.gamma_q[0] * z.imag**2 / 2 + w.cubic_d[0] * z.real**3 / 3
+        h = (
+            w.gamma_d[0] * z.real**2 / 2
+            + w.gamma_q[0] * z.imag**2 / 2
+            + w.cubic_d[0] * z.real**3 / 3
+        )
         h += w.cubic_q[0] * z.real * z.imag**2 + w.quartic_d[0] * z.real**4 / 4
         h += w.quartic_dq[0] * (z.real * z.imag) ** 2 + w.quartic_q[0] * z.imag**4 / 4
         if self.flux_map is not None:
-            i, h = i + complex(*ports.map_currents(self.flux_map, *pair(z))), h + energy(self.flux_map, *pair(z))
+            i, h = (
+                i + complex(*ports.map_currents(self.flux_map, *pair(z))),
+                h + energy(self.flux_map, *pair(z)),
+            )
 
         def more(x: float) -> complex:
             """Return what effects add to the current (A) at a share x of the flux."""
             at = pair(x * z)
             own = complex(*ports.energy(w, 0, c, s, *at)[:2])
-            return own + sum(complex(*ports.further_energy(w, k, 0, c, s, *at)[:2]) for k in range(w.more_energy))
+            return own + sum(
+                complex(*ports.further_energy(w, k, 0, c, s, *at)[:2]) for k in range(w.more_energy)
+            )
 
-        way = 0.5 * (1.0 + PLACES)  # from no flux to z: Gauss' rule, exact for energies up to degree six
-        h += sum(0.5 * a * (more(x).conjugate() * z).real for x, a in zip(way, WEIGHTS, strict=True))
+        # from no flux to z: Gauss' rule, exact for energies up to degree six
+        way = 0.5 * (1.0 + PLACES)
+        h += sum(
+            0.5 * a * (more(x).conjugate() * z).real for x, a in zip(way, WEIGHTS, strict=True)
+        )
         return (i + more(1.0)) * e, float(h)
 
     def flux(self, i: complex, near: complex) -> complex:
@@ -113,7 +132,9 @@ class Meter:
         if self.rotor != "free":
             return h
         for part in ("", *(f"{k}." for k in range(2, 7))):
-            a, n, x = (v[f"cogging_torque.{part}{name}"] for name in ("amplitude", "order_mech", "phase"))
+            a, n, x = (
+                v[f"cogging_torque.{part}{name}"] for name in ("amplitude", "order_mech", "phase")
+            )
             h += a / n * math.cos(n * self.turn() + x)
         omega, other = self.speeds()
         if w.swing_rate[0] > 0.0:
@@ -133,11 +154,14 @@ class Meter:
         self.begun = now
 
     def in_middle(self, span: float, u: complex, own: complex) -> None:
-        """Keep what a segment's middle says; u: the legs' levels, own: what of it the edge just taken changes."""
+        """Keep what a segment's middle says; u: the legs' levels, own: what of it the edge just
+        taken changes."""
         w = self.w
         edges = [(own, min(w.late[0], span)), *self.waiting]
         edges = [(x, r) for x, r in edges if x != 0 and r > 0.0]
-        self.segment = Middle(span, w.link[0], u, edges, *(self.vector(x) for x in ("psi", "j", "core")))
+        self.segment = Middle(
+            span, w.link[0], u, edges, *(self.vector(x) for x in ("psi", "j", "core"))
+        )
         self.waiting = []
 
     def end(self, middle: Middle, first: list[complex], last: list[complex]) -> None:
@@ -146,8 +170,11 @@ class Meter:
         w, g = self.w, self.w.core_g[0] * self.w.core_rate[0]
 
         def kinks(x: Any, of: list[tuple[complex, float]]) -> Any:
-            """Return what late edges change at shares x of the segment, beside the straight line."""
-            return sum(change * (x * r / span - np.minimum(x, r / span)) for change, r in of) + 0j * x
+            """Return what late edges change at shares x of the segment, beside the straight
+            line."""
+            return (
+                sum(change * (x * r / span - np.minimum(x, r / span)) for change, r in of) + 0j * x
+            )
 
         flux = [(link * span * x, r) for x, r in edges]
         field = [(self.answers(psi, x), r) for x, r in flux]
@@ -168,8 +195,14 @@ class Meter:
             winding = [ports.winding(w, 0, *pair(z)) for z in i]
             self.count("copper", weight, 1.5 * w.resistance[0] * abs(i) ** 2 + _power(winding, i))
             self.count("skin", weight, 1.5 * w.skin_r[0] * abs(i - slow) ** 2)
-            self.count("core", weight, 1.5 * abs(eddy) ** 2 / w.core_g[0] if w.core_g[0] > 0.0 else 0.0 * x)
-            self.count("legs", weight, _power([losses.legs_lose(w, 0, 0.0, *pair(z), *pair(z)) for z in i], i))
+            self.count(
+                "core", weight, 1.5 * abs(eddy) ** 2 / w.core_g[0] if w.core_g[0] > 0.0 else 0.0 * x
+            )
+            self.count(
+                "legs",
+                weight,
+                _power([losses.legs_lose(w, 0, 0.0, *pair(z), *pair(z)) for z in i], i),
+            )
 
     def count(self, name: str, weight: Any, power: Any) -> None:
         """Add the integral of a power (W)."""
@@ -181,13 +214,16 @@ class Meter:
         return (self.magnetic(psi + h)[0] - self.magnetic(psi - h)[0]) / 2e-4
 
     def moved(self, span: float, before: tuple[float, float, float]) -> None:
-        """Add up what the shaft does in a segment; before: its speeds and the twist's slope at the start."""
+        """Add up what the shaft does in a segment; before: its speeds and the twist's slope at the
+        start."""
         w = self.w
         if self.rotor != "free":
             self.total["shaft"] += span * w.torque[0] * before[0]
             return
         now = (*self.speeds(), w.slip[0])
-        omega, other, slip = (a + (b - a) * 0.5 * (1.0 + PLACES) for a, b in zip(before, now, strict=True))
+        omega, other, slip = (
+            a + (b - a) * 0.5 * (1.0 + PLACES) for a, b in zip(before, now, strict=True)
+        )
         rubbed = np.array([ports.friction(w, 0, x) * x for x in omega])
         if w.swing_rate[0] > 0.0:
             rubbed += 2.0 * w.swing_ratio[0] * self.stiffness() / w.swing_rate[0] * slip**2

@@ -1,13 +1,17 @@
-"""By how much the plant's error falls when its steps double, effect by effect; what neutral effects do beside others.
+"""By how much the plant's error falls when its steps double, effect by effect; what neutral effects
+do beside others.
 
-The recordings of `plant_against_bench` (the switched bench, every effect at typical size, locked, driven, free) are
-replayed with 1 to 32 steps a period.  Error: rms difference of the sampled currents from 256 steps, over rated current.
-The order is that between 8 and 32 steps; where an error is below RESOLVED there is none to tell.  Edges cut a period
-into segments, so a step is at most so long; that is why few steps are much better than their order says.  At low
-voltage the edges of three legs lie within a microsecond or so: 32 steps do not cut the segments in which a voltage acts
-at all, and the order that is told is near 0, the error small (Brusa locked: 0.1 ppm up to 32 steps, 0.04 with 64).
+The recordings of `plant_against_bench` (the switched bench, every effect at typical size, locked,
+driven, free) are replayed with 1 to 32 steps a period.  Error: rms difference of the sampled
+currents from 256 steps, over rated current. The order is that between 8 and 32 steps; where an
+error is below RESOLVED there is none to tell.  Edges cut a period into segments, so a step is at
+most so long; that is why few steps are much better than their order says.  At low voltage the edges
+of three legs lie within a microsecond or so: 32 steps do not cut the segments in which a voltage
+acts at all, and the order that is told is near 0, the error small (Brusa locked: 0.1 ppm up to 32
+steps, 0.04 with 64).
 
-Run: python -m experiments.plant_order   (a minute; writes experiments/results/plant/order.{md,json})
+Run: python -m experiments.plant_order
+    (a minute; writes experiments/results/plant/order.{md,json})
 """
 
 from __future__ import annotations
@@ -29,7 +33,8 @@ from sandbox.replay.replay import Prepared, prepare, replay, with_steps
 
 MOTORS = ("ipm", "ipm_exchanged", "brusa_hsm1")
 STEPS, BEST = (1, 8, 32), 256
-RESOLVED = 1e-9  # of rated current at 32 steps: below, rounding and the corners of sign(i) are in it
+# of rated current at 32 steps: below, rounding and the corners of sign(i) are in it
+RESOLVED = 1e-9
 
 
 def currents(prepared: Prepared, effects: Mapping[str, float]) -> list[Any]:
@@ -37,12 +42,16 @@ def currents(prepared: Prepared, effects: Mapping[str, float]) -> list[Any]:
     return [i[SETTLED:, :, 0] for i in replay(prepared, [effects]).currents]
 
 
-def errors(drive: Drive, prepared: Prepared, effects: Mapping[str, float]) -> dict[int, list[float]]:
+def errors(
+    drive: Drive, prepared: Prepared, effects: Mapping[str, float]
+) -> dict[int, list[float]]:
     """Return for each number of steps the error (over rated current) in each recording."""
     best = currents(with_steps(prepared, BEST), effects)
     out = {}
     for n in STEPS:
-        apart = [a - b for a, b in zip(currents(with_steps(prepared, n), effects), best, strict=True)]
+        apart = [
+            a - b for a, b in zip(currents(with_steps(prepared, n), effects), best, strict=True)
+        ]
         rms = [float(np.sqrt(np.mean(np.sum(x**2, axis=1) * 2.0 / 3.0))) for x in apart]
         out[n] = [x / drive.motor.rated_current for x in rms]
     return out
@@ -57,9 +66,9 @@ def order(found: Mapping[int, list[float]], k: int) -> float | None:
 
 
 def moved_by_neutral(drive: Drive, prepared: Prepared) -> dict[str, float]:
-    """Return the effects whose neutral values move a bit of any recording's readings, and by how much at most (of rated
-    current): a plain set beside one with the effect at typical size, so that the plant does for both what the effect
-    needs, against the plain set alone."""
+    """Return the effects whose neutral values move a bit of any recording's readings, and by how
+    much at most (of rated current): a plain set beside one with the effect at typical size, so that
+    the plant does for both what the effect needs, against the plain set alone."""
     plain, found = currents(prepared, {}), {}
     for name in library.effect_names():
         on = library.typical(name, drive.motor, drive.converter)
@@ -78,23 +87,34 @@ def rows(drive: Drive) -> Iterator[tuple[str, dict[int, list[float]]]]:
 
 
 def table(
-    results: Mapping[str, Mapping[str, Mapping[int, list[float]]]], moved: Mapping[str, Mapping[str, float]]
+    results: Mapping[str, Mapping[str, Mapping[int, list[float]]]],
+    moved: Mapping[str, Mapping[str, float]],
 ) -> str:
     """Return the results as Markdown."""
     names = [f"{rotor} {speed:g}" if rotor == "driven" else rotor for rotor, speed in CASES]
     lines = [
         "# Order of convergence of the plant",
         "",
-        f"Written by `python -m experiments.plant_order` on {date.today().isoformat()}. Error with 1 and with "
-        f"{STEPS[-1]} steps a period (rms of the sampled currents over rated current, ppm; against {BEST} steps), and "
-        f"the order of convergence between {STEPS[-2]} and {STEPS[-1]} steps (a dash: nothing left to tell). "
-        "An order near 0: edges lie so close together that these steps do not cut what lies between them. "
-        "Neutral effects: a plain set beside one with the effect on, for both of which the plant then does what the "
-        "effect needs, against the plain set alone; the same to the bit but for those named.",
+        f"Written by `python -m experiments.plant_order` on {date.today().isoformat()}. Error with "
+        f"1 and with {STEPS[-1]} steps a period (rms of the sampled currents over rated current, "
+        f"ppm; against {BEST} steps), and the order of convergence between {STEPS[-2]} and "
+        f"{STEPS[-1]} steps (a dash: nothing left to tell). An order near 0: edges lie so close "
+        "together that these steps do not cut what lies between them. Neutral effects: a plain "
+        "set beside one with the effect on, for both of which the plant then does what the effect "
+        "needs, against the plain set alone; the same to the bit but for those named.",
     ]
     for motor, by_title in results.items():
-        left = ", ".join(f"{name} ({x:.1g} of rated current)" for name, x in moved[motor].items()) or "none"
-        lines += ["", f"## {motor}", "", f"Moved by an effect that is on in the lane beside: {left}.", ""]
+        left = (
+            ", ".join(f"{name} ({x:.1g} of rated current)" for name, x in moved[motor].items())
+            or "none"
+        )
+        lines += [
+            "",
+            f"## {motor}",
+            "",
+            f"Moved by an effect that is on in the lane beside: {left}.",
+            "",
+        ]
         lines += [f"| effects | {' | '.join(names)} |", "|---|" + "---|" * len(names)]
         for title, found in by_title.items():
             cells = []

@@ -34,14 +34,27 @@ plt.rcParams.update(
 )
 
 
-def keep(figure: Any, name: str, data: str, values: dict[str, Fitted], checks: dict[str, Any], limits: str) -> None:
-    """Write NAME.png and NAME.json: fitted values, held-out checks, and what the data cannot show."""
+def keep(
+    figure: Any,
+    name: str,
+    data: str,
+    values: dict[str, Fitted],
+    checks: dict[str, Any],
+    limits: str,
+) -> None:
+    """Write NAME.png and NAME.json: fitted values, held-out checks, and what the data cannot
+    show."""
     entry = dataset(data)
     record = {
         "schema": 1,
         "experiment": name,
         "date": datetime.date.today().isoformat(),
-        "data": {"name": data, "measured": entry.measured, "citation": entry.citation, "licence": entry.licence},
+        "data": {
+            "name": data,
+            "measured": entry.measured,
+            "citation": entry.citation,
+            "licence": entry.licence,
+        },
         "values": {key: value.record() for key, value in values.items()},
         "checks": checks,
         "limits": limits,

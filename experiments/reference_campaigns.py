@@ -1,11 +1,13 @@
-"""Campaigns of two more plants, on which `experiments.ordinary_size` measures how large the replay's own error is.
+"""Campaigns of two more plants, on which `experiments.ordinary_size` measures how large the
+replay's own error is.
 
-FOLDER/events: the readable reference (phase legs, edges and samples as events, SciPy's integrator between).  It has no
-step, its lags are integrated with the fluxes, and the encoder cuts counts off in place of rounding.
-FOLDER/fine: the same commands and encoder on the plant of the replay itself, eight steps a period.
-Voltages are commanded in open loop; the rotor is locked or driven.
+FOLDER/events: the readable reference (phase legs, edges and samples as events, SciPy's integrator
+between).  It has no step, its lags are integrated with the fluxes, and the encoder cuts counts off
+in place of rounding. FOLDER/fine: the same commands and encoder on the plant of the replay itself,
+eight steps a period. Voltages are commanded in open loop; the rotor is locked or driven.
 
-Run: python -m experiments.reference_campaigns FOLDER   (ten seconds a campaign; truths are written beside)
+Run: python -m experiments.reference_campaigns FOLDER
+    (ten seconds a campaign; truths are written beside)
 """
 
 from __future__ import annotations
@@ -45,7 +47,12 @@ EFFECTS = (
 )
 # stated of every drive; the plants have none of them
 UNCERTAINTY = {"resistance": 0.01, "magnet_flux": 0.01, "inductance_d": 0.01, "inductance_q": 0.01}
-BACKGROUND = {"current_gain": 0.0015, "current_offset": 0.005, "encoder_offset": 0.002, "dead_time": 4e-8}
+BACKGROUND = {
+    "current_gain": 0.0015,
+    "current_offset": 0.005,
+    "encoder_offset": 0.002,
+    "dead_time": 4e-8,
+}
 
 
 class Run(NamedTuple):
@@ -67,7 +74,9 @@ RUNS = (
 def drive() -> Drive:
     """Return the drive: the paper's salient motor, a fine encoder."""
     own = load_drive("ipm_exchanged")
-    return replace(own, converter=replace(own.converter, encoder_counts=COUNTS, current_noise=0.004))
+    return replace(
+        own, converter=replace(own.converter, encoder_counts=COUNTS, current_noise=0.004)
+    )
 
 
 def commanded(d: Drive, run: Run) -> CampaignRecording:
@@ -75,12 +84,15 @@ def commanded(d: Drive, run: Run) -> CampaignRecording:
     c, pairs, k = d.converter, d.motor.pole_pairs, np.arange(SAMPLES)
     omega, period, link = pairs * run.speed, c.sampling_period, c.dc_bus_voltage
     swing = np.sin(2.0 * np.pi * k / 700.0 + run.size) + 0.6 * np.sin(2.0 * np.pi * k / 270.0)
-    u = (run.size * swing * np.exp(1j * k / 160.0) + 1j * omega * d.motor.magnet_flux).astype(complex)
+    u = (run.size * swing * np.exp(1j * k / 160.0) + 1j * omega * d.motor.magnet_flux).astype(
+        complex
+    )
     u += d.injection.amplitude * np.where(k % 8 < 4, 1.0, -1.0)
     u *= np.exp(1j * (0.3 + omega * period * (k + 0.5)))
     count = 2.0 * np.pi * pairs / COUNTS
     columns = {"t": k * period, "u_alpha": u.real, "u_beta": u.imag, "u_dc": np.full(SAMPLES, link)}
-    columns["theta"] = count * np.floor((0.3 + omega * period * k) / count)  # cut off, half a count late in the mean
+    # cut off, half a count late in the mean
+    columns["theta"] = count * np.floor((0.3 + omega * period * k) / count)
     columns |= dict.fromkeys(("i_a", "i_b", "i_c"), np.zeros(SAMPLES))
     return CampaignRecording(run.file, "driven" if run.speed else "locked", "d", columns)
 
@@ -105,12 +117,17 @@ def read(d: Drive, readings: Array, rng: np.random.Generator) -> dict[str, Array
     """Return readings as a drive logs them: with noise, in steps of its converter."""
     c = d.converter
     noisy = readings + c.current_noise * rng.standard_normal(readings.shape)
-    noisy = c.current_resolution * np.round(noisy / c.current_resolution) if c.current_resolution else noisy
+    noisy = (
+        c.current_resolution * np.round(noisy / c.current_resolution)
+        if c.current_resolution
+        else noisy
+    )
     return {f"i_{x}": noisy[:, m] for m, x in enumerate("abc")}
 
 
 def main(folder: str) -> None:
-    """Record a campaign without effects and one with each of EFFECTS at its typical size, on both plants."""
+    """Record a campaign without effects and one with each of EFFECTS at its typical size, on both
+    plants."""
     d = drive()
     for turn, (plant, effect) in enumerate(product((fine, events), ("none", *EFFECTS))):
         place = Path(folder) / plant.__name__
@@ -123,12 +140,16 @@ def main(folder: str) -> None:
             runs.append(replace(r, columns={**r.columns, **read(d, plant(d, run, r, values), rng)}))
         own = Campaign(effect, d, tuple(runs), UNCERTAINTY, BACKGROUND, False)
         print(write_campaign(place / effect, own), flush=True)
-        named = [(f"[{effect}]", {k.partition(".")[2]: x for k, x in values.items()})] if values else []
+        named = (
+            [(f"[{effect}]", {k.partition(".")[2]: x for k, x in values.items()})] if values else []
+        )
         text = toml_text([("", {"effects": [effect] if values else []}), *named])
         (place / f"{effect}.truth.toml").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", help="where both plants' campaigns go")
     main(parser.parse_args().folder)

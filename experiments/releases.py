@@ -1,11 +1,12 @@
 """Has anything got worse since the last release?
 
-`python -m experiments.releases` measures, in one run: position errors of two estimators with both beliefs on a short
-staircase, what the diagnosis says of a small campaign with dead time, and what estimators cost in compiled Python
-against the same in C.  Errors and scores come with their noise: the standard deviation over seeds of the sensors'
-noise; costs with that over BATCHES.  The entry of this version in results/releases.json is made anew (`--only cost`:
-that part of it), the table releases.md has a column a release.  The suite makes all of it again once, and fails where
-something is worse than the last entry by more than LARGE deviations.
+`python -m experiments.releases` measures, in one run: position errors of two estimators with both
+beliefs on a short staircase, what the diagnosis says of a small campaign with dead time, and what
+estimators cost in compiled Python against the same in C.  Errors and scores come with their noise:
+the standard deviation over seeds of the sensors' noise; costs with that over BATCHES.  The entry of
+this version in results/releases.json is made anew (`--only cost`: that part of it), the table
+releases.md has a column a release.  The suite makes all of it again once, and fails where something
+is worse than the last entry by more than LARGE deviations.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ KEPT = RESULTS / "releases.json"
 SEEDS = (3, 4, 5, 6, 7)  # of a comparison; the first is the suite's
 DRAWS = (5, 6, 7)  # of a campaign; likewise
 LARGE = 5.0  # standard deviations: of forty numbers none goes so far by chance
-LEAST = {"position": 0.01, "diagnosis": 0.01, "cost": 0.2}  # degrees, shares, ratios: other machines and libraries
+# degrees, shares, ratios: other machines and libraries
+LEAST = {"position": 0.01, "diagnosis": 0.01, "cost": 0.2}
 SIGN = {"position": 1.0, "diagnosis": -1.0, "cost": 1.0}  # what should be small, what large
 BATCHES, TURNS = 5, 7  # of costs: medians, and runs in turns of which each is the median
 LEFT_OUT = ("pwm_delay", "current_sampling", "current_filter")
@@ -35,7 +37,10 @@ LEFT_OUT = ("pwm_delay", "current_sampling", "current_filter")
 def errors(rows: Sequence[Any]) -> dict[str, float]:
     """Return the size of each row's mean position error (degrees) by what the row is."""
     return {
-        f"{r.estimator}, {r.belief}, {'closed' if r.closed_loop else 'open'}, {r.load:g} of load": abs(r.error_deg.mean)
+        (
+            f"{r.estimator}, {r.belief}, {'closed' if r.closed_loop else 'open'}, {r.load:g} "
+            "of load"
+        ): abs(r.error_deg.mean)
         for r in rows
     }
 
@@ -53,12 +58,15 @@ def scores(answers: Any, truth: str) -> dict[str, float]:
 
 
 def worse(kept: Mapping[str, Any], kind: str, own: Mapping[str, float]) -> list[str]:
-    """Return in words what is worse than a kept entry beyond its noise: errors that grew, scores that fell."""
+    """Return in words what is worse than a kept entry beyond its noise: errors that grew, scores
+    that fell."""
     sign, told = SIGN[kind], []
     for name, entry in kept[kind].items():
         allowed = max(LARGE * entry["noise"], LEAST[kind])
         if sign * (own[name] - entry["value"]) > allowed:
-            told.append(f"{name}: {own[name]:.4g}, was {entry['value']:.4g} with {allowed:.2g} allowed")
+            told.append(
+                f"{name}: {own[name]:.4g}, was {entry['value']:.4g} with {allowed:.2g} allowed"
+            )
     return told
 
 
@@ -70,7 +78,9 @@ def last() -> dict[str, Any]:
 
 def spread(runs: Sequence[Mapping[str, float]]) -> dict[str, dict[str, float]]:
     """Return the first run's values with the standard deviation over all runs."""
-    return {n: {"value": x, "noise": statistics.pstdev(r[n] for r in runs)} for n, x in runs[0].items()}
+    return {
+        n: {"value": x, "noise": statistics.pstdev(r[n] for r in runs)} for n, x in runs[0].items()
+    }
 
 
 def compared(seed: int) -> dict[str, float]:
@@ -88,12 +98,15 @@ def diagnosed(seed: int) -> dict[str, float]:
     from sandbox.gap.report.answers import answer
     from tests.sandbox.gap.conftest import DEAD_TIME, small_campaign
 
-    return scores(answer(small_campaign({"dead_time.time": DEAD_TIME}, seed=seed), exclude=LEFT_OUT), "dead_time")
+    return scores(
+        answer(small_campaign({"dead_time.time": DEAD_TIME}, seed=seed), exclude=LEFT_OUT),
+        "dead_time",
+    )
 
 
 def costs(libraries: Mapping[str, Estimator]) -> dict[str, float]:
-    """Return what a closed-loop second costs in compiled Python over that with the same estimator in C (`libraries`):
-    the median of runs in turns, by processor time."""
+    """Return what a closed-loop second costs in compiled Python over that with the same estimator
+    in C (`libraries`): the median of runs in turns, by processor time."""
     from estimators.registry import load_estimator
     from model.drive_files import load_drive
     from sandbox.drive.scenario import Scenario, Segment
@@ -117,7 +130,9 @@ def measured_costs() -> dict[str, dict[str, float]]:
     from estimators.registry import load_estimator
 
     with tempfile.TemporaryDirectory() as made:
-        built = {n: load_estimator(build(generate.HERE / f"{n}.c", Path(made))) for n in generate.NAMES}
+        built = {
+            n: load_estimator(build(generate.HERE / f"{n}.c", Path(made))) for n in generate.NAMES
+        }
         return spread([costs(built) for _ in range(BATCHES)])
 
 
@@ -142,7 +157,9 @@ def main() -> None:
     """Measure, and keep the entry of this version."""
     from sandbox.output.provenance import version
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", choices=["cost"], help="make this part of the entry anew")
     only, today = parser.parse_args().only, datetime.now(UTC).date().isoformat()
     entries = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else []

@@ -1,8 +1,10 @@
-"""Figures for every screen: one drawing as two SVG files, for a desk and for a telephone, on light and dark ground.
+"""Figures for every screen: one drawing as two SVG files, for a desk and for a telephone, on light
+and dark ground.
 
-`NAME.svg` is at most WIDE inches wide, `NAME.narrow.svg` NARROW: its panels stand below each other. In both, letters
-have at least LEAST points at that width. Ink is `currentColor`, which follows the page where a page holds the drawing,
-and the light or dark setting of the reader's system where the file stands alone; grids and frames are translucent.
+`NAME.svg` is at most WIDE inches wide, `NAME.narrow.svg` NARROW: its panels stand below each other.
+In both, letters have at least LEAST points at that width. Ink is `currentColor`, which follows the
+page where a page holds the drawing, and the light or dark setting of the reader's system where the
+file stands alone; grids and frames are translucent.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-WIDE, NARROW = 9.6, 3.6  # inches: 920 and 345 CSS pixels, what pages of 1280 and 390 pixels leave for a figure
+# inches: 920 and 345 CSS pixels, what pages of 1280 and 390 pixels leave for a figure
+WIDE, NARROW = 9.6, 3.6
 LEAST = 9.0  # points
 LETTERS = 14.0  # of nine points in an inch, on average
 DIGITS = re.compile(r"(\.\d\d)\d+")  # of points beyond a hundredth
@@ -29,7 +32,8 @@ STYLE = (
 
 
 def write(figure: Any, path: Path) -> None:
-    """Write a figure as `path`.svg and `path`.narrow.svg (path without a suffix), each whole or not at all."""
+    """Write a figure as `path`.svg and `path`.narrow.svg (path without a suffix), each whole or not
+    at all."""
     for ending, width in (("", WIDE), (".narrow", NARROW)):
         file = path.with_name(f"{path.name}{ending}.svg")
         partial = file.with_name(f".{file.name}.part")
@@ -38,7 +42,8 @@ def write(figure: Any, path: Path) -> None:
 
 
 def fitted(figure: Any, width: float) -> Any:
-    """Return a copy of a figure that is at most `width` inches wide: its panels in as many columns as fit."""
+    """Return a copy of a figure that is at most `width` inches wide: its panels in as many columns
+    as fit."""
     own = pickle.loads(pickle.dumps(figure))
     for text in own.findobj(lambda x: hasattr(x, "set_fontsize")):
         text.set_fontsize(max(LEAST, text.get_fontsize()))
@@ -47,7 +52,8 @@ def fitted(figure: Any, width: float) -> Any:
         _restack(own, panels, width)
     for a in own.axes:
         _on_any_ground(a)
-    for _ in range(2):  # labels are folded to the panels of the first pass, panels stand beside these in the second
+    for _ in range(2):
+        # labels are folded to the panels of the first pass, panels stand beside these in the second
         own.get_layout_engine().execute(own)
         _fold(own)
     own.get_layout_engine().execute(own)
@@ -55,14 +61,18 @@ def fitted(figure: Any, width: float) -> Any:
 
 
 def _restack(figure: Any, panels: list[Any], width: float) -> None:
-    """Lay a grid's panels out anew; each keeps its height, and gets the labels it had from its neighbours."""
+    """Lay a grid's panels out anew; each keeps its height, and gets the labels it had from its
+    neighbours."""
     specs = [a.get_subplotspec() for a in panels]
     grid = specs[0].get_gridspec()
     shares = grid.get_height_ratios()
     height, each = figure.get_figheight() / sum(shares), figure.get_figwidth() / grid.ncols
     columns = min(grid.ncols, max(1, round(width / max(3.0, 0.8 * each))))
     column = width / columns
-    by_row = any(a.get_title() for a, s in zip(panels, specs, strict=True) if s.rowspan.start > 0) or grid.nrows == 1
+    by_row = (
+        any(a.get_title() for a, s in zip(panels, specs, strict=True) if s.rowspan.start > 0)
+        or grid.nrows == 1
+    )
     places = sorted(dict.fromkeys((s.rowspan.start, s.colspan.start) for s in specs))
     weight = panels[0].title.get_fontweight()
     heads: dict[str, dict[int, str]] = {"title": {}, "x": {}, "y": {}}
@@ -111,7 +121,8 @@ def _fold(figure: Any) -> None:
 
 
 def _filled(text: Any, inches: float) -> None:
-    """Break a text into lines of a length; lines that were broken before stay apart where they fit."""
+    """Break a text into lines of a length; lines that were broken before stay apart where they
+    fit."""
     letters = max(12, int(LETTERS * inches * 9.0 / text.get_fontsize()))
     lines = text.get_text().split("\n")
     if any(len(line) > letters for line in lines):
@@ -159,12 +170,18 @@ def svg(figure: Any, salt: str) -> str:
             text.set_color(INK)
     out = io.StringIO()
     with rc_context({"svg.hashsalt": salt, "svg.fonttype": "none"}):
-        FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+        FigureCanvasSVG(figure).print_svg(
+            out, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
+        )
     text = out.getvalue()
     text = text[text.index("<svg") :].replace(INK, "currentColor")
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.S)
     text = re.sub(r"<defs>", STYLE + "\n <defs>", text, count=1)
-    text = re.sub(r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*", r"font: \1system-ui, 'DejaVu Sans', sans-serif", text)
+    text = re.sub(
+        r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*",
+        r"font: \1system-ui, 'DejaVu Sans', sans-serif",
+        text,
+    )
     text = re.sub(r'( (?:d|x|y)=")([^"]*)', lambda m: m[1] + DIGITS.sub(r"\1", m[2]), text)
     mark = re.sub(r"\W", "-", salt)
     return re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{mark}-", text)

@@ -1,13 +1,16 @@
-"""How good is the diagnosis on the second bench, which was written from published equations and imports nothing of it?
+"""How good is the diagnosis on the second bench, which was written from published equations and
+imports nothing of it?
 
-The plan stands here, and is committed before the first campaign is drawn: the seed, how many campaigns of which kind,
-and the goals (`second_bench_scores.GOALS`).  Campaigns of all kinds are made and diagnosed in turn, so that a run which
-ends early has seen each kind.  Rows (answer and truth of a campaign) are added to results/second_bench/rows.jsonl one
-by one, and a run goes on where it was interrupted; a diagnosis that fails counts as wrong.  What rivals answer on the
-same campaigns stands in rivals.jsonl beside it (`sandbox/withheld/baselines`).
+The plan stands here, and is committed before the first campaign is drawn: the seed, how many
+campaigns of which kind, and the goals (`second_bench_scores.GOALS`).  Campaigns of all kinds are
+made and diagnosed in turn, so that a run which ends early has seen each kind.  Rows (answer and
+truth of a campaign) are added to results/second_bench/rows.jsonl one by one, and a run goes on
+where it was interrupted; a diagnosis that fails counts as wrong.  What rivals answer on the same
+campaigns stands in rivals.jsonl beside it (`sandbox/withheld/baselines`).
 
 Run: python -m experiments.second_bench WORK [--hours H]     (two minutes a campaign on one core)
-     python -m experiments.second_bench WORK --rivals susie,stepwise [--hours H]   (of campaigns that have a row)
+     python -m experiments.second_bench WORK --rivals susie,stepwise [--hours H]
+         (of campaigns that have a row)
      python -m experiments.second_bench --recompute          (the page from the rows)
 """
 
@@ -40,7 +43,11 @@ RIVALS = RESULTS / "rivals.jsonl"
 
 def batches() -> Iterator[tuple[str, int]]:
     """Yield the kinds with a batch's number, all kinds in turn in proportion to their counts."""
-    told = [(k * AT_ONCE / count, kind, k) for kind, count in GROUPS.items() for k in range(count // AT_ONCE)]
+    told = [
+        (k * AT_ONCE / count, kind, k)
+        for kind, count in GROUPS.items()
+        for k in range(count // AT_ONCE)
+    ]
     yield from ((kind, k) for _, kind, k in sorted(told))
 
 
@@ -60,15 +67,22 @@ def answered(d: Diagnosis) -> dict[str, Any]:
 
 
 def one_row(folder: Path, name: str, kind: str, truth: dict[str, Any]) -> dict[str, Any]:
-    """Return the row of a campaign: its answer, as `sensorless diagnose` gives it, and the truth that is looked at
-    afterwards."""
+    """Return the row of a campaign: its answer, as `sensorless diagnose` gives it, and the truth
+    that is looked at afterwards."""
     began = time.process_time()
     try:
         found: dict[str, Any] = answered(diagnose(excerpted(read_campaign(folder)), workers=1))
     except Exception as error:  # whatever it is, it counts as wrong
         found = {"failed": repr(error)}
     cpu = time.process_time() - began
-    return {"name": name, "kind": kind, "code": code_digest(), "cpu": cpu, "found": found, "truth": truth}
+    return {
+        "name": name,
+        "kind": kind,
+        "code": code_digest(),
+        "cpu": cpu,
+        "found": found,
+        "truth": truth,
+    }
 
 
 def run(work: Path, hours: float) -> None:
@@ -103,9 +117,13 @@ def rival_row(folder: Path, row: dict[str, Any], method: str) -> dict[str, Any]:
     began = time.process_time()
     try:
         told = BASELINES[method](folder, ()).json["hypotheses"]
-        found: dict[str, Any] = {"sets": [{k: h[k] for k in ("effects", "probability")} for h in told]}
+        found: dict[str, Any] = {
+            "sets": [{k: h[k] for k in ("effects", "probability")} for h in told]
+        }
         named = sorted({e for h in told for e in h["effects"]} - {UNKNOWN})
-        found["chances"] = {e: sum(h["probability"] for h in told if e in h["effects"]) for e in named}
+        found["chances"] = {
+            e: sum(h["probability"] for h in told if e in h["effects"]) for e in named
+        }
     except Exception as error:  # whatever it is, it counts as wrong
         found = {"failed": repr(error)}
     cpu = time.process_time() - began
@@ -119,7 +137,10 @@ def rival_row(folder: Path, row: dict[str, Any], method: str) -> dict[str, Any]:
 
 def run_rivals(work: Path, methods: list[str], hours: float) -> None:
     """Let rivals answer on all campaigns that have a row, until the time is over."""
-    end, known = time.monotonic() + 3600.0 * hours, {(r["name"], r["method"]) for r in lines(RIVALS)}
+    end, known = (
+        time.monotonic() + 3600.0 * hours,
+        {(r["name"], r["method"]) for r in lines(RIVALS)},
+    )
     for row in lines(ROWS):
         kind, k, name = row["name"].split("-")
         make(work / f"{kind}-{k}", kind, AT_ONCE, SEED + int(k), quiet=True)
@@ -143,7 +164,9 @@ def lines(file: Path) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Run what is left, then write the page."""
-    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     p.add_argument("work", type=Path, nargs="?")
     p.add_argument("--hours", type=float, default=24.0)
     p.add_argument("--rivals", default="", help=f"of {', '.join(BASELINES)}; only these answer")
@@ -158,7 +181,9 @@ def main() -> None:
         run_rivals(a.work, methods, a.hours)
     elif not a.recompute:
         run(a.work, a.hours)
-    (RESULTS / "README.md").write_text(page(lines(ROWS), GROUPS, SEED, lines(RIVALS)), encoding="utf-8")
+    (RESULTS / "README.md").write_text(
+        page(lines(ROWS), GROUPS, SEED, lines(RIVALS)), encoding="utf-8"
+    )
     print(RESULTS / "README.md")
 
 

@@ -29,7 +29,8 @@ class Goal:
     of: Callable[[Sequence[Row]], Figure]
 
     def verdict(self, f: Figure) -> str:
-        """Return a tick where the figure meets the goal, a cross where it does not, a dash where there is none."""
+        """Return a tick where the figure meets the goal, a cross where it does not, a dash where
+        there is none."""
         if f.value is None or (self.least is None and self.most is None):
             return "–"
         low = self.least is None or f.value >= self.least
@@ -86,7 +87,12 @@ def deviations(row: Row) -> list[float]:
     for cause in row["truth"]["causes"]:
         for name, true in cause["with_background"].items():
             value, low, high = found.get(f"{cause['name']}.{name}", (None, None, None))
-            if value is not None and None not in (low, high) and high > low and cause["name"] in first(row)[0]:
+            if (
+                value is not None
+                and None not in (low, high)
+                and high > low
+                and cause["name"] in first(row)[0]
+            ):
                 side = value - low if true < value else high - value
                 out.append(abs(true - value) / (side / 1.96) if side > 0.0 else math.inf)
     return out
@@ -96,7 +102,9 @@ def brier(rows: Sequence[Row]) -> Figure:
     """Return the Brier score of first sets less that of a constant, the share that is right."""
     hit = np.array([right(r) for r in rows], dtype=float)
     p = np.array([first(r)[1] for r in rows])
-    return mean((p - hit) ** 2 - (hit.mean() - hit) ** 2) if len(rows) else Figure(None, None, None, 0)
+    return (
+        mean((p - hit) ** 2 - (hit.mean() - hit) ** 2) if len(rows) else Figure(None, None, None, 0)
+    )
 
 
 def of_share(test: Callable[[Row], bool], chosen: Callable[[Row], bool] = lambda _: True):
@@ -132,7 +140,12 @@ def noticed(row: Row) -> bool:
 
 COST = [
     Goal("CPU seconds, median", None, 10.0, lambda rows: quantile([r["cpu"] for r in rows], 0.5)),
-    Goal("CPU seconds, 99th percentile", None, 60.0, lambda rows: quantile([r["cpu"] for r in rows], 0.99)),
+    Goal(
+        "CPU seconds, 99th percentile",
+        None,
+        60.0,
+        lambda rows: quantile([r["cpu"] for r in rows], 0.99),
+    ),
 ]
 GOALS: dict[str, tuple[str, list[Goal]]] = {
     "none": (
@@ -150,14 +163,24 @@ GOALS: dict[str, tuple[str, list[Goal]]] = {
     "one": (
         "one effect of half the medium size and more",
         [
-            Goal("library's form: the first set is the truth", 0.98, None, of_share(right, form("library"))),
+            Goal(
+                "library's form: the first set is the truth",
+                0.98,
+                None,
+                of_share(right, form("library")),
+            ),
             Goal(
                 "another form: the true name is the most probable one",
                 0.90,
                 None,
                 of_share(lambda r: leading(r) in truth_of(r), form("own")),
             ),
-            Goal("another form: a false name above one half", None, 0.05, of_share(false_names, form("own"))),
+            Goal(
+                "another form: a false name above one half",
+                None,
+                0.05,
+                of_share(false_names, form("own")),
+            ),
         ],
     ),
     "several": (
@@ -188,7 +211,9 @@ GOALS: dict[str, tuple[str, list[Goal]]] = {
                 "the 95 % set of sets holds the truth",
                 0.93,
                 0.97,
-                of_share(lambda r: truth_of(r) in [frozenset(s) for s in r["found"].get("in_set", [])]),
+                of_share(
+                    lambda r: truth_of(r) in [frozenset(s) for s in r["found"].get("in_set", [])]
+                ),
             ),
             Goal(
                 "mean log of the chance given to the true set",
@@ -221,24 +246,33 @@ def told(x: float | None) -> str:
 
 def fifths(rows: Sequence[Row]) -> list[str]:
     """Return the lines of a table: the chance of first sets against how many of them are right."""
-    out = ["| chance of the first set | campaigns | mean chance | right | 90 % limits |", "|---|--:|--:|--:|---|"]
+    out = [
+        "| chance of the first set | campaigns | mean chance | right | 90 % limits |",
+        "|---|--:|--:|--:|---|",
+    ]
     for low in (0.0, 0.2, 0.4, 0.6, 0.8):
-        own = [r for r in rows if low <= first(r)[1] < low + 0.2 or (low == 0.8 and first(r)[1] >= 1.0)]
+        own = [
+            r for r in rows if low <= first(r)[1] < low + 0.2 or (low == 0.8 and first(r)[1] >= 1.0)
+        ]
         if own:
             f, p = share([right(r) for r in own]), float(np.mean([first(r)[1] for r in own]))
             limits = f"{told(f.low)} to {told(f.high)}"
-            out.append(f"| {low:.1f} to {low + 0.2:.1f} | {f.n} | {p:.2f} | {told(f.value)} | {limits} |")
+            out.append(
+                f"| {low:.1f} to {low + 0.2:.1f} | {f.n} | {p:.2f} | {told(f.value)} | {limits} |"
+            )
     return out
 
 
 def beside(rows: Sequence[Row], rivals: Sequence[Row]) -> list[str]:
-    """Return the lines of a table: each rival and the diagnosis on the campaigns that both answered.
+    """Return the lines of a table: each rival and the diagnosis on the campaigns that both
+    answered.
 
-    The sign test says how probable so uneven a split of campaigns is, of which one alone is right, if both were alike.
+    The sign test says how probable so uneven a split of campaigns is, of which one alone is right,
+    if both were alike.
     """
     out = [
-        "| rival | campaigns | first set right | diagnosis | only it | only the diagnosis | sign test "
-        "| mean log chance of the truth | diagnosis | CPU s |",
+        "| rival | campaigns | first set right | diagnosis | only it | only the diagnosis | sign "
+        "test | mean log chance of the truth | diagnosis | CPU s |",
         "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]
     mine = {r["name"]: r for r in rows}
@@ -258,20 +292,33 @@ def beside(rows: Sequence[Row], rivals: Sequence[Row]) -> list[str]:
     return out
 
 
-def page(rows: Sequence[Row], planned: Mapping[str, int], seed: int, rivals: Sequence[Row] = ()) -> str:
-    """Return the page: what was run, every goal with its figure and verdict, chances against what is right."""
+def page(
+    rows: Sequence[Row], planned: Mapping[str, int], seed: int, rivals: Sequence[Row] = ()
+) -> str:
+    """Return the page: what was run, every goal with its figure and verdict, chances against what
+    is right."""
     lines = ["# The diagnosis on the second bench", ""]
     count = {kind: sum(r["kind"] == kind for r in rows) for kind in planned}
     ran = ", ".join(f"{count[k]} of {n} {k}" for k, n in planned.items())
     code = len({r["code"] for r in rows})
-    lines += [f"Seed {seed}, plan in `experiments/second_bench.py`, by {code} version(s) of the code; run: {ran}.", ""]
-    lines += ["| campaigns | figure | goal | value | one-sided 95 % limits | n | |", "|---|---|---|--:|---|--:|---|"]
+    lines += [
+        (
+            f"Seed {seed}, plan in `experiments/second_bench.py`, by {code} version(s) of "
+            f"the code; run: {ran}."
+        ),
+        "",
+    ]
+    lines += [
+        "| campaigns | figure | goal | value | one-sided 95 % limits | n | |",
+        "|---|---|---|--:|---|--:|---|",
+    ]
     for kind, (title, goals) in GOALS.items():
         own = [r for r in rows if kind in ("all", r["kind"])]
         for goal in goals:
             f = goal.of(own)
             limits = "" if f.low is None and f.high is None else f"{told(f.low)} to {told(f.high)}"
             lines.append(
-                f"| {title} | {goal.title} | {bound(goal)} | {told(f.value)} | {limits} | {f.n} | {goal.verdict(f)} |"
+                f"| {title} | {goal.title} | {bound(goal)} | {told(f.value)} | {limits} "
+                f"| {f.n} | {goal.verdict(f)} |"
             )
     return "\n".join([*lines, "", *fifths(rows), "", *(beside(rows, rivals) if rivals else []), ""])

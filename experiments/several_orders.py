@@ -1,11 +1,13 @@
 """Are several orders of a harmonic, or of the cogging torque, found at once?
 
-Recordings come from the switched bench (practice cycles), which has the orders in lists of its own and shares no code
-with the plant: the magnets' flux with orders 6, 12 and 18; with order 12 alone, which no effect begins with; cogging of
-4, 18 and 36 a turn; inductances of order 18 whose amplitudes grow with the current, as slots make them.  Table:
-results/several_orders.md.
+Recordings come from the switched bench (practice cycles), which has the orders in lists of its own
+and shares no code with the plant: the magnets' flux with orders 6, 12 and 18; with order 12 alone,
+which no effect
+begins with; cogging of 4, 18 and 36 a turn; inductances of order 18 whose amplitudes grow with the
+current, as slots make them.  Table: results/several_orders.md.
 
-Run: python -m experiments.several_orders [CASE ...]   (all: 8 min of one core; other rows stay as they are)
+Run: python -m experiments.several_orders [CASE ...]
+    (all: 8 min of one core; other rows stay as they are)
 """
 
 from __future__ import annotations
@@ -36,7 +38,8 @@ TORQUE = {  # of the rated torque
     "cogging_torque.2.amplitude": 0.015,
     "cogging_torque.3.amplitude": 0.02,
 }
-SLOTS = {  # of the scales on the effect's card: 1 / L_d, and rated current over the square of its flux
+# of the scales on the effect's card: 1 / L_d, and rated current over the square of its flux
+SLOTS = {
     "back": 0.01,
     "alpha_30": 0.02,
     "alpha_12": -0.02,
@@ -60,7 +63,9 @@ def planted(name: str, drawn: Drawn) -> dict[str, float]:
             k: x / part[k].typical * part[k].typical_for(drawn.true.motor, drawn.true.converter)
             for k, x in SLOTS.items()
         }
-        return {f"inductance_harmonics.2.{k}": x for k, x in sizes.items()} | {"inductance_harmonics.2.order": 18.0}
+        return {f"inductance_harmonics.2.{k}": x for k, x in sizes.items()} | {
+            "inductance_harmonics.2.order": 18.0
+        }
     shapes = {
         "cogging_torque.order_mech": 18.0,
         "cogging_torque.phase": 0.7,
@@ -72,12 +77,18 @@ def planted(name: str, drawn: Drawn) -> dict[str, float]:
     return {k: x * torque for k, x in TORQUE.items()} | shapes
 
 
-CASES = ("flux 6, 12, 18", "flux 12", "cogging 4, 18, 36", "inductance 18, growing with the current")
+CASES = (
+    "flux 6, 12, 18",
+    "flux 12",
+    "cogging 4, 18, 36",
+    "inductance 18, growing with the current",
+)
 HEAD = [
     "# Several orders at once",
     "",
-    "By `python -m experiments.several_orders`. *Planted* is what the bench has, *found* what the diagnosis says, each "
-    "after its order. Flux in Wb, torque in N m, phase in rad; `gamma`, `back` and `pulse` in 1/H, `alpha` in A/Wb².",
+    "By `python -m experiments.several_orders`. *Planted* is what the bench has, *found* what the "
+    "diagnosis says, each after its order. Flux in Wb, torque in N m, phase in rad; `gamma`, "
+    "`back` and `pulse` in 1/H, `alpha` in A/Wb².",
     "",
     "| on the bench | hypothesis | J held out | planted | found | simulations | date |",
     "|---|---|---|---|---|--:|---|",
@@ -92,12 +103,15 @@ def recorded(name: str) -> tuple[Campaign, dict[str, float]]:
 
 
 def by_order(values: Mapping[str, float]) -> list[tuple[float, str]]:
-    """Return orders with what belongs to each, in words; the first part of flux harmonics is the sixth."""
+    """Return orders with what belongs to each, in words; the first part of flux harmonics is the
+    sixth."""
     parts: dict[str, dict[str, float]] = {}
     for name, x in values.items():
         effect, *k, number = name.split(".")
         if effect in ("flux_harmonics", "cogging_torque", "inductance_harmonics"):
-            parts.setdefault(".".join((effect, *k)), {})[number.removesuffix("6").removesuffix("_")] = x
+            parts.setdefault(".".join((effect, *k)), {})[
+                number.removesuffix("6").removesuffix("_")
+            ] = x
     told = []
     for own in parts.values():
         order = own.pop("order_mech", own.pop("order", 6.0))
@@ -109,7 +123,9 @@ def by_order(values: Mapping[str, float]) -> list[tuple[float, str]]:
 def row(name: str) -> str:
     """Return the table's row of a case."""
     campaign, own = recorded(name)
-    d: Diagnosis = diagnose(campaign, workers=1, report=lambda words: print(f"{name}: {words}", flush=True))
+    d: Diagnosis = diagnose(
+        campaign, workers=1, report=lambda words: print(f"{name}: {words}", flush=True)
+    )
     found = {k: e.value for k, e in d.parameters[0].items()}
     cells = [
         name,
@@ -124,7 +140,11 @@ def row(name: str) -> str:
 def main(names: Sequence[str]) -> None:
     """Record, diagnose and write the table; rows of other cases are kept."""
     place = RESULTS / "several_orders.md"
-    rows = {x.split(" | ")[0][2:]: x for x in place.read_text(encoding="utf-8").splitlines() if x.startswith("| ")}
+    rows = {
+        x.split(" | ")[0][2:]: x
+        for x in place.read_text(encoding="utf-8").splitlines()
+        if x.startswith("| ")
+    }
     for name in names or CASES:
         rows[name] = f"{row(name)[:-1]}| {datetime.date.today()} |"
         text = "\n".join([*HEAD, *(rows[x] for x in CASES if x in rows)]) + "\n"

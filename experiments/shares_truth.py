@@ -1,15 +1,18 @@
-"""Is the share of the gap that the diagnosis gives to an effect the share that vanishes when the effect is taken out?
+"""Is the share of the gap that the diagnosis gives to an effect the share that vanishes when the
+effect is taken out?
 
-Reads a finished check (`sensorless withheld make --kind many`, `score`).  Each of its drives is recorded again on the
-switched bench, with the same deviations, cycles and noise, with one effect taken out (its *last* place among all), and
-with all others taken out (its *first*); the gap is what ordinary deviations, refitted, leave above the noise floor.
-A diagnosis states two numbers an effect.  `alone` is what the gap would lose without this effect: compared with the
-bench without it (`rms_alone`, the goal's wording).  The share itself is the mean over all orders of adding, so that
-shares sum up: compared with the mean of both places (`rms_true`), and for the record with each (`rms_last`,
-`rms_first`).  An effect that is not named has the stated share 0, one that is not there the true share 0.  A share is
-negative where an effect cancels others.
+Reads a finished check (`sensorless withheld make --kind many`, `score`).  Each of its drives is
+recorded again on the switched bench, with the same deviations, cycles and noise, with one effect
+taken out (its *last* place among all), and with all others taken out (its *first*); the gap is what
+ordinary deviations, refitted, leave above the noise floor. A diagnosis states two numbers an
+effect.  `alone` is what the gap would lose without this effect: compared with the bench without it
+(`rms_alone`, the goal's wording).  The share itself is the mean over all orders of adding, so that
+shares sum up: compared with the mean of both places (`rms_true`), and for the record with each
+(`rms_last`, `rms_first`).  An effect that is not named has the stated share 0, one that is not
+there the true share 0.  A share is negative where an effect cancels others.
 
-Run: python -m experiments.shares_truth CHECK   (1 to 2 min a campaign; rows are kept in CHECK, a second call goes on)
+Run: python -m experiments.shares_truth CHECK
+    (1 to 2 min a campaign; rows are kept in CHECK, a second call goes on)
 """
 
 from __future__ import annotations
@@ -41,8 +44,8 @@ ROWS = "shares.rows.jsonl"
 
 
 class Row(NamedTuple):
-    """An effect of a campaign: its true share in the last and the first place, the stated one with its interval, and
-    what is stated to vanish with this effect alone."""
+    """An effect of a campaign: its true share in the last and the first place, the stated one with
+    its interval, and what is stated to vanish with this effect alone."""
 
     campaign: str
     effect: str
@@ -99,7 +102,9 @@ def kept(path: Path) -> list[Row]:
 def main() -> None:
     """Compare every campaign that has a diagnosis; print a line each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("check", type=Path, help="folder of a check whose campaigns are diagnosed, all or some")
+    parser.add_argument(
+        "check", type=Path, help="folder of a check whose campaigns are diagnosed, all or some"
+    )
     folder = parser.parse_args().check
     header = opened(folder)
     listed = cases(
@@ -120,24 +125,33 @@ def main() -> None:
         rows += own
         with (folder / ROWS).open("a", encoding="utf-8") as file:
             file.write(json.dumps(own) + "\n")
-        print(case.name, " ".join(f"{r.effect} {r.true:.2f}/{r.stated:.2f}" for r in own), flush=True)
+        print(
+            case.name, " ".join(f"{r.effect} {r.true:.2f}/{r.stated:.2f}" for r in own), flush=True
+        )
     told(rows)
 
 
 def compared(rows: list[Row]) -> dict[str, Any]:
-    """Return how far stated shares are from true ones (rms over n effects), and how often intervals hold them.
+    """Return how far stated shares are from true ones (rms over n effects), and how often intervals
+    hold them.
 
-    rms_alone: what is stated to vanish with an effect alone, against the last place; rms_last, rms_first, rms_true: the
-    share, against the last place, the first, the mean of both; in_interval: of shares that are stated (n_stated), those
-    whose interval holds that mean.
+    rms_alone: what is stated to vanish with an effect alone, against the last place; rms_last,
+    rms_first, rms_true: the share, against the last place, the first, the mean of both;
+    in_interval: of shares that are stated (n_stated), those whose interval holds that mean.
     """
     found: dict[str, Any] = {"campaigns": len({r.campaign for r in rows}), "n": len(rows)}
     for name in ("last", "true", "first"):
-        found[f"rms_{name}"] = math.sqrt(np.mean([(r.stated - getattr(r, name)) ** 2 for r in rows]))
+        found[f"rms_{name}"] = math.sqrt(
+            np.mean([(r.stated - getattr(r, name)) ** 2 for r in rows])
+        )
     found["rms_alone"] = math.sqrt(np.mean([(r.alone - r.last) ** 2 for r in rows]))
     found["between_places"] = math.sqrt(np.mean([(r.last - r.first) ** 2 for r in rows]))
     inside = [r.low <= r.true <= r.high for r in rows if r.named and math.isfinite(r.low)]
-    return {**found, "in_interval": float(np.mean(inside)) if inside else None, "n_stated": len(inside)}
+    return {
+        **found,
+        "in_interval": float(np.mean(inside)) if inside else None,
+        "n_stated": len(inside),
+    }
 
 
 def told(rows: list[Row]) -> None:
@@ -156,10 +170,13 @@ def told(rows: list[Row]) -> None:
         elinewidth=0.8,
     )
     a.plot([0.0, 1.0], [0.0, 1.0], color="0.4", linewidth=0.8)
-    a.set(xlabel="share that vanishes with the effect (last to first place)", ylabel="stated share (95 % interval)")
+    a.set(
+        xlabel="share that vanishes with the effect (last to first place)",
+        ylabel="stated share (95 % interval)",
+    )
     a.set_title(
-        f"rms {found['rms_true']:.3f} (mean of last and first place);\n"
-        f"stated to vanish with the effect alone: rms {found['rms_alone']:.3f}; n = {found['n']} effects",
+        f"rms {found['rms_true']:.3f} (mean of last and first place);\nstated to vanish with the "
+        f"effect alone: rms {found['rms_alone']:.3f}; n = {found['n']} effects",
         fontsize=8,
     )
     save("shares_truth", {**found, "rows": [r._asdict() for r in rows]}, figure)

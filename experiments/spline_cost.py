@@ -1,4 +1,5 @@
-"""Cost of the spline energy against the quartic: one evaluation, a period of a replay, a whole comparison.
+"""Cost of the spline energy against the quartic: one evaluation, a period of a replay, a whole
+comparison.
 
 The same motor twice: as the quartic, and as the spline fitted to a flux map computed from it.
 """
@@ -40,16 +41,27 @@ def chain(m, n):
 
 
 def replayed(drive: Drive) -> Callable[[], float]:
-    """Return a timer of a replay, ns a period and set, SIDE sets side by side: a square wave on a driven rotor."""
+    """Return a timer of a replay, ns a period and set, SIDE sets side by side: a square wave on a
+    driven rotor."""
     n, h, motor = 4000, drive.converter.sampling_period, drive.motor
     k, omega = np.arange(n), 0.5 * motor.rated_omega
     angle = omega * h * (k + 0.5)
     u = (np.where(k % 8 < 4, 30.0, -30.0) + 1j * omega * motor.magnet_flux) * np.exp(1j * angle)
-    columns = {"t": k * h, "u_alpha": u.real, "u_beta": u.imag, "theta": omega * h * k, "u_dc": np.full(n, 400.0)}
+    columns = {
+        "t": k * h,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "theta": omega * h * k,
+        "u_dc": np.full(n, 400.0),
+    }
     columns |= {f"i_{x}": np.zeros(n) for x in "abc"}
-    campaign = Campaign("cost", drive, (CampaignRecording("driven", "driven", "d", columns),), {}, {}, False)
+    campaign = Campaign(
+        "cost", drive, (CampaignRecording("driven", "driven", "d", columns),), {}, {}, False
+    )
     prepared = prepare(campaign, steps=1)
-    sets = [{"stator_resistance.resistance": motor.resistance * (1.0 + 1e-3 * j)} for j in range(SIDE)]
+    sets = [
+        {"stator_resistance.resistance": motor.resistance * (1.0 + 1e-3 * j)} for j in range(SIDE)
+    ]
     block, out, moved = plan(prepared, sets)[0], np.empty((n, 3, SIDE)), np.empty((1, SIDE))
 
     def timed() -> float:
@@ -62,13 +74,20 @@ def replayed(drive: Drive) -> Callable[[], float]:
 
 
 def twin(drive: Drive) -> Drive:
-    """Return the drive with its quartic replaced by the spline fitted to a map of it, up to 2.7 x rated current."""
+    """Return the drive with its quartic replaced by the spline fitted to a map of it, up to 2.7 x
+    rated current."""
     motor, i = drive.motor, np.linspace(-2.7, 2.7, 33) * drive.motor.rated_current
     d, q = energy.flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
     points = FluxMap(motor.name, i, i, d + motor.magnet_flux, q).points()
     spline, magnet = spline_energy.centred(spline_energy.fit(*points, (14, 12), 1e-6))
-    values = {f.name: getattr(motor, f.name) for f in dataclasses.fields(Motor)} | dict.fromkeys(ALPHAS, 0.0)
-    values |= {"inductance_d": 1 / spline.gamma_d, "inductance_q": 1 / spline.gamma_q, "magnet_flux": magnet}
+    values = {f.name: getattr(motor, f.name) for f in dataclasses.fields(Motor)} | dict.fromkeys(
+        ALPHAS, 0.0
+    )
+    values |= {
+        "inductance_d": 1 / spline.gamma_d,
+        "inductance_q": 1 / spline.gamma_q,
+        "magnet_flux": magnet,
+    }
     return dataclasses.replace(drive, motor=MappedMotor(**values, map_hash="twin", spline=spline))
 
 

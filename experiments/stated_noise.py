@@ -1,12 +1,13 @@
 """Does the answer of a diagnosis change where the noise of the sensors is stated wrongly?
 
-Practice campaigns without a gap, with one effect and with two are diagnosed with the noise of their current sensors
-stated 0.8, 0.975, 1 and 1.2 times as large as it is; the first hypothesis, the chance of `unknown` and what is said of
-the noise are kept for each.
+Practice campaigns without a gap, with one effect and with two are diagnosed with the noise of their
+current sensors stated 0.8, 0.975, 1 and 1.2 times as large as it is; the first hypothesis, the
+chance of `unknown` and what is said of the noise are kept for each.
 
 Rows are written one by one; a run goes on where the last one ended (delete the file to begin anew).
 
-Run: python -m experiments.stated_noise [FOLDER]   (FOLDER: practice campaigns with truths beside them; 6 min)
+Run: python -m experiments.stated_noise [FOLDER]
+    (FOLDER: practice campaigns with truths beside them; 6 min)
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ def misstated(campaign: Campaign, share: float) -> Campaign:
     own = campaign.drive.converter
     noise, counts = share * own.current_noise, share * own.current_resolution
     converter = dataclasses.replace(own, current_noise=noise, current_resolution=counts)
-    return dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=converter))
+    return dataclasses.replace(
+        campaign, drive=dataclasses.replace(campaign.drive, converter=converter)
+    )
 
 
 def unknown_of(d: Diagnosis) -> float:
@@ -70,7 +73,12 @@ def main(folder: Path) -> None:
     for name, share in product(CAMPAIGNS, STATED):
         if (name, share) not in done:
             rows.append(
-                row(name, truths[name], share, diagnose(misstated(read_campaign(folder / name), share), workers=1))
+                row(
+                    name,
+                    truths[name],
+                    share,
+                    diagnose(misstated(read_campaign(folder / name), share), workers=1),
+                )
             )
             write_json(RESULTS, "stated_noise", {"rows": rows})
             print(name, share, rows[-1]["first"], flush=True)

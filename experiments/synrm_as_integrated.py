@@ -1,16 +1,19 @@
-"""Why a SynRM's standstill test parts from its own flux map: its authors' voltages, the currents' delay, and an angle.
+"""Why a SynRM's standstill test parts from its own flux map: its authors' voltages, the currents'
+delay, and an angle.
 
-The files hold a flux beside voltages and currents.  Their own difference gives back, to rounding, how the authors
-integrated it (trapezoids): u - dPsi/dt = R i + offset, R the same in all tests, the offset one voltage a test and axis.
+The files hold a flux beside voltages and currents.  Their own difference gives back, to rounding,
+how the authors integrated it (trapezoids): u - dPsi/dt = R i + offset, R the same in all tests, the
+offset one voltage a test and axis.
 
-Corrected one after the other, with the map fitted anew each time to both single-axis tests and the first half of the
-cross test:
+Corrected one after the other, with the map fitted anew each time to both single-axis tests and the
+first half of the cross test:
 
 1. as filed: R of `synrm_standstill`, commanded voltages, currents as they stand;
 2. currents earlier by the delay that `synrm_standstill` finds;
 3. R and voltage offsets of the authors;
-4. the cross test turned by the angle that `model.map_points.quality` proposes for the points of its first half (the
-   single-axis tests are filed with exactly no current across, so nothing is known of their angle).
+4. the cross test turned by the angle that `model.map_points.quality` proposes for the points of its
+   first half (the single-axis tests are filed with exactly no current across, so nothing is known
+   of their angle).
 
 Each is simulated from its voltages alone.  Run: python -m experiments.synrm_as_integrated   (20 s)
 """
@@ -34,13 +37,15 @@ from model.standstill import SMALL, fit_axes, simulate
 
 Array = NDArray[np.float64]
 FLOOR = 0.0045  # A: current_noise of synrm_standstill.toml
-CELLS = (((12, 14), 1e-3), ((12, 8), 3e-3))  # cells and smoothness; the finer one where the points allow it
+# cells and smoothness; the finer one where the points allow it
+CELLS = (((12, 14), 1e-3), ((12, 8), 3e-3))
 SETTLED, LAST = 5, 5  # samples at the beginning and the end that a moved current does not reach
 
 
 @dataclass(frozen=True)
 class Corrected:
-    """A test after corrections: t (n,), voltages, currents and flux along d and q, each (2, n), in s, V, A, Wb."""
+    """A test after corrections: t (n,), voltages, currents and flux along d and q, each (2, n), in
+    s, V, A, Wb."""
 
     t: Array
     u: Array
@@ -49,7 +54,8 @@ class Corrected:
 
 
 def of_authors(name: str) -> tuple[float, Array]:
-    """Return R (ohm) and the voltage offsets (V, on d and q) by which a test's filed flux is its filed voltage."""
+    """Return R (ohm) and the voltage offsets (V, on d and q) by which a test's filed flux is its
+    filed voltage."""
     a = _table(name)
     h = float(a["t"][1] - a["t"][0])
     out, resistance = np.zeros(2), []
@@ -67,9 +73,11 @@ def _table(name: str) -> NDArray[np.void]:
     return np.asarray(np.genfromtxt(folder / filed.FILES[name], delimiter=",", names=True))
 
 
-def corrected(resistance: float, delay: float, offsets: Mapping[str, Array], angle: float) -> dict[str, Corrected]:
-    """Return the tests with R (ohm), currents earlier by a delay (s), less voltage offsets (V), the cross test in a
-    frame turned by an angle (rad)."""
+def corrected(
+    resistance: float, delay: float, offsets: Mapping[str, Array], angle: float
+) -> dict[str, Corrected]:
+    """Return the tests with R (ohm), currents earlier by a delay (s), less voltage offsets (V), the
+    cross test in a frame turned by an angle (rad)."""
     out = {}
     for name in filed.FILES:
         a = _table(name)
@@ -79,8 +87,11 @@ def corrected(resistance: float, delay: float, offsets: Mapping[str, Array], ang
         steps = h * (u[:, :-1] - 0.5 * resistance * (i[:, 1:] + i[:, :-1]))
         psi = np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
         turn = angle if name == "cross" else 0.0
-        frame = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])  # as MapPoints.turned
-        out[name] = Corrected(t[:n], *(np.ascontiguousarray((frame @ x)[:, :n]) for x in (u, i, psi)))
+        # as MapPoints.turned
+        frame = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        out[name] = Corrected(
+            t[:n], *(np.ascontiguousarray((frame @ x)[:, :n]) for x in (u, i, psi))
+        )
     return out
 
 
@@ -90,14 +101,19 @@ def half(c: Corrected) -> slice:
 
 
 def map_points(tests: Mapping[str, Corrected]) -> Array:
-    """Return i_d, i_q (A), psi_d, psi_q (Wb) (m, 4) of the samples that the map is fitted to, mirrored in both axes."""
-    parts = [np.vstack([c.i, c.psi])[:, half(c) if k == "cross" else slice(SETTLED, None)] for k, c in tests.items()]
+    """Return i_d, i_q (A), psi_d, psi_q (Wb) (m, 4) of the samples that the map is fitted to,
+    mirrored in both axes."""
+    parts = [
+        np.vstack([c.i, c.psi])[:, half(c) if k == "cross" else slice(SETTLED, None)]
+        for k, c in tests.items()
+    ]
     p = np.hstack(parts)
     return np.vstack([(p * np.array([a, b, a, b])[:, None]).T for a in (1, -1) for b in (1, -1)])
 
 
 def proposed_angle(tests: Mapping[str, Corrected]) -> float:
-    """Return the angle (rad) that the cross test's points of the first half propose, 0 where they propose none."""
+    """Return the angle (rad) that the cross test's points of the first half propose, 0 where they
+    propose none."""
     c = tests["cross"]
     found = quality(MapPoints("cross test", *c.i[:, half(c)], *c.psi[:, half(c)], ()))
     return found.angle or 0.0
@@ -113,8 +129,9 @@ def fitted(points: Array) -> SplineEnergy:
 
 
 def misses(tests: Mapping[str, Corrected], resistance: float) -> dict[str, float]:
-    """Return, for each test and for the half of the cross test held out, the rms over the floor by which currents
-    simulated from the voltages alone miss those measured (per axis, as phases have it)."""
+    """Return, for each test and for the half of the cross test held out, the rms over the floor by
+    which currents simulated from the voltages alone miss those measured (per axis, as phases have
+    it)."""
     m, out = fitted(map_points(tests)), dict[str, float]()
     for name, c in tests.items():
         h, found = float(c.t[1] - c.t[0]), np.empty((len(c.t), 2))
@@ -138,7 +155,10 @@ def steps() -> dict[str, tuple[float, dict[str, Corrected]]]:
         "as filed": (own.resistance, corrected(own.resistance, 0.0, none, 0.0)),
         "currents earlier": (own.resistance, corrected(own.resistance, own.delay, none, 0.0)),
         "R and offsets of the authors": (resistance, late),
-        "cross test turned": (resistance, corrected(resistance, own.delay, offsets, proposed_angle(late))),
+        "cross test turned": (
+            resistance,
+            corrected(resistance, own.delay, offsets, proposed_angle(late)),
+        ),
     }
 
 
@@ -150,9 +170,13 @@ def main() -> None:
     for label, row in rows.items():
         print(f"{label:30s}", "  ".join(f"{k} {v:.1f}" for k, v in row.items()))
     print(
-        f"R {said['d'][0]:.6g} ohm, offsets { ({k: v[1].tolist() for k, v in said.items()}) } V, angle {angle:.4f} rad"
+        f"R {said['d'][0]:.6g} ohm, offsets "
+        f"{ ({k: v[1].tolist() for k, v in said.items()}) } V, angle {angle:.4f} rad"
     )
-    authors = {k: {"resistance": r, "offset_d_V": float(o[0]), "offset_q_V": float(o[1])} for k, (r, o) in said.items()}
+    authors = {
+        k: {"resistance": r, "offset_d_V": float(o[0]), "offset_q_V": float(o[1])}
+        for k, (r, o) in said.items()
+    }
     save("synrm_as_integrated", {"authors": authors, "angle": angle, "rms_over_floor": rows})
 
 

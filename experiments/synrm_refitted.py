@@ -1,9 +1,12 @@
-"""Could other readings of the SynRM's standstill test bring its own flux map below ten noise floors?
+"""Could other readings of the SynRM's standstill test bring its own flux map below ten noise
+floors?
 
-`synrm_as_integrated` ends at 12.7 over all.  Here what it takes from the files is fitted instead: the delay of each
-test, the angle of the cross test, its resistance (it may have been warmer), unequal gains of its current sensors (at a
-rotor that stands: a part that turns the other way).  Fitted to both single-axis tests and the first half of the cross
-test by what currents simulated from the voltages alone miss; the second half is held out.
+`synrm_as_integrated` ends at 12.7 over all.  Here what it takes from the files is fitted instead:
+the delay of each test, the angle of the cross test, its resistance (it may have been warmer),
+unequal gains of its current sensors (at a rotor that stands: a part that turns the other way).
+Fitted to both single-axis tests and the first
+half of the cross test by what currents simulated from the voltages alone miss; the second half is
+held out.
 
 Run: python -m experiments.synrm_refitted   (2 min)
 """
@@ -22,20 +25,30 @@ from model.standstill import SMALL, simulate
 
 Array = NDArray[np.float64]
 TESTS = tuple(filed.FILES)
-FIRST = (2.1, 2.1, 2.45, 0.0395)  # delays of the tests (1e-4 s), angle (rad): near those of `synrm_as_integrated`
+# delays of the tests (1e-4 s), angle (rad): near those of `synrm_as_integrated`
+FIRST = (2.1, 2.1, 2.45, 0.0395)
 STEPS = (0.3, 0.3, 0.2, 0.004)
-MORE = {"delays and angle": (), "resistance of the cross test, too": (0.02,), "current gains, too": (0.01, 0.01)}
+MORE = {
+    "delays and angle": (),
+    "resistance of the cross test, too": (0.02,),
+    "current gains, too": (0.01, 0.01),
+}
 TRIALS = 70
 
 
-def tests_at(x: Array, authors: dict[str, tuple[float, Array]]) -> tuple[dict[str, float], dict[str, read.Corrected]]:
-    """Return R (ohm) of each test and the tests, read with delays, angle and what else there is: a share of R, or the
-    two parts of a gain."""
+def tests_at(
+    x: Array, authors: dict[str, tuple[float, Array]]
+) -> tuple[dict[str, float], dict[str, read.Corrected]]:
+    """Return R (ohm) of each test and the tests, read with delays, angle and what else there is: a
+    share of R, or the two parts of a gain."""
     resistance, offsets = authors["d"][0], {name: offset for name, (_, offset) in authors.items()}
     own = dict.fromkeys(TESTS, resistance)
     if len(x) == 5:
         own["cross"] *= 1.0 + x[4]
-    out = {name: read.corrected(own[name], 1e-4 * x[k], offsets, x[3])[name] for k, name in enumerate(TESTS)}
+    out = {
+        name: read.corrected(own[name], 1e-4 * x[k], offsets, x[3])[name]
+        for k, name in enumerate(TESTS)
+    }
     if len(x) == 6:
         c = out["cross"]
         z = c.i[0] + 1j * c.i[1]
@@ -48,12 +61,15 @@ def tests_at(x: Array, authors: dict[str, tuple[float, Array]]) -> tuple[dict[st
 
 
 def misses(x: Array, authors: dict[str, tuple[float, Array]]) -> dict[str, float]:
-    """Return the rms over the floor of what was fitted ("fitted"), of all samples, and of the half held out."""
+    """Return the rms over the floor of what was fitted ("fitted"), of all samples, and of the half
+    held out."""
     resistance, tests = tests_at(x, authors)
     m, squares = read.fitted(read.map_points(tests)), {}
     for name, c in tests.items():
         h, found = float(c.t[1] - c.t[0]), np.empty((len(c.t), 2))
-        simulate(m, resistance[name], 0.0, SMALL, c.u[0], c.u[1], h, c.psi[0, 0], c.psi[1, 0], 10, found)
+        simulate(
+            m, resistance[name], 0.0, SMALL, c.u[0], c.u[1], h, c.psi[0, 0], c.psi[1, 0], 10, found
+        )
         squares[name] = np.mean((found.T - c.i) ** 2, axis=0) / read.FLOOR**2
     half = len(squares["cross"]) // 2
     seen = np.concatenate([squares["d"], squares["q"], squares["cross"][:half]])
@@ -63,7 +79,8 @@ def misses(x: Array, authors: dict[str, tuple[float, Array]]) -> dict[str, float
 
 
 def best(authors: dict[str, tuple[float, Array]], more: tuple[float, ...]) -> Array:
-    """Return the reading that misses least of what is fitted (Nelder and Mead); more: first steps beyond FIRST."""
+    """Return the reading that misses least of what is fitted (Nelder and Mead); more: first steps
+    beyond FIRST."""
     start = np.array([*FIRST, *[0.0] * len(more)])
     simplex = np.vstack([start, start + np.diag([*STEPS, *more])])
 

@@ -1,7 +1,9 @@
-"""A real SynRM at standstill (10 kHz, square-wave voltages): R, voltage error and flux map from the recording alone.
+"""A real SynRM at standstill (10 kHz, square-wave voltages): R, voltage error and flux map from the
+recording alone.
 
-Fitted: both single-axis tests and the first half of the cross test.  Held out: the cross test's second half, and the
-authors' reference map (whose current grid is not published: its two extents are fitted, so only its shape counts).
+Fitted: both single-axis tests and the first half of the cross test.  Held out: the cross test's
+second half, and the authors' reference map (whose current grid is not published: its two extents
+are fitted, so only its shape counts).
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ def tests() -> dict[str, StepTest]:
 
 
 def points(data, fit, half: bool):
-    """Return psi_d, psi_q, i_d, i_q of the fitted samples, mirrored in d (a SynRM is symmetric in both axes)."""
+    """Return psi_d, psi_q, i_d, i_q of the fitted samples, mirrored in d (a SynRM is symmetric in
+    both axes)."""
     parts = [flux_of(data[k], fit) for k in ("d", "q")]
     cross = flux_of(data["cross"], fit)
     parts.append(tuple(x[: len(x) // 2] if half else x for x in cross))
@@ -51,11 +54,25 @@ def main() -> None:
         out, h = np.empty((len(test.t), 2)), float(test.t[1] - test.t[0])
         psi_d, psi_q, i_d, i_q = flux_of(test, fit)
         largest = float(np.max(np.hypot(i_d, i_q)))
-        simulate(m, fit.resistance, fit.threshold, SMALL * largest, test.u_d, test.u_q, h, psi_d[0], psi_q[0], 10, out)
+        simulate(
+            m,
+            fit.resistance,
+            fit.threshold,
+            SMALL * largest,
+            test.u_d,
+            test.u_q,
+            h,
+            psi_d[0],
+            psi_q[0],
+            10,
+            out,
+        )
         later = slice(len(test.t) // 2, None)
         numbers[name] = {
             "current_rms_error": np.sqrt(np.mean((out[:, 0] - i_d) ** 2 + (out[:, 1] - i_q) ** 2)),
-            "current_rms_error_second_half": np.hypot(_rms((out[:, 0] - i_d)[later]), _rms((out[:, 1] - i_q)[later])),
+            "current_rms_error_second_half": np.hypot(
+                _rms((out[:, 0] - i_d)[later]), _rms((out[:, 1] - i_q)[later])
+            ),
             "current_rms": np.sqrt(np.mean(i_d**2 + i_q**2)),
             "largest_current": largest,
         }
@@ -77,7 +94,10 @@ def main() -> None:
                     linewidth=1.1,
                     label=f"i_{c} simulated",
                 )
-        axis.set(ylabel="A", title=f"{name} test" + (" (second half held out)" if name == "cross" else ""))
+        axis.set(
+            ylabel="A",
+            title=f"{name} test" + (" (second half held out)" if name == "cross" else ""),
+        )
         axis.legend(fontsize=7, ncols=2, loc="upper right")
     axes[-1, 0].set_xlabel("t (ms)")
     numbers["reference_map"] = against_reference(m)
@@ -85,7 +105,8 @@ def main() -> None:
 
 
 def flux_error(m, psi_d, psi_q, i_d, i_q) -> dict[str, float]:
-    """Return rms flux error (Wb) at measured currents inside the map, and the share of samples outside."""
+    """Return rms flux error (Wb) at measured currents inside the map, and the share of samples
+    outside."""
     errors = []
     for a, b, c, d in zip(psi_d, psi_q, i_d, i_q, strict=True):
         try:
@@ -103,7 +124,9 @@ def _rms(x) -> float:
 
 def against_reference(m) -> dict[str, float]:
     """Return extents of the reference's grid that fit best, and rms difference of flux there."""
-    z = np.load(shared("SENSORLESS_DATA", "realdata") / "synrm_standstill" / "filtered_gt_cache.npz")
+    z = np.load(
+        shared("SENSORLESS_DATA", "realdata") / "synrm_standstill" / "filtered_gt_cache.npz"
+    )
     best: dict[str, float] = {"flux_rms": np.inf}
     for top_d in np.arange(2.5, 4.8, 0.1):
         for top_q in np.arange(2.5, 4.8, 0.1):
@@ -115,7 +138,12 @@ def against_reference(m) -> dict[str, float]:
             e_d, e_q = d - z["Psid_gt"][::3, ::3], q - z["Psiq_gt"][::3, ::3]
             rms = float(np.sqrt(np.mean(e_d**2 + e_q**2)))
             if rms < best["flux_rms"]:
-                best = {"flux_rms": rms, "d_rms": _rms(e_d), "q_rms": _rms(e_q), "largest_i_d": top_d}
+                best = {
+                    "flux_rms": rms,
+                    "d_rms": _rms(e_d),
+                    "q_rms": _rms(e_q),
+                    "largest_i_d": top_d,
+                }
                 best |= {"largest_i_q": top_q, "largest_flux": float(np.max(z["Psid_gt"]))}
     return best
 

@@ -1,9 +1,11 @@
-"""Recordings of a machine that exists as finite elements only: THOR's tables over (i_d, i_q, angle) behind voltages.
+"""Recordings of a machine that exists as finite elements only: THOR's tables over (i_d, i_q, angle)
+behind voltages.
 
-No bench has recorded this motor.  Its flux tables (motulator's example, data set `thor_fea`) are integrated here under
-open-loop voltages, rotor locked or driven; inverter and sensors are ideal but for noise.  So only the machine can be at
-fault: slots (6k harmonics that depend on the currents) and saturation beyond the nominal model, the quartic energy
-fitted to the tables' mean over the angle.
+No bench has recorded this motor.  Its flux tables (motulator's example, data set `thor_fea`) are
+integrated here under open-loop voltages, rotor locked or driven; inverter and sensors are ideal but
+for noise.  So only the machine can be at fault: slots (6k harmonics that depend on the currents)
+and saturation beyond the nominal model, the
+quartic energy fitted to the tables' mean over the angle.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 
 PERIOD, LINK, NOISE, COUNTS = 1e-4, 540.0, 0.02, 1 << 16
 SAMPLES, FINE = 3000, 4
-CASES = (  # name, electrical speed (rad/s), angle of a locked rotor (rad), middle and swing of i_d and i_q (A)
+# name, electrical speed (rad/s), angle of a locked rotor (rad), middle and swing of i_d and i_q (A)
+CASES = (
     ("locked_a", 0.0, 0.2, -8.0, 7.0, 9.0, 7.0),
     ("locked_b", 0.0, 1.1, -5.0, 5.0, 11.0, 6.0),
     ("locked_c", 0.0, 2.5, -9.0, 6.0, 10.0, 8.0),
@@ -32,7 +35,8 @@ CASES = (  # name, electrical speed (rad/s), angle of a locked rotor (rad), midd
 
 
 def nominal(thor: Thor) -> Motor:
-    """Return the motor whose quartic energy fits the tables' mean over the angle best within rated current."""
+    """Return the motor whose quartic energy fits the tables' mean over the angle best within rated
+    current."""
     i_d, i_q = np.meshgrid(thor.i_d, thor.i_q, indexing="ij")
     own = np.hypot(i_d, i_q) <= 1.1 * RATED_CURRENT
     middle = (int(np.argmin(abs(thor.i_d))), int(np.argmin(abs(thor.i_q))))
@@ -63,7 +67,8 @@ def nominal(thor: Thor) -> Motor:
 class Tables:
     """THOR's fluxes at currents and angles, cubic splines between the tables' points.
 
-    The tables hold i_q >= 0; below, the machine is its own mirror image: psi_d even, psi_q odd under (i_q, theta) -> -.
+    The tables hold i_q >= 0; below, the machine is its own mirror image: psi_d even, psi_q odd
+    under (i_q, theta) -> -.
     """
 
     def __init__(self, thor: Thor) -> None:
@@ -72,7 +77,10 @@ class Tables:
         turn = np.mod(thor.theta, math.tau)
         order = np.argsort(turn)
         self.first, self.count = float(turn[order[0]]), len(order)
-        back = np.rint(np.mod(-turn[order] - self.first, math.tau) / math.tau * self.count).astype(int) % self.count
+        back = (
+            np.rint(np.mod(-turn[order] - self.first, math.tau) / math.tau * self.count).astype(int)
+            % self.count
+        )
         self.psi = []
         for table, sign in ((thor.psi_d, 1.0), (thor.psi_q, -1.0)):
             own = table[:, :, order]
@@ -85,7 +93,10 @@ class Tables:
         """Return flux (n, 2) in Wb at currents (n, 2) in A and electrical angles (n,)."""
         turn = np.mod(theta - self.first, math.tau) / math.tau * self.count
         at = np.vstack([((i - self.origin) / self.step).T, turn])
-        return np.stack([map_coordinates(c, at, order=3, mode="grid-wrap", prefilter=False) for c in self.psi], axis=-1)
+        return np.stack(
+            [map_coordinates(c, at, order=3, mode="grid-wrap", prefilter=False) for c in self.psi],
+            axis=-1,
+        )
 
     def slopes(self, i, theta):
         """Return the incremental inductances (n, 2, 2) in H, by central differences."""
@@ -107,11 +118,16 @@ class Tables:
 def bench(thor: Thor, seed: int = 0) -> Campaign:
     """Return the campaign: what each case's voltages make of THOR's tables, sampled with noise."""
     tables, motor, rng = Tables(thor), nominal(thor), np.random.default_rng(seed)
-    speed, angle, d_0, d_1, q_0, q_1 = (np.array([c[k] for c in CASES], dtype=float) for k in range(1, 7))
+    speed, angle, d_0, d_1, q_0, q_1 = (
+        np.array([c[k] for c in CASES], dtype=float) for k in range(1, 7)
+    )
     t = PERIOD * np.arange(SAMPLES + 1)[:, None]
     theta = angle + speed * t
     rise = 1.0 - np.exp(-t / 0.02)
-    wanted = np.stack([rise * (d_0 + d_1 * np.sin(9.0 * t + angle)), rise * (q_0 + q_1 * np.sin(31.0 * t))], axis=-1)
+    wanted = np.stack(
+        [rise * (d_0 + d_1 * np.sin(9.0 * t + angle)), rise * (q_0 + q_1 * np.sin(31.0 * t))],
+        axis=-1,
+    )
     psi = np.stack([tables.flux(w, th) for w, th in zip(wanted, theta, strict=True)])
     z = (psi[..., 0] + 1j * psi[..., 1]) * np.exp(1j * theta)
     i = (wanted[..., 0] + 1j * wanted[..., 1]) * np.exp(1j * theta)
@@ -128,8 +144,16 @@ def bench(thor: Thor, seed: int = 0) -> Campaign:
         out[k] = (at[:, 0] + 1j * at[:, 1]) * np.exp(1j * theta[k])
         x, at = _step(tables, thor.resistance, x, u[k], theta[k], speed, at)
     converter = Converter(PERIOD, LINK, 0.0, NOISE, encoder_counts=COUNTS)
-    drive = Drive(motor, converter, Injection(500.0, 1.0), {"motor": "finite elements, THOR, quartic fit of the mean"})
-    parts = [_recording(c, t[:-1, 0], u[:, k], out[:, k], theta[:-1, k], rng) for k, c in enumerate(CASES)]
+    drive = Drive(
+        motor,
+        converter,
+        Injection(500.0, 1.0),
+        {"motor": "finite elements, THOR, quartic fit of the mean"},
+    )
+    parts = [
+        _recording(c, t[:-1, 0], u[:, k], out[:, k], theta[:-1, k], rng)
+        for k, c in enumerate(CASES)
+    ]
     return Campaign("thor", drive, tuple(parts), {}, {}, False)
 
 
@@ -138,7 +162,8 @@ def _split(z):
 
 
 def _step(tables, resistance, x, u, theta, speed, at):
-    """Return stationary flux and currents after one period, by Runge and Kutta's midpoint rule in FINE steps."""
+    """Return stationary flux and currents after one period, by Runge and Kutta's midpoint rule in
+    FINE steps."""
     h = PERIOD / FINE
     for n in range(FINE):
         th = theta + speed * h * n
@@ -157,8 +182,16 @@ def _step(tables, resistance, x, u, theta, speed, at):
 def _recording(case, t, u, i, theta, rng) -> CampaignRecording:
     count = math.tau * 2.0 / COUNTS
     columns = {"t": t, "u_alpha": u.real, "u_beta": u.imag, "u_dc": np.full(len(t), LINK)}
-    columns |= dict(zip(("i_a", "i_b", "i_c"), (np.asarray(x) for x in phases.py_func(i.real, i.imag)), strict=True))
+    columns |= dict(
+        zip(
+            ("i_a", "i_b", "i_c"),
+            (np.asarray(x) for x in phases.py_func(i.real, i.imag)),
+            strict=True,
+        )
+    )
     for name in ("i_a", "i_b", "i_c"):
         columns[name] = columns[name] + NOISE * rng.standard_normal(len(t))
     columns["theta"] = count * np.round(theta / count)
-    return CampaignRecording(f"{case[0]}.parquet", "driven" if case[1] else "locked", "none", columns)
+    return CampaignRecording(
+        f"{case[0]}.parquet", "driven" if case[1] else "locked", "none", columns
+    )

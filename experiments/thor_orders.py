@@ -1,11 +1,13 @@
 """Which orders do THOR's slots make, and how do their amplitudes depend on the currents?
 
-First the tables: rms of each order of the flux over the currents within the rated one, and the share of its energy that
-one amplitude and phase, the same at all currents, would explain; then the shares that co-energies explain which are
-even in (i_q, angle) and of first, second, third degree in the currents: amplitudes that are constant, grow with the
-current, grow with its square.  Then the recordings made of them, beside the tables' mean over the angle as nominal flux
-map: the share of the residual's excess that each order of the rotor's frame holds.  Last, of the harmonics that the
-diagnosis named there (`real_cases`): the share of the tables' orders that they explain.
+First the tables: rms of each order of the flux over the currents within the rated one, and the
+share of its energy that one amplitude and phase, the same at all currents, would explain; then the
+shares that co-energies explain which are even in (i_q, angle) and of first, second, third degree in
+the currents: amplitudes that are constant, grow with the current, grow with its square.  Then the
+recordings made of them, beside the tables' mean over the angle as nominal flux map: the share of
+the residual's excess that each order of the rotor's frame holds.  Last, of the
+harmonics that the diagnosis named there (`real_cases`): the share of the tables' orders that they
+explain.
 
 Run: python -m experiments.thor_orders   (15 s)
 """
@@ -34,7 +36,8 @@ SIZES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03
 
 
 def of_tables(table: thor.Thor) -> dict[int, dict[str, float]]:
-    """Return for the largest orders their rms (Wb, both axes) and the share that a constant amplitude explains."""
+    """Return for the largest orders their rms (Wb, both axes) and the share that a constant
+    amplitude explains."""
     i_d, i_q = np.meshgrid(table.i_d, table.i_q, indexing="ij")
     own = np.hypot(i_d, i_q) <= thor.RATED_CURRENT
     found = {}
@@ -45,7 +48,9 @@ def of_tables(table: thor.Thor) -> dict[int, dict[str, float]]:
         constant = sum(float(np.abs(np.mean(x)) ** 2) for x in parts)
         found[n] = {"rms_Wb": float(np.sqrt(0.5 * energy)), "constant": constant / energy}
         found[n] |= {
-            f"degree_{k}": of_coenergy(i_d[own] / thor.RATED_CURRENT, i_q[own] / thor.RATED_CURRENT, *parts, k)
+            f"degree_{k}": of_coenergy(
+                i_d[own] / thor.RATED_CURRENT, i_q[own] / thor.RATED_CURRENT, *parts, k
+            )
             for k in (1, 2, 3)
         }
     largest = sorted(found, key=lambda n: -found[n]["rms_Wb"])[:SHOWN]
@@ -53,10 +58,12 @@ def of_tables(table: thor.Thor) -> dict[int, dict[str, float]]:
 
 
 def of_coenergy(x, y, psi_d, psi_q, degree: int) -> float:
-    """Return the share of an order's energy that a co-energy up to some degree in the currents explains.
+    """Return the share of an order's energy that a co-energy up to some degree in the currents
+    explains.
 
-    x, y: i_d, i_q (m,); psi_d, psi_q: complex amplitudes (m,) of cos - j sin.  A machine that is its own mirror image
-    has terms of even degree in i_q with the cosine and of odd degree with the sine; fluxes are the slopes of both.
+    x, y: i_d, i_q (m,); psi_d, psi_q: complex amplitudes (m,) of cos - j sin.  A machine that is
+    its own mirror image has terms of even degree in i_q with the cosine and of odd degree with the
+    sine; fluxes are the slopes of both.
     """
     columns = []
     for total in range(1, degree + 1):
@@ -71,10 +78,12 @@ def of_coenergy(x, y, psi_d, psi_q, degree: int) -> float:
 
 
 def of_diagnosis(table: thor.Thor, values: Mapping[str, float]) -> dict[int, float]:
-    """Return which share of the tables' orders the harmonics explain that the diagnosis named, at currents recorded.
+    """Return which share of the tables' orders the harmonics explain that the diagnosis named, at
+    currents recorded.
 
-    values: its parameters by their public names.  Nothing is simulated: a harmonic current di at a flux moves the flux
-    at a given current by -L di, to first order, with L the incremental inductances of the tables' mean.
+    values: its parameters by their public names.  Nothing is simulated: a harmonic current di at a
+    flux moves the flux at a given current by -L di, to first order, with L the incremental
+    inductances of the tables' mean.
     """
     d, q = table.psi_d.mean(2), table.psi_q.mean(2)
     slopes = [np.gradient(x, table.i_d, table.i_q) for x in (d, q)]
@@ -90,11 +99,15 @@ def of_diagnosis(table: thor.Thor, values: Mapping[str, float]) -> dict[int, flo
         x = size["order"] * table.theta + size["phase"]
         even, odd = size["gamma"] + size["back"], size["gamma"] - size["back"]
         cos, sin = np.cos(x), np.sin(x)
-        moved[0] += cos * ((even + size["pulse"]) * d + 3.0 * size["alpha_30"] * d**2 + size["alpha_12"] * q**2)
+        moved[0] += cos * (
+            (even + size["pulse"]) * d + 3.0 * size["alpha_30"] * d**2 + size["alpha_12"] * q**2
+        )
         moved[0] += sin * (odd * q + 2.0 * size["alpha_21"] * d * q)
         moved[1] += cos * ((size["pulse"] - even) * q + 2.0 * size["alpha_12"] * d * q)
         moved[1] += sin * (odd * d + size["alpha_21"] * d**2 + 3.0 * size["alpha_03"] * q**2)
-    flux = [-sum(slope[..., None] * i for slope, i in zip(row, moved, strict=True)) for row in slopes]
+    flux = [
+        -sum(slope[..., None] * i for slope, i in zip(row, moved, strict=True)) for row in slopes
+    ]
     for k in range(1, 7):
         part, end = ("flux_harmonics", "6") if k == 1 else (f"flux_harmonics.{k}", "")
         x = values.get(f"{part}.order", 6.0) * table.theta + values.get(f"{part}.phase", 0.0)
@@ -103,13 +116,17 @@ def of_diagnosis(table: thor.Thor, values: Mapping[str, float]) -> dict[int, flo
     out = {}
     for n in (18, 6, 12, 36):
         wave = np.exp(-1j * n * table.theta)
-        seen, told = (np.stack([(x * wave).mean(2)[own] for x in p]) for p in ((table.psi_d, table.psi_q), flux))
+        seen, told = (
+            np.stack([(x * wave).mean(2)[own] for x in p])
+            for p in ((table.psi_d, table.psi_q), flux)
+        )
         out[n] = 1.0 - float(np.sum(np.abs(seen - told) ** 2) / np.sum(np.abs(seen) ** 2))
     return out
 
 
 def of_residual() -> dict[int, float]:
-    """Return the shares of the residual's excess in the largest orders, before anything is fitted."""
+    """Return the shares of the residual's excess in the largest orders, before anything is
+    fitted."""
     with tempfile.TemporaryDirectory() as folder:
         campaign = read_campaign(thor_with_map(Path(folder)))
         start = Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
@@ -126,13 +143,19 @@ def main() -> None:
     for n, row in tables.items():
         degrees = ", ".join(f"{row[f'degree_{k}']:.0%}" for k in (1, 2, 3))
         print(
-            f"order {n}: {1e3 * row['rms_Wb']:.2f} mWb rms, a constant explains {row['constant']:.0%}, "
-            f"even energies of degree 1, 2, 3 {degrees}"
+            f"order {n}: {1e3 * row['rms_Wb']:.2f} mWb rms, a constant explains "
+            f"{row['constant']:.0%}, even energies of degree 1, 2, 3 {degrees}"
         )
-    print("of the residual's excess: " + ", ".join(f"order {n} {share:.1%}" for n, share in residual.items()))
+    print(
+        "of the residual's excess: "
+        + ", ".join(f"order {n} {share:.1%}" for n, share in residual.items())
+    )
     case = json.loads((RESULTS / "real_cases.json").read_text())["cases"]["thor_own_map"]
     named = of_diagnosis(table, case["parameters"])
-    print("explained by what was named: " + ", ".join(f"order {n} {share:.0%}" for n, share in named.items()))
+    print(
+        "explained by what was named: "
+        + ", ".join(f"order {n} {share:.0%}" for n, share in named.items())
+    )
     save("thor_orders", {"tables": tables, "residual": residual, "named": named})
 
 

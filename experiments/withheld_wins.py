@@ -1,4 +1,5 @@
-"""Where a simple method does better than the project's diagnosis, and where worse, campaign by campaign."""
+"""Where a simple method does better than the project's diagnosis, and where worse, campaign by
+campaign."""
 
 from __future__ import annotations
 
@@ -10,10 +11,11 @@ from sandbox.withheld.scoring.judge import UNKNOWN, Judgement
 
 
 class Split(NamedTuple):
-    """Campaigns that two methods answered: where the first did better, where the second did, in how many neither.
+    """Campaigns that two methods answered: where the first did better, where the second did, in how
+    many neither.
 
-    chance: that methods of equal worth are split as unevenly or more (exact sign test on the campaigns that differ:
-    McNemar, Psychometrika 12 (1947) 153); 1 where none differs.
+    chance: that methods of equal worth are split as unevenly or more (exact sign test on the
+    campaigns that differ: McNemar, Psychometrika 12 (1947) 153); 1 where none differs.
     """
 
     own: tuple[str, ...]
@@ -23,8 +25,8 @@ class Split(NamedTuple):
 
 
 def worth(j: Judgement) -> float:
-    """Return what an answer counts: 1 if its first hypothesis is right, else 0; of MANY effects and more F1 of those
-    named (chance above NAMED)."""
+    """Return what an answer counts: 1 if its first hypothesis is right, else 0; of MANY effects and
+    more F1 of those named (chance above NAMED)."""
     true = {*j.effects} - {UNKNOWN}
     if len(true) < MANY:
         return float(j.hit)

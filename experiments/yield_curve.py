@@ -1,10 +1,12 @@
-"""Yield: how many drives of a production run err less than x degrees, with a linear and with a saturated belief.
+"""Yield: how many drives of a production run err less than x degrees, with a linear and with a
+saturated belief.
 
 python -m experiments.yield_curve [--jobs N | --dask ADDRESS] [--points N] [--runs DIR]
-python -m experiments.yield_curve --scaling      measures 1 and 2 processes on a small piece, for the same page
+python -m experiments.yield_curve --scaling
+    measures 1 and 2 processes on a small piece, for the same page
 
-100 000 runs (`yield_curve.toml`); an interrupted call goes on where it was.  Runs are kept in DIR (150 bytes each),
-what the page shows in experiments/results/yield/.
+100 000 runs (`yield_curve.toml`); an interrupted call goes on where it was.  Runs are kept in DIR
+(150 bytes each), what the page shows in experiments/results/yield/.
 """
 
 from __future__ import annotations
@@ -30,7 +32,11 @@ from sandbox import sweep
 from sandbox.output.files import plain, version
 
 HERE = Path(__file__).parent
-PLAN, RESULTS, RUNS = HERE / "yield_curve.toml", HERE / "results" / "yield", Path("sensorless-out") / "yield_curve"
+PLAN, RESULTS, RUNS = (
+    HERE / "yield_curve.toml",
+    HERE / "results" / "yield",
+    Path("sensorless-out") / "yield_curve",
+)
 PIECE = 2000  # points of the scaling measurement: half a minute
 PROGRESS_STEP = 5.0  # % of the runs between two lines of progress
 
@@ -63,7 +69,8 @@ def told() -> Any:
 
 
 def causes(table: Any, draws: list[str], rows: np.ndarray) -> tuple[dict[str, float], float]:
-    """Return each parameter's share of the error's variance in a linear regression, and the share of all together."""
+    """Return each parameter's share of the error's variance in a linear regression, and the share
+    of all together."""
     names = [name.removeprefix("true_factor.") for name in draws]
     x = np.array([table[name].to_numpy()[rows] for name in draws]).T
     y = table["mean_deg"].to_numpy(zero_copy_only=False)[rows]
@@ -83,7 +90,8 @@ def peak_rss() -> dict[str, float]:
 
 
 def scaling() -> dict[str, Any]:
-    """Return runs a second with 1 and 2 processes on a piece, wall and CPU; kernels are compiled before."""
+    """Return runs a second with 1 and 2 processes on a piece, wall and CPU; kernels are compiled
+    before."""
     found: dict[str, Any] = {"points": PIECE, "cores": os.cpu_count(), "load": os.getloadavg()[0]}
     with tempfile.TemporaryDirectory() as place:
         sweep(tables(8), Path(place) / "warm", jobs=1)
@@ -106,42 +114,54 @@ def page(content: dict[str, Any]) -> str:
     lines = [
         f"# Yield: {content['points']} motors within their tolerances, {content['runs']} runs",
         "",
-        "A factory builds many motors of one type, and no two of them are quite alike. One drive, designed for the "
-        "nominal motor, has to serve them all. How many of these drives err by less than x degrees?",
+        "A factory builds many motors of one type, and no two of them are quite alike. One drive, "
+        "designed for the nominal motor, has to serve them all. How many of these drives err by "
+        "less than x degrees?",
         "",
         "![Share of drives that err less than x degrees](yield_curve.svg)",
         "",
-        "Each motor runs four times: two estimators, each with a linear and with a saturated belief. The belief is "
-        "that of the nominal motor. The error is the size of a run's mean position error, in electrical degrees. A "
-        "drive that loses lock, or has no result, counts as worse than any error.",
+        "Each motor runs four times: two estimators, each with a linear and with a saturated "
+        "belief. The belief is that of the nominal motor. The error is the size of a run's mean "
+        "position error, in electrical degrees. A drive that loses lock, or has no result, counts "
+        "as worse than any error.",
         "",
-        "| estimator, belief | half err less than | **95 % err less than** (95 % interval) | 99 % err less than | lost "
-        "| no result |",
+        "| estimator, belief | half err less than | **95 % err less than** (95 % interval) | 99 % "
+        "err less than | lost | no result |",
         "|---|--:|--:|--:|--:|--:|",
         *map(group_line, content["groups"]),
         "",
-        "The motors: `ipm_exchanged` with R within ±10 %, magnet flux within ±5 %, L_d and L_q within ±10 %, the five "
-        "alphas within ±20 % of the nominal values. All are drawn evenly and independently; these tolerances are an "
-        "assumption ([yield_curve.toml](../../yield_curve.toml)). A run lasts 0.5 s at standstill with 120 % load, and "
-        "the estimate controls the drive.",
+        "The motors: `ipm_exchanged` with R within ±10 %, magnet flux within ±5 %, L_d and L_q "
+        "within ±10 %, the five alphas within ±20 % of the nominal values. All are drawn evenly "
+        "and independently; these tolerances are an assumption "
+        "([yield_curve.toml](../../yield_curve.toml)). A run lasts 0.5 s at standstill with 120 % "
+        "load, and the estimate controls the drive.",
         "",
         "## Which parameter matters?",
         "",
-        "The share of the error's variance that each parameter explains in a linear regression, in percent:",
+        (
+            "The share of the error's variance that each parameter explains in a linear "
+            "regression, in percent:"
+        ),
         "",
     ]
     heads = list(content["causes"][0]["shares"])
-    lines += [f"| estimator, belief | {' | '.join(heads)} | all together |", "|---|" + "--:|" * (len(heads) + 1)]
+    lines += [
+        f"| estimator, belief | {' | '.join(heads)} | all together |",
+        "|---|" + "--:|" * (len(heads) + 1),
+    ]
     for c in content["causes"]:
         cells = [f"{100 * v:.1f}" for v in c["shares"].values()]
         lines.append(f"| {c['name']} | {' | '.join(cells)} | {100 * c['explained']:.1f} |")
     lines += ["", "## What it costs", "", *costs(content), ""]
-    lines.append(f"Made by `python -m experiments.yield_curve`, {content['date']}, {content['version']}.")
+    lines.append(
+        f"Made by `python -m experiments.yield_curve`, {content['date']}, {content['version']}."
+    )
     return "\n".join(lines) + "\n"
 
 
 def draw(content: dict[str, Any]) -> Any:
-    """Return the figure: for each estimator and belief the errors that 50, 95 and 99 % of the motors stay below."""
+    """Return the figure: for each estimator and belief the errors that 50, 95 and 99 % of the
+    motors stay below."""
     figure, ((axes,),) = new_figure(1, 1, 6.4, 2.6)
     groups = content["groups"]
     for y, g in enumerate(groups):
@@ -153,25 +173,35 @@ def draw(content: dict[str, Any]) -> Any:
     axes.set_yticks(range(len(groups)), [", ".join(g["values"].values()) for g in groups])
     axes.set_ylim(len(groups) - 0.5, -0.5)
     axes.set_xlim(left=0.0)
-    axes.set_xlabel("position error (°); circle: half of the motors err less, square: 95 %, diamond: 99 %")
+    axes.set_xlabel(
+        "position error (°); circle: half of the motors err less, square: 95 %, diamond: 99 %"
+    )
     return figure
 
 
 def group_line(g: dict[str, Any]) -> str:
     """Return one estimator and belief as a line of the table."""
     wide = f"{_deg(g['p95_low_deg'])} – {_deg(g['p95_high_deg'])}"
-    cells = [", ".join(g["values"].values()), _deg(g["median_deg"]), f"**{_deg(g['p95_deg'])}** ({wide})"]
-    return f"| {' | '.join([*cells, _deg(g['p99_deg']), str(g['lost']), str(g['runs'] - g['ok'])])} |"
+    cells = [
+        ", ".join(g["values"].values()),
+        _deg(g["median_deg"]),
+        f"**{_deg(g['p95_deg'])}** ({wide})",
+    ]
+    return (
+        f"| {' | '.join([*cells, _deg(g['p99_deg']), str(g['lost']), str(g['runs'] - g['ok'])])} |"
+    )
 
 
 def costs(content: dict[str, Any]) -> list[str]:
     """Return what the runs cost, in sentences."""
     cost = content["cost"]
     lines = [
-        f"A run costs {cost['cpu_ms']:.2f} ms of processor time, {cost['kernel_ms']:.2f} ms of it in the compiled "
-        f"loop; the ratio is {cost['cpu_ms'] / cost['kernel_ms']:.2f}. The largest memory of the process was "
-        f"{cost['rss']['parent_MB']:.0f} MB"
-        + (f", of a worker {cost['rss']['worker_MB']:.0f} MB." if cost["rss"]["worker_MB"] else "."),
+        f"A run costs {cost['cpu_ms']:.2f} ms of processor time, {cost['kernel_ms']:.2f} ms of it "
+        f"in the compiled loop; the ratio is {cost['cpu_ms'] / cost['kernel_ms']:.2f}. The largest "
+        f"memory of the process was {cost['rss']['parent_MB']:.0f} MB"
+        + (
+            f", of a worker {cost['rss']['worker_MB']:.0f} MB." if cost["rss"]["worker_MB"] else "."
+        ),
     ]
     if "scaling" in content:
         s = content["scaling"]
@@ -180,13 +210,14 @@ def costs(content: dict[str, Any]) -> list[str]:
         lines += [
             "",
             (
-                f"Two processes make {two:.0f} runs in a second, one process {one:.0f}: {two / one:.2f} times as many, "
-                f"the start of the processes included. This was measured on {4 * s['points']} of the runs, "
-                f"on {s['cores']} cores with a load average of {s['load']:.1f}; a run cost {s['2']['cpu_ms']:.1f} and "
+                f"Two processes make {two:.0f} runs in a second, one process {one:.0f}: "
+                f"{two / one:.2f} times as many, the start of the processes included. This was "
+                f"measured on {4 * s['points']} of the runs, on {s['cores']} cores with a load "
+                f"average of {s['load']:.1f}; a run cost {s['2']['cpu_ms']:.1f} and "
                 f"{s['1']['cpu_ms']:.1f} ms of processor time. The results are {same}."
                 + (
-                    " Other programs used the cores at that time, so this says nothing of the engine: measure it again "
-                    "on a quiet machine."
+                    " Other programs used the cores at that time, so this says nothing of the "
+                    "engine: measure it again on a quiet machine."
                     if s["load"] > s["cores"]
                     else ""
                 )
@@ -205,10 +236,16 @@ def write(done: Any) -> None:
     table, draws = done.to_table(), [n for n in done.plan.draws if n != "seed"]
     found = []
     for k, group in enumerate(done.groups):
-        shares, explained = causes(table, draws, np.flatnonzero(table["run"].to_numpy() % done.plan.cells == k))
+        shares, explained = causes(
+            table, draws, np.flatnonzero(table["run"].to_numpy() % done.plan.cells == k)
+        )
         found.append({"name": group.name, "shares": shares, "explained": explained})
     runs = done.plan.runs
-    cost = {"cpu_ms": 1e3 * done.cpu_seconds / runs, "kernel_ms": 1e3 * done.kernel_seconds / runs, "rss": peak_rss()}
+    cost = {
+        "cpu_ms": 1e3 * done.cpu_seconds / runs,
+        "kernel_ms": 1e3 * done.kernel_seconds / runs,
+        "rss": peak_rss(),
+    }
     content = done.as_json() | {
         "date": datetime.date.today().isoformat(),
         "version": version(),
@@ -249,7 +286,15 @@ def main() -> None:
             keep(kept, json.dumps(plain(content), indent=1) + "\n")
             keep(RESULTS / "README.md", page(content))
         return
-    write(sweep(tables(options.points), options.runs, jobs=options.jobs, cluster=options.dask, progress=told()))
+    write(
+        sweep(
+            tables(options.points),
+            options.runs,
+            jobs=options.jobs,
+            cluster=options.dask,
+            progress=told(),
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
-"""Arrays of numbers from .npz, .mat, texts and workbooks of others: nothing in them is run, nothing too large is read.
+"""Arrays of numbers from .npz, .mat, texts and workbooks of others: nothing in them is run, nothing
+too large is read.
 
-Pickled objects, texts and structures are passed over.  Sizes are read from the headers before any data are.
+Pickled objects, texts and structures are passed over.  Sizes are read from the headers before any
+data are.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ NUMBERS = "fiuc"  # kinds of NumPy arrays that are read
 
 # what brackets say beside units
 NO_UNIT = re.compile(
-    "(peak|pk|amplitude|rms|mean|av|avg|average|max|raw|vec|vector|map|grid|table|data|index)", re.IGNORECASE
+    "(peak|pk|amplitude|rms|mean|av|avg|average|max|raw|vec|vector|map|grid|table|data|index)",
+    re.IGNORECASE,
 )
 
 MOST_HEADER = 10_000  # bytes that describe an array of NumPy's
@@ -62,28 +65,40 @@ class ArrayHeader(NamedTuple):
     @property
     def is_numeric(self) -> bool:
         """Tell whether the values are plain numbers."""
-        return not self.dtype.hasobject and self.dtype.kind in NUMBERS and min(self.shape, default=0) >= 0
+        return (
+            not self.dtype.hasobject
+            and self.dtype.kind in NUMBERS
+            and min(self.shape, default=0) >= 0
+        )
 
 
 def read_arrays(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:
-    """Return the wanted arrays of numbers, of at most MOST_AXES axes and `most` values, and the names of all.
+    """Return the wanted arrays of numbers, of at most MOST_AXES axes and `most` values, and the
+    names of all.
 
     Raises BadInput for a file that is absent, too large, damaged or of another kind.
     """
     readers = {".npz": _npz, ".mat": _mat, **dict.fromkeys((*TEXTS, ".xlsx"), _text)}
     if path.suffix.lower() not in readers:
-        raise BadInput(f"map '{path.name}': suffix '{path.suffix}' is not known; use .npz, .mat, .csv or .xlsx")
-    if not check_given(path, MOST_BYTES[path.suffix.lower()], "give a flux map (.npz, .mat, .csv, .xlsx) alone"):
+        raise BadInput(
+            f"map '{path.name}': suffix '{path.suffix}' is not known; use .npz, .mat, .csv or .xlsx"
+        )
+    if not check_given(
+        path, MOST_BYTES[path.suffix.lower()], "give a flux map (.npz, .mat, .csv, .xlsx) alone"
+    ):
         raise BadInput(f"{path.name} is empty; give a flux map (.npz, .mat, .csv or .xlsx)")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a table's odd lines: what is missing is named below
+            # of a table's odd lines: what is missing is named below
+            warnings.simplefilter("ignore")
             return readers[path.suffix.lower()](path, wanted, most)
     except BadInput:
         raise
     except Exception as error:  # the libraries raise whatever a damaged file leads them to
         why = str(error)[:120] or type(error).__name__
-        raise BadInput(f"{path.name}: cannot be read as a flux map ({why}); export it again") from None
+        raise BadInput(
+            f"{path.name}: cannot be read as a flux map ({why}); export it again"
+        ) from None
 
 
 def _check(path: Path, name: str, shape: tuple[int, ...], most: int) -> None:
@@ -92,12 +107,14 @@ def _check(path: Path, name: str, shape: tuple[int, ...], most: int) -> None:
         values *= int(n)
     if not 0 <= values <= most or min(shape, default=0) < 0:
         raise BadInput(
-            f"{path.name}: '{name}' has shape {shape}; at most {most} values are read, keep every second line"
+            f"{path.name}: '{name}' has shape {shape}; at most {most} values are read, "
+            "keep every second line"
         )
 
 
 def npy_header(file: IO[bytes]) -> ArrayHeader:
-    """Read what stands before an array's values in NumPy's format; ValueError where that is damaged or too long."""
+    """Read what stands before an array's values in NumPy's format; ValueError where that is damaged
+    or too long."""
     begin = file.read(MAGIC)
     version = np.lib.format.read_magic(io.BytesIO(begin))
     size = file.read(2 if version == (1, 0) else 4)
@@ -113,7 +130,8 @@ def npy_header(file: IO[bytes]) -> ArrayHeader:
 def npy_values(file: IO[bytes], head: ArrayHeader) -> NDArray[Any]:
     """Return the values that follow a header; ValueError where the file ends before them."""
     data = file.read(head.values * head.dtype.itemsize)
-    # of a bytearray, so that it may be written to: kernels are compiled once more for arrays that are read-only
+    # of a bytearray, so that it may be written to: kernels are compiled once more for arrays that
+    # are read-only
     array = np.frombuffer(bytearray(data), dtype=head.dtype, count=head.values)
     return array.reshape(head.shape, order="F" if head.column_major else "C")
 
@@ -146,13 +164,16 @@ def _text(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[
     table = reading(path, most * MOST_COLUMNS)
     if len(table.columns) > MOST_COLUMNS:
         raise BadInput(
-            f"{path.name}: {len(table.columns)} columns; at most {MOST_COLUMNS} are read, keep those of the map"
+            f"{path.name}: {len(table.columns)} columns; at most {MOST_COLUMNS} are "
+            "read, keep those of the map"
         )
     own = {name: table.columns[key] for name in wanted if (key := table.key(name)) is not None}
     rows = max((len(x) for x in own.values()), default=0)
     if rows > most:
         raise BadInput(f"{path.name}: {rows} rows; at most {most} are read, keep every second line")
-    return {name: _in_ours(path.name, name, x, table) for name, x in own.items()}, sorted(table.names)
+    return {name: _in_ours(path.name, name, x, table) for name, x in own.items()}, sorted(
+        table.names
+    )
 
 
 def _in_ours(file: str, name: str, values: NDArray[Any], table: Table) -> NDArray[Any]:

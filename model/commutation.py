@@ -1,20 +1,25 @@
-"""How late a leg's edge acts behind a dead time: ideal switches and diodes, a capacitance across each switch.
+"""How late a leg's edge acts behind a dead time: ideal switches and diodes, a capacitance across
+each switch.
 
-Both switches of a leg are off for the dead time T behind a commanded edge.  Written for both edges alike: `hold` is the
-leg's current in the direction that keeps the leg where it is (out of a leg that rises, into one that falls), y the way
-that its voltage has gone, 0 to 1 of the link's V, C the capacitance across each switch:
+Both switches of a leg are off for the dead time T behind a commanded edge.  Written for both edges
+alike: `hold` is the leg's current in the direction that keeps the leg where it is (out of a leg
+that rises, into one that falls), y the way that its voltage has gone, 0 to 1 of the link's V, C the
+capacitance across each switch:
 
-    hold > 0: the diode keeps y = 0;  hold < 0: dy/dt = -hold/(2 C V) up to 1, where the other diode keeps it
-    dhold/dt = before + (after - before) y;  y = 1 from T on
+    hold > 0: the diode keeps y = 0;  hold < 0: dy/dt = -hold/(2 C V) up to 1, where the other diode
+    keeps it dhold/dt = before + (after - before) y;  y = 1 from T on
 
-`before`, `after`: slopes of the current (A/s) with the leg where it is, and where it goes.  The edge is late by the
-integral of 1 - y over T: all that its volt-seconds know.  With slopes of 0 this is the curve in print: T where
-hold > 0; T - T^2 |hold|/(4 C V), then C V/|hold| where the leg arrives in time (`static_sign`).  Without capacitance y
-is 0, 1, or, where the current stays at zero, what keeps it there: a straight line from T to 0 (`ideal`).
+`before`, `after`: slopes of the current (A/s) with the leg where it is, and where it goes.  The
+edge is late by the integral of 1 - y over T: all that its volt-seconds know.  With slopes of 0 this
+is the curve in print: T where hold > 0; T - T^2 |hold|/(4 C V), then C V/|hold| where the leg
+arrives in time (`static_sign`).  Without capacitance y is 0, 1, or, where the current stays at
+zero, what keeps it there: a straight line from T to 0 (`ideal`).
 
-Source: Zhang, Xu, Dead-time compensation of inverters considering snubber and parasitic capacitance, IEEE Trans. Power
-Electron. 29 (2014) 3179; zero-current clamping: Choi, Sul, IEEE Trans. Power Electron. 11 (1996) 221.
-Checked: against an event-exact circuit of six switches and diodes (tests/sandbox/plant/test_commutation.py).
+Source: Zhang, Xu, Dead-time compensation of inverters considering snubber and parasitic
+capacitance, IEEE Trans. Power Electron. 29 (2014) 3179; zero-current clamping: Choi, Sul, IEEE
+Trans. Power Electron. 11 (1996) 221.
+Checked: against an event-exact circuit of six switches and diodes
+(tests/sandbox/plant/test_commutation.py).
 """
 
 from __future__ import annotations
@@ -24,17 +29,22 @@ import math
 from model.compiled import inlined, kernel
 
 KEPT, FLOATING, GONE = 0, 1, 2
-SMALL = 0.05  # (slope times charge)/hold^2 up to which `quick` is right: what it leaves out is below 0.1 of the square
-SWINGS = 30.0  # rad of the leg's swing in a dead time, beyond which its mean is that of no capacitance, to T/60 at most
+# (slope times charge)/hold^2 up to which `quick` is right: what it leaves out is below 0.1 of the
+# square
+SMALL = 0.05
+# rad of the leg's swing in a dead time, beyond which its mean is that of no capacitance, to T/60 at
+# most
+SWINGS = 30.0
 MOST_PHASES = 64  # of clamping and swinging: two or three a swing, and the first ones
 
 
 @inlined
 def quick(time, charge, hold, inverse, before, after):
-    """Return how late (s) an edge acts whose leg is kept, or arrives, all of the dead time; charge: 2 C V (A s),
-    inverse: 1/|hold|.
+    """Return how late (s) an edge acts whose leg is kept, or arrives, all of the dead time; charge:
+    2 C V (A s), inverse: 1/|hold|.
 
-    Arriving: C V/|hold| (1 + ((before + (after - before)/4) 2 C V/(3 hold^2))), the slopes to first order.
+    Arriving: C V/|hold| (1 + ((before + (after - before)/4) 2 C V/(3 hold^2))), the slopes to first
+    order.
     """
     bent = (0.75 * before + 0.25 * after) * charge * (1.0 / 3.0) * (inverse * inverse)
     return time if hold > 0.0 else min(0.5 * charge * inverse * (1.0 + bent), time)
@@ -53,7 +63,8 @@ def crossing(time, charge, hold, before, after):
 
 @kernel
 def lateness(time, capacitance, link, hold, before, after):
-    """Return how late (s) an edge acts, exactly for constant slopes (A/s); capacitance in F, link in V, time > 0."""
+    """Return how late (s) an edge acts, exactly for constant slopes (A/s); capacitance in F, link
+    in V, time > 0."""
     charge, steep = 2.0 * capacitance * link, after - before
     if charge <= 0.0 or steep * time * time > SWINGS * SWINGS * charge:
         return ideal(time, hold, before, after)
@@ -64,17 +75,24 @@ def lateness(time, capacitance, link, hold, before, after):
 
 @inlined
 def ideal(time, hold, before, after):
-    """Return the same (s) without capacitance: straight between the currents that just come to zero in the time."""
+    """Return the same (s) without capacitance: straight between the currents that just come to zero
+    in the time."""
     low, high = -max(after, 0.0) * time, max(-before, 0.0) * time
     width = high - low
-    return time * min(max((hold - low) / width, 0.0), 1.0) if width > 0.0 else (time if hold > 0.0 else 0.0)
+    return (
+        time * min(max((hold - low) / width, 0.0), 1.0)
+        if width > 0.0
+        else (time if hold > 0.0 else 0.0)
+    )
 
 
 @kernel
 def gone_over(time, charge, hold, before, steep):
-    """Return the integral of y (s) over the dead time, phase by phase: kept, floating, gone, floating, ...
+    """Return the integral of y (s) over the dead time, phase by phase: kept, floating, gone,
+    floating, ...
 
-    Floating, y swings about the place at which the current would stay as it is, with rate sqrt(steep/charge).
+    Floating, y swings about the place at which the current would stay as it is, with rate
+    sqrt(steep/charge).
     """
     kept = hold > 0.0 or (hold == 0.0 and before >= 0.0)
     left, y, area, phase = time, 0.0, 0.0, (KEPT if kept else FLOATING)
@@ -103,7 +121,8 @@ def gone_over(time, charge, hold, before, steep):
 
 @kernel
 def next_clamp(p, s, middle):
-    """Return the angle at which y = middle + p cos + s sin first comes to 1 or, falling, to 0, and which; inf: never.
+    """Return the angle at which y = middle + p cos + s sin first comes to 1 or, falling, to 0, and
+    which; inf: never.
 
     y begins between both; where it begins at 0 or 1, it goes inwards.
     """
@@ -124,8 +143,8 @@ def clip(x):
 
 @kernel
 def static_sign(current, corner):
-    """Return what `lateness` is for a constant current, as a sign: 2 late/T - 1.  corner (A): 2 C V/T, at which the leg
-    just arrives."""
+    """Return what `lateness` is for a constant current, as a sign: 2 late/T - 1.  corner (A): 2 C
+    V/T, at which the leg just arrives."""
     if current >= 0.0 or corner <= 0.0:
         return 1.0 if current >= 0.0 else -1.0
     return 1.0 + current / corner if current > -corner else -corner / current - 1.0

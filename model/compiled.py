@@ -1,4 +1,5 @@
-"""The decorators of compiled functions: numba, cached on disk, never stale; `model/kernels` says how."""
+"""The decorators of compiled functions: numba, cached on disk, never stale; `model/kernels` says
+how."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ from model.kernels.callees import Kernel
 from model.kernels.folders import cache_home, folder_of
 from model.kernels.notice import watch
 
-# Loops over a batch's lanes have a known count (8 to 32).  LLVM would write out short ones lane by lane, which then are
-# no vector code any more: a device drop took five times as long.
+# Loops over a batch's lanes have a known count (8 to 32).  LLVM would write out short ones lane by
+# lane, which then are no vector code any more: a device drop took five times as long.
 llvmlite.binding.set_option("", "-unroll-full-max-count=4")
 
 _COMPILING = Lock()
@@ -27,17 +28,20 @@ WATCH = watch(cache_home())
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function on first use: strict IEEE arithmetic, no GIL, machine code cached under the source key."""
+    """Compile a function on first use: strict IEEE arithmetic, no GIL, machine code cached under
+    the source key."""
     return kernel_as(None)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile as `kernel` does, the machine code always placed inside the caller: for what runs at every stage."""
+    """Compile as `kernel` does, the machine code always placed inside the caller: for what runs at
+    every stage."""
     return kernel_as(None, forceinline=True)(function)
 
 
 def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Compile a function at import for one explicit signature, so that it can be passed as a function pointer."""
+    """Compile a function at import for one explicit signature, so that it can be passed as a
+    function pointer."""
 
     def compile_(function: Callable[..., Any]) -> Any:
         """Return the dispatcher of a function, its machine code kept in the rooms' own folder."""

@@ -1,8 +1,9 @@
 """Measured and third-party machine data: where each file lives, its SHA-256, licence and citation.
 
-`fetch` looks in the folder named by the environment variable SENSORLESS_DATA (one sub-folder per data set), then in
-the cache (SENSORLESS_CACHE, else the user's), then downloads with pooch (`pip install 'sensorless-sandbox[data]'`) into
-the cache, unless SENSORLESS_OFFLINE is set.  Every file is hash-checked.
+`fetch` looks in the folder named by the environment variable SENSORLESS_DATA (one sub-folder per
+data set), then in the cache (SENSORLESS_CACHE, else the user's), then downloads with pooch
+(`pip install 'sensorless-sandbox[data]'`) into the cache, unless SENSORLESS_OFFLINE is set.  Every
+file is hash-checked.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ OFFLINE = "SENSORLESS_OFFLINE"  # set to anything but 0: nothing is downloaded
 
 @dataclass(frozen=True)
 class DataFile:
-    """One file: its name in the data set's folder, its hash, its public address (None: it has none of its own)."""
+    """One file: its name in the data set's folder, its hash, its public address (None: it has none
+    of its own)."""
 
     name: str
     sha256: str
@@ -30,7 +32,8 @@ class DataFile:
 
 @dataclass(frozen=True)
 class DataSet:
-    """Files that belong together; `measured` is False for finite elements, `note` says what to be careful about."""
+    """Files that belong together; `measured` is False for finite elements, `note` says what to be
+    careful about."""
 
     name: str
     line: str
@@ -49,7 +52,8 @@ def _github(repository: str, commit: str, *files: tuple[str, str, str]) -> tuple
 
 # The hashes are those of these commits' files, except that of thor_fea, a repacked file.
 _MOTULATOR = "8c2981dc5ee66f4216a9f077dba04534d3dd55eb"  # mhinkkan/motulator, main, July 2026
-_MOTULATOR_2024 = "9103cc43a9b0fc762ef9c717046007be24e244a7"  # Aalto-Electric-Drives/motulator, August 2024
+# Aalto-Electric-Drives/motulator, August 2024
+_MOTULATOR_2024 = "9103cc43a9b0fc762ef9c717046007be24e244a7"
 _SYNRM = "ee4c65e763687c8a3ffd869fc4f5e6f3558eda1a"
 _MOTEUS = "db1a7623d6a7d5568e7632b974a9ab521a4d2bab"
 _LAAS = "eb0391d736f1aaaf6cb0c72ea5a9b5c1350284c4"
@@ -59,7 +63,8 @@ _LD = "lib/python/moteus/test/testdata"
 DATASETS = (
     DataSet(
         "baldor_pmsyrm",
-        "measured flux map of a 5.6 kW PM-assisted SyRM (Baldor ECS101M0H7EF4, p = 2), 21 x 27 currents",
+        "measured flux map of a 5.6 kW PM-assisted SyRM (Baldor ECS101M0H7EF4, p = 2), "
+        "21 x 27 currents",
         (
             *_github(
                 "mhinkkan/motulator",
@@ -86,13 +91,16 @@ DATASETS = (
             ),
         ),
         "MIT",
-        "M. Hinkkanen and others, motulator, Aalto University, github.com/Aalto-Electric-Drives/motulator",
+        "M. Hinkkanen and others, motulator, Aalto University, "
+        "github.com/Aalto-Electric-Drives/motulator",
         True,
-        "the two .npz are one and the same file; the .mat is not symmetrised and shows the drift of the back-EMF",
+        "the two .npz are one and the same file; the .mat is not symmetrised and shows "
+        "the drift of the back-EMF",
     ),
     DataSet(
         "brusa_hsm1",
-        "measured flux map and torque of a 28 kW traction motor (Brusa HSM1.10.18.04, p = 5), 59 x 59 currents",
+        "measured flux map and torque of a 28 kW traction motor (Brusa HSM1.10.18.04, p "
+        "= 5), 59 x 59 currents",
         _github(
             "mhinkkan/motulator",
             _MOTULATOR,
@@ -109,7 +117,8 @@ DATASETS = (
     ),
     DataSet(
         "laas_bldc",
-        "runs of a small gearless motor at 1 kHz: slow scan (cogging), current sine (inertia, friction), rolling",
+        "runs of a small gearless motor at 1 kHz: slow scan (cogging), current sine "
+        "(inertia, friction), rolling",
         _github(
             "heitor-andrade/laas_anti_cogging",
             _LAAS,
@@ -145,13 +154,16 @@ DATASETS = (
             ),
         ),
         "BSD-3-Clause",
-        "H. Andrade, Cogging torque compensation, LAAS-CNRS 2023, github.com/heitor-andrade/laas_anti_cogging",
+        "H. Andrade, Cogging torque compensation, LAAS-CNRS 2023, "
+        "github.com/heitor-andrade/laas_anti_cogging",
         True,
-        "Vsupply is scaled by an unknown factor; the motor is not named, its firmware says 300 rpm/V and 12 pole pairs",
+        "Vsupply is scaled by an unknown factor; the motor is not named, its firmware "
+        "says 300 rpm/V and 12 pole pairs",
     ),
     DataSet(
         "moteus_ld",
-        "steady running of four hobby motors on moteus drives at 7 d-currents: speed against v_q - R i_q",
+        "steady running of four hobby motors on moteus drives at 7 d-currents: speed "
+        "against v_q - R i_q",
         _github(
             "mjbots/moteus",
             _MOTEUS,
@@ -183,7 +195,8 @@ DATASETS = (
     ),
     DataSet(
         "synrm_standstill",
-        "standstill square-wave voltage tests of a synchronous reluctance motor at 10 kHz, and a reference flux map",
+        "standstill square-wave voltage tests of a synchronous reluctance motor at 10 "
+        "kHz, and a reference flux map",
         _github(
             "KrisCCeng/SynRM-PINN",
             _SYNRM,
@@ -215,10 +228,18 @@ DATASETS = (
     ),
     DataSet(
         "thor_fea",
-        "finite elements of a 5 kW PM-assisted SyRM (THOR, p = 2): flux and torque by angle, iron loss, AC resistance",
-        (DataFile("thor_fea.npz", "1ecfd2d241f1adcf3c440803cc170a335dc9a701cef81614b97bb5f73a5584c2", None),),
+        "finite elements of a 5 kW PM-assisted SyRM (THOR, p = 2): flux and torque by "
+        "angle, iron loss, AC resistance",
+        (
+            DataFile(
+                "thor_fea.npz",
+                "1ecfd2d241f1adcf3c440803cc170a335dc9a701cef81614b97bb5f73a5584c2",
+                None,
+            ),
+        ),
         "Apache-2.0 (SyR-e) / MIT (motulator)",
-        "SyR-e, Politecnico di Torino, github.com/SyR-e/syre_public; carried as THOR.mat by motulator's examples",
+        "SyR-e, Politecnico di Torino, github.com/SyR-e/syre_public; carried as THOR.mat "
+        "by motulator's examples",
         False,
         "no measurement; repacked from motulator's THOR.mat, so only a local copy can be used",
     ),
@@ -244,7 +265,8 @@ def dataset(name: str) -> DataSet:
 
 
 def cache() -> Path:
-    """Return the cache folder of this package (not created): `SENSORLESS_CACHE`, else the user's."""
+    """Return the cache folder of this package (not created): `SENSORLESS_CACHE`, else the
+    user's."""
     named = os.environ.get("SENSORLESS_CACHE")
     return Path(named) if named else _users_cache()
 
@@ -255,10 +277,12 @@ def _users_cache() -> Path:
 
 
 def locate(name: str) -> Path | None:
-    """Return the folder of a data set that is on this machine, hash-checked, or None; never downloads."""
+    """Return the folder of a data set that is on this machine, hash-checked, or None; never
+    downloads."""
     entry = dataset(name)
     named = os.environ.get(VARIABLE)
-    places = [*([Path(named)] if named else []), cache(), _users_cache()]  # the last: for what earlier versions got
+    # the last: for what earlier versions got
+    places = [*([Path(named)] if named else []), cache(), _users_cache()]
     for folder in dict.fromkeys(place / name for place in places):
         if all((folder / file.name).is_file() for file in entry.files):
             for file in entry.files:
@@ -268,25 +292,33 @@ def locate(name: str) -> Path | None:
 
 
 def fetch(name: str) -> Path:
-    """Return the folder that holds a data set's files: SENSORLESS_DATA, else the cache, else downloaded into it.
+    """Return the folder that holds a data set's files: SENSORLESS_DATA, else the cache, else
+    downloaded into it.
 
-    Raises BadInput for an unknown name, a file whose hash is not the registered one, or where it cannot be had.
+    Raises BadInput for an unknown name, a file whose hash is not the registered one, or where it
+    cannot be had.
     """
     folder = locate(name)
     if folder is not None:
         return folder
     entry = dataset(name)
-    where = f"neither in {VARIABLE} ({os.environ.get(VARIABLE) or 'not set'}) nor in the cache ({cache()})"
+    where = (
+        f"neither in {VARIABLE} ({os.environ.get(VARIABLE) or 'not set'}) nor in the cache "
+        f"({cache()})"
+    )
     remedy = f"set {VARIABLE} to a folder that holds {name}/{entry.files[0].name}"
     if any(file.address is None for file in entry.files):
-        raise BadInput(f"data set '{name}' is {where}, and has no public address of its own; {remedy}")
+        raise BadInput(
+            f"data set '{name}' is {where}, and has no public address of its own; {remedy}"
+        )
     if os.environ.get(OFFLINE, "0") not in ("", "0"):
         names = ", ".join(f"'{file.name}' ({file.address})" for file in entry.files[:1])
         more = f" and {len(entry.files) - 1} more of it" if len(entry.files) > 1 else ""
-        said = "--offline" if os.environ[OFFLINE] == "--offline" else OFFLINE  # the command line sets it so
+        # the command line sets it so
+        said = "--offline" if os.environ[OFFLINE] == "--offline" else OFFLINE
         raise BadInput(
-            f"data set '{name}' is not on this machine and {said} forbids a download; put {names}{more} into "
-            f"'{cache() / name}'"
+            f"data set '{name}' is not on this machine and {said} forbids a download; put "
+            f"{names}{more} into '{cache() / name}'"
         )
     try:
         pooch = importlib.import_module("pooch")  # only where something must be downloaded
@@ -297,9 +329,13 @@ def fetch(name: str) -> Path:
         ) from None
     for file in entry.files:
         try:
-            pooch.retrieve(file.address, f"sha256:{file.sha256}", fname=file.name, path=cache() / name)
+            pooch.retrieve(
+                file.address, f"sha256:{file.sha256}", fname=file.name, path=cache() / name
+            )
         except (OSError, ValueError) as error:  # no network, no room, wrong hash
-            raise BadInput(f"data set '{name}' is {where}, and {file.address} failed ({error}); {remedy}") from None
+            raise BadInput(
+                f"data set '{name}' is {where}, and {file.address} failed ({error}); {remedy}"
+            ) from None
     return cache() / name
 
 
@@ -311,6 +347,6 @@ def _verify(path: Path, file: DataFile) -> None:
         raise BadInput(f"file '{path}' cannot be read: {error}") from None
     if found != file.sha256:
         raise BadInput(
-            f"file '{path}' has SHA-256 {found[:12]}…, registered is {file.sha256[:12]}…; it was changed: "
-            "delete it to fetch it again, or restore it"
+            f"file '{path}' has SHA-256 {found[:12]}…, registered is {file.sha256[:12]}…; it was "
+            "changed: delete it to fetch it again, or restore it"
         )

@@ -1,4 +1,5 @@
-"""Drives by name or file: built-in motors, those with a flux map, a user's TOML; defaults for what is left out."""
+"""Drives by name or file: built-in motors, those with a flux map, a user's TOML; defaults for what
+is left out."""
 
 from __future__ import annotations
 
@@ -11,7 +12,17 @@ from model.given import read_toml
 from model.inverter_table import with_points
 from model.mapped import mapped_motor, stand_in
 from model.names import fitting
-from model.parameters import Converter, Drive, Injection, Limits, Motor, build, finite, table_of, texts
+from model.parameters import (
+    Converter,
+    Drive,
+    Injection,
+    Limits,
+    Motor,
+    build,
+    finite,
+    table_of,
+    texts,
+)
 
 MOTORS = Path(__file__).parent / "motors"
 MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
@@ -19,7 +30,15 @@ MAP_SUFFIXES = (".npz", ".mat", ".csv")
 ASSUMED = "not stated, usual values"  # in a drive's provenance: keys of [drive] that sentences name
 QUOTED = ("sampling_period", "dc_bus_voltage")
 # allowed, not read with the drive
-OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording", "ci95", "limits"}
+OTHER_TABLES = {
+    "provenance",
+    "campaign",
+    "uncertainty",
+    "background",
+    "recording",
+    "ci95",
+    "limits",
+}
 
 
 def motor_names() -> list[str]:
@@ -28,19 +47,22 @@ def motor_names() -> list[str]:
 
 
 def mapped_names() -> list[str]:
-    """Return the names of the motors whose flux map is a data set of its own (found on this machine, or fetched)."""
+    """Return the names of the motors whose flux map is a data set of its own (found on this
+    machine, or fetched)."""
     return sorted(p.stem for p in MAPPED.glob("*.toml"))
 
 
 def motor_file(name: str | Path) -> Path:
-    """Return the TOML file of a built-in name, of a path, or beside a flux map; BadInput for an unknown one."""
+    """Return the TOML file of a built-in name, of a path, or beside a flux map; BadInput for an
+    unknown one."""
     path = Path(name)
     if path.suffix.lower() in MAP_SUFFIXES:
         if path.with_suffix(".toml").is_file():
             return path.with_suffix(".toml")
         raise BadInput(
             f"flux map '{path}' alone gives no resistance, pole pairs and ratings; write them into "
-            f"'{path.with_suffix('.toml').name}' beside it: [motor], and [flux_map] with file = \"{path.name}\""
+            f"'{path.with_suffix('.toml').name}' beside it: [motor], and [flux_map] with "
+            f'file = "{path.name}"'
         )
     if is_file_name(path):
         return path
@@ -57,28 +79,36 @@ def describe(name: str) -> str:
 
 
 def fetched(name: str | Path) -> bool:
-    """Tell whether a motor's flux map is a data set, which may have to be downloaded; BadInput for an unknown name."""
+    """Tell whether a motor's flux map is a data set, which may have to be downloaded; BadInput for
+    an unknown name."""
     table = read_toml(motor_file(name)).get("flux_map")
     return isinstance(table, dict) and "dataset" in table
 
 
 def load_drive(name: str | Path) -> Drive:
-    """Return the drive of a built-in name, a TOML file or the one beside a flux map; BadInput says what is wrong.
+    """Return the drive of a built-in name, a TOML file or the one beside a flux map; BadInput says
+    what is wrong.
 
-    Nothing is downloaded for a file that is wrong: it is read with a stand-in for its flux map first.
+    Nothing is downloaded for a file that is wrong: it is read with a stand-in for its flux map
+    first.
     """
     path = motor_file(name)
     data = read_toml(path)
     for table in data:
         if table not in {"motor", "flux_map", "drive", "injection"} | OTHER_TABLES:
-            raise _in_file(path, unknown("table", table, ["motor", "flux_map", "drive", "injection", "provenance"]))
+            raise _in_file(
+                path,
+                unknown("table", table, ["motor", "flux_map", "drive", "injection", "provenance"]),
+            )
     try:
         for motor in _motors(path, data):
             stated = with_points(table_of(data, "drive"), path.parent)
             usual = _converter_defaults(motor, stated)
             converter = build(Converter, {**usual, **stated}, "drive")
             injection = build(
-                Injection, {**injection_defaults(motor, converter), **table_of(data, "injection")}, "injection"
+                Injection,
+                {**injection_defaults(motor, converter), **table_of(data, "injection")},
+                "injection",
             )
     except BadInput as error:
         raise _in_file(path, error) from None
@@ -89,7 +119,8 @@ def load_drive(name: str | Path) -> Drive:
 
 
 def load_limits(name: str | Path) -> Limits:
-    """Return what [limits] of a drive's file says that its bench may do, nothing for a built-in name."""
+    """Return what [limits] of a drive's file says that its bench may do, nothing for a built-in
+    name."""
     path = motor_file(name)
     try:
         return cast(Limits, build(Limits, table_of(read_toml(path), "limits"), "limits"))
@@ -117,7 +148,8 @@ def _in_file(path: Path, error: BadInput) -> BadInput:
 
 
 def _converter_defaults(motor: Motor, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """The paper's 4 kHz (or one sample a stated PWM period) and 400 V, with sensors of 0.2 % of rated current."""
+    """The paper's 4 kHz (or one sample a stated PWM period) and 400 V, with sensors of 0.2 % of
+    rated current."""
     rated = motor.rated_current
     frequency = finite(stated.get("pwm_frequency"))
     return {
@@ -129,8 +161,8 @@ def _converter_defaults(motor: Motor, stated: Mapping[str, Any]) -> dict[str, An
 
 
 def injection_defaults(motor: Motor, converter: Converter) -> dict[str, Any]:
-    """Return eight samples a period; a ripple of 20 % of rated current on d, as far as a quarter of the voltage (V)
-    gives it."""
+    """Return eight samples a period; a ripple of 20 % of rated current on d, as far as a quarter of
+    the voltage (V) gives it."""
     frequency = 1.0 / (8.0 * converter.sampling_period)
     amplitude = 0.8 * frequency * motor.inductance_d * motor.rated_current
     return {"frequency": frequency, "amplitude": min(amplitude, 0.25 * converter.voltage_limit)}

@@ -8,7 +8,7 @@ dead_time.time = 2e-6                                    # SI units
 soft_current = 0.02
 [angles]                                                 # rad by which a recording's angle is turned: replay only
 "locked_d.parquet" = 1e-4
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -26,25 +26,33 @@ Given = Mapping[str, float] | str | Path | None
 
 
 class EffectFile(NamedTuple):
-    """What a file of effects says: parameters by public name, and by recording how far its angle is turned (rad)."""
+    """What a file of effects says: parameters by public name, and by recording how far its angle is
+    turned (rad)."""
 
     effects: dict[str, float]
     angles: dict[str, float]
 
 
 def effects_of(given: Given) -> dict[str, float]:
-    """Return effects from a line, the path of a file (`.toml`) or a mapping; BadInput says what is wrong."""
+    """Return effects from a line, the path of a file (`.toml`) or a mapping; BadInput says what is
+    wrong."""
     return effects_and_angles(given).effects
 
 
 def effects_and_angles(given: Given) -> EffectFile:
-    """Return the same with a file's angles, none of a line or a mapping; BadInput where it is none of these."""
-    if isinstance(given, Path) or (isinstance(given, str) and given.strip().lower().endswith(".toml")):
+    """Return the same with a file's angles, none of a line or a mapping; BadInput where it is none
+    of these."""
+    if isinstance(given, Path) or (
+        isinstance(given, str) and given.strip().lower().endswith(".toml")
+    ):
         return read_effect_file(Path(str(given).strip()))
     if given is None or isinstance(given, str):
         return EffectFile(parse(given or ""), {})
     if not isinstance(given, Mapping):
-        raise BadInput(f"effects = {brief(given)} are neither a mapping nor a line nor a .toml file; give one of them")
+        raise BadInput(
+            f"effects = {brief(given)} are neither a mapping nor a line nor a .toml "
+            "file; give one of them"
+        )
     return EffectFile(dict(given), {})
 
 
@@ -55,11 +63,15 @@ def read_effect_file(path: Path) -> EffectFile:
         for table in data:
             if table not in TABLES:
                 if table in effect_names() or table.partition(".")[0] in effect_names():
-                    raise BadInput(f"'{table}' is an effect and stands in no table; put it under [effects]")
+                    raise BadInput(
+                        f"'{table}' is an effect and stands in no table; put it under [effects]"
+                    )
                 raise unknown("table", table, TABLES)
         effects = {name: checked(name, number) for name, number in _numbers(data, "effects")}
         effects |= {f"bench.{name}": number for name, number in _numbers(data, "bench")}
-        angles = {file: _number("angles", file, value) for file, value in table_of(data, "angles").items()}
+        angles = {
+            file: _number("angles", file, value) for file, value in table_of(data, "angles").items()
+        }
     except BadInput as error:
         raise BadInput(f"{path.name}: {error}") from None
     return EffectFile(effects, angles)
@@ -79,5 +91,7 @@ def _numbers(data: dict[str, Any], table: str) -> Iterator[tuple[str, float]]:
 def _number(table: str, name: str, value: Any) -> float:
     number = finite(value)
     if number is None:
-        raise BadInput(f"[{table}] {name} = {as_toml(value)} is no finite number; give one in SI units")
+        raise BadInput(
+            f"[{table}] {name} = {as_toml(value)} is no finite number; give one in SI units"
+        )
     return number

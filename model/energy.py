@@ -1,13 +1,15 @@
 """The saturated motor as one energy function H of the current-induced fluxes (paper, section II).
 
-phi_d, phi_q are flux linkages due to the currents alone (Wb); the magnet's phi_m adds to the d axis in the
-voltage and torque equations.  Currents are the gradient of H, the inverse incremental inductance matrix its
-Hessian Gamma (1/H), so L_dq = L_qd by construction.  H is the paper's quartic (`model.quartic`) or a spline fitted
-to a flux map (`model.spline`): each function below takes either, numba picks by the type of m when it compiles, and
-gamma_d, gamma_q of either are the inverse inductances at zero current.  A function on scalars is compiled; its
-`.py_func` takes arrays.
+phi_d, phi_q are flux linkages due to the currents alone (Wb); the magnet's phi_m adds to the d axis
+in the voltage and torque equations.  Currents are the gradient of H, the inverse incremental
+inductance matrix its Hessian Gamma (1/H), so L_dq = L_qd by construction.  H is the paper's quartic
+(`model.quartic`) or a spline fitted to a flux map (`model.spline`): each function below takes
+either, numba picks by the type of m when it compiles, and gamma_d, gamma_q of either are the
+inverse inductances at zero current.  A function on scalars is compiled; its `.py_func` takes
+arrays.
 
-Checked: gradients against automatic differentiation and SymPy, Newton's rate, reciprocity (tests/model).
+Checked: gradients against automatic differentiation and SymPy, Newton's rate, reciprocity
+(tests/model).
 Not modelled here: hysteresis, iron loss, position dependence.
 """
 
@@ -33,8 +35,11 @@ AT_ONCE = 1000  # lines from zero looked at together, so that memory stays small
 
 
 def _either(name: str) -> Callable[..., Any]:
-    """Return a function (m, x, ...) that is `name` of `model.quartic` or of `model.spline`, by the type of m."""
-    of_quartic, of_spline = (getattr(import_module(f"model.{kind}"), name) for kind in ("quartic", "spline"))
+    """Return a function (m, x, ...) that is `name` of `model.quartic` or of `model.spline`, by the
+    type of m."""
+    of_quartic, of_spline = (
+        getattr(import_module(f"model.{kind}"), name) for kind in ("quartic", "spline")
+    )
 
     def interpreted(m, *rest):
         """Do it outside kernels, on scalars or arrays of one shape."""
@@ -45,8 +50,12 @@ def _either(name: str) -> Callable[..., Any]:
             out = np.empty((grid[0].size, 3))
             hessians(m, *(np.array(x, dtype=float).ravel() for x in grid), out)
         else:
-            out = np.array([of_spline(m, *map(float, at)) for at in zip(*(x.flat for x in grid), strict=True)])
-        return tuple(out.T.reshape(-1, *grid[0].shape)) if out.ndim > 1 else out.reshape(grid[0].shape)
+            out = np.array(
+                [of_spline(m, *map(float, at)) for at in zip(*(x.flat for x in grid), strict=True)]
+            )
+        return (
+            tuple(out.T.reshape(-1, *grid[0].shape)) if out.ndim > 1 else out.reshape(grid[0].shape)
+        )
 
     def choose(m, *rest):
         """Give a kernel the one that fits the type of m, while it is compiled."""
@@ -74,7 +83,8 @@ def currents(m, d, q):
 
 @inlined
 def hessian(m, d, q):
-    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance matrix."""
+    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance
+    matrix."""
     return _hessian(m, d, q)
 
 
@@ -95,15 +105,16 @@ def torque(m, d, q, magnet_flux, pole_pairs):
 
 
 def is_convex_to(m: AnyEnergy, d: ArrayLike, q: ArrayLike, points: int = 65) -> NDArray[np.bool_]:
-    """Tell for each flux whether H is strictly convex on the whole straight line from zero flux to it; d, q: Wb, of one
-    shape."""
+    """Tell for each flux whether H is strictly convex on the whole straight line from zero flux to
+    it; d, q: Wb, of one shape."""
     s = np.linspace(0.0, 1.0, points).reshape((-1,) + (1,) * np.ndim(d))
     dd, dq, qq = hessian.py_func(m, s * np.asarray(d), s * np.asarray(q))
     return np.asarray(np.all((dd + qq > 0) & (dd * qq > dq * dq), axis=0))
 
 
 def boundary_on_ray(m: AnyEnergy, i_d: float, i_q: float) -> tuple[float, float, float]:
-    """Return the last valid current and its smallest eigenvalue on the straight line from zero to (i_d, i_q)."""
+    """Return the last valid current and its smallest eigenvalue on the straight line from zero to
+    (i_d, i_q)."""
     low, high, d, q = 0.0, 1.0, 0.0, 0.0
     while high - low > 1e-12:
         middle = 0.5 * (low + high) if high < 1.0 or low > 0.0 else 0.5
@@ -115,11 +126,13 @@ def boundary_on_ray(m: AnyEnergy, i_d: float, i_q: float) -> tuple[float, float,
     return low * i_d, low * i_q, float(min_eigenvalue(*hessian(m, d, q)))
 
 
-def flux_from_current(m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def flux_from_current(
+    m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return phi_d, phi_q (Wb, broadcast shape of the currents in A), exact to rounding.
 
-    Raises PhysicsError where H is not strictly convex between zero flux and the solution, naming the point at
-    which convexity ends and the eigenvalue there.
+    Raises PhysicsError where H is not strictly convex between zero flux and the solution, naming
+    the point at which convexity ends and the eigenvalue there.
     """
     a, b = np.broadcast_arrays(np.asarray(i_d, dtype=float), np.asarray(i_q, dtype=float))
     d, q, inside = np.empty(a.shape), np.empty(a.shape), np.empty(a.shape, dtype=bool)
@@ -142,20 +155,23 @@ def _outside(m: AnyEnergy, i_d: float, i_q: float) -> PhysicsError:
     e_d, e_q, eigenvalue = boundary_on_ray(m, i_d, i_q)
     if isinstance(m, SplineEnergy):
         return PhysicsError(
-            f"operating point i_d = {i_d:.4g} A, i_q = {i_q:.4g} A is outside the motor's flux map: going there from "
-            f"zero, the map ends at i_d = {e_d:.4g} A, i_q = {e_q:.4g} A; stay inside or give a larger map"
+            f"operating point i_d = {i_d:.4g} A, i_q = {i_q:.4g} A is outside the motor's flux "
+            f"map: going there from zero, the map ends at i_d = {e_d:.4g} A, i_q = {e_q:.4g} A; "
+            "stay inside or give a larger map"
         )
     return PhysicsError(
-        f"operating point i_d = {i_d:.4g} A, i_q = {i_q:.4g} A is outside the model's valid domain: going there "
-        f"from zero, the energy stops being convex at i_d = {e_d:.4g} A, i_q = {e_q:.4g} A (smallest eigenvalue "
-        f"of its Hessian {eigenvalue:.2g} 1/H, must be > 0); stay inside or use another parameter set"
+        f"operating point i_d = {i_d:.4g} A, i_q = {i_q:.4g} A is outside the model's valid "
+        f"domain: going there from zero, the energy stops being convex at i_d = {e_d:.4g} A, i_q = "
+        f"{e_q:.4g} A (smallest eigenvalue of its Hessian {eigenvalue:.2g} 1/H, must be > 0); stay "
+        "inside or use another parameter set"
     )
 
 
 def inductances(
     m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the incremental L_dd, L_dq, L_qq in H at the given currents (A): the inverse Hessian, exact."""
+    """Return the incremental L_dd, L_dq, L_qq in H at the given currents (A): the inverse Hessian,
+    exact."""
     dd, dq, qq = hessian.py_func(m, *flux_from_current(m, i_d, i_q))
     det = dd * qq - dq * dq
     return qq / det, -dq / det, dd / det

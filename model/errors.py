@@ -11,38 +11,50 @@ LONGEST_SENTENCE = 400  # characters; more is a user's text inside it
 LONGEST_NAME = 60  # characters of a user's own name repeated to him
 LONGEST_LIST = 200  # characters of known names
 LONGEST_RAISED = 200  # characters of what a user's own code raised
-AROUND = ("Failed in nopython", "During: ", "- Resolution failure", "No implementation of function")  # numba's own
+# numba's own
+AROUND = ("Failed in nopython", "During: ", "- Resolution failure", "No implementation of function")
 PLACE = re.compile(r'File "([^"]*\.py)", line (\d+)')
 COMPARED = 2000  # known names among which the nearest is looked for
 
 
 def shown(text: str) -> str:
-    """Return a text as a terminal may be given it: control characters and the like as escapes (\\x1b), one line."""
-    return "".join(c if c.isprintable() or c == "\xa0" else c.encode("unicode_escape").decode() for c in text)
+    """Return a text as a terminal may be given it: control characters and the like as escapes
+    (\\x1b), one line."""
+    return "".join(
+        c if c.isprintable() or c == "\xa0" else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 def sentence(text: str) -> str:
-    """Return a text as one line of at most LONGEST_SENTENCE characters, nothing in it that a terminal obeys."""
+    """Return a text as one line of at most LONGEST_SENTENCE characters, nothing in it that a
+    terminal obeys."""
     line = shown(" ".join(text.split()))
     tail = LONGEST_SENTENCE // 3
-    return line if len(line) <= LONGEST_SENTENCE else f"{line[: LONGEST_SENTENCE - tail - 3]} … {line[-tail:]}"
+    return (
+        line
+        if len(line) <= LONGEST_SENTENCE
+        else f"{line[: LONGEST_SENTENCE - tail - 3]} … {line[-tail:]}"
+    )
 
 
 def brief(value: object, longest: int = 40) -> str:
     """Return what a file or a caller gave, as Python writes it, cut; whatever it is."""
     try:
         return repr(value)[:longest]
-    except (ValueError, RecursionError):  # an integer of more digits than Python writes, lists without an end
+    except (ValueError, RecursionError):
+        # an integer of more digits than Python writes, lists without an end
         return f"a {type(value).__name__} too long to write"
 
 
 def as_toml(value: object) -> str:
-    """Return what a file's key was given, as the file writes it: true where Python says True; otherwise as `brief`."""
+    """Return what a file's key was given, as the file writes it: true where Python says True;
+    otherwise as `brief`."""
     return str(value).lower() if isinstance(value, bool) else brief(value)
 
 
 def raised(error: BaseException) -> str:
-    """Return what somebody's own code raised: its kind and what it says, without numba's explanations.
+    """Return what somebody's own code raised: its kind and what it says, without numba's
+    explanations.
 
     Of what numba cannot compile: the first thing it names, and the line of the user's file.
     """
@@ -60,7 +72,8 @@ def raised(error: BaseException) -> str:
 
 
 class BadInput(ValueError):
-    """A value, name or file that cannot be used as given (exit code 2); its text is one line, see `sentence`."""
+    """A value, name or file that cannot be used as given (exit code 2); its text is one line, see
+    `sentence`."""
 
     exit_code = 2
 
@@ -82,13 +95,19 @@ class PhysicsError(RuntimeError):
 
 
 class Diverged(PhysicsError):
-    """A run broke off: its fluxes left the model's domain, or it is no longer finite.  So a rotor that is lost ends."""
+    """A run broke off: its fluxes left the model's domain, or it is no longer finite.  So a rotor
+    that is lost ends."""
 
 
-def unknown(kind: str, name: object, known: Iterable[str], also: Mapping[str, str] | None = None) -> BadInput:
-    """Return the error for an unknown name, with the nearest known one; also: known ones by other names in use."""
+def unknown(
+    kind: str, name: object, known: Iterable[str], also: Mapping[str, str] | None = None
+) -> BadInput:
+    """Return the error for an unknown name, with the nearest known one; also: known ones by other
+    names in use."""
     names = [n[:LONGEST_NAME] for n in sorted(known)]
-    name = str(name)[:LONGEST_NAME] if isinstance(name, (str, PurePath)) else brief(name, LONGEST_NAME)
+    name = (
+        str(name)[:LONGEST_NAME] if isinstance(name, (str, PurePath)) else brief(name, LONGEST_NAME)
+    )
     alike = {n.casefold(): n for n in reversed(names[:COMPARED])}
     alike |= also or {}
     near = [alike[n] for n in difflib.get_close_matches(name.casefold(), alike, n=1, cutoff=0.5)]

@@ -1,6 +1,8 @@
-"""What the exact fit expects of the levels: its unknowns by name, and the residuals that they leave.
+"""What the exact fit expects of the levels: its unknowns by name, and the residuals that they
+leave.
 
-Every level is predicted through the periodic solution of `model.ripple`, read as the bench reads it.
+Every level is predicted through the periodic solution of `model.ripple`, read as the bench reads
+it.
 """
 
 from __future__ import annotations
@@ -84,7 +86,8 @@ class _Tests(NamedTuple):
 
 @kernel
 def _predict(m, resistance, chain, tests, voltage, slope):
-    """Fill in mean voltage (V) and slopes (1/H), (n, 2) along d, q, as the bench reads them; return 0 if solved."""
+    """Fill in mean voltage (V) and slopes (1/H), (n, 2) along d, q, as the bench reads them; return
+    0 if solved."""
     n, samples = tests.flux.shape
     gain, offset = chain.gain, chain.offset
     v = np.empty((samples, 2))
@@ -92,7 +95,8 @@ def _predict(m, resistance, chain, tests, voltage, slope):
     for k in range(n):
         theta, error = tests.theta[k], chain.error[k]
         angle = theta + error
-        a, b = rotate(tests.current[k, 0], tests.current[k, 1], theta)  # undo the sensors: true mean current
+        # undo the sensors: true mean current
+        a, b = rotate(tests.current[k, 0], tests.current[k, 1], theta)
         a, b = a - offset[0], b - offset[1]
         det = gain[0, 0] * gain[1, 1] - gain[0, 1] * gain[1, 0]
         x = (gain[1, 1] * a - gain[0, 1] * b) / det
@@ -101,7 +105,17 @@ def _predict(m, resistance, chain, tests, voltage, slope):
         for j in range(samples):
             v[j, 0], v[j, 1] = rotate(tests.waveform[k, j, 0], tests.waveform[k, j, 1], -error)
         u_d, u_q, status = periodic(
-            m, resistance, chain.threshold, chain.width, angle, v, tests.period, chain.delay, i_d, i_q, ripple
+            m,
+            resistance,
+            chain.threshold,
+            chain.width,
+            angle,
+            v,
+            tests.period,
+            chain.delay,
+            i_d,
+            i_q,
+            ripple,
         )
         if status == 1:
             return 1
@@ -117,22 +131,27 @@ def _predict(m, resistance, chain, tests, voltage, slope):
 def sensor_gain(a: float, b: float, c: float) -> Array:
     """Return the 2x2 alpha-beta matrix of phase gains 1 + a, 1 + b, 1 + c."""
     s = math.sqrt(3.0)
-    return np.array([[1 + (4 * a + b + c) / 6, (c - b) * s / 6], [(c - b) / (2 * s), 1 + (b + c) / 2]])
+    return np.array(
+        [[1 + (4 * a + b + c) / 6, (c - b) * s / 6], [(c - b) / (2 * s), 1 + (b + c) / 2]]
+    )
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Residuals of the exact fit as a function of the scaled unknowns (1 = start value, or prior sd)."""
+    """Residuals of the exact fit as a function of the scaled unknowns (1 = start value, or prior
+    sd)."""
 
     levels: Levels
     scale: Array
     locks: NDArray[np.int64]  # (n,) which lock angle a level belongs to
     prior: Array  # sd of the unknowns after the motor's own, inf where free
     width: float  # A
-    inflate: tuple[float, float] = (1.0, 1.0)  # of the standard deviations of voltages and of slopes
+    # of the standard deviations of voltages and of slopes
+    inflate: tuple[float, float] = (1.0, 1.0)
 
     def residuals(self, x: Array) -> Array | None:
-        """Return the weighted residuals, None where a level lies outside the model's valid domain."""
+        """Return the weighted residuals, None where a level lies outside the model's valid
+        domain."""
         lv, unknowns = self.levels, x * self.scale
         motor, bench = MotorUnknowns.of(unknowns), BenchUnknowns.of(unknowns)
         if motor.resistance <= 0 or motor.inductance_d <= 0 or motor.inductance_q <= 0:
@@ -145,7 +164,9 @@ class Problem:
         rows = lv.axis != NONE
         ripple = ((lv.slope - slope) / (lv.slope_sd * self.inflate[1]))[rows]
         finite = np.isfinite(self.prior)
-        return np.concatenate([bias.ravel(), ripple.ravel(), unknowns[MOTOR:][finite] / self.prior[finite]])
+        return np.concatenate(
+            [bias.ravel(), ripple.ravel(), unknowns[MOTOR:][finite] / self.prior[finite]]
+        )
 
     def chain(self, bench: BenchUnknowns) -> _Chain:
         """Return inverter and sensors with a bench's unknowns."""

@@ -1,4 +1,5 @@
-"""Frames: phases a b c, stationary alpha beta, rotor d q; amplitude-invariant; angles electrical, rad."""
+"""Frames: phases a b c, stationary alpha beta, rotor d q; amplitude-invariant; angles electrical,
+rad."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ SQRT3 = math.sqrt(3.0)
 
 @kernel
 def rotate(x, y, angle):
-    """Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back with -theta."""
+    """Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back
+    with -theta."""
     c = math.cos(angle)
     s = math.sin(angle)
     return c * x - s * y, s * x + c * y
@@ -44,9 +46,11 @@ def sixth(c, s):
 
 @inlined
 def multiple(c, s, order):
-    """Return cos and sin of a whole multiple of the angle of cos c, sin s; |order| below 64, no branch."""
+    """Return cos and sin of a whole multiple of the angle of cos c, sin s; |order| below 64, no
+    branch."""
     n, b = abs(order), (s if order >= 0.0 else -s)
-    n, x, y, a, b = binary_digit(n, 1.0, 0.0, c, b)  # written out: with a loop in it, one over lanes is no vector code
+    # written out: with a loop in it, one over lanes is no vector code
+    n, x, y, a, b = binary_digit(n, 1.0, 0.0, c, b)
     n, x, y, a, b = binary_digit(n, x, y, a, b)
     n, x, y, a, b = binary_digit(n, x, y, a, b)
     n, x, y, a, b = binary_digit(n, x, y, a, b)
@@ -57,7 +61,8 @@ def multiple(c, s, order):
 
 @inlined
 def binary_digit(n, x, y, a, b):
-    """Return n halved, (x, y) turned on by the angle of (a, b) where n is odd, and (a, b) at twice its angle."""
+    """Return n halved, (x, y) turned on by the angle of (a, b) where n is odd, and (a, b) at twice
+    its angle."""
     half = np.floor(0.5 * n)
     odd = n - 2.0 * half > 0.5
     x, y = (x * a - y * b if odd else x), (x * b + y * a if odd else y)

@@ -11,27 +11,35 @@ from typing import Any
 
 from model.errors import BadInput
 
-LONGEST = 20_000_000  # bytes of a TOML file: a hundred times the longest of ours, an inverter's table in it
-MOST_PARTS = 50  # of a dotted key in it: tomllib's time and memory grow with their square, 20 GB for 60 000
+# bytes of a TOML file: a hundred times the longest of ours, an inverter's table in it
+LONGEST = 20_000_000
+# of a dotted key in it: tomllib's time and memory grow with their square, 20 GB for 60 000
+MOST_PARTS = 50
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
-DECIMAL_COMMA = re.compile(r"\s*(?P<key>[\w.-]+)\s*=\s*(?P<whole>[-+]?\d+),(?P<part>\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?")
+DECIMAL_COMMA = re.compile(
+    r"\s*(?P<key>[\w.-]+)\s*=\s*(?P<whole>[-+]?\d+),(?P<part>\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?"
+)
 UNIT_BEHIND = re.compile(
     r"\s*(?P<key>[\w.-]+)\s*=\s*(?!0[xob])[-+]?[\d.]++(?:[eE][-+]?\d+)?+\s*(?P<unit>[^\W\d_]\w*+|[°%Ω])[^#=\"']*(?:#.*)?"
 )
-TOKENS = re.compile(  # a key of too many parts, or what it cannot begin in: strings, comments, all else
+# a key of too many parts, or what it cannot begin in: strings, comments, all else
+TOKENS = re.compile(
     rf"(?P<key>(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}})"
     r'|"""(?:[^"\\]|\\.|"(?!""))*+"""' + r"|\'\'\'(?:[^']|'(?!''))*+\'\'\'"
     rf"|{_PART}|#[^\n]*+|[^\w\"'#-]++|.",
     re.DOTALL,
 )
-MOST_JSON = 100_000_000  # bytes of a JSON document of results: twenty times the longest, a whole protocol's
+# bytes of a JSON document of results: twenty times the longest, a whole protocol's
+MOST_JSON = 100_000_000
 
 
 def check_given(path: Path, most: int, remedy: str, smaller: str = "") -> int:
-    """Return a file's size (bytes); BadInput where it is absent, no regular file, or larger than `most` bytes.
+    """Return a file's size (bytes); BadInput where it is absent, no regular file, or larger than
+    `most` bytes.
 
-    A pipe would make the program wait for ever, a device like /dev/zero take all memory.  remedy: what to give instead,
-    the end of the sentence; smaller: the same where the file is too large, if another.
+    A pipe would make the program wait for ever, a device like /dev/zero take all memory.  remedy:
+    what to give instead, the end of the sentence; smaller: the same where the file is too large, if
+    another.
     """
     try:
         found = path.stat()
@@ -57,7 +65,9 @@ def given_bytes(path: Path, most: int, remedy: str, smaller: str = "") -> bytes:
         with path.open("rb") as file:
             content = file.read(most + 1)
     except OSError as error:
-        raise BadInput(f"file '{path}' cannot be read ({error.strerror or error}); {remedy}") from None
+        raise BadInput(
+            f"file '{path}' cannot be read ({error.strerror or error}); {remedy}"
+        ) from None
     if len(content) > most:  # it grew, or stands in /proc, where every size is 0
         raise BadInput(f"file '{path}' has more than {most / 1e6:g} MB; {smaller or remedy}")
     return content
@@ -70,24 +80,35 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
         if any(token.lastgroup == "key" for token in TOKENS.finditer(text)):
-            raise BadInput(f"file '{path}' holds a key of more than {MOST_PARTS} parts joined by dots; shorten it")
+            raise BadInput(
+                f"file '{path}' holds a key of more than {MOST_PARTS} parts joined by "
+                "dots; shorten it"
+            )
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"file '{path}' is not valid TOML: {error}; {_mistyped(text) or 'mend that place'}") from None
+        raise BadInput(
+            f"file '{path}' is not valid TOML: {error}; {_mistyped(text) or 'mend that place'}"
+        ) from None
     except BadInput:
         raise
     except (ValueError, RecursionError) as error:
-        raise BadInput(f"file '{path}' cannot be read as TOML: {error}; give a text file in UTF-8") from None
+        raise BadInput(
+            f"file '{path}' cannot be read as TOML: {error}; give a text file in UTF-8"
+        ) from None
 
 
 def _mistyped(text: str) -> str:
-    """Return what to do about the first decimal comma of a TOML text, or unit behind a number; nothing without one."""
+    """Return what to do about the first decimal comma of a TOML text, or unit behind a number;
+    nothing without one."""
     for number, line in enumerate(text.split("\n"), 1):
         if found := DECIMAL_COMMA.fullmatch(line):
             right = f"{found['key']} = {found['whole']}.{found['part']}"
             return f"line {number} holds a decimal comma: write {right}, with a point"
         if found := UNIT_BEHIND.fullmatch(line):
-            return f"line {number} holds a unit, {found['unit']}: write {found['key']} = the number alone, in SI units"
+            return (
+                f"line {number} holds a unit, {found['unit']}: write {found['key']} = the "
+                "number alone, in SI units"
+            )
     return ""
 
 
@@ -108,7 +129,8 @@ def is_folder(path: Path) -> bool:
 
 
 def named_by(path: Path, folder: Path) -> list[Path]:
-    """Return the files in a folder that a TOML file names anywhere in it, sorted; none of another file."""
+    """Return the files in a folder that a TOML file names anywhere in it, sorted; none of another
+    file."""
     if path.suffix.lower() != ".toml" or not is_file(path):
         return []
     try:

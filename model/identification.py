@@ -1,8 +1,10 @@
-"""The paper's identification (section III): eqs. (LdLq) to (saturation4q), small linear least squares, as printed.
+"""The paper's identification (section III): eqs. (LdLq) to (saturation4q), small linear least
+squares, as printed.
 
-First-order formulas, so biased at rated currents even on perfect data (experiments/results holds the table);
-`model.exact_fit` is the unbiased one.  Checked: planted data that obey the first-order formulas are recovered
-exactly, the bias on exact data, the printed uncertainties (tests/model, experiments).
+First-order formulas, so biased at rated currents even on perfect data (experiments/results holds
+the table); `model.exact_fit` is the unbiased one.  Checked: planted data that obey the first-order
+formulas are recovered exactly, the bias on exact data, the printed uncertainties (tests/model,
+experiments).
 """
 
 from __future__ import annotations
@@ -16,8 +18,8 @@ from model.levels import NAMES, NONE, Array, D, Fit, Levels, Q, require_informat
 
 
 def first_order_estimate(levels: Levels, slope: Array) -> Array:
-    """Return L_d, L_q and the five alphas (in NAMES' order) by the paper's split least squares, as printed; slope:
-    (levels, 2), 1/H. BadInput where an axis has no level at zero current."""
+    """Return L_d, L_q and the five alphas (in NAMES' order) by the paper's split least squares, as
+    printed; slope: (levels, 2), 1/H. BadInput where an axis has no level at zero current."""
     i_d, i_q = levels.current.T
     zero_d, zero_q = levels.pick(D, None), levels.pick(Q, None)
     for rows, axis in ((zero_d, "d"), (zero_q, "q")):
@@ -43,9 +45,11 @@ def _ratio(x: Array, y: Array) -> float:
 
 
 def first_order(levels: Levels, current_uncertainty: float | None = None) -> Fit:
-    """Fit by the paper's method; `current_uncertainty` (A, one standard deviation on the ripple's peak) if given.
+    """Fit by the paper's method; `current_uncertainty` (A, one standard deviation on the ripple's
+    peak) if given.
 
-    Errors of the levels are taken as independent and propagated through the whole estimate, its L included.
+    Errors of the levels are taken as independent and propagated through the whole estimate, its L
+    included.
     """
     require_information(levels)
     r, r_sd = resistance_of(levels)
@@ -61,11 +65,21 @@ def first_order(levels: Levels, current_uncertainty: float | None = None) -> Fit
     values = dict(zip(NAMES, [r, *x.tolist()], strict=True))
     left = (levels.slope - _first_order_slopes(levels, x)) * peak[:, None]
     rows = levels.axis != NONE
-    return Fit("first_order", NAMES, values, covariance, float(np.sqrt(np.mean(left[rows] ** 2))), math.nan, {}, left)
+    return Fit(
+        "first_order",
+        NAMES,
+        values,
+        covariance,
+        float(np.sqrt(np.mean(left[rows] ** 2))),
+        math.nan,
+        {},
+        left,
+    )
 
 
 def sensitivity(levels: Levels) -> Array:
-    """Return the derivatives (7, 2n) of the first-order estimate by every slope, by central differences."""
+    """Return the derivatives (7, 2n) of the first-order estimate by every slope, by central
+    differences."""
     j, size = [], 1e-6 * np.max(np.abs(levels.slope))
     for k in np.ndindex(levels.slope.shape):
         step = np.zeros_like(levels.slope)

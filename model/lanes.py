@@ -1,7 +1,7 @@
 """Arithmetic for many parameter sets side by side: what compilers turn into vector code.
 
-No library call and no branch: a loop over lanes that uses these stays a vector loop.  Strict IEEE arithmetic: a set's
-numbers do not depend on its lane, its batch or the thread.
+No library call and no branch: a loop over lanes that uses these stays a vector loop.  Strict IEEE
+arithmetic: a set's numbers do not depend on its lane, its batch or the thread.
 """
 
 from __future__ import annotations
@@ -34,10 +34,17 @@ def small_sine_cosine(r):
     a = r * r
     s = 1.0 / 6227020800.0 - a / 1307674368000.0
     s = r * (
-        1.0 - a * (1.0 / 6 - a * (1.0 / 120 - a * (1.0 / 5040 - a * (1.0 / 362880 - a * (1.0 / 39916800 - a * s)))))
+        1.0
+        - a
+        * (
+            1.0 / 6
+            - a * (1.0 / 120 - a * (1.0 / 5040 - a * (1.0 / 362880 - a * (1.0 / 39916800 - a * s))))
+        )
     )
     c = 1.0 / 479001600.0 - a * (1.0 / 87178291200.0 - a / 20922789888000.0)
-    c = 1.0 - a * (0.5 - a * (1.0 / 24 - a * (1.0 / 720 - a * (1.0 / 40320 - a * (1.0 / 3628800 - a * c)))))
+    c = 1.0 - a * (
+        0.5 - a * (1.0 / 24 - a * (1.0 / 720 - a * (1.0 / 40320 - a * (1.0 / 3628800 - a * c))))
+    )
     return s, c
 
 
@@ -50,10 +57,13 @@ def turned(c, s, angle):
 
 @inlined
 def turned_a_little(c, s, angle):
-    """Return the same quickly for |angle| below SHORT_TURN (error below 1e-13): pairwise sums, little latency."""
+    """Return the same quickly for |angle| below SHORT_TURN (error below 1e-13): pairwise sums,
+    little latency."""
     a = angle * angle
     b = a * a
-    m = (1.0 - 0.5 * a) + b * ((1.0 / 24 - a * (1.0 / 720)) + b * (1.0 / 40320 - a * (1.0 / 3628800)))
+    m = (1.0 - 0.5 * a) + b * (
+        (1.0 / 24 - a * (1.0 / 720)) + b * (1.0 / 40320 - a * (1.0 / 3628800))
+    )
     n = angle * ((1.0 - a * (1.0 / 6)) + b * ((1.0 / 120 - a * (1.0 / 5040)) + b * (1.0 / 362880)))
     return c * m - s * n, s * m + c * n
 
@@ -64,9 +74,14 @@ def fading(x):
     y = max(x, -60.0) * (1.0 / 64.0)
     y_2 = y * y
     y_4 = y_2 * y_2
-    e = 1.0 + y + y_2 * (1.0 / 2 + y * (1.0 / 6))  # the series to y^11, its parts side by side: less to wait for
+    # the series to y^11, its parts side by side: less to wait for
+    e = 1.0 + y + y_2 * (1.0 / 2 + y * (1.0 / 6))
     e += y_4 * (1.0 / 24 + y * (1.0 / 120) + y_2 * (1.0 / 720 + y * (1.0 / 5040)))
-    e += y_4 * y_4 * (1.0 / 40320 + y * (1.0 / 362880) + y_2 * (1.0 / 3628800 + y * (1.0 / 39916800)))
+    e += (
+        y_4
+        * y_4
+        * (1.0 / 40320 + y * (1.0 / 362880) + y_2 * (1.0 / 3628800 + y * (1.0 / 39916800)))
+    )
     e *= e
     e *= e
     e *= e
@@ -77,7 +92,8 @@ def fading(x):
 
 @inlined
 def soft_sign(x, shape):
-    """Return the sign of a current over its half-width as it goes through zero: linear (shape 0) to tanh (1)."""
+    """Return the sign of a current over its half-width as it goes through zero: linear (shape 0) to
+    tanh (1)."""
     e = fading(-2.0 * abs(x))
     tanh = (1.0 - e) / (1.0 + e)
     return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * (tanh if x >= 0.0 else -tanh)
@@ -85,18 +101,21 @@ def soft_sign(x, shape):
 
 @inlined
 def lag_weights(zeroth, first, second):
-    """Return of a first-order lag the weights of its input at a step's start, middle and end, the input a parabola
-    through them, from the moments (`lag_moments`); they sum to the zeroth, which is one minus the decay."""
+    """Return of a first-order lag the weights of its input at a step's start, middle and end, the
+    input a parabola through them, from the moments (`lag_moments`); they sum to the zeroth, which
+    is one minus the decay."""
     return zeroth - 3.0 * first + 2.0 * second, 4.0 * (first - second), 2.0 * second - first
 
 
 @inlined
 def one_lag(gain, time_constant, more, other):
-    """Return resistance and time constant (s) of two branches in series as one: each drops what its current has beside
-    its lagged part.  Fast changes see the sum of the resistances, slow ones that of their products with the time
-    constants.  In between, off by 6 % of the drop at most where the time constants are as 1 to 2, by 25 % at 1 to 4.
+    """Return resistance and time constant (s) of two branches in series as one: each drops what its
+    current has beside its lagged part.  Fast changes see the sum of the resistances, slow ones that
+    of their products with the time constants.  In between, off by 6 % of the drop at most where the
+    time constants are as 1 to 2, by 25 % at 1 to 4.
 
-    A branch without gain is none; a negative gain is handed on as it is, to be refused (`sets.batch_of`).
+    A branch without gain is none; a negative gain is handed on as it is, to be refused
+    (`sets.batch_of`).
     """
     both = gain + more
     if min(gain, more) < 0.0 or both == 0.0:
@@ -110,9 +129,9 @@ def one_lag(gain, time_constant, more, other):
 
 @inlined
 def one_branch(gain, time_constant, more, other):
-    """Return conductance and time constant (s) of two branches across the slope of the flux, side by side, as one.
-    Slow changes see the sum of the conductances, fast ones that of their quotients by the time constants.  In between,
-    off as `one_lag`, of the current."""
+    """Return conductance and time constant (s) of two branches across the slope of the flux, side
+    by side, as one. Slow changes see the sum of the conductances, fast ones that of their quotients
+    by the time constants.  In between, off as `one_lag`, of the current."""
     both, across = gain + more, gain * other + more * time_constant
     if min(gain, more) < 0.0 or both == 0.0:
         return min(gain, more), 0.0
@@ -125,8 +144,8 @@ def one_branch(gain, time_constant, more, other):
 
 @inlined
 def lag_moments(x):
-    """Return of a lag, over a step of x time constants, the integrals over s in [0, 1] of x exp(-x (1 - s)) times 1, s,
-    s^2; one minus the zeroth is the decay exp(-x).
+    """Return of a lag, over a step of x time constants, the integrals over s in [0, 1] of x exp(-x
+    (1 - s)) times 1, s, s^2; one minus the zeroth is the decay exp(-x).
 
     The closed forms divide differences by x; up to SERIES_BELOW a series stands in.
     """
@@ -141,8 +160,9 @@ def lag_moments(x):
 
 @inlined
 def short_lag_moments(x):
-    """Return the same for x up to SERIES_BELOW: the second from its series 2 x sum of (-x)^k/(k + 3)! up to k = 9 (of
-    it, 1e-15 is left out), the others from it by parts, which divides nothing."""
+    """Return the same for x up to SERIES_BELOW: the second from its series 2 x sum of (-x)^k/(k +
+    3)! up to k = 9 (of it, 1e-15 is left out), the others from it by parts, which divides
+    nothing."""
     p = 1.0 / 181440 - x * (1.0 / 1814400 - x * (1.0 / 19958400 - x * (1.0 / 239500800)))
     p = 1.0 / 60 - x * (1.0 / 360 - x * (1.0 / 2520 - x * (1.0 / 20160 - x * p)))
     second = x * (1.0 / 3 - x * (1.0 / 12 - x * p))

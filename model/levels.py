@@ -1,7 +1,8 @@
 """Steady levels of a locked-rotor test, and what a fit to them returns.
 
-A level is a stretch with constant bias current and periodic injected voltage; what is read of it are the bias
-voltage and current and the slopes S (1/H), the ripple current per unit of flux ripple (see `model.ripple`).
+A level is a stretch with constant bias current and periodic injected voltage; what is read of it
+are the bias voltage and current and the slopes S (1/H), the ripple current per unit of flux ripple
+(see `model.ripple`).
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ NAMES = (
     "alpha_22",
     "alpha_04",
 )
-UNITS = dict(zip(NAMES, ("ohm", "H", "H", "A/Wb^2", "A/Wb^2", "A/Wb^3", "A/Wb^3", "A/Wb^3"), strict=True))
+UNITS = dict(
+    zip(NAMES, ("ohm", "H", "H", "A/Wb^2", "A/Wb^2", "A/Wb^3", "A/Wb^3", "A/Wb^3"), strict=True)
+)
 D, Q, NONE = 0, 1, -1
 ON_AXIS = 0.08  # of the largest current: how far a level may lie from an axis to count as on it
 AT_ZERO = 0.02  # of the largest current: how far from zero to count as at zero
@@ -40,7 +43,8 @@ class NoStaircase(BadInput):
 
 @dataclass(frozen=True, repr=False)
 class Levels:
-    """Steady levels, n of them, in the rotor frame the encoder gives; arrays lead with n, second axis d, q."""
+    """Steady levels, n of them, in the rotor frame the encoder gives; arrays lead with n, second
+    axis d, q."""
 
     period: float  # sampling period, s
     axis: NDArray[np.int64]  # injected axis: D, Q or NONE
@@ -60,11 +64,15 @@ class Levels:
     def flux(self) -> Array:
         """Sampled flux ripple (n, N) along the injected axis, V s."""
         return np.array(
-            [flux_ripple(w[:, max(a, 0)], self.period) for w, a in zip(self.waveform, self.axis, strict=True)]
+            [
+                flux_ripple(w[:, max(a, 0)], self.period)
+                for w, a in zip(self.waveform, self.axis, strict=True)
+            ]
         )
 
     def pick(self, axis: int, bias: int | None) -> NDArray[np.int64]:
-        """Return the indices of levels injected on an axis with bias on `bias` alone (zero included), or at zero."""
+        """Return the indices of levels injected on an axis with bias on `bias` alone (zero
+        included), or at zero."""
         near = (AT_ZERO if bias is None else ON_AXIS) * np.max(np.hypot(*self.current.T))
         off = np.hypot(*self.current.T) if bias is None else np.abs(self.current[:, 1 - bias])
         return np.flatnonzero((self.axis == axis) & (off <= near))
@@ -72,14 +80,16 @@ class Levels:
 
 @dataclass(frozen=True)
 class Fit:
-    """Estimated parameters: values and standard deviations by name (SI), covariance in the order of `names`."""
+    """Estimated parameters: values and standard deviations by name (SI), covariance in the order of
+    `names`."""
 
     method: str
     names: tuple[str, ...]
     values: dict[str, float]
     covariance: Array
     residual_rms: float  # A, peak of the ripple left unexplained
-    misfit: float  # how many times its noise the worse of voltages and ripples leaves, 1 where noise explains all
+    # how many times its noise the worse of voltages and ripples leaves, 1 where noise explains all
+    misfit: float
     nuisance: dict[str, float]
     residuals: Array  # (n, 2) A, peak of the ripple less its prediction at each level
 
@@ -97,11 +107,14 @@ class Fit:
     def energy(self) -> Energy:
         """The magnetic model found."""
         v = self.values
-        return Energy(1.0 / v["inductance_d"], 1.0 / v["inductance_q"], *(float(v[n]) for n in NAMES[3:]))
+        return Energy(
+            1.0 / v["inductance_d"], 1.0 / v["inductance_q"], *(float(v[n]) for n in NAMES[3:])
+        )
 
 
 def require_information(levels: Levels) -> None:
-    """Raise NoStaircase naming the axis or the level without which parameters cannot be identified."""
+    """Raise NoStaircase naming the axis or the level without which parameters cannot be
+    identified."""
     cases = (
         (D, D, "d", "d", "inductance_d, alpha_30 and alpha_40"),
         (D, Q, "d", "q", "alpha_12 and alpha_22"),
@@ -112,21 +125,27 @@ def require_information(levels: Levels) -> None:
         rows = levels.pick(axis, bias)
         if rows.size == 0:
             raise NoStaircase(
-                f"no steady level with injection on {injected} and bias on {biased}: {names} cannot be identified; "
+                f"no steady level with injection on {injected} and bias on {biased}: "
+                f"{names} cannot be identified; "
                 f"record a bias staircase on {biased} with injection on {injected}"
             )
         i = levels.current[rows, bias]
         if scale == 0.0 or np.ptp(i) < 0.2 * scale or len(_distinct(i, ON_AXIS * scale)) < 3:
             found = ", ".join(f"{x:.3g}" for x in _distinct(i, ON_AXIS * scale))
             raise NoStaircase(
-                f"the staircase on {biased} with injection on {injected} has levels at {found} A only: {names} need at "
-                "least three, well apart; add levels"
+                f"the staircase on {biased} with injection on {injected} has levels at {found} A "
+                f"only: {names} need at least three, well apart; add levels"
             )
-        if axis == D and bias == D and not (i.min() < -ON_AXIS * scale and i.max() > ON_AXIS * scale):
+        if (
+            axis == D
+            and bias == D
+            and not (i.min() < -ON_AXIS * scale and i.max() > ON_AXIS * scale)
+        ):
             side = "negative" if i.min() >= -ON_AXIS * scale else "positive"
             raise NoStaircase(
-                f"the staircase on d with injection on d has no level at {side} i_d (range {i.min():.3g} to "
-                f"{i.max():.3g} A): alpha_30 and alpha_40 cannot be told apart; add levels of both signs"
+                f"the staircase on d with injection on d has no level at {side} i_d (range "
+                f"{i.min():.3g} to {i.max():.3g} A): alpha_30 and alpha_40 cannot be told apart; "
+                "add levels of both signs"
             )
 
 
@@ -139,12 +158,14 @@ def _distinct(values: Array, apart: float) -> list[float]:
 
 
 def resistance_of(levels: Levels) -> tuple[float, float]:
-    """Return R and its standard deviation (ohm) from the bias levels, u = R i + u_0 sign(i) along each level; BadInput
-    where levels do not differ in current."""
+    """Return R and its standard deviation (ohm) from the bias levels, u = R i + u_0 sign(i) along
+    each level; BadInput where levels do not differ in current."""
     i = np.hypot(*levels.current.T)
     big = i > 0.15 * i.max()
     if big.sum() < 3 or np.ptp(i[big]) < 0.1 * i.max():
-        raise BadInput("the bias levels do not differ in current: resistance cannot be identified; add levels")
+        raise BadInput(
+            "the bias levels do not differ in current: resistance cannot be identified; add levels"
+        )
     along = np.sum(levels.voltage * levels.current, axis=1)[big] / i[big]
     a = np.column_stack([i[big], np.ones(big.sum())])
     x, *_ = np.linalg.lstsq(a, along, rcond=None)

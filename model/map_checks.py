@@ -1,4 +1,5 @@
-"""What a flux map says against itself: its torque against its fluxes, its cells against its points, slopes of its fit.
+"""What a flux map says against itself: its torque against its fluxes, its cells against its points,
+slopes of its fit.
 
 Each check gives sentences; the map is used all the same.
 """
@@ -16,18 +17,26 @@ from model.spline import SplineEnergy, hessian
 from model.spline_energy import Choice
 
 Array = NDArray[np.float64]
-# Torque over 3/2 p (psi_d i_q - psi_q i_d).  The conventions that are mixed differ by sqrt(3/2) at least, so half of
-# that, on a logarithmic scale, is what a measured torque may differ by without a word: losses, drift of the magnets.
+# Torque over 3/2 p (psi_d i_q - psi_q i_d).  The conventions that are mixed differ by sqrt(3/2) at
+# least, so half of that, on a logarithmic scale, is what a measured torque may differ by without a
+# word: losses, drift of the magnets.
 TORQUE_OFF = 1.5**0.25
 SAME_FACTOR = 1.05  # a factor nearer than that to one of a convention is taken for it
 LOOSE = 0.3  # of the torque's own rms: what a line through the fluxes' torque may leave
-SLOPE_OFF = 2.0  # times beyond the slopes of a map's nearest steps: a fit's inductance there is the fit's own
+# times beyond the slopes of a map's nearest steps: a fit's inductance there is the fit's own
+SLOPE_OFF = 2.0
 NEAREST = 3  # steps of a map on each side of a point: a measured map has single wrong ones
 MEANT = (
     (math.sqrt(2.0), "the currents or the fluxes are rms values; both must be peak values"),
     (2.0, "currents and fluxes are rms values, or [motor] pole_pairs is half of what it is"),
     (0.5, "[motor] pole_pairs holds poles, not pairs of them"),
-    (2.0 / 3.0, "currents and fluxes are of the power-invariant transformation; both must be phase peak values"),
+    (
+        2.0 / 3.0,
+        (
+            "currents and fluxes are of the power-invariant transformation; both must be "
+            "phase peak values"
+        ),
+    ),
     (math.sqrt(2.0 / 3.0), "the currents or the fluxes are of the power-invariant transformation"),
     (1.0 / math.sqrt(3.0), "the fluxes are between two terminals; they must be of a phase"),
     (1e3, "the fluxes are in kWb, the currents in kA, or the torque is in mN m"),
@@ -36,8 +45,8 @@ MEANT = (
 
 
 class TorqueLine(NamedTuple):
-    """A map's torque as a line over that of its fluxes for one pole pair: its slope, and the rms (of the torque's own
-    about its mean) that it leaves; NaN where the map has no torque."""
+    """A map's torque as a line over that of its fluxes for one pole pair: its slope, and the rms
+    (of the torque's own about its mean) that it leaves; NaN where the map has no torque."""
 
     slope: float
     left: float
@@ -47,7 +56,8 @@ NO_TORQUE = TorqueLine(math.nan, math.nan)
 
 
 def torque_line(p: MapPoints) -> TorqueLine:
-    """Return how a map's column of torque lies over the torque of its fluxes (an offset is friction's)."""
+    """Return how a map's column of torque lies over the torque of its fluxes (an offset is
+    friction's)."""
     if p.torque is None:
         return NO_TORQUE
     good = np.isfinite(p.torque)
@@ -56,7 +66,9 @@ def torque_line(p: MapPoints) -> TorqueLine:
     if len(stated_torque) < 3 or not np.std(own) > 0.0 or not np.std(stated_torque) > 0.0:
         return NO_TORQUE
     slope, offset = np.polyfit(own, stated_torque, 1)
-    return TorqueLine(float(slope), float(np.std(stated_torque - slope * own - offset) / np.std(stated_torque)))
+    return TorqueLine(
+        float(slope), float(np.std(stated_torque - slope * own - offset) / np.std(stated_torque))
+    )
 
 
 def torque_notes(line: TorqueLine, pole_pairs: int, name: str) -> list[str]:
@@ -67,12 +79,17 @@ def torque_notes(line: TorqueLine, pole_pairs: int, name: str) -> list[str]:
     if line.left > LOOSE:
         return [
             f"{name}: the column of torque does not follow its fluxes: a line over {own} leaves "
-            f"{100 * line.left:.0f} % of it; check which axis is which, their signs, and the magnet's axis"
+            f"{100 * line.left:.0f} % of it; check which axis is which, their signs, and "
+            "the magnet's axis"
         ]
     factor = line.slope / pole_pairs
     if factor > 0.0 and max(factor, 1.0 / factor) < TORQUE_OFF:
         return []
-    turned = "" if factor > 0.0 else " with the other sign: i_q, psi_q or the torque is counted the other way;"
+    turned = (
+        ""
+        if factor > 0.0
+        else " with the other sign: i_q, psi_q or the torque is counted the other way;"
+    )
     size = abs(factor)
     if max(size, 1.0 / size) < TORQUE_OFF:
         return [f"{name}: the column of torque is {own}{turned} turn one of them round"]
@@ -81,7 +98,11 @@ def torque_notes(line: TorqueLine, pole_pairs: int, name: str) -> list[str]:
     if not meant and abs(pairs - round(pairs)) < 0.02 * pairs and round(pairs) >= 1:
         meant = [f"[motor] pole_pairs is {round(pairs)}"]
     guess = " or ".join(meant) or "check the units of currents, fluxes and torque, and pole_pairs"
-    return [f"{name}: the column of torque is {size:.4g} times {own}{turned} {guess}".replace("i_d) ", "i_d): ", 1)]
+    return [
+        f"{name}: the column of torque is {size:.4g} times {own}{turned} {guess}".replace(
+            "i_d) ", "i_d): ", 1
+        )
+    ]
 
 
 def cell_notes(p: MapPoints, choice: Choice, name: str) -> list[str]:
@@ -90,22 +111,27 @@ def cell_notes(p: MapPoints, choice: Choice, name: str) -> list[str]:
     if cells <= len(p.i_d):
         return []
     return [
-        f"{name}: {choice[0][0]} x {choice[0][1]} = {cells} cells for {len(p.i_d)} points: between its points the fit "
-        "follows its own smoothness; give fewer in [flux_map], or leave cells and smooth away, and they are chosen"
+        f"{name}: {choice[0][0]} x {choice[0][1]} = {cells} cells for {len(p.i_d)} points: between "
+        "its points the fit follows its own smoothness; give fewer in [flux_map], or leave cells "
+        "and smooth away, and they are chosen"
     ]
 
 
 def slope_notes(energy: SplineEnergy, p: MapPoints, name: str) -> list[str]:
-    """Return a sentence for each axis along which a fit's inductance leaves what the map's own steps say.
+    """Return a sentence for each axis along which a fit's inductance leaves what the map's own
+    steps say.
 
-    At a point of a grid the slope of a smooth flux lies between those of the nearest steps; what is SLOPE_OFF times
-    beyond the smallest and largest of the 2 x NEAREST around it is told.  energy: of total fluxes.
+    At a point of a grid the slope of a smooth flux lies between those of the nearest steps; what is
+    SLOPE_OFF times beyond the smallest and largest of the 2 x NEAREST around it is told.  energy:
+    of total fluxes.
     """
     grid = p.grid()
     if grid is None:
         return []
     out = []
-    for axis, (x, psi, label) in enumerate(((grid.i_d, grid.psi_d, "L_dd"), (grid.i_q, grid.psi_q, "L_qq"))):
+    for axis, (x, psi, label) in enumerate(
+        ((grid.i_d, grid.psi_d, "L_dd"), (grid.i_q, grid.psi_q, "L_qq"))
+    ):
         steps = np.diff(psi, axis=axis) / np.expand_dims(np.diff(x), 1 - axis)
         low, high = _nearest(steps, axis)
         own = _inductance(energy, grid.psi_d, grid.psi_q, axis)
@@ -114,9 +140,10 @@ def slope_notes(energy: SplineEnergy, p: MapPoints, name: str) -> list[str]:
         k = tuple(int(n) for n in np.unravel_index(np.argmax(off), off.shape))
         if off[k] > SLOPE_OFF:
             out.append(
-                f"{name}: at i_d = {grid.i_d[k[0]]:.4g} A, i_q = {grid.i_q[k[1]]:.4g} A the fit's {label} is "
-                f"{1e3 * own[k]:.3g} mH, the nearest points of the map give {1e3 * low[k]:.3g} to {1e3 * high[k]:.3g} "
-                "mH: give fewer cells or more smooth in [flux_map], or leave both away"
+                f"{name}: at i_d = {grid.i_d[k[0]]:.4g} A, i_q = {grid.i_q[k[1]]:.4g} A the fit's "
+                f"{label} is {1e3 * own[k]:.3g} mH, the nearest points of the map give "
+                f"{1e3 * low[k]:.3g} to {1e3 * high[k]:.3g} mH: give fewer cells or more smooth in "
+                "[flux_map], or leave both away"
             )
     return out
 

@@ -1,7 +1,7 @@
 """Fits to scattered points of a flux map, and how far a fit misses points that it has not seen.
 
-Points are held out inside the map and on its edge: i_d = 0, where many maps end, is where a motor without field
-weakening works.
+Points are held out inside the map and on its edge: i_d = 0, where many maps end, is where a motor
+without field weakening works.
 """
 
 from __future__ import annotations
@@ -38,15 +38,18 @@ class HeldOut(NamedTuple):
 
 
 def choose_for_points(p: MapPoints) -> Choice:
-    """Return the cells and the smoothness whose fit to scattered points misses points held out least."""
+    """Return the cells and the smoothness whose fit to scattered points misses points held out
+    least."""
     errors = [math.hypot(*held_out(p, cells, smooth)) for cells, smooth in CHOICES]
     return CHOICES[int(np.argmin(errors))]
 
 
 def held_out(p: MapPoints, cells: tuple[int, int] = (10, 8), smooth: float = 1e-3) -> HeldOut:
-    """Return by how much (Wb rms) a fit misses points that it has not seen, inf where no fit to the rest is found.
+    """Return by how much (Wb rms) a fit misses points that it has not seen, inf where no fit to the
+    rest is found.
 
-    An error is the current that the fit gives at the point's flux less the point's own, times the fit's inductance.
+    An error is the current that the fit gives at the point's flux less the point's own, times the
+    fit's inductance.
     """
     edge = on_edge(p)
     out = np.zeros(len(edge), dtype=bool)
@@ -58,11 +61,17 @@ def held_out(p: MapPoints, cells: tuple[int, int] = (10, 8), smooth: float = 1e-
     except PhysicsError:
         return HeldOut(math.inf, math.inf)
     square = squared_errors(energy, p)
-    return HeldOut(*(math.sqrt(float(np.mean(square[out & part]))) if part.any() else 0.0 for part in (~edge, edge)))
+    return HeldOut(
+        *(
+            math.sqrt(float(np.mean(square[out & part]))) if part.any() else 0.0
+            for part in (~edge, edge)
+        )
+    )
 
 
 def squared_errors(energy: SplineEnergy, p: MapPoints) -> Array:
-    """Return the squared flux errors (Wb^2, (n,)) of a fit at a map's points; energy: of total fluxes."""
+    """Return the squared flux errors (Wb^2, (n,)) of a fit at a map's points; energy: of total
+    fluxes."""
     out = np.empty(len(p.i_d))
     for k, (d, q, i_d, i_q) in enumerate(zip(p.psi_d, p.psi_q, p.i_d, p.i_q, strict=True)):
         own_d, own_q = currents(energy, float(d), float(q))
@@ -73,7 +82,8 @@ def squared_errors(energy: SplineEnergy, p: MapPoints) -> Array:
 
 
 def on_edge(p: MapPoints) -> NDArray[np.bool_]:
-    """Tell which points lie on the edge of the currents (n,): within half a usual spacing of their convex hull."""
+    """Tell which points lie on the edge of the currents (n,): within half a usual spacing of their
+    convex hull."""
     place = np.column_stack([_scaled(p.i_d), _scaled(p.i_q)])
     try:
         hull = ConvexHull(place)

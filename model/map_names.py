@@ -1,8 +1,10 @@
-"""Which array of a file is which quantity of a flux map: names as bench and finite-element programs write them.
+"""Which array of a file is which quantity of a flux map: names as bench and finite-element programs
+write them.
 
-Spellings of motulator, SyR-e (Id, Fd), MathWorks (idVec, fluxD), Motor-CAD (Id_Peak, Flux_Linkage_D, Phase_Advance),
-JMAG (d-axis current, d-axis flux linkage), pyleecan (Id, Phi_d, Tem_av) and FEMM scripts (lambda_d) are known; where
-two would do, the first of NAMES.  [flux_map] may name any of them itself: i_d = "my column".
+Spellings of motulator, SyR-e (Id, Fd), MathWorks (idVec, fluxD), Motor-CAD (Id_Peak,
+Flux_Linkage_D, Phase_Advance), JMAG (d-axis current, d-axis flux linkage), pyleecan (Id, Phi_d,
+Tem_av) and FEMM scripts (lambda_d) are known; where two would do, the first of NAMES.  [flux_map]
+may name any of them itself: i_d = "my column".
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ NAMES = {  # accepted spellings of each quantity, in order of preference
 OF_BOTH = ("i_d", "i_q", "psi_d", "psi_q")
 CURRENT = "(?:stator|phase)?(?:current|curr?|is?)"
 FLUX = "(?:stator)?(?:flux(?:linkages?)?|linkages?|psis?|f|phi|lambdas?|lam)"
-MORE = "(?:vec|vector|map|grid|index|mean|av|avg|average|axis|peak|pk|amp|data|table|dq|lut|rms|dqh|linkages?)*"
+MORE = "(?:vec|vector|map|grid|index|mean|av|avg|average|axis|peak|pk|amp|data|table|dq|lut|rms|dqh|linkages?)*"  # noqa: E501
 D, Q = "(?:direct|d)(?:axis|ax)?", "(?:quadrature|q)(?:axis|ax)?"
 PATTERNS = {  # of a name without blanks, units and signs between its letters, lower case
     **{
@@ -45,22 +47,35 @@ PATTERNS = {  # of a name without blanks, units and signs between its letters, l
     "current": re.compile(
         "(?:stator|phase|line|motor)?(?:current|i|is)(?:phase|line)?(?:amplitude|magnitude|peak|pk|abs|amp|rms|max)*"
     ),
-    "advance": re.compile("(?:phase|current|lead)?(?:advance|beta|gamma|lead)(?:angle)?|current(?:phase)?angle"),
+    "advance": re.compile(
+        "(?:phase|current|lead)?(?:advance|beta|gamma|lead)(?:angle)?|current(?:phase)?angle"
+    ),
 }
 STATED = (*OF_BOTH, "torque", "current", "advance")  # keys of [flux_map] that name an array
 GREEK = {"ψ": "psi", "λ": "lambda", "φ": "phi", "ϕ": "phi", "γ": "gamma", "β": "beta", "τ": "tau"}
 UNIT_BEHIND = re.compile(r"[_ ]+(m?wb|uwb|m?vs|[mk]?a|arms|m?nm|deg|rad)$", re.IGNORECASE)
-BEHIND = {"mwb": 1e-3, "uwb": 1e-6, "mvs": 1e-3, "ma": 1e-3, "ka": 1e3, "mnm": 1e-3, "deg": math.pi / 180.0}
+BEHIND = {
+    "mwb": 1e-3,
+    "uwb": 1e-6,
+    "mvs": 1e-3,
+    "ma": 1e-3,
+    "ka": 1e3,
+    "mnm": 1e-3,
+    "deg": math.pi / 180.0,
+}
 
 
 class Column(NamedTuple):
-    """An array's name in its file, and the factor to SI units and peak values that its name says."""
+    """An array's name in its file, and the factor to SI units and peak values that its name
+    says."""
 
     name: str
     factor: float
 
 
-def columns_of(names: Iterable[str], stated: Mapping[str, str], file: str) -> dict[str, list[Column]]:
+def columns_of(
+    names: Iterable[str], stated: Mapping[str, str], file: str
+) -> dict[str, list[Column]]:
     """Return the arrays that each quantity may be, the likeliest first, by a file's names.
 
     stated: names by quantity, as [flux_map] gives them; BadInput where there is no such array.
@@ -70,12 +85,16 @@ def columns_of(names: Iterable[str], stated: Mapping[str, str], file: str) -> di
     for quantity in (*NAMES, *PATTERNS):
         if quantity in stated:
             if stated[quantity] not in there:
-                raise BadInput(f"[flux_map] {quantity}: {unknown(f'array of {file}', stated[quantity], there)}")
+                raise BadInput(
+                    f"[flux_map] {quantity}: {unknown(f'array of {file}', stated[quantity], there)}"
+                )
             out[quantity] = [Column(stated[quantity], _factor(stated[quantity]))]
         elif quantity not in out:
             exact = [n for n in NAMES.get(quantity, ()) if n in there]
             pattern = PATTERNS.get(quantity)
-            alike = [n for n in there if pattern and n not in exact and pattern.fullmatch(_plain(n))]
+            alike = [
+                n for n in there if pattern and n not in exact and pattern.fullmatch(_plain(n))
+            ]
             out[quantity] = [Column(n, _factor(n)) for n in (*exact, *alike)]
     return out
 
@@ -91,7 +110,8 @@ def _plain(name: str) -> str:
 
 
 def _factor(name: str) -> float:
-    """Return the factor to SI units, peak values and rad that a name says; a unit in brackets is its reader's."""
+    """Return the factor to SI units, peak values and rad that a name says; a unit in brackets is
+    its reader's."""
     bracket = re.search(r"[\[(](.*?)[\])]", name)
     behind = UNIT_BEHIND.search(name)
     factor = BEHIND.get(behind[1].lower(), 1.0) if behind else 1.0

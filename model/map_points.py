@@ -1,8 +1,8 @@
-"""Flux maps as they are published: points without a value, ragged circles, axes the other way round, scattered points,
-a frame whose d axis is not the magnet's.
+"""Flux maps as they are published: points without a value, ragged circles, axes the other way
+round, scattered points, a frame whose d axis is not the magnet's.
 
-The frame: `angle` (electrical rad) says how far the file's d axis stands ahead of the magnet; a vector of the file is
-turned by exp(j angle).  magnet = "q" is the same as an angle of -pi/2.
+The frame: `angle` (electrical rad) says how far the file's d axis stands ahead of the magnet; a
+vector of the file is turned by exp(j angle).  magnet = "q" is the same as an angle of -pi/2.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ FEWEST = 24  # points with a value
 
 @dataclass(frozen=True)
 class MapPoints:
-    """Points of a flux map in the magnet's frame, each (n,): currents (A), fluxes (Wb), torque (N m, None: not in the
-    file); notes: what was left out."""
+    """Points of a flux map in the magnet's frame, each (n,): currents (A), fluxes (Wb), torque (N
+    m, None: not in the file); notes: what was left out."""
 
     name: str
     i_d: Array
@@ -58,18 +58,22 @@ class MapPoints:
             return None
         order = np.lexsort((q, d))
         square = [x[order].reshape(n, m) for x in (self.i_d, self.i_q, self.psi_d, self.psi_q)]
-        return FluxMap(self.name, square[0].mean(axis=1), square[1].mean(axis=0), square[2], square[3])
+        return FluxMap(
+            self.name, square[0].mean(axis=1), square[1].mean(axis=0), square[2], square[3]
+        )
 
 
 def read_points(
     path: Path, magnet: str = "d", angle: float = 0.0, stated: Mapping[str, str] | None = None
 ) -> MapPoints:
-    """Return the points of a map (.npz, .mat, a text or a workbook) that have a value, in the magnet's frame.
+    """Return the points of a map (.npz, .mat, a text or a workbook) that have a value, in the
+    magnet's frame.
 
-    Axes are vectors or grids; where vectors of i_d and i_q fit the map only the other way round it is transposed.
-    Currents may be an amplitude and how far it stands ahead of q, towards -d.  Over further values at one current (the
-    rotor's angle: rows, or a third axis) the mean is taken.  stated: names of arrays by quantity, as [flux_map] gives
-    them.  BadInput for a missing quantity, other shapes, or fewer than FEWEST points with a value.
+    Axes are vectors or grids; where vectors of i_d and i_q fit the map only the other way round it
+    is transposed. Currents may be an amplitude and how far it stands ahead of q, towards -d.  Over
+    further values at one current (the rotor's angle: rows, or a third axis) the mean is taken.
+    stated: names of arrays by quantity, as [flux_map] gives them.  BadInput for a missing quantity,
+    other shapes, or fewer than FEWEST points with a value.
     """
     check_axis(magnet)
     data, known = read_arrays(path, (), MOST_VALUES)
@@ -82,14 +86,20 @@ def read_points(
     torques = torque.ravel().astype(float) if torque is not None and torque.size == i.size else None
     i, psi, torques = _once(i, psi, torques, path.name, notes)
     if i.size > MOST_POINTS:
-        raise BadInput(f"{path.name}: {i.size} points; at most {MOST_POINTS} are read, keep every second line")
+        raise BadInput(
+            f"{path.name}: {i.size} points; at most {MOST_POINTS} are read, keep every second line"
+        )
     good = np.isfinite(i) & np.isfinite(psi)
     if np.count_nonzero(good) < FEWEST:
         raise BadInput(
-            f"{path.name}: {np.count_nonzero(good)} of {good.size} points have a value; a map needs at least {FEWEST}"
+            f"{path.name}: {np.count_nonzero(good)} of {good.size} points have a value; "
+            f"a map needs at least {FEWEST}"
         )
     if not np.all(good):
-        notes.append(f"{path.name}: {np.count_nonzero(~good)} of {good.size} points have no value and are left out")
+        notes.append(
+            f"{path.name}: {np.count_nonzero(~good)} of {good.size} points have no value "
+            "and are left out"
+        )
     for values, (low, high), what, unit in (
         (i[good], SIZES["i"], "currents", "A"),
         (psi[good], SIZES["psi"], "fluxes", "Wb"),
@@ -97,19 +107,31 @@ def read_points(
         largest = float(np.max(np.abs(values)))
         if not low <= largest <= high:
             raise BadInput(
-                f"{path.name}: the largest of the {what} is {largest:.3g} {unit}, not in [{low:g}, {high:g}]"
+                f"{path.name}: the largest of the {what} is {largest:.3g} {unit}, not in "
+                f"[{low:g}, {high:g}]"
             )
     kept = None if torques is None else torques[good]
     turn = TURNS[magnet] * np.exp(1j * angle)
     i, psi = turn * i[good], turn * psi[good]
-    return MapPoints(path.stem, i.real.copy(), i.imag.copy(), psi.real.copy(), psi.imag.copy(), tuple(notes), kept)
+    return MapPoints(
+        path.stem,
+        i.real.copy(),
+        i.imag.copy(),
+        psi.real.copy(),
+        psi.imag.copy(),
+        tuple(notes),
+        kept,
+    )
 
 
 def check_angle(angle: object) -> float:
     """Return the `angle` of [flux_map] in rad; BadInput where it is none."""
     value = finite(angle)
     if value is None or abs(value) > math.pi:
-        raise BadInput(f"[flux_map] angle = {as_toml(angle)} is no angle; give electrical rad in [-3.1416, 3.1416]")
+        raise BadInput(
+            f"[flux_map] angle = {as_toml(angle)} is no angle; give electrical rad in "
+            "[-3.1416, 3.1416]"
+        )
     return value
 
 
@@ -118,7 +140,11 @@ def _vectors(
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return currents and fluxes as complex numbers, flat."""
     whole = {q: _first(data, columns[q], "c") for q in ("i", "psi")}
-    if whole["i"] is not None and whole["psi"] is not None and whole["i"].shape == whole["psi"].shape:
+    if (
+        whole["i"] is not None
+        and whole["psi"] is not None
+        and whole["i"].shape == whole["psi"].shape
+    ):
         return whole["i"].ravel().astype(complex), whole["psi"].ravel().astype(complex)
     parts = {q: _first(data, columns[q], "fiu") for q in OF_BOTH}
     if parts["i_d"] is None and parts["i_q"] is None:
@@ -128,15 +154,20 @@ def _vectors(
             raise BadInput(_missing(name, data, columns[name], file, known))
     d, q, psi_d, psi_q = (np.asarray(parts[n], dtype=float) for n in OF_BOTH)
     if d.ndim < 3 and psi_d.ndim == psi_q.ndim == 3:
-        notes.append(f"{file}: fluxes over {psi_d.shape[2]} angles of the rotor; their mean is taken")
+        notes.append(
+            f"{file}: fluxes over {psi_d.shape[2]} angles of the rotor; their mean is taken"
+        )
         psi_d, psi_q = _over_angles(psi_d), _over_angles(psi_q)
     if psi_d.shape != psi_q.shape:
-        raise BadInput(f"{file}: psi_d has shape {psi_d.shape}, psi_q {psi_q.shape}; they must be equal")
+        raise BadInput(
+            f"{file}: psi_d has shape {psi_d.shape}, psi_q {psi_q.shape}; they must be equal"
+        )
     if d.ndim == q.ndim == 1 and psi_d.ndim == 2:
         d, q = _grid(d, q, psi_d, file, notes)
     if not d.shape == q.shape == psi_d.shape:
         raise BadInput(
-            f"{file}: currents have shapes {d.shape} and {q.shape}, fluxes {psi_d.shape}; they must be equal"
+            f"{file}: currents have shapes {d.shape} and {q.shape}, fluxes "
+            f"{psi_d.shape}; they must be equal"
         )
     return _complex(d, q), _complex(psi_d, psi_q)
 
@@ -145,11 +176,19 @@ def _missing(name: str, data: Any, columns: Sequence[Column], file: str, known: 
     """Return what is wrong where a map has no usable array of a quantity."""
     short = next((c.name for c in columns if c.name in data and data[c.name].size <= 1), None)
     if short is not None:
-        return f"{file}: '{short}' has {data[short].size} values; a map needs at least {FEWEST} points"
+        return (
+            f"{file}: '{short}' has {data[short].size} values; a map needs at least {FEWEST} points"
+        )
     remedy = f'name it in [flux_map], {name} = "..."'
     if name in ("i_d", "i_q"):
-        remedy += ', or current = "..." and advance = "..." (an amplitude, and how far it stands ahead of q)'
-    return f"{file}: no '{name}' of numbers (or {', '.join(NAMES[name])}); it holds {', '.join(known)[:80]}: {remedy}"
+        remedy += (
+            ', or current = "..." and advance = "..." (an amplitude, and how far it stands '
+            "ahead of q)"
+        )
+    return (
+        f"{file}: no '{name}' of numbers (or {', '.join(NAMES[name])}); it holds "
+        f"{', '.join(known)[:80]}: {remedy}"
+    )
 
 
 def _complex(a: Array, b: Array) -> NDArray[np.complex128]:
@@ -160,7 +199,8 @@ def _complex(a: Array, b: Array) -> NDArray[np.complex128]:
 
 
 def _grid(d: Array, q: Array, psi_d: Array, file: str, notes: list[str]) -> tuple[Array, Array]:
-    """Return grids of currents for vectors of them, the map's first axis i_d, or i_q where only that fits.
+    """Return grids of currents for vectors of them, the map's first axis i_d, or i_q where only
+    that fits.
 
     A square map says by itself: psi_d rises along i_d.
     """
@@ -168,7 +208,8 @@ def _grid(d: Array, q: Array, psi_d: Array, file: str, notes: list[str]) -> tupl
     straight, across = psi_d.shape == (n, m), psi_d.shape == (m, n)
     if not straight and not across:
         raise BadInput(
-            f"{file}: fluxes have shape {psi_d.shape}, axes of {n} (i_d) and {m} (i_q) currents fit neither way"
+            f"{file}: fluxes have shape {psi_d.shape}, axes of {n} (i_d) and {m} (i_q) "
+            "currents fit neither way"
         )
     if straight and across:
         along = [float(np.nansum(np.diff(psi_d, axis=k) * np.sign(np.diff(d)[0]))) for k in (0, 1)]
@@ -181,8 +222,11 @@ def _grid(d: Array, q: Array, psi_d: Array, file: str, notes: list[str]) -> tupl
     return x, y
 
 
-def _from_amplitude(data: Any, columns: Mapping[str, list[Column]], notes: list[str], file: str) -> dict[str, Array]:
-    """Return i_d, i_q of currents given by amplitude and angle (from q towards -d), nothing where they are not."""
+def _from_amplitude(
+    data: Any, columns: Mapping[str, list[Column]], notes: list[str], file: str
+) -> dict[str, Array]:
+    """Return i_d, i_q of currents given by amplitude and angle (from q towards -d), nothing where
+    they are not."""
     size, ahead = _first(data, columns["current"], "fiu"), _first(data, columns["advance"], "fiu")
     if size is None or ahead is None:
         return {}
@@ -202,15 +246,24 @@ def _over_angles(values: Array) -> Array:
 
 
 def _once(
-    i: NDArray[np.complex128], psi: NDArray[np.complex128], torque: Array | None, file: str, notes: list[str]
+    i: NDArray[np.complex128],
+    psi: NDArray[np.complex128],
+    torque: Array | None,
+    file: str,
+    notes: list[str],
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], Array | None]:
     """Return each current once, with the mean of what stands at it."""
     scale = float(np.max(np.abs(i[np.isfinite(i)]), initial=0.0)) or 1.0
     places = np.round(np.where(np.isfinite(i), i, 0.0) / scale, 7)
-    _, first, of, count = np.unique(places, return_index=True, return_inverse=True, return_counts=True)
+    _, first, of, count = np.unique(
+        places, return_index=True, return_inverse=True, return_counts=True
+    )
     if len(first) == len(i) or not np.all(np.isfinite(i)):
         return i, psi, torque
-    notes.append(f"{file}: up to {int(count.max())} values at one current (angles of the rotor?); their mean is taken")
+    notes.append(
+        f"{file}: up to {int(count.max())} values at one current (angles of the rotor?); "
+        "their mean is taken"
+    )
 
     def mean(x: Array) -> Array:
         return np.asarray(np.bincount(of.ravel(), x, len(first)) / count)
@@ -221,7 +274,8 @@ def _once(
 
 
 def _first(data: Any, columns: Sequence[Column], kinds: str) -> Any:
-    """Return the first usable array among some, in SI units and peak values; None where there is none."""
+    """Return the first usable array among some, in SI units and peak values; None where there is
+    none."""
     for name, factor in columns:
         found = data.get(name)
         if found is not None and found.size > 1 and found.ndim <= 3 and found.dtype.kind in kinds:

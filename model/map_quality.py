@@ -1,7 +1,8 @@
 """How far a flux map, and the fit to it, can be believed.
 
-A machine that looks the same in both directions has psi_d even and psi_q odd in i_q.  Polynomials with and without that
-symmetry tell how far a map breaks it, and at which angle it would break it least.
+A machine that looks the same in both directions has psi_d even and psi_q odd in i_q.  Polynomials
+with and without that symmetry tell how far a map breaks it, and at which angle it would break it
+least.
 """
 
 from __future__ import annotations
@@ -21,16 +22,18 @@ DEGREE = 6  # of the polynomials that tell the asymmetry
 FARTHEST = math.radians(15.0)  # angle that is looked for
 ONE_SIDED = 0.25  # of the range of i_q: less on one side tells no asymmetry
 TELLING = 1.4  # times the asymmetry must fall for an angle to be proposed
-NO_STARTING = 0.02  # of the range of i_d: less than that beyond 0 leaves no room for the polarity test
+# of the range of i_d: less than that beyond 0 leaves no room for the polarity test
+NO_STARTING = 0.02
 
 
 @dataclass(frozen=True)
 class Quality:
     """How far a map can be believed.
 
-    points: with a value; held_out, held_out_edge: Wb rms of the fit in use on points that it has not seen, inside the
-    map and on its edge (None: no fit to the rest is found); asymmetry: Wb rms between +i_q and -i_q (None: the map has
-    one sign only); angle: rad that would explain most of it (None: none does); asymmetry_turned: what that would leave.
+    points: with a value; held_out, held_out_edge: Wb rms of the fit in use on points that it has
+    not seen, inside the map and on its edge (None: no fit to the rest is found); asymmetry: Wb rms
+    between +i_q and -i_q (None: the map has one sign only); angle: rad that would explain most of
+    it (None: none does); asymmetry_turned: what that would leave.
     """
 
     points: int
@@ -54,7 +57,8 @@ class Quality:
         if self.angle is not None and self.asymmetry_turned is not None:
             out.append(
                 f"an angle offset of {math.degrees(self.angle):.2f} degrees explains that but for "
-                f"{1e3 * self.asymmetry_turned:.3g} mWb: try angle = {self.angle:.4f} more in [flux_map]"
+                f"{1e3 * self.asymmetry_turned:.3g} mWb: try angle = {self.angle:.4f} "
+                "more in [flux_map]"
             )
         return out
 
@@ -65,8 +69,8 @@ def quality(p: MapPoints, choice: Choice = ((10, 8), 1e-3)) -> Quality:
     span = float(np.ptp(p.i_d))
     if float(np.max(p.i_d)) < NO_STARTING * span:
         notes.append(
-            f"{p.name}: the map ends at i_d = {float(np.max(p.i_d)):.3g} A, so the polarity test of starting up leaves "
-            "it; give start_up = false in the scenario"
+            f"{p.name}: the map ends at i_d = {float(np.max(p.i_d)):.3g} A, so the polarity test "
+            "of starting up leaves it; give start_up = false in the scenario"
         )
     missed = held_out(p, *choice)
     inside, edge = (x if math.isfinite(x) else None for x in missed)
@@ -74,7 +78,9 @@ def quality(p: MapPoints, choice: Choice = ((10, 8), 1e-3)) -> Quality:
         return Quality(len(p.i_d), inside, edge, None, None, None, tuple(notes))
     now, angle = asymmetry(p), best_angle(p)
     after = asymmetry(p, angle)
-    is_clear = now > TELLING * after and abs(angle) > math.radians(0.2) and abs(angle) < 0.99 * FARTHEST
+    is_clear = (
+        now > TELLING * after and abs(angle) > math.radians(0.2) and abs(angle) < 0.99 * FARTHEST
+    )
     return Quality(len(p.i_d), inside, edge, now, angle if is_clear else None, after, tuple(notes))
 
 

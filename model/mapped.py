@@ -1,8 +1,10 @@
-"""A motor whose magnetic model is a flux map: the spline energy fitted to it stands where others have the quartic.
+"""A motor whose magnetic model is a flux map: the spline energy fitted to it stands where others
+have the quartic.
 
-Built in are the maps of the data-set registry (`model/motors/mapped/*.toml`); a user's own motor is a TOML file of the
-same kind, its [flux_map] naming a file.  Inductances and magnet flux are those of the map at zero current, and of the
-linear belief.  A fit is kept on disk under a hash of the map and of what fits it.
+Built in are the maps of the data-set registry (`model/motors/mapped/*.toml`); a user's own motor is
+a TOML file of the same kind, its [flux_map] naming a file.  Inductances and magnet flux are those
+of the map at zero current, and of the linear belief.  A fit is kept on disk under a hash of the map
+and of what fits it.
 """
 
 from __future__ import annotations
@@ -44,10 +46,21 @@ if TYPE_CHECKING:
     from model.spline_energy import Choice
 
 KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth", *STATED)
-OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+OF_MAP = (
+    "inductance_d",
+    "inductance_q",
+    "magnet_flux",
+    "alpha_30",
+    "alpha_12",
+    "alpha_40",
+    "alpha_22",
+    "alpha_04",
+)
 ALPHAS = OF_MAP[3:]
 FOUND = "flux_map_found.npz"  # a map as recordings have it
-NO_MAGNET = 1e-3  # of the map's lowest psi_d: without magnets, a flux at zero current that is negative by less is noise
+# of the map's lowest psi_d: without magnets, a flux at zero current that is negative by less is
+# noise
+NO_MAGNET = 1e-3
 FITTED_BY = (
     "spline_energy",
     "spline",
@@ -67,7 +80,8 @@ FITTED_BY = (
 
 
 class MapFile(NamedTuple):
-    """Where a flux map came from: its file, the [flux_map] table that names it, and what it says against itself."""
+    """Where a flux map came from: its file, the [flux_map] table that names it, and what it says
+    against itself."""
 
     path: Path
     table: dict[str, Any]
@@ -75,7 +89,8 @@ class MapFile(NamedTuple):
 
 
 class FittedMap(NamedTuple):
-    """The centred fit of a map, the magnet flux (Wb), cells and smoothness, the line of its torque, and notes."""
+    """The centred fit of a map, the magnet flux (Wb), cells and smoothness, the line of its torque,
+    and notes."""
 
     spline: SplineEnergy
     magnet: float
@@ -86,7 +101,8 @@ class FittedMap(NamedTuple):
 
 @dataclass(frozen=True)
 class MappedMotor(Motor):
-    """A motor with a spline energy; `map_hash` tells one map from another (and stands for it in comparisons)."""
+    """A motor with a spline energy; `map_hash` tells one map from another (and stands for it in
+    comparisons)."""
 
     map_hash: str = ""
     origin: MapFile | None = field(default=None, repr=False, compare=False)
@@ -94,13 +110,17 @@ class MappedMotor(Motor):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = {"inductance_d": 1.0 / self.spline.gamma_d, "inductance_q": 1.0 / self.spline.gamma_q}
+        given = {
+            "inductance_d": 1.0 / self.spline.gamma_d,
+            "inductance_q": 1.0 / self.spline.gamma_q,
+        }
         given |= dict.fromkeys(ALPHAS, 0.0)
         for name, value in given.items():
             if not math.isclose(getattr(self, name), value, rel_tol=1e-9):
                 raise BadInput(
-                    f"[motor] {name} = {getattr(self, name):.4g} contradicts the flux map of '{self.name}', which "
-                    "alone says how it saturates; leave it (and effects on it) away, or use a motor with alphas"
+                    f"[motor] {name} = {getattr(self, name):.4g} contradicts the flux map of "
+                    f"'{self.name}', which alone says how it saturates; leave it (and effects on "
+                    "it) away, or use a motor with alphas"
                 )
 
     @property
@@ -143,31 +163,43 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
     check_angle(table.get("angle", 0.0))
     for key in STATED:
         if not isinstance(table.get(key, ""), str):
-            raise BadInput(f"[flux_map] {key} = {as_toml(table[key])} is no name of an array; put it in quotes")
+            raise BadInput(
+                f"[flux_map] {key} = {as_toml(table[key])} is no name of an array; put it in quotes"
+            )
     _choice(table)
-    return build(Motor, {**values, "inductance_d": 10.0, "inductance_q": 10.0, "magnet_flux": 1.0}, "motor")
+    return build(
+        Motor, {**values, "inductance_d": 10.0, "inductance_q": 10.0, "magnet_flux": 1.0}, "motor"
+    )
 
 
 def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Path) -> MappedMotor:
-    """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), its file named
-    from `folder` or in a data set. BadInput where its points make no motor."""
+    """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in`
+    sees), its file named from `folder` or in a data set. BadInput where its points make no
+    motor."""
     path = _path(table, folder)
     found = _remembered(path, _reading(table), _choice(table))
     spline, magnet = found.spline, found.magnet
     magnet = 0.0 if -NO_MAGNET * abs(spline.low_d) < magnet < 0.0 else magnet
-    more = {"inductance_d": 1.0 / spline.gamma_d, "inductance_q": 1.0 / spline.gamma_q, "magnet_flux": magnet}
+    more = {
+        "inductance_d": 1.0 / spline.gamma_d,
+        "inductance_q": 1.0 / spline.gamma_q,
+        "magnet_flux": magnet,
+    }
     try:
         motor = build(Motor, {**values, **more}, "motor")
     except BadInput:
         stand_in(values, table)  # what is wrong with what is stated comes first
         raise BadInput(
-            f"{path.name}: its points make a magnet flux of {magnet:.4g} Wb, L_d = {more['inductance_d']:.4g} H and "
-            f"L_q = {more['inductance_q']:.4g} H, which no motor has; write the units into its header, e.g. psi_d [mWb]"
+            f"{path.name}: its points make a magnet flux of {magnet:.4g} Wb, L_d = "
+            f"{more['inductance_d']:.4g} H and L_q = {more['inductance_q']:.4g} H, which no motor "
+            "has; write the units into its header, e.g. psi_d [mWb]"
         ) from None
     own = {name: getattr(motor, name) for name in Motor.__dataclass_fields__}
     digest = hashlib.sha256(spline.cells.tobytes() + repr(spline[1:]).encode()).hexdigest()[:16]
     notes = (*torque_notes(found.torque, motor.pole_pairs, path.name), *found.notes)
-    return MappedMotor(**own, map_hash=digest, origin=MapFile(path, dict(table), notes), spline=spline)
+    return MappedMotor(
+        **own, map_hash=digest, origin=MapFile(path, dict(table), notes), spline=spline
+    )
 
 
 def _path(table: Mapping[str, Any], folder: Path) -> Path:
@@ -186,18 +218,26 @@ def _choice(table: Mapping[str, Any]) -> Choice | None:
     if "cells" not in table and "smooth" not in table:
         return None
     cells, smooth = table.get("cells"), table.get("smooth")
-    two = isinstance(cells, list) and len(cells) == 2 and all(type(n) is int and 2 <= n <= 60 for n in cells)
+    two = (
+        isinstance(cells, list)
+        and len(cells) == 2
+        and all(type(n) is int and 2 <= n <= 60 for n in cells)
+    )
     if not two or not isinstance(smooth, float) or not 0.0 < smooth < 1.0:
         raise BadInput(
-            f"[flux_map] cells = {as_toml(cells)}, smooth = {as_toml(smooth)}; give both, cells = [14, 12] (2 to 60 "
-            "each) and smooth in (0, 1), or neither"
+            f"[flux_map] cells = {as_toml(cells)}, smooth = {as_toml(smooth)}; give both, cells = "
+            "[14, 12] (2 to 60 each) and smooth in (0, 1), or neither"
         )
     return (cells[0], cells[1]), smooth  # type: ignore[index]
 
 
-def _remembered(path: Path, how: tuple[str, float, dict[str, str]], choice: Choice | None) -> FittedMap:
+def _remembered(
+    path: Path, how: tuple[str, float, dict[str, str]], choice: Choice | None
+) -> FittedMap:
     """Return the fit of a map, from disk where it has been fitted before."""
-    content = given_bytes(path, max(MOST_BYTES.values()), "give a flux map (.npz, .mat or .csv), nothing else in it")
+    content = given_bytes(
+        path, max(MOST_BYTES.values()), "give a flux map (.npz, .mat or .csv), nothing else in it"
+    )
     here = Path(__file__).parent
     code = b"".join((here / f"{name}.py").read_bytes() for name in FITTED_BY)
     key = hashlib.sha256(code + content + repr((path.name, how, choice)).encode()).hexdigest()[:24]
@@ -206,7 +246,11 @@ def _remembered(path: Path, how: tuple[str, float, dict[str, str]], choice: Choi
     if stored is not None:
         try:
             kept = _unpacked(stored)
-            if kept.spline.cells.ndim == 4 and kept.spline.cells.shape[2:] == (DEGREE + 1,) * 2 and _is_sound(kept):
+            if (
+                kept.spline.cells.ndim == 4
+                and kept.spline.cells.shape[2:] == (DEGREE + 1,) * 2
+                and _is_sound(kept)
+            ):
                 return kept
         except Exception:  # whole, but not what is written below
             pass
@@ -214,9 +258,15 @@ def _remembered(path: Path, how: tuple[str, float, dict[str, str]], choice: Choi
     found = _fitted(path, how, choice)
     body = io.BytesIO()
     np.savez(
-        body, cells=found.spline.cells, rest=np.array(found.spline[1:]), magnet=found.magnet, of=found.choice[0],
-        smooth=found.choice[1], torque=np.array(found.torque), notes=np.array(found.notes, dtype=str),
-    )  # fmt: skip
+        body,
+        cells=found.spline.cells,
+        rest=np.array(found.spline[1:]),
+        magnet=found.magnet,
+        of=found.choice[0],
+        smooth=found.choice[1],
+        torque=np.array(found.torque),
+        notes=np.array(found.notes, dtype=str),
+    )
     write_kept(place, body.getvalue())
     return found
 
@@ -224,12 +274,19 @@ def _remembered(path: Path, how: tuple[str, float, dict[str, str]], choice: Choi
 def _unpacked(stored: bytes) -> FittedMap:
     """Return a fit as it was kept."""
     with np.load(io.BytesIO(stored)) as numbers:
-        rest, cells = map(float, numbers["rest"]), np.ascontiguousarray(numbers["cells"], dtype=np.float64)
+        rest, cells = (
+            map(float, numbers["rest"]),
+            np.ascontiguousarray(numbers["cells"], dtype=np.float64),
+        )
         n, m = (int(n) for n in numbers["of"])
         line = TorqueLine(*map(float, numbers["torque"]))
         choice = (n, m), float(numbers["smooth"])
         return FittedMap(
-            SplineEnergy(cells, *rest), float(numbers["magnet"]), choice, line, tuple(map(str, numbers["notes"]))
+            SplineEnergy(cells, *rest),
+            float(numbers["magnet"]),
+            choice,
+            line,
+            tuple(map(str, numbers["notes"])),
         )
 
 
@@ -253,7 +310,8 @@ def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | 
         raise
     except (ArithmeticError, np.linalg.LinAlgError, RuntimeError, ValueError) as error:
         raise BadInput(
-            f"flux map '{path.name}' cannot be fitted ({error}); check its units (A, Wb), signs and magnet axis"
+            f"flux map '{path.name}' cannot be fitted ({error}); check its units (A, "
+            "Wb), signs and magnet axis"
         ) from None
     found = _checked(FittedMap(spline, flux, choice, torque_line(points), ()), path)
     crowded = cell_notes(points, given, path.name) if given else []
@@ -263,12 +321,16 @@ def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | 
 def _checked(found: FittedMap, path: Path) -> FittedMap:
     """Return a fit that is sound; BadInput for another."""
     if not _is_sound(found):
-        raise BadInput(f"flux map '{path.name}' gives no finite energy; check its units (A, Wb), signs and magnet axis")
+        raise BadInput(
+            f"flux map '{path.name}' gives no finite energy; check its units (A, Wb), "
+            "signs and magnet axis"
+        )
     return found
 
 
 def _is_sound(found: FittedMap) -> bool:
-    """Tell whether a fit is finite, its scales positive, and its stiffness at no current what its cells say."""
+    """Tell whether a fit is finite, its scales positive, and its stiffness at no current what its
+    cells say."""
     spline, flux = found.spline, found.magnet
     numbers = np.array([*spline[1:], flux], dtype=np.float64)
     scales = spline.per_d, spline.per_q, spline.gamma_d, spline.gamma_q
@@ -276,22 +338,34 @@ def _is_sound(found: FittedMap) -> bool:
     if not finite or min(scales) <= 0:
         return False
     stiff_d, _, stiff_q = hessian(spline, 0.0, 0.0)
-    return bool(np.allclose((stiff_d, stiff_q), (spline.gamma_d, spline.gamma_q), rtol=1e-6, atol=0.0))
+    return bool(
+        np.allclose((stiff_d, stiff_q), (spline.gamma_d, spline.gamma_q), rtol=1e-6, atol=0.0)
+    )
 
 
 def map_quality(table: Mapping[str, Any], folder: Path) -> Quality:
-    """Return how far the map of a [flux_map] table can be believed; folder: in which its file lies."""
+    """Return how far the map of a [flux_map] table can be believed; folder: in which its file
+    lies."""
     path = _path(table, folder)
-    return quality(read_points(path, *_reading(table)), _remembered(path, _reading(table), _choice(table)).choice)
+    return quality(
+        read_points(path, *_reading(table)),
+        _remembered(path, _reading(table), _choice(table)).choice,
+    )
 
 
 def corrected(motor: MappedMotor, energy: SplineEnergy) -> tuple[MappedMotor, bytes]:
-    """Return a motor with another energy in place of its map's, and the file it can be read from, which holds the
-    points of its map on that energy; BadInput where the motor was not read from a map."""
+    """Return a motor with another energy in place of its map's, and the file it can be read from,
+    which holds the points of its map on that energy; BadInput where the motor was not read from a
+    map."""
     if motor.origin is None:
-        raise BadInput(f"the map of '{motor.name}' was not read from a file; read the motor from one")
+        raise BadInput(
+            f"the map of '{motor.name}' was not read from a file; read the motor from one"
+        )
     path, table, _ = motor.origin
-    points, choice = read_points(path, *_reading(table)), _remembered(path, _reading(table), _choice(table)).choice
+    points, choice = (
+        read_points(path, *_reading(table)),
+        _remembered(path, _reading(table), _choice(table)).choice,
+    )
     e = with_stiffness(energy)
     body = energy_file(e, motor.magnet_flux, choice, points.i_d, points.i_q)
     digest = hashlib.sha256(e.cells.tobytes() + repr(e[1:]).encode()).hexdigest()[:16]
@@ -299,14 +373,18 @@ def corrected(motor: MappedMotor, energy: SplineEnergy) -> tuple[MappedMotor, by
     return replace(motor, **stiff, map_hash=digest, spline=e), body  # type: ignore[arg-type]
 
 
-def held_by_data(motor: Motor, i_d: NDArray[np.float64], i_q: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which currents (A) lie inside the points of a motor's map, mirrored in i_q as its fit is; all of them where
-    the motor has no map, or its points lie on one line."""
+def held_by_data(
+    motor: Motor, i_d: NDArray[np.float64], i_q: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Tell which currents (A) lie inside the points of a motor's map, mirrored in i_q as its fit
+    is; all of them where the motor has no map, or its points lie on one line."""
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         return np.ones(np.shape(i_d), dtype=bool)
     points = read_points(motor.origin.path, *_reading(motor.origin.table))
     scale = float(np.max(np.hypot(points.i_d, points.i_q)))
-    both = np.column_stack([np.tile(points.i_d, 2), np.concatenate([points.i_q, -points.i_q])]) / scale
+    both = (
+        np.column_stack([np.tile(points.i_d, 2), np.concatenate([points.i_q, -points.i_q])]) / scale
+    )
     try:
         edges = ConvexHull(both).equations
     except (QhullError, ValueError):
@@ -317,5 +395,6 @@ def held_by_data(motor: Motor, i_d: NDArray[np.float64], i_q: NDArray[np.float64
 
 
 def without_map(motor: Motor) -> Motor:
-    """Return the motor as its numbers alone say: a mapped one linearised at zero current, another as it is."""
+    """Return the motor as its numbers alone say: a mapped one linearised at zero current, another
+    as it is."""
     return motor.linear if isinstance(motor, MappedMotor) else motor

@@ -1,10 +1,12 @@
-"""Arrays of numbers from MATLAB's .mat files of version 5 to 7, every length checked before it is followed.
+"""Arrays of numbers from MATLAB's .mat files of version 5 to 7, every length checked before it is
+followed.
 
-SciPy's reader trusts the lengths a file states: a damaged one ends it with a segmentation fault.  Read here are full
-arrays of numbers, real or complex, and those in structures, as 'structure.field'; texts, cells, sparse arrays and
-objects are passed over.  Elements of a structure array that have a Name and Data are signals of that name (so dSPACE's
-ControlDesk writes them); others are 'structure(1).field'.  Format: MathWorks, MAT-File Format (version 5 files).
-Checked against SciPy's writer and reader (tests/model).
+SciPy's reader trusts the lengths a file states: a damaged one ends it with a segmentation fault.
+Read here are full arrays of numbers, real or complex, and those in structures, as
+'structure.field'; texts, cells, sparse arrays and objects are passed over.  Elements of a structure
+array that have a Name and Data are signals of that name (so dSPACE's ControlDesk writes them);
+others are 'structure(1).field'.  Format: MathWorks, MAT-File Format (version 5 files). Checked
+against SciPy's writer and reader (tests/model).
 """
 
 from __future__ import annotations
@@ -20,7 +22,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 HEADER = 128  # bytes: a text, the version, and in which order bytes stand
-NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}  # stored types
+# stored types
+NUMBERS = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+}
 MATRIX, COMPRESSED = 14, 15
 STRUCTURE, TEXT = 2, 4  # classes of arrays
 CODES = {2: "utf-8", 4: "utf-16", 16: "utf-8", 17: "utf-16"}  # stored types of a text
@@ -39,7 +53,8 @@ class Damaged(ValueError):
 
 
 def read_mat(path: Path, most: int) -> dict[str, Array]:
-    """Return the arrays of a file by name, float64 or complex128; `most` bytes are unpacked at most.
+    """Return the arrays of a file by name, float64 or complex128; `most` bytes are unpacked at
+    most.
 
     Raises Damaged for what is no such file, OSError for one that cannot be read.
     """
@@ -111,7 +126,8 @@ def _matrix(data: memoryview, order: str, prefix: str, deepest: int) -> Iterator
 def _structures(
     parts: Iterator[tuple[int, memoryview]], order: str, own: str, count: int, deepest: int
 ) -> Iterator[tuple[str, Array]]:
-    """Yield the arrays of one structure, or of `count` with the same fields: signals by name, or numbered."""
+    """Yield the arrays of one structure, or of `count` with the same fields: signals by name, or
+    numbered."""
     length = _integers(parts, order)
     _, text = next(parts, (0, memoryview(b"")))
     if len(length) != 1 or not 1 <= length[0] <= 256 or len(text) > length[0] * MOST_FIELDS:
@@ -123,7 +139,9 @@ def _structures(
         return
     if count > MOST_ELEMENTS:
         raise Damaged(f"an array of {count} structures, '{own[:40]}'")
-    found = [(k, *_fields(parts, order, f"{own}({k})", fields, deepest)) for k in range(1, count + 1)]
+    found = [
+        (k, *_fields(parts, order, f"{own}({k})", fields, deepest)) for k in range(1, count + 1)
+    ]
     uses = Counter(name for _, name, _ in found)
     for k, name, arrays in found:
         data = arrays.get(f"{own}({k}).Data")
@@ -131,7 +149,11 @@ def _structures(
 
 
 def _fields(
-    parts: Iterator[tuple[int, memoryview]], order: str, own: str, fields: Sequence[str], deepest: int
+    parts: Iterator[tuple[int, memoryview]],
+    order: str,
+    own: str,
+    fields: Sequence[str],
+    deepest: int,
 ) -> tuple[str, dict[str, Array]]:
     """Return a structure's Name, empty where it has none, and the arrays in it."""
     name, arrays = "", dict[str, Array]()
@@ -151,7 +173,13 @@ def _text(data: memoryview, order: str) -> str:
     flags, shape = _integers(parts, order), _integers(parts, order)
     next(parts, None)
     kind, content = next(parts, (0, memoryview(b"")))
-    if len(flags) < 1 or flags[0] & 0xFF != TEXT or kind not in CODES or prod(shape) > LONGEST_NAME or shape[0] != 1:
+    if (
+        len(flags) < 1
+        or flags[0] & 0xFF != TEXT
+        or kind not in CODES
+        or prod(shape) > LONGEST_NAME
+        or shape[0] != 1
+    ):
         return ""
     code = CODES[kind] + ({"<": "-le", ">": "-be"}[order] if kind in (4, 17) else "")
     text = bytes(content[: 4 * LONGEST_NAME]).decode(code, "replace").strip("\0 ")

@@ -26,7 +26,8 @@ GROUP = "sensorless.{}"
 
 @cache
 def brought(kind: str) -> dict[str, EntryPoint]:
-    """Return what installed packages bring of a kind ('estimators', 'effects', 'presets'), by name."""
+    """Return what installed packages bring of a kind ('estimators', 'effects', 'presets'), by
+    name."""
     return {point.name: point for point in sorted(entry_points(group=GROUP.format(kind)))}
 
 
@@ -35,7 +36,9 @@ def line_of(point: EntryPoint) -> str:
     package = point.dist
     if package is None:
         return "of another package"
-    return f"{package.metadata['Summary'] or 'no summary'} (package {package.name} {package.version})"
+    return (
+        f"{package.metadata['Summary'] or 'no summary'} (package {package.name} {package.version})"
+    )
 
 
 def load(point: EntryPoint) -> Any:
@@ -49,13 +52,18 @@ def load(point: EntryPoint) -> Any:
 
 
 def place_of(point: EntryPoint) -> Path:
-    """Return the file of the module that an entry point names, not imported; BadInput where there is none."""
+    """Return the file of the module that an entry point names, not imported; BadInput where there
+    is none."""
     try:
         spec = find_spec(point.module)
     except Exception as error:  # of the packages above it
-        raise BadInput(f"'{point.name}' of another package cannot be found: {raised(error)}; {_mend(point)}") from error
+        raise BadInput(
+            f"'{point.name}' of another package cannot be found: {raised(error)}; {_mend(point)}"
+        ) from error
     if spec is None or spec.origin is None:
-        raise BadInput(f"'{point.name}' names the module '{point.module}', which is no file; {_mend(point)}")
+        raise BadInput(
+            f"'{point.name}' names the module '{point.module}', which is no file; {_mend(point)}"
+        )
     return Path(spec.origin)
 
 

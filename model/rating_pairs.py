@@ -1,4 +1,5 @@
-"""Which stated numbers of a drive physics binds to each other, and the one number whose other unit would mend them.
+"""Which stated numbers of a drive physics binds to each other, and the one number whose other unit
+would mend them.
 
     R I         voltage of rated current at standstill      at most what the link gives
     w L I       reactance at rated speed                    at most some times that: nobody could push the current
@@ -9,8 +10,9 @@
     R I^2 / T w copper's loss over the shaft's power         at least some ten-thousandths
     L_q / L_d   saliency                                    between a fiftieth and fifty
 
-Bounds are far outside what motors have (a gramme to a megawatt), and far inside a mistaken unit, which is 1000 off.
-"""
+Bounds are far outside what motors have (a gramme to a megawatt), and far inside a mistaken unit,
+which is 1000 off.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -40,7 +42,12 @@ def _inductance(m: Motor) -> float:
 
 
 def _reactance(d: Drive) -> float:
-    return d.motor.rated_omega * _inductance(d.motor) * d.motor.rated_current / d.converter.voltage_limit
+    return (
+        d.motor.rated_omega
+        * _inductance(d.motor)
+        * d.motor.rated_current
+        / d.converter.voltage_limit
+    )
 
 
 def _drop(d: Drive) -> float:
@@ -49,7 +56,11 @@ def _drop(d: Drive) -> float:
 
 def _own_flux(d: Drive) -> float:
     m = d.motor
-    return min(m.inductance_d, m.inductance_q) * m.rated_current / m.magnet_flux if m.magnet_flux > 0.0 else 1.0
+    return (
+        min(m.inductance_d, m.inductance_q) * m.rated_current / m.magnet_flux
+        if m.magnet_flux > 0.0
+        else 1.0
+    )
 
 
 def _lag(d: Drive) -> float:
@@ -79,7 +90,10 @@ def _saliency(d: Drive) -> float:
 def link(d: Drive) -> str:
     """Return the DC link in words, and that it is no stated value where it is none."""
     usual = "dc_bus_voltage" in d.provenance.get(ASSUMED, "")
-    return f"the link of {d.converter.dc_bus_voltage:g} V{' (a usual value, [drive] states none)' if usual else ''}"
+    return (
+        f"the link of {d.converter.dc_bus_voltage:g} "
+        f"V{' (a usual value, [drive] states none)' if usual else ''}"
+    )
 
 
 def _volts(d: Drive) -> str:
@@ -91,33 +105,50 @@ PAIRS = (
         _drop,
         0.0,
         1.5,
-        lambda d, x: f"resistance x rated_current is {_number(x * d.converter.voltage_limit)} V, and {_volts(d)}",
+        lambda d, x: (
+            f"resistance x rated_current is {_number(x * d.converter.voltage_limit)} V, "
+            f"and {_volts(d)}"
+        ),
     ),
     Pair(
         _reactance,
         0.0,
         12.0,
         lambda d, x: (
-            f"inductance x rated_current at rated_speed_rpm takes {_number(x * d.converter.voltage_limit)} V, "
-            f"and {_volts(d)}"
+            "inductance x rated_current at rated_speed_rpm takes "
+            f"{_number(x * d.converter.voltage_limit)} V, and {_volts(d)}"
         ),
     ),
-    Pair(_own_flux, 1e-3, 60.0, lambda d, x: f"inductance x rated_current is {_number(x)} times magnet_flux"),
+    Pair(
+        _own_flux,
+        1e-3,
+        60.0,
+        lambda d, x: f"inductance x rated_current is {_number(x)} times magnet_flux",
+    ),
     Pair(_lag, 2e-6, 3.0, lambda d, x: f"inductance / resistance is {_number(x)} s"),
-    Pair(_run_up, 1e-4, 60.0, lambda d, x: f"rated_torque brings inertia to rated_speed_rpm in {_number(x)} s"),
+    Pair(
+        _run_up,
+        1e-4,
+        60.0,
+        lambda d, x: f"rated_torque brings inertia to rated_speed_rpm in {_number(x)} s",
+    ),
     Pair(
         _power,
         0.0,
         2.5,
         lambda d, x: (
-            f"rated_torque at rated_speed_rpm is {_number(x)} times the power that link and rated_current give"
+            f"rated_torque at rated_speed_rpm is {_number(x)} times the power that link "
+            "and rated_current give"
         ),
     ),
     Pair(
         _copper,
         5e-4,
         math.inf,
-        lambda d, x: f"the loss of rated_current in resistance is {_number(100.0 * x)} % of the power at rated values",
+        lambda d, x: (
+            f"the loss of rated_current in resistance is {_number(100.0 * x)} % of the "
+            "power at rated values"
+        ),
     ),
     Pair(_saliency, 0.02, 50.0, lambda d, x: f"inductance_q is {_number(x)} times inductance_d"),
 )
@@ -125,8 +156,8 @@ PAIRS = (
 
 @dataclass(frozen=True)
 class Unit:
-    """Another unit in which numbers may stand: names of [motor] or [drive], in words, and the factor to ours; of what:
-    in words, where they are no names of the file's."""
+    """Another unit in which numbers may stand: names of [motor] or [drive], in words, and the
+    factor to ours; of what: in words, where they are no names of the file's."""
 
     names: tuple[str, ...]
     said: str
@@ -164,7 +195,8 @@ UNITS = (
 
 
 FROM_MAP = (*INDUCTANCES, "magnet_flux")
-PAIRS_OF_MAP = (*PAIRS[:2], dataclasses.replace(PAIRS[2], low=0.01), *PAIRS[3:])  # a map is of a motor with iron
+# a map is of a motor with iron
+PAIRS_OF_MAP = (*PAIRS[:2], dataclasses.replace(PAIRS[2], low=0.01), *PAIRS[3:])
 UNITS_OF_MAP = (
     Unit(INDUCTANCES, "in mA", 1e3, "the flux map's currents"),
     Unit(FROM_MAP, "in mWb", 1e-3, "the flux map's fluxes"),
@@ -174,19 +206,29 @@ UNITS_OF_MAP = (
 
 
 def pairs_off(drive: Drive, beside: Callable[[Drive], bool]) -> tuple[str, ...]:
-    """Return one sentence on stated numbers that cannot belong to one motor, nothing where they can.
+    """Return one sentence on stated numbers that cannot belong to one motor, nothing where they
+    can.
 
-    beside: whether further tests of a drive find nothing; a unit is named only where it mends those, too.
+    beside: whether further tests of a drive find nothing; a unit is named only where it mends
+    those, too.
     """
     pairs, units = PAIRS, UNITS
     if isinstance(drive.motor, MappedMotor):
-        drive, pairs, units = dataclasses.replace(drive, motor=drive.motor.linear), PAIRS_OF_MAP, UNITS_OF_MAP
+        drive, pairs, units = (
+            dataclasses.replace(drive, motor=drive.motor.linear),
+            PAIRS_OF_MAP,
+            UNITS_OF_MAP,
+        )
     off = [(p, x) for p in pairs if not p.low <= (x := p.size(drive)) <= p.high]
     if not off:
         return ()
     names = [u.guess for u in _mending(drive, pairs, units, beside)]
     said = "; ".join(p.said(drive, x) for p, x in off[:3])
-    asked = f"{', or '.join(names[:3])}?" if names else "one of these values is in another unit, or of another motor"
+    asked = (
+        f"{', or '.join(names[:3])}?"
+        if names
+        else "one of these values is in another unit, or of another motor"
+    )
     return (f"{said}; no motor has that: {asked}",)
 
 

@@ -1,4 +1,5 @@
-"""Whether a drive's stated ratings can belong to one motor: a value in another unit shows before anything runs."""
+"""Whether a drive's stated ratings can belong to one motor: a value in another unit shows before
+anything runs."""
 
 from __future__ import annotations
 
@@ -9,24 +10,32 @@ from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
 from model.rating_pairs import link, pairs_off
 
-# Torque at rated current against the rated one: cross-saturation takes a few percent, reluctance at most doubles it,
-# sqrt 2 for rms and 2 for peak to peak stay below; units that are mistaken differ by 1000.
+# Torque at rated current against the rated one: cross-saturation takes a few percent, reluctance at
+# most doubles it, sqrt 2 for rms and 2 for peak to peak stay below; units that are mistaken differ
+# by 1000.
 TORQUE_OFF = 3.0
-# Voltage at rated speed over what the link gives.  Field weakening reaches four to five times its base speed; a motor
-# that needs a tenth of its link is one whose speed stands in rad/s (9.5 times too low), or whose link is not stated.
+# Voltage at rated speed over what the link gives.  Field weakening reaches four to five times its
+# base speed; a motor that needs a tenth of its link is one whose speed stands in rad/s (9.5 times
+# too low), or whose link is not stated.
 VOLTAGE_HIGH, VOLTAGE_LOW = 5.0, 0.1
 UNIT_OF = {"sampling_period": "s", "dc_bus_voltage": "V"}
 
 
 def cautions(drive: Drive) -> tuple[str, ...]:
-    """Return a sentence for each rating that does not go with the others, and what a flux map says against itself."""
+    """Return a sentence for each rating that does not go with the others, and what a flux map says
+    against itself."""
     simple = (*_torque(drive.motor), *_speed(drive))
     pairs = pairs_off(drive, lambda d: not _torque(d.motor) and not _speed(d))
-    return (*simple, *(pairs if not simple or "?" in "".join(pairs) else ()), *map_notes(drive.motor))
+    return (
+        *simple,
+        *(pairs if not simple or "?" in "".join(pairs) else ()),
+        *map_notes(drive.motor),
+    )
 
 
 def assumed(drive: Drive) -> tuple[str, ...]:
-    """Return a sentence on what [drive] does not state, with the usual values that stand in; nothing where it does."""
+    """Return a sentence on what [drive] does not state, with the usual values that stand in;
+    nothing where it does."""
     keys = [k for k in drive.provenance.get(ASSUMED, "").split(", ") if k]
     if not keys:
         return ()
@@ -49,10 +58,11 @@ def _torque(m: Motor) -> list[str]:
     else:
         return []
     return [
-        f"rated_current gives {_plain(found)} N m (3/2 pole_pairs x magnet_flux x rated_current"
-        f"{'' if found == magnet else ', with reluctance'}), rated_torque is {_plain(m.rated_torque)} N m: a factor of "
-        f"{_plain(off)}, where saturation and reluctance explain less than {TORQUE_OFF:g}; is magnet_flux in mWb, "
-        "rated_torque in mN m or worked out from kW, or rated_current in mA or rms?"
+        f"rated_current gives {_plain(found)} N m (3/2 pole_pairs x magnet_flux x "
+        f"rated_current{'' if found == magnet else ', with reluctance'}), rated_torque is "
+        f"{_plain(m.rated_torque)} N m: a factor of {_plain(off)}, where saturation and reluctance "
+        f"explain less than {TORQUE_OFF:g}; is magnet_flux in mWb, rated_torque in mN m or worked "
+        "out from kW, or rated_current in mA or rms?"
     ]
 
 
@@ -62,7 +72,8 @@ def _plain(x: float) -> str:
 
 
 def largest_torque(m: Motor) -> float:
-    """Return the largest torque (N m) of rated current at any angle to the magnet, without saturation."""
+    """Return the largest torque (N m) of rated current at any angle to the magnet, without
+    saturation."""
     i, gap = m.rated_current, m.inductance_d - m.inductance_q
     angles = (math.pi * k / 180.0 for k in range(181))
     flux = (m.magnet_flux * math.sin(a) + gap * i * math.sin(a) * math.cos(a) for a in angles)
@@ -76,13 +87,17 @@ def _speed(drive: Drive) -> list[str]:
     if VOLTAGE_LOW * limit <= loaded and back <= VOLTAGE_HIGH * limit:
         return []
     high = back > VOLTAGE_HIGH * limit
-    said = f"the back-EMF is {_plain(back)} V" if high else f"rated current takes {_plain(loaded)} V"
+    said = (
+        f"the back-EMF is {_plain(back)} V" if high else f"rated current takes {_plain(loaded)} V"
+    )
     unusual = (
-        f"more than {VOLTAGE_HIGH:g} times that, field weakening included," if high else "less than a tenth of that"
+        f"more than {VOLTAGE_HIGH:g} times that, field weakening included,"
+        if high
+        else "less than a tenth of that"
     )
     unit = "Hz or electrical" if high else "rad/s"
     return [
-        f"at rated_speed_rpm = {m.rated_speed_rpm:g} {said}, and {link(drive)} "
-        f"gives {_plain(limit)} V; {unusual} is not usual: is the speed in {unit}, magnet_flux in another unit, "
-        "or [drive] dc_bus_voltage another one?"
+        f"at rated_speed_rpm = {m.rated_speed_rpm:g} {said}, and {link(drive)} gives "
+        f"{_plain(limit)} V; {unusual} is not usual: is the speed in {unit}, magnet_flux in "
+        "another unit, or [drive] dc_bus_voltage another one?"
     ]

@@ -1,16 +1,19 @@
-"""The current ripple of a locked motor under a pulsating voltage: the exact periodic solution, and what is read of it.
+"""The current ripple of a locked motor under a pulsating voltage: the exact periodic solution, and
+what is read of it.
 
   dphi/dt = u_bar + v(t) - R i(phi) - e(i),     i = grad H(phi)       eqs. (dynaved), (dynaveq)
 
-with v any zero-mean voltage of period T held over each sampling interval, e the inverter's voltage error
-(threshold times a saturated sign of each phase current).  The paper keeps the term of order 1/Omega, i = i_bar +
-Gamma (flux ripple); here the periodic solution is found to rounding by successive substitution, its contraction
-being about R Gamma T / 2 pi, so every order in 1/Omega is in it.
+with v any zero-mean voltage of period T held over each sampling interval, e the inverter's voltage
+error (threshold times a saturated sign of each phase current).  The paper keeps the term of order
+1/Omega, i = i_bar + Gamma (flux ripple); here the periodic solution is found to rounding by
+successive substitution, its contraction being about R Gamma T / 2 pi, so every order in 1/Omega is
+in it.
 
-A slope S (1/H) is the projection of the sampled current on the sampled flux ripple, the zero-mean primitive of v
-on the sampling grid: to first order a column of the Hessian, whatever the waveform.
+A slope S (1/H) is the projection of the sampled current on the sampled flux ripple, the zero-mean
+primitive of v on the sampling grid: to first order a column of the Hessian, whatever the waveform.
 
-Checked against the compiled plant, SciPy's Radau and the order of its remainder (tests/model/test_ripple.py).
+Checked against the compiled plant, SciPy's Radau and the order of its remainder
+(tests/model/test_ripple.py).
 """
 
 from __future__ import annotations
@@ -28,7 +31,8 @@ Array = NDArray[np.float64]
 ROUNDS = 60
 TOLERANCE = 1e-12  # of the flux ripple
 _ROOT = math.sqrt(0.2)
-NODES = np.array([0.0, 0.5 - 0.5 * _ROOT, 0.5 + 0.5 * _ROOT, 1.0])  # Lobatto, in units of an interval
+# Lobatto, in units of an interval
+NODES = np.array([0.0, 0.5 - 0.5 * _ROOT, 0.5 + 0.5 * _ROOT, 1.0])
 
 
 def _integrals() -> Array:
@@ -42,7 +46,8 @@ WEIGHTS = _integrals()
 
 
 def flux_ripple(v: Array, h: float) -> Array:
-    """Return the flux ripple (V s, zero mean over the samples) at the samples of a voltage (N,) or (N, 2) in V.
+    """Return the flux ripple (V s, zero mean over the samples) at the samples of a voltage (N,) or
+    (N, 2) in V.
 
     The voltage is held for h seconds from its sample on; its own mean is removed.
     """
@@ -53,7 +58,8 @@ def flux_ripple(v: Array, h: float) -> Array:
 
 @kernel
 def voltage_error(i_d, i_q, angle, threshold, width):
-    """Return the voltage the inverter fails to deliver (V, rotor frame): threshold x saturated sign per phase."""
+    """Return the voltage the inverter fails to deliver (V, rotor frame): threshold x saturated sign
+    per phase."""
     a, b = rotate(i_d, i_q, angle)
     x, y, z = phases(a, b)
     x = min(max(x / width, -1.0), 1.0)
@@ -66,13 +72,14 @@ def voltage_error(i_d, i_q, angle, threshold, width):
 
 @kernel
 def periodic(m, resistance, threshold, width, angle, v, h, delay, mean_d, mean_q, out):
-    """Find the periodic solution whose sampled current has a given mean (A); v (N, 2) V in the rotor frame.
+    """Find the periodic solution whose sampled current has a given mean (A); v (N, 2) V in the
+    rotor frame.
 
-    `delay` (s): by how much pulses come after the reading that should stand amid their zero vector, where current
-    falls by its own voltage drop: what is read is i + delay x Gamma (R i + e).
+    `delay` (s): by how much pulses come after the reading that should stand amid their zero vector,
+    where current falls by its own voltage drop: what is read is i + delay x Gamma (R i + e).
 
-    Fills out (N, 2) with the sampled current less that mean; returns the mean voltage u_bar (d, q) that goes
-    with it, and 0 or 1 (outside the convex domain, or not converged).
+    Fills out (N, 2) with the sampled current less that mean; returns the mean voltage u_bar (d, q)
+    that goes with it, and 0 or 1 (outside the convex domain, or not converged).
     """
     n = v.shape[0]
     x, y, outside = flux_newton(m, mean_d, mean_q, 0.0, 0.0)
@@ -121,7 +128,11 @@ def periodic(m, resistance, threshold, width, angle, v, h, delay, mean_d, mean_q
                 change = max(change, abs(p - a[k, j]) + abs(q - b[k, j]))
                 a[k, j], b[k, j] = p, q
             start_d, start_q = a[k, 3], b[k, 3]
-        if turn and change <= goal and abs(c_d) + abs(c_q) <= 1e-13 + 1e-11 * (abs(dd) + abs(qq)) * size:
+        if (
+            turn
+            and change <= goal
+            and abs(c_d) + abs(c_q) <= 1e-13 + 1e-11 * (abs(dd) + abs(qq)) * size
+        ):
             return u_d, u_q, 0
         if turn == 0:  # later the flux is measured from the start of the period
             x, y = x - centre_d, y - centre_q

@@ -1,9 +1,12 @@
-"""What injection sees: cross-saturation angle, saliency, and where in the current plane the model is valid.
+"""What injection sees: cross-saturation angle, saliency, and where in the current plane the model
+is valid.
 
-A pulsating voltage along the estimated d axis makes a ripple along the estimated q axis proportional to
+A pulsating voltage along the estimated d axis makes a ripple along the estimated q axis
+proportional to
   y_q(e) = 1/2 (Gamma_dd - Gamma_qq) sin 2e + Gamma_dq cos 2e,     e = theta - theta_hat,
-with Gamma the Hessian at the actual rotor-frame current.  A q-null estimator stands where y_q = 0 with the slope
-of the unsaturated motor; that zero is the cross-saturation error, 1/2 atan(2 L_dq / (L_qq - L_dd)).
+with Gamma the Hessian at the actual rotor-frame current.  A q-null estimator stands where y_q = 0
+with the slope of the unsaturated motor; that zero is the cross-saturation error, 1/2 atan(2 L_dq /
+(L_qq - L_dd)).
 """
 
 from __future__ import annotations
@@ -35,37 +38,44 @@ LEAST_SALIENCY = 0.01  # relative difference of L_d and L_q below which injectio
 
 @kernel
 def null_angle(dd, dq, qq, sign):
-    """Return the error e (rad) at which the q ripple vanishes with a slope of the given sign (+1 or -1)."""
+    """Return the error e (rad) at which the q ripple vanishes with a slope of the given sign (+1
+    or -1)."""
     return 0.5 * math.atan2(-2.0 * sign * dq, sign * (dd - qq))
 
 
 @kernel
 def ripple(dd, dq, qq, e):
-    """Return the ripple (y_d, y_q) in 1/H per unit flux ripple along the estimated d axis, at error e (rad)."""
+    """Return the ripple (y_d, y_q) in 1/H per unit flux ripple along the estimated d axis, at error
+    e (rad)."""
     c = math.cos(e)
     s = math.sin(e)
-    r_d = dd * c - dq * s  # current ripple in the rotor frame, where the injection is (cos e, -sin e)
+    # current ripple in the rotor frame, where the injection is (cos e, -sin e)
+    r_d = dd * c - dq * s
     r_q = dq * c - qq * s
     return c * r_d - s * r_q, s * r_d + c * r_q
 
 
 def tracking_sign(m: AnyEnergy) -> float:
-    """Return the sign of L_q - L_d at zero current: the sense in which a q-null loop must turn; BadInput where there is
-    no saliency."""
+    """Return the sign of L_q - L_d at zero current: the sense in which a q-null loop must turn;
+    BadInput where there is no saliency."""
     if abs(m.gamma_d - m.gamma_q) < LEAST_SALIENCY * max(m.gamma_d, m.gamma_q):
         raise BadInput(
-            f"inductance_d = {1 / m.gamma_d:.4g} H and inductance_q = {1 / m.gamma_q:.4g} H: no saliency at zero "
-            f"current (less than {LEAST_SALIENCY:.0%}), so injection cannot find the rotor; use a motor whose L_d and "
-            "L_q differ"
+            f"inductance_d = {1 / m.gamma_d:.4g} H and inductance_q = {1 / m.gamma_q:.4g} H: no "
+            f"saliency at zero current (less than {LEAST_SALIENCY:.0%}), so injection cannot find "
+            "the rotor; use a motor whose L_d and L_q differ"
         )
     return 1.0 if m.gamma_d > m.gamma_q else -1.0
 
 
-def null_turned(m: AnyEnergy, i_d: float, i_q: float, points: int = 60) -> tuple[float, float] | None:
-    """Return the current (A) on the straight way from zero to (i_d, i_q) at which L_qq - L_dd loses the sign it has at
-    zero current, and the saliency left there, sqrt((G_dd - G_qq)^2 + 4 G_dq^2) over that at zero current.
+def null_turned(
+    m: AnyEnergy, i_d: float, i_q: float, points: int = 60
+) -> tuple[float, float] | None:
+    """Return the current (A) on the straight way from zero to (i_d, i_q) at which L_qq - L_dd loses
+    the sign it has at zero current, and the saliency left there, sqrt((G_dd - G_qq)^2 + 4 G_dq^2)
+    over that at zero current.
 
-    The null of the q ripple stands 45 degrees beside d there.  None where the sign is kept, or the model ends before.
+    The null of the q ripple stands 45 degrees beside d there.  None where the sign is kept, or the
+    model ends before.
     """
     sign, d, q = math.copysign(1.0, m.gamma_d - m.gamma_q), 0.0, 0.0
     for share in np.linspace(0.0, 1.0, points + 1)[1:]:
@@ -80,18 +90,20 @@ def null_turned(m: AnyEnergy, i_d: float, i_q: float, points: int = 60) -> tuple
 
 
 def local_angle(m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike) -> Array:
-    """Return the cross-saturation angle e (rad) for actual rotor-frame currents in A (encoder controls)."""
+    """Return the cross-saturation angle e (rad) for actual rotor-frame currents in A (encoder
+    controls)."""
     dd, dq, qq = hessian.py_func(m, *flux_from_current(m, i_d, i_q))
     s = tracking_sign(m)
     return np.asarray(0.5 * np.arctan2(-2.0 * s * dq, s * (dd - qq)))
 
 
 def known_null_ends(m: AnyEnergy, i_d: float, i_q: float, points: int = 60) -> float | None:
-    """Return the current (A) on the straight way from zero to (i_d, i_q) from which a q-null loop that takes the null's
-    own angle at these currents into account finds no way back; None where it always does, or the model ends before.
+    """Return the current (A) on the straight way from zero to (i_d, i_q) from which a q-null loop
+    that takes the null's own angle at these currents into account finds no way back; None where it
+    always does, or the model ends before.
 
-    An error of the estimate turns the actual current, too. Where that turns the null further than the error is, the
-    ripple across it has the wrong sign, however well the loop knows the motor.
+    An error of the estimate turns the actual current, too. Where that turns the null further than
+    the error is, the ripple across it has the wrong sign, however well the loop knows the motor.
     """
     sign, d, q, h = tracking_sign(m), 0.0, 0.0, 1e-4
     for share in np.linspace(0.0, 1.0, points + 1)[1:]:
@@ -106,18 +118,19 @@ def known_null_ends(m: AnyEnergy, i_d: float, i_q: float, points: int = 60) -> f
 
 
 def _q_ripple(m: AnyEnergy, i_d: float, i_q: float, e: float, beside: float = 0.0) -> float:
-    """Return y_q where the reference (i_d, i_q) is applied in the frame that is estimated e off, and the injection so
-    much (rad) beside its d; NaN outside the domain."""
+    """Return y_q where the reference (i_d, i_q) is applied in the frame that is estimated e off,
+    and the injection so much (rad) beside its d; NaN outside the domain."""
     a, b = math.cos(e) * i_d + math.sin(e) * i_q, -math.sin(e) * i_d + math.cos(e) * i_q
     d, q, status = flux_newton(m, a, b, 0.0, 0.0)
     return math.nan if status else float(ripple.py_func(*hessian(m, d, q), e + beside)[1])
 
 
 def self_consistent_angle(m: AnyEnergy, i_d: float, i_q: float, steps: int = 60) -> float:
-    """Return e (rad) at which a q-null loop stands that also orients the current reference (i_d, i_q) A.
+    """Return e (rad) at which a q-null loop stands that also orients the current reference (i_d,
+    i_q) A.
 
-    The actual current is R(-e) times the reference, which moves the null: the zero is followed from zero
-    current, NaN once it has vanished in a fold or lost its slope (no lock).
+    The actual current is R(-e) times the reference, which moves the null: the zero is followed from
+    zero current, NaN once it has vanished in a fold or lost its slope (no lock).
     """
     sign, e, h = tracking_sign(m), 0.0, 1e-5
     for s in np.linspace(0.0, 1.0, steps + 1)[1:]:
@@ -133,11 +146,15 @@ def self_consistent_angle(m: AnyEnergy, i_d: float, i_q: float, steps: int = 60)
     return e
 
 
-def current_for_torque(motor: Motor, torque: float, closed_loop: bool, steps: int = 40) -> tuple[float, float]:
-    """Return (i_q reference in A, error e in rad) at which a q-null drive with i_d reference 0 gives a torque.
+def current_for_torque(
+    motor: Motor, torque: float, closed_loop: bool, steps: int = 40
+) -> tuple[float, float]:
+    """Return (i_q reference in A, error e in rad) at which a q-null drive with i_d reference 0
+    gives a torque.
 
-    Closed: the current is oriented by the erroneous estimate; open: by the encoder.  Raises PhysicsError where
-    the torque (N m) is out of reach within six times rated current or lock is lost on the way.
+    Closed: the current is oriented by the erroneous estimate; open: by the encoder.  Raises
+    PhysicsError where the torque (N m) is out of reach within six times rated current or lock is
+    lost on the way.
     """
     from scipy.optimize import brentq
 
@@ -147,33 +164,46 @@ def current_for_torque(motor: Motor, torque: float, closed_loop: bool, steps: in
         """Return the angle error (rad) and the torque (N m) where i_q (A) is asked for."""
         if i_q == 0.0:
             return 0.0, 0.0
-        e = self_consistent_angle(m, 0.0, i_q, 20) if closed_loop else float(local_angle(m, 0.0, i_q))
+        e = (
+            self_consistent_angle(m, 0.0, i_q, 20)
+            if closed_loop
+            else float(local_angle(m, 0.0, i_q))
+        )
         a = e if closed_loop else 0.0
         d, q = flux_from_current(m, math.sin(a) * i_q, math.cos(a) * i_q)
         return e, float(torque_of.py_func(m, d, q, motor.magnet_flux, motor.pole_pairs))
 
     previous = 0.0
-    for i_q in np.linspace(0.0, 6.0, steps + 1)[1:] * motor.rated_current * (1.0 if torque >= 0 else -1.0):
+    for i_q in (
+        np.linspace(0.0, 6.0, steps + 1)[1:] * motor.rated_current * (1.0 if torque >= 0 else -1.0)
+    ):
         e, t = at(float(i_q))
         if math.isnan(e):
             break
         if abs(t) >= abs(torque):
-            root = brentq(lambda x: at(x)[1] - torque, previous, float(i_q), xtol=1e-9) if torque else 0.0
+            root = (
+                brentq(lambda x: at(x)[1] - torque, previous, float(i_q), xtol=1e-9)
+                if torque
+                else 0.0
+            )
             return float(root), at(float(root))[0]
         previous = float(i_q)
     raise PhysicsError(
-        f"torque {torque:.4g} N m is out of reach for motor '{motor.name}' (tried up to i_q = {previous:.3g} A with "
+        f"torque {torque:.4g} N m is out of reach for motor '{motor.name}' (tried up to "
+        f"i_q = {previous:.3g} A with "
         f"{'the estimate' if closed_loop else 'the encoder'} controlling); lower the load"
     )
 
 
 @dataclass(frozen=True, repr=False)
 class Audit:
-    """Where a motor's model may be used; currents A, eigenvalues 1/H, angles rad over `load` (of rated i_q).
+    """Where a motor's model may be used; currents A, eigenvalues 1/H, angles rad over `load` (of
+    rated i_q).
 
-    valid_radius: up to which the model is convex (the audited radius where all of it is); saliency_radius: up to
-    which L_qq - L_dd keeps its sign, so that q-null injection is feasible, likewise; slope: of the null, relative
-    to zero current; grid_eigenvalue: over (i_q, i_d) of `grid`, NaN outside the domain.
+    valid_radius: up to which the model is convex (the audited radius where all of it is);
+    saliency_radius: up to which L_qq - L_dd keeps its sign, so that q-null injection is feasible,
+    likewise; slope: of the null, relative to zero current; grid_eigenvalue: over (i_q, i_d) of
+    `grid`, NaN outside the domain.
     """
 
     motor: str
@@ -192,7 +222,9 @@ class Audit:
     grid_eigenvalue: Array
 
     def __repr__(self) -> str:
-        return f"<Audit: {self.motor}, valid up to {self.valid_radius:.4g} A of {self.radius:.4g} A>"
+        return (
+            f"<Audit: {self.motor}, valid up to {self.valid_radius:.4g} A of {self.radius:.4g} A>"
+        )
 
     @property
     def passed(self) -> bool:
@@ -246,7 +278,8 @@ def audit(motor: Motor, radius: float | None = None, rays: int = 72, points: int
 
 
 def _eigenvalues(m: AnyEnergy, grid: Array) -> Array:
-    """Return the smallest eigenvalue over the plane of currents (i_q, i_d), NaN where there is no valid point."""
+    """Return the smallest eigenvalue over the plane of currents (i_q, i_d), NaN where there is no
+    valid point."""
     values = np.full((grid.size, grid.size), np.nan)
     for (row, y), (column, x) in product(enumerate(grid), enumerate(grid)):
         d, q, status = flux_newton(m, x, y, 0.0, 0.0)
@@ -256,13 +289,17 @@ def _eigenvalues(m: AnyEnergy, grid: Array) -> Array:
 
 
 def _angles(motor: Motor, load: Array) -> tuple[Array, Array, Array]:
-    """Return local and self-consistent angle and relative slope of the null, NaN where there is none."""
+    """Return local and self-consistent angle and relative slope of the null, NaN where there is
+    none."""
     m, n = motor.energy, load.size
     local, closed, slope = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
     for k, i_q in enumerate(load * motor.rated_current):
         try:
             d, q = flux_from_current(m, 0.0, i_q)
-            local[k], closed[k] = local_angle(m, 0.0, i_q), self_consistent_angle(m, 0.0, float(i_q))
+            local[k], closed[k] = (
+                local_angle(m, 0.0, i_q),
+                self_consistent_angle(m, 0.0, float(i_q)),
+            )
         except (BadInput, PhysicsError):
             continue
         dd, dq, qq = hessian.py_func(m, d, q)

@@ -1,7 +1,9 @@
-"""A spline energy: one polynomial of degree 4 in each flux per cell of a uniform grid; kernels on scalars, SI units.
+"""A spline energy: one polynomial of degree 4 in each flux per cell of a uniform grid; kernels on
+scalars, SI units.
 
-`model.energy` gives these functions and those of `model.quartic` one name each; `model.spline_energy` fits one to a
-flux map.  Three times continuously differentiable, even in the q flux.
+`model.energy` gives these functions and those of `model.quartic` one name each;
+`model.spline_energy` fits one to a flux map.  Three times continuously differentiable, even in the
+q flux.
 Checked: gradient and Hessian against SciPy's BSpline (tests/model/test_spline_energy.py).
 """
 
@@ -22,10 +24,12 @@ STALLED = 1e-7
 
 
 class SplineEnergy(NamedTuple):
-    """Polynomials of each cell: H = sum c[i, j, a, b] x^a y^b, x and y in [0, 1] across the cell; fluxes in Wb.
+    """Polynomials of each cell: H = sum c[i, j, a, b] x^a y^b, x and y in [0, 1] across the cell;
+    fluxes in Wb.
 
-    Fluxes are total ones as fitted, current-induced ones in a motor (`model.spline_energy.centred`), which also
-    knows gamma_d and gamma_q (1/H), the inverse inductances at zero current.
+    Fluxes are total ones as fitted, current-induced ones in a motor
+    (`model.spline_energy.centred`), which also knows gamma_d and gamma_q (1/H), the inverse
+    inductances at zero current.
     """
 
     cells: NDArray[np.float64]  # (n_d, n_q, 5, 5), J
@@ -39,7 +43,8 @@ class SplineEnergy(NamedTuple):
 
 @inlined
 def polynomial(p):
-    """Return a cell's polynomial as rows of numbers, c[a][b]: what a loop over lanes can hold, whatever it writes."""
+    """Return a cell's polynomial as rows of numbers, c[a][b]: what a loop over lanes can hold,
+    whatever it writes."""
     return (
         (p[0, 0], p[0, 1], p[0, 2], p[0, 3], p[0, 4]),
         (p[1, 0], p[1, 1], p[1, 2], p[1, 3], p[1, 4]),
@@ -51,7 +56,8 @@ def polynomial(p):
 
 @inlined
 def locate(m, d, q):
-    """Return the polynomial at fluxes in Wb and the place in its cell (outside [0, 1] beyond the box alone)."""
+    """Return the polynomial at fluxes in Wb and the place in its cell (outside [0, 1] beyond the
+    box alone)."""
     x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
     i = min(max(int(x), 0), m.cells.shape[0] - 1)
     j = min(max(int(y), 0), m.cells.shape[1] - 1)
@@ -102,7 +108,8 @@ def bends(c, y):
 
 @kernel
 def currents(m, d, q):
-    """Return i_d, i_q in A at fluxes in Wb; beyond the box they go on with the inductances of its edge."""
+    """Return i_d, i_q in A at fluxes in Wb; beyond the box they go on with the inductances of its
+    edge."""
     x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
     if 0.0 <= x < m.cells.shape[0] and 0.0 <= y < m.cells.shape[1]:
         i, j = int(x), int(y)
@@ -133,14 +140,16 @@ def gradient(m, c, x, y):
 
 @kernel
 def hessian(m, d, q):
-    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H at fluxes in Wb; beyond the box those of its nearest point."""
+    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H at fluxes in Wb; beyond the box those of its
+    nearest point."""
     e_d, e_q = nearest(m, d, q)
     return hessian_inside(m, e_d, e_q)
 
 
 @kernel
 def hessians(m, d, q, out):
-    """Fill rows (n, 3) with `hessian` at fluxes (n,) in Wb: a call from Python for each takes thirty times as long."""
+    """Fill rows (n, 3) with `hessian` at fluxes (n,) in Wb: a call from Python for each takes
+    thirty times as long."""
     for k in range(len(d)):
         out[k, 0], out[k, 1], out[k, 2] = hessian(m, d[k], q[k])
 
@@ -177,7 +186,8 @@ def energy(m, d, q):
 
 @kernel
 def flux_newton(m, i_d, i_q, d, q):
-    """Solve grad H = i inside the box by damped Newton steps from (d, q); return flux and SOLVED or OUTSIDE."""
+    """Solve grad H = i inside the box by damped Newton steps from (d, q); return flux and SOLVED or
+    OUTSIDE."""
     high_d, high_q = m.low_d + m.cells.shape[0] / m.per_d, m.low_q + m.cells.shape[1] / m.per_q
     d, q = nearest(m, d, q)
     c_d, c_q = currents(m, d, q)

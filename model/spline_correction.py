@@ -1,8 +1,10 @@
-"""What may be added to a flux map's energy: a basis of spline energies on the map's own cells, or on parts of them.
+"""What may be added to a flux map's energy: a basis of spline energies on the map's own cells, or
+on parts of them.
 
-Energies of the same degree and smoothness as the map's (`model.spline`), even in the q flux: whatever is added, the
-motor keeps an energy, its inductances have no kink, and L_dq = L_qd.
-Checked: gradients against differences of the energy, the finer cells against the coarse ones (tests/model).
+Energies of the same degree and smoothness as the map's (`model.spline`), even in the q flux:
+whatever is added, the motor keeps an energy, its inductances have no kink, and L_dq = L_qd.
+Checked: gradients against differences of the energy, the finer cells against the coarse ones
+(tests/model).
 """
 
 from __future__ import annotations
@@ -24,12 +26,15 @@ Array = NDArray[np.float64]
 def refined(e: SplineEnergy, d: int, q: int) -> SplineEnergy:
     """Return the same energy on cells that are d and q times as many along the axes."""
     n, m = e.cells.shape[:2]
-    cells = np.einsum("sap,tbq,ijpq->isjtab", _parts(d), _parts(q), e.cells).reshape(n * d, m * q, *e.cells.shape[2:])
+    cells = np.einsum("sap,tbq,ijpq->isjtab", _parts(d), _parts(q), e.cells).reshape(
+        n * d, m * q, *e.cells.shape[2:]
+    )
     return e._replace(cells=np.ascontiguousarray(cells), per_d=d * e.per_d, per_q=q * e.per_q)
 
 
 def _parts(count: int) -> Array:
-    """Return for each part of a cell the matrix (count, 5, 5) from the cell's coefficients to the part's."""
+    """Return for each part of a cell the matrix (count, 5, 5) from the cell's coefficients to the
+    part's."""
     out = np.zeros((count, DEGREE + 1, DEGREE + 1))
     for s in range(count):
         for power in range(DEGREE + 1):
@@ -39,7 +44,8 @@ def _parts(count: int) -> Array:
 
 
 class Basis(NamedTuple):
-    """B-splines over the cells of an energy, n_d along d times `half` along |q|: energies even in q, of size 1 J."""
+    """B-splines over the cells of an energy, n_d along d times `half` along |q|: energies even in
+    q, of size 1 J."""
 
     of: SplineEnergy
 
@@ -54,17 +60,21 @@ class Basis(NamedTuple):
         return (self.of.cells.shape[0] + DEGREE) * self.half
 
     def gradients(self, flux: Array, chosen: NDArray[np.int64]) -> Array:
-        """Return the currents (n, c, 2) in A of chosen energies (c,) at fluxes (n, 2) in Wb, of a flux beyond the box
-        those of its edge."""
+        """Return the currents (n, c, 2) in A of chosen energies (c,) at fluxes (n, 2) in Wb, of a
+        flux beyond the box those of its edge."""
         u, v = np.divmod(chosen, self.half)
-        (a, a_1), (b, b_1) = ([self._along(axis, flux[:, axis], k) for k in (0, 1)] for axis in (0, 1))
+        (a, a_1), (b, b_1) = (
+            [self._along(axis, flux[:, axis], k) for k in (0, 1)] for axis in (0, 1)
+        )
         return np.stack([a_1[:, u] * b[:, v], a[:, u] * b_1[:, v]], axis=2)
 
     def there(self, flux: Array) -> NDArray[np.int64]:
         """Return the energies that are not zero all around fluxes (n, 2): those of their cells."""
         n, m = self.of.cells.shape[:2]
         i = np.clip(np.floor((flux[:, 0] - self.of.low_d) * self.of.per_d).astype(int), 0, n - 1)
-        j = np.clip(np.floor((np.abs(flux[:, 1]) - self.of.low_q) * self.of.per_q).astype(int), 0, m - 1)
+        j = np.clip(
+            np.floor((np.abs(flux[:, 1]) - self.of.low_q) * self.of.per_q).astype(int), 0, m - 1
+        )
         near = np.zeros((n + DEGREE, self.half), dtype=bool)
         for x, y in {*zip(i.tolist(), j.tolist(), strict=True)}:
             own = np.arange(y, y + DEGREE + 1)
@@ -95,15 +105,20 @@ class Basis(NamedTuple):
         """Return a derivative of an axis' B-splines (n, b) at fluxes x (n,)."""
         knots, _ = self._axis(axis)
         inside = np.clip(x, knots[DEGREE], np.nextafter(knots[-DEGREE - 1], -np.inf))
-        values = np.asarray(BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE)(inside, nu=order))
+        values = np.asarray(
+            BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE)(inside, nu=order)
+        )
         return values @ self._fold if axis == 1 else values
 
     def _taylor(self, axis: int, cells: int) -> Array:
-        """Return coefficients (cell, power, b) of an axis' B-splines about each cell's corner, in cells."""
+        """Return coefficients (cell, power, b) of an axis' B-splines about each cell's corner, in
+        cells."""
         knots, per = self._axis(axis)
         basis = BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE)
         middle = knots[DEGREE : DEGREE + cells] + 0.5 / per
-        at = np.stack([basis(middle, nu=k) / (per**k * math.factorial(k)) for k in range(DEGREE + 1)])
+        at = np.stack(
+            [basis(middle, nu=k) / (per**k * math.factorial(k)) for k in range(DEGREE + 1)]
+        )
         shift = [
             [math.comb(k, a) * (-0.5) ** (k - a) if k >= a else 0.0 for k in range(DEGREE + 1)]
             for a in range(DEGREE + 1)
@@ -113,8 +128,8 @@ class Basis(NamedTuple):
 
 @dataclass(frozen=True)
 class MapError:
-    """The energy that a map states, on fine cells; energies `modes` (k, n_d, n_q, 5, 5) in J that may be added to it,
-    each as large as a size of 1 is likely to be; their sizes x (k,)."""
+    """The energy that a map states, on fine cells; energies `modes` (k, n_d, n_q, 5, 5) in J that
+    may be added to it, each as large as a size of 1 is likely to be; their sizes x (k,)."""
 
     stated: SplineEnergy
     modes: Array

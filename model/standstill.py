@@ -1,13 +1,15 @@
-"""A motor at standstill under large voltage steps: resistance, voltage error and flux map from the recording alone.
+"""A motor at standstill under large voltage steps: resistance, voltage error and flux map from the
+recording alone.
 
   psi(t) = psi_0 + integral of (u - R i - V i/|i|) dt,    psi = f(i) odd on each axis
 
-A wrong R or V makes the loops in the flux-current plane open and drift, so both follow, with f (a cubic spline in
-a power of the current) and psi_0, from one linear least squares over the single-axis tests; the delay of the
-current reading is scanned.  A cross test then adds flux points off the axes.
+A wrong R or V makes the loops in the flux-current plane open and drift, so both follow, with f (a
+cubic spline in a power of the current) and psi_0, from one linear least squares over the
+single-axis tests; the delay of the current reading is scanned.  A cross test then adds flux points
+off the axes.
 
-Checked: a planted motor comes back (tests/model).  Not in it: hysteresis and eddy currents of the iron, which a
-real recording shows as loops of finite width; they remain in the residual.
+Checked: a planted motor comes back (tests/model).  Not in it: hysteresis and eddy currents of the
+iron, which a real recording shows as loops of finite width; they remain in the residual.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ BLOCK = 25  # samples over which residuals count as one, for the standard deviat
 
 @dataclass(frozen=True)
 class StepTest:
-    """Voltages (V) and currents (A) of one test at standstill, sampled at t (s), rotor frame, all (n,)."""
+    """Voltages (V) and currents (A) of one test at standstill, sampled at t (s), rotor frame, all
+    (n,)."""
 
     t: Array
     u_d: Array
@@ -45,13 +48,20 @@ class StepTest:
             values = getattr(self, name)
             bad = np.flatnonzero(~np.isfinite(values))
             if values.shape != self.t.shape or bad.size:
-                where = f"row {bad[0]} is {values[bad[0]]}" if bad.size else f"{values.size} rows, t has {self.t.size}"
-                raise BadInput(f"standstill test: column {name}: {where}; give equal columns of finite numbers")
+                where = (
+                    f"row {bad[0]} is {values[bad[0]]}"
+                    if bad.size
+                    else f"{values.size} rows, t has {self.t.size}"
+                )
+                raise BadInput(
+                    f"standstill test: column {name}: {where}; give equal columns of finite numbers"
+                )
 
 
 @dataclass(frozen=True)
 class StandstillFit:
-    """R (ohm), voltage error V (V), delay of the currents (s), their standard deviations, residual of flux (Wb rms)."""
+    """R (ohm), voltage error V (V), delay of the currents (s), their standard deviations, residual
+    of flux (Wb rms)."""
 
     resistance: float
     resistance_sd: float
@@ -87,7 +97,8 @@ def _odd_basis(i: Array, largest: float) -> Array:
 
 
 def _rows(test: StepTest, axis: int, delay: float) -> tuple[Array, Array, Array]:
-    """Return the integral of u, that of (i, sign i), and the basis of the flux, of a single-axis test."""
+    """Return the integral of u, that of (i, sign i), and the basis of the flux, of a single-axis
+    test."""
     h = float(test.t[1] - test.t[0])
     i = _shifted(test, delay)[axis]
     largest = float(np.max(np.abs(i)))
@@ -98,12 +109,13 @@ def _rows(test: StepTest, axis: int, delay: float) -> tuple[Array, Array, Array]
 
 
 def fit_axes(tests: Sequence[tuple[StepTest, int]], delays: Array | None = None) -> StandstillFit:
-    """Fit R and V shared by single-axis tests (test, axis 0 = d, 1 = q); scans the delays (s), by default to 0.6 ms;
-    BadInput where an axis has no test."""
+    """Fit R and V shared by single-axis tests (test, axis 0 = d, 1 = q); scans the delays (s), by
+    default to 0.6 ms; BadInput where an axis has no test."""
     if {a for _, a in tests} != {0, 1}:
         missing = "d" if all(a == 1 for _, a in tests) else "q"
         raise BadInput(
-            f"no single-axis test on {missing}: its flux cannot be identified; record voltage steps on {missing}"
+            f"no single-axis test on {missing}: its flux cannot be identified; record "
+            f"voltage steps on {missing}"
         )
     best: StandstillFit | None = None
     for delay in np.arange(0.0, 6.1e-4, 2.5e-5) if delays is None else delays:
@@ -128,14 +140,23 @@ def _at_delay(tests: Sequence[tuple[StepTest, int]], delay: float) -> Standstill
     x, *_ = np.linalg.lstsq(a, y, rcond=None)
     left = y - a @ x
     inverse = np.linalg.pinv(a.T @ a)
-    blocks = np.add.reduceat(a * left[:, None], np.arange(0, len(y), BLOCK), axis=0)  # residuals are no white noise
+    # residuals are no white noise
+    blocks = np.add.reduceat(a * left[:, None], np.arange(0, len(y), BLOCK), axis=0)
     covariance = inverse @ (blocks.T @ blocks) @ inverse
     sd = np.sqrt(np.diag(covariance)[:2])
-    return StandstillFit(float(x[0]), float(sd[0]), float(x[1]), float(sd[1]), delay, float(np.sqrt(np.mean(left**2))))
+    return StandstillFit(
+        float(x[0]),
+        float(sd[0]),
+        float(x[1]),
+        float(sd[1]),
+        delay,
+        float(np.sqrt(np.mean(left**2))),
+    )
 
 
 def flux_of(test: StepTest, fit: StandstillFit) -> tuple[Array, Array, Array, Array]:
-    """Return psi_d, psi_q (Wb, mean removed so that the loop is centred) and the delayed currents of a test."""
+    """Return psi_d, psi_q (Wb, mean removed so that the loop is centred) and the delayed currents
+    of a test."""
     h = float(test.t[1] - test.t[0])
     i_d, i_q = _shifted(test, fit.delay)
     s_d, s_q = _sign(i_d, i_q, float(np.max(np.hypot(i_d, i_q))))
@@ -152,7 +173,8 @@ def flux_of(test: StepTest, fit: StandstillFit) -> tuple[Array, Array, Array, Ar
 
 @kernel
 def simulate(m: SplineEnergy, resistance, threshold, small, u_d, u_q, h, d, q, substeps, out):
-    """Fill out (n, 2) with the currents under voltages held over h seconds, from flux (d, q), Euler-midpoint."""
+    """Fill out (n, 2) with the currents under voltages held over h seconds, from flux (d, q),
+    Euler-midpoint."""
     step = h / substeps
     for k in range(u_d.shape[0]):
         out[k, 0], out[k, 1] = currents(m, d, q)

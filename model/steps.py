@@ -1,6 +1,7 @@
 """How long a step of the plant may be in a closed loop, by what changes within it.
 
-The step is of third order: at these shares its error in the resistive drop stays below 1e-5 of it (tests).
+The step is of third order: at these shares its error in the resistive drop stays below 1e-5 of it
+(tests).
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ def step_for_turn(omega: float) -> float:
 
 
 def step_for_orders(orders: Iterable[float], omega: float) -> float:
-    """Return the longest step (s) for harmonics of electrical orders, the sixth if there are none, at a speed."""
+    """Return the longest step (s) for harmonics of electrical orders, the sixth if there are none,
+    at a speed."""
     highest = max(map(abs, orders), default=SIXTH)
     return 3.0 * LARGEST_TURN / (highest * max(abs(omega), 1.0))

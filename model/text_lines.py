@@ -1,4 +1,5 @@
-"""Lines of a text that holds a table: how it is encoded, what is no row of it, where the table begins, how it is cut.
+"""Lines of a text that holds a table: how it is encoded, what is no row of it, where the table
+begins, how it is cut.
 
 Comments, prompts of a terminal and what a program writes above its header are passed over.
 """
@@ -19,38 +20,49 @@ HEAD = 1 << 18  # characters in which a table has to begin
 CHUNK = 1 << 20  # characters cleaned at a time
 MOST_ABOVE = 200  # lines above a header
 MOST_COLUMNS = 10_000
-BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+BOMS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
 SEPARATORS = (";", "\t", ",", "|", " ")
 TRIED = 24  # rows that tell a separator
 COMMENT = re.compile(r'[ \t]*"?(?:#|%|//)')
-# colours of a terminal, unused blocks of a file, a logger's stamp ('12:03:45.123 -> '), a shell's prompt ('ch> ')
+# colours of a terminal, unused blocks of a file, a logger's stamp ('12:03:45.123 -> '), a shell's
+# prompt ('ch> ')
 NOISE = re.compile(
     r"\x1b\[[\d;]*[A-Za-z]|\x00+"
-    r"|^[ \t]*(?:\[?\d+:\d\d:\d\d(?:\.\d+)?\]?[ \t]*->|\[\d[\d:.,\- ]*\]|(?:[\w@~/.:-]{0,40}>{1,3})|\$)[ \t]+",
+    r"|^[ \t]*(?:\[?\d+:\d\d:\d\d(?:\.\d+)?\]?[ \t]*->|\[\d[\d:.,\- "
+    r"]*\]|(?:[\w@~/.:-]{0,40}>{1,3})|\$)[ \t]+",
     re.MULTILINE,
 )
 COMMENTED = re.compile(r'^[ \t]*"?(?:#|%|//).*\n?', re.MULTILINE)
 ENDS = re.compile(r"^[ \t]+|[ \t]+$", re.MULTILINE)
 BLANKS = re.compile(r"[ \t]+")
-WORDS = re.compile(r"[^\s\[(]\S*(?:\s*[\[(][^\])]*[\])])?|\S+")  # of a header with blanks between: 't [s]' is one
+# of a header with blanks between: 't [s]' is one
+WORDS = re.compile(r"[^\s\[(]\S*(?:\s*[\[(][^\])]*[\])])?|\S+")
 HEADER = re.compile(r"^\s*(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*$")
-OVER = re.compile(r"^\s*(?P<name>[^\[\](]*?)\s*/\s*(?P<unit>.+?)\s*$")  # a quantity over its unit: 'i_d/A', 'n/(1/min)'
+# a quantity over its unit: 'i_d/A', 'n/(1/min)'
+OVER = re.compile(r"^\s*(?P<name>[^\[\](]*?)\s*/\s*(?P<unit>.+?)\s*$")
 GROUPED = re.compile(r"[+-]?\d{1,3}(?:(?:\.\d{3})+,\d*|(?:,\d{3})+\.\d*)")  # 1.234,5 or 1,234.5
 
 
 @dataclass(frozen=True)
 class Header:
-    """Names of columns, the units in their brackets or in a row of their own, and other spellings of the names."""
+    """Names of columns, the units in their brackets or in a row of their own, and other spellings
+    of the names."""
 
     names: list[str]
     units: dict[str, str]
     also: dict[str, str] = field(default_factory=dict)
-    again: dict[str, str] = field(default_factory=dict)  # names made for columns whose own stands before
+    # names made for columns whose own stands before
+    again: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text's table is laid out: header, separator, lines above the first row, and that row's width."""
+    """How a text's table is laid out: header, separator, lines above the first row, and that row's
+    width."""
 
     header: Header
     separator: str
@@ -59,7 +71,8 @@ class Layout:
 
 
 def encoding_of(begin: bytes) -> str:
-    """Return how a text is encoded, by its first bytes: UTF-8, UTF-16 with or without its mark, else Latin-1."""
+    """Return how a text is encoded, by its first bytes: UTF-8, UTF-16 with or without its mark,
+    else Latin-1."""
     for mark, name in BOMS:
         if begin.startswith(mark):
             return name
@@ -74,7 +87,8 @@ def encoding_of(begin: bytes) -> str:
 
 
 def number(cell: str) -> float | None:
-    """Return what a cell holds, decimal commas and grouped thousands included; None where that is no number."""
+    """Return what a cell holds, decimal commas and grouped thousands included; None where that is
+    no number."""
     cell = cell.strip().strip('"').strip()
     if GROUPED.fullmatch(cell):
         mark = max(cell.rfind(","), cell.rfind("."))
@@ -86,7 +100,8 @@ def number(cell: str) -> float | None:
 
 
 def cleaned(text: str, separator: str = "") -> str:
-    """Return lines without comments, prompts and colours; with a blank as separator each run of blanks as one tab."""
+    """Return lines without comments, prompts and colours; with a blank as separator each run of
+    blanks as one tab."""
     text = COMMENTED.sub("", NOISE.sub("", text))
     return BLANKS.sub("\t", ENDS.sub("", text)) if separator == " " else text
 
@@ -133,12 +148,19 @@ def layout(file: str, head: str) -> Layout:
 
 
 def _above(rows: Sequence[tuple[int, list[str]]], data: list[str]) -> tuple[list[str], list[str]]:
-    """Return the header above a table's first row, and the row of units below it; both empty where there is none."""
+    """Return the header above a table's first row, and the row of units below it; both empty where
+    there is none."""
     texts = [x for _, x in rows if not _is_data(x)][-2:]
     fitting = [x for x in texts if len(_filled(data)) <= len(_filled(x)) <= len(data)]
-    if len(texts) == 2 and texts[0] in fitting and _are_units(texts[1]) and len(texts[1]) >= len(_filled(texts[0])):
+    if (
+        len(texts) == 2
+        and texts[0] in fitting
+        and _are_units(texts[1])
+        and len(texts[1]) >= len(_filled(texts[0]))
+    ):
         return texts[0], texts[1]
-    if texts and (texts[-1] in fitting or len(_filled(texts[-1])) > 1):  # else rows are refused for their width
+    if texts and (texts[-1] in fitting or len(_filled(texts[-1])) > 1):
+        # else rows are refused for their width
         return texts[-1], []
     return [], []
 
@@ -158,11 +180,14 @@ def _are_units(row: Sequence[str]) -> bool:
 
 def _check_width(file: str, width: int) -> None:
     if width > MOST_COLUMNS:
-        raise BadInput(f"{file}: {width} columns; at most {MOST_COLUMNS} are read, keep those needed")
+        raise BadInput(
+            f"{file}: {width} columns; at most {MOST_COLUMNS} are read, keep those needed"
+        )
 
 
 def _separator(lines: Sequence[str]) -> str:
-    """Return what stands between cells: what makes numbers of most rows, of the widest such rows."""
+    """Return what stands between cells: what makes numbers of most rows, of the widest such
+    rows."""
     some = [*lines[:TRIED], *lines[len(lines) // 2 : len(lines) // 2 + TRIED]]
     scored: list[tuple[int, str]] = []
     for s in SEPARATORS:
@@ -172,7 +197,10 @@ def _separator(lines: Sequence[str]) -> str:
             usual = max(set(widths), key=widths.count)
             scored.append((widths.count(usual) * (usual > 1), s))
     best = max((n for n, _ in scored), default=0)
-    return next((s for n, s in scored if n == best and n), next((s for s in SEPARATORS[:3] if s in lines[0]), ","))
+    return next(
+        (s for n, s in scored if n == best and n),
+        next((s for s in SEPARATORS[:3] if s in lines[0]), ","),
+    )
 
 
 def _is_data(row: Sequence[str]) -> bool:
@@ -184,8 +212,9 @@ def _is_data(row: Sequence[str]) -> bool:
 def _scope(rows: Sequence[tuple[int, str]]) -> Layout | None:
     """Return the layout of a TwinCAT Scope export, None for any other text.
 
-    It begins with a block on the record (Name, File, StartRecord, EndRecord), then has one on the channels, one line an
-    attribute (Name, SymbolName, ...), label and value by turns; then stamp (ms) and value of each channel by turns.
+    It begins with a block on the record (Name, File, StartRecord, EndRecord), then has one on the
+    channels, one line an attribute (Name, SymbolName, ...), label and value by turns; then stamp
+    (ms) and value of each channel by turns.
     """
     heads = [line.partition("\t")[0].strip() for _, line in rows[:MOST_ABOVE]]
     if "SymbolName" not in heads or not rows[0][1].startswith("Name"):
@@ -194,7 +223,9 @@ def _scope(rows: Sequence[tuple[int, str]]) -> Layout | None:
     names = [c.strip() for c in rows[last][1].split("\t")][1::2]
     stamps = ["Time", *(f"Time {k}" for k in range(2, len(names) + 1))]
     columns = [x for pair in zip(stamps, names, strict=True) for x in pair]
-    at = next((k for k, x in rows[last:] if number(x.partition("\t")[0]) is not None), rows[-1][0] + 1)
+    at = next(
+        (k for k, x in rows[last:] if number(x.partition("\t")[0]) is not None), rows[-1][0] + 1
+    )
     return Layout(Header(columns, {}), "\t", at, len(columns))
 
 
@@ -211,9 +242,9 @@ def _parts(cell: str, given: Sequence[str]) -> tuple[str, str]:
 def header_of(file: str, given: Sequence[str], below: Sequence[str] = ()) -> Header:
     """Return names and units of a header's cells; below: a row of units.
 
-    A bracket is a unit where it is a known one and the names without it stay apart: 'i_a [mA]', 'I(A)' beside 'I(B)'
-    not; so is what stands behind a stroke: 'i_a/A', 'phase/A' beside 'phase/B' not.  A name that stands twice gets a
-    number.
+    A bracket is a unit where it is a known one and the names without it stay apart: 'i_a [mA]',
+    'I(A)' beside 'I(B)' not; so is what stands behind a stroke: 'i_a/A', 'phase/A' beside 'phase/B'
+    not.  A name that stands twice gets a number.
     BadInput for a line of numbers, or of nothing.
     """
     while given and not given[-1]:

@@ -1,7 +1,9 @@
-"""Tables of numbers in texts as programs write them: CSV with any separator, terminal logs, spreadsheets' exports.
+"""Tables of numbers in texts as programs write them: CSV with any separator, terminal logs,
+spreadsheets' exports.
 
-pyarrow reads the rows in pieces, so that ten minutes at 10 kHz take seconds and no more memory than their numbers.
-Cells that are empty or no number become NaN; rows are counted from 0, after header and unit row.
+pyarrow reads the rows in pieces, so that ten minutes at 10 kHz take seconds and no more memory than
+their numbers. Cells that are empty or no number become NaN; rows are counted from 0, after header
+and unit row.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ BLOCK = 1 << 20  # bytes pyarrow parses at a time
 
 
 class Skipped(NamedTuple):
-    """A line that is no row of the table: how many lines came before it, its cells and what it says."""
+    """A line that is no row of the table: how many lines came before it, its cells and what it
+    says."""
 
     row: int
     cells: int
@@ -37,7 +40,8 @@ class Skipped(NamedTuple):
 
 
 def read_text(path: Path, most: int) -> Table:
-    """Return the table in a text file of any usual encoding, `most` values at most; BadInput says what is wrong."""
+    """Return the table in a text file of any usual encoding, `most` values at most; BadInput says
+    what is wrong."""
     with path.open("rb") as file:
         encoding = encoding_of(file.read(HEAD))
         file.seek(0)
@@ -93,14 +97,20 @@ class _Reading:
         self.rows = 0
 
     def columns(self, raw: io.RawIOBase) -> list[Array]:
-        """Return the columns; BadInput for a row that is too long or too short, or too many values."""
+        """Return the columns; BadInput for a row that is too long or too short, or too many
+        values."""
         from pyarrow import ArrowException, csv, string
 
         more = self.found.width - len(self.names)  # a separator at the end of each line
-        names = [*map(str, range(len(self.names))), *(f"more {k}" for k in range(max(more, 0) and 1))]
+        names = [
+            *map(str, range(len(self.names))),
+            *(f"more {k}" for k in range(max(more, 0) and 1)),
+        ]
         separator = "\t" if self.found.separator == " " else self.found.separator
         parse = csv.ParseOptions(delimiter=separator, invalid_row_handler=self._skip)
-        convert = csv.ConvertOptions(column_types=dict.fromkeys(names, string()), strings_can_be_null=False)
+        convert = csv.ConvertOptions(
+            column_types=dict.fromkeys(names, string()), strings_can_be_null=False
+        )
         reading = csv.ReadOptions(column_names=names, use_threads=False, block_size=BLOCK)
         parts: list[list[Array]] = [[] for _ in self.names]
         try:
@@ -109,8 +119,15 @@ class _Reading:
         except ArrowException as error:
             if "Empty CSV file" not in str(error):
                 said, remedy = str(error).splitlines()[0][:80], "export it again"
-                if separator == "," and (counts := WIDER.search(said)) and int(counts[2]) > 1.5 * int(counts[1]):
-                    remedy = "are there decimal commas, too? export it with points, or with ; between the cells"
+                if (
+                    separator == ","
+                    and (counts := WIDER.search(said))
+                    and int(counts[2]) > 1.5 * int(counts[1])
+                ):
+                    remedy = (
+                        "are there decimal commas, too? export it with points, or with ; "
+                        "between the cells"
+                    )
                 raise BadInput(f"{self.file}: cannot be read as CSV ({said}); {remedy}") from None
         self._judge_skipped()
         return [np.concatenate(x) if x else np.zeros(0) for x in parts]
@@ -125,7 +142,8 @@ class _Reading:
         first, self.rows = self.rows, self.rows + batch.num_rows
         if self.rows * len(self.names) > self.most:
             raise BadInput(
-                f"{self.file}: more than {self.most / 1e6:g} million values; keep the columns needed, or cut the log"
+                f"{self.file}: more than {self.most / 1e6:g} million values; keep the "
+                "columns needed, or cut the log"
             )
         for k in range(len(self.names), batch.num_columns):
             extra = batch.column(k).to_pylist()
@@ -133,7 +151,9 @@ class _Reading:
             if row is not None:
                 raise self._width(first + row, batch.num_columns)
         blank = np.ones(batch.num_rows, dtype=bool)
-        for name, part, column in zip(self.names, parts, batch.columns[: len(self.names)], strict=True):
+        for name, part, column in zip(
+            self.names, parts, batch.columns[: len(self.names)], strict=True
+        ):
             values, odd = _numbers(column)
             part.append(values)
             blank &= np.isnan(values)
@@ -141,29 +161,34 @@ class _Reading:
                 self.odd[name] = (first + odd, column[odd].as_py().strip().strip('"'))
         self.empty += (first + np.flatnonzero(blank)).tolist()
         for row in np.flatnonzero(blank):
-            if self._is_header([c[int(row)].as_py() for c in batch.columns[: len(self.names)]], first + int(row)):
+            if self._is_header(
+                [c[int(row)].as_py() for c in batch.columns[: len(self.names)]], first + int(row)
+            ):
                 self.again.append(first + int(row))
 
     def _is_header(self, row: Sequence[str], at: int) -> bool:
-        """Tell whether cells are the header's once more; BadInput where they are in another order."""
+        """Tell whether cells are the header's once more; BadInput where they are in another
+        order."""
         header = self.found.header
         own = [" ".join(c.strip().strip('"').split()) for c in row]
         names = [header.again.get(n, n) for n in self.names]
         columns = [c if c in names else header.also.get(c, c) for c in own]
         if columns != names and sorted(columns) == sorted(names) and len(names) > 1:
             raise BadInput(
-                f"{self.file}: row {at} is a header of the same columns in another order; make two files of it"
+                f"{self.file}: row {at} is a header of the same columns in another "
+                "order; make two files of it"
             )
         return columns == names
 
     def _width(self, row: int, width: int) -> BadInput:
         return BadInput(
-            f"{self.file}: row {row} has {width} cells, the header has {len(self.names)}; with decimal commas the "
-            "separator must be ';' or a tab"
+            f"{self.file}: row {row} has {width} cells, the header has {len(self.names)}; with "
+            "decimal commas the separator must be ';' or a tab"
         )
 
     def _judge_skipped(self) -> None:
-        """Raise BadInput for a line left out that holds numbers of a row, unless it is the last: cut there."""
+        """Raise BadInput for a line left out that holds numbers of a row, unless it is the last:
+        cut there."""
         for k, line in enumerate(self.skipped):
             row = max(line.row - 1 - k, 0)
             own = cells(line.text, "\t" if self.found.separator == " " else self.found.separator)
@@ -182,21 +207,38 @@ class _Reading:
             notes.append(("", f"{self.file}: the last row is cut; left out"))
         if self.again:
             many = f", {len(self.again)} times" if len(self.again) > 1 else ""
-            notes.append(("", f"{self.file}: the header stands again in row {self.again[0]}{many}; left out"))
+            notes.append(
+                ("", f"{self.file}: the header stands again in row {self.again[0]}{many}; left out")
+            )
         texts = [s.text.strip() for s in self.skipped]
         if texts:
-            notes.append(("", f"{self.file}: {_lines(len(texts))} no row of the table and left out: '{texts[0][:40]}'"))
+            notes.append(
+                (
+                    "",
+                    (
+                        f"{self.file}: {_lines(len(texts))} no row of the table and left "
+                        f"out: '{texts[0][:40]}'"
+                    ),
+                )
+            )
         if not keep.all():
             columns = [x[keep] for x in columns]
         moved = np.cumsum(keep) - 1
         odd = {(n, int(moved[row])): cell for n, (row, cell) in self.odd.items() if keep[row]}
         own = dict(zip(self.names, columns, strict=True))
-        twice = {name for again, name in header.again.items() if not np.array_equal(own[again], own[name])}
-        breaks = tuple(int(moved[row]) + 1 for row in self.again if 0 <= int(moved[row]) + 1 < int(keep.sum()))
+        twice = {
+            name
+            for again, name in header.again.items()
+            if not np.array_equal(own[again], own[name])
+        }
+        breaks = tuple(
+            int(moved[row]) + 1 for row in self.again if 0 <= int(moved[row]) + 1 < int(keep.sum())
+        )
         return Table(own, header.units, odd, tuple(notes), header.also, frozenset(twice), breaks)
 
     def _is_cut(self, columns: list[Array], keep: NDArray[np.bool_]) -> bool:
-        """Tell whether the last row ends in cells that hold numbers in the row before, and not here."""
+        """Tell whether the last row ends in cells that hold numbers in the row before, and not
+        here."""
         rows = np.flatnonzero(keep)
         if len(rows) < 3:
             return False

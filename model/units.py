@@ -1,4 +1,5 @@
-"""Units as people and programs write them, each with factor and offset to ours (SI; peak values; degrees Celsius)."""
+"""Units as people and programs write them, each with factor and offset to ours (SI; peak values;
+degrees Celsius)."""
 
 from __future__ import annotations
 

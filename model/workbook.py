@@ -1,6 +1,8 @@
-"""Tables in Excel workbooks (.xlsx): openpyxl reads the cells (extra `xlsx`), the rest is as in a text.
+"""Tables in Excel workbooks (.xlsx): openpyxl reads the cells (extra `xlsx`), the rest is as in a
+text.
 
-The first sheet that holds numbers is read.  Formulas count with the values that the workbook last had.
+The first sheet that holds numbers is read.  Formulas count with the values that the workbook last
+had.
 """
 
 from __future__ import annotations
@@ -27,13 +29,16 @@ def read_workbook(path: Path, most: int) -> Table:
         import openpyxl
     except ImportError:
         raise BadInput(
-            f"{path.name}: reading a workbook needs openpyxl; install it with pip install 'sensorless-sandbox[xlsx]', "
-            "or save the sheet as CSV"
+            f"{path.name}: reading a workbook needs openpyxl; install it with pip install "
+            "'sensorless-sandbox[xlsx]', or save the sheet as CSV"
         ) from None
     try:
         with zipfile.ZipFile(path) as archive:
             if sum(info.file_size for info in archive.infolist()) > MOST_UNPACKED:
-                raise BadInput(f"{path.name}: more than {MOST_UNPACKED / 1e9:g} GB unpacked; save the sheet as CSV")
+                raise BadInput(
+                    f"{path.name}: more than {MOST_UNPACKED / 1e9:g} GB unpacked; save "
+                    "the sheet as CSV"
+                )
         book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
         try:
             for sheet in book.worksheets:
@@ -47,7 +52,9 @@ def read_workbook(path: Path, most: int) -> Table:
         raise
     except Exception as error:  # openpyxl raises whatever a damaged file leads it to
         why = str(error)[:80] or type(error).__name__
-        raise BadInput(f"{path.name}: cannot be read as a workbook ({why}); save the sheet as CSV") from None
+        raise BadInput(
+            f"{path.name}: cannot be read as a workbook ({why}); save the sheet as CSV"
+        ) from None
     raise BadInput(f"{path.name}: no sheet holds a table of numbers; save the log's sheet as CSV")
 
 
@@ -58,14 +65,18 @@ def _rows(file: str, sheet: Any) -> Iterator[tuple[Any, ...]]:
 
 
 def _text(file: str, begin: list[tuple[Any, ...]], rows: Iterator[tuple[Any, ...]]) -> io.StringIO:
-    """Return a sheet as a text, each row as wide as the widest in its begin; BadInput for more than is held."""
+    """Return a sheet as a text, each row as wide as the widest in its begin; BadInput for more than
+    is held."""
     out = io.StringIO()
     width = max(len(row) for row in begin)
     for source in (begin, rows):
         for row in source:
             out.write("\t".join(map(_cell, row)) + "\t" * (width - len(row)) + "\n")
             if out.tell() > MOST_CHARACTERS:
-                raise BadInput(f"{file}: more than {MOST_CHARACTERS / 1e6:g} MB of cells; save the sheet as CSV")
+                raise BadInput(
+                    f"{file}: more than {MOST_CHARACTERS / 1e6:g} MB of cells; save the "
+                    "sheet as CSV"
+                )
     out.seek(0)
     return out
 
@@ -73,4 +84,10 @@ def _text(file: str, begin: list[tuple[Any, ...]], rows: Iterator[tuple[Any, ...
 def _cell(value: Any) -> str:
     if isinstance(value, datetime):
         return repr(value.timestamp())
-    return "" if value is None else " ".join(str(value).split()) if isinstance(value, str) else repr(value)
+    return (
+        ""
+        if value is None
+        else " ".join(str(value).split())
+        if isinstance(value, str)
+        else repr(value)
+    )

@@ -1,4 +1,5 @@
-"""The bench in software, and its page of public Python: every name of `__all__`, loaded when it is first used.
+"""The bench in software, and its page of public Python: every name of `__all__`, loaded when it is
+first used.
 
 from sandbox import simulate, compare, load_motor
 run = simulate("ipm_exchanged", "staircase", "inversion", belief="linear")
@@ -119,7 +120,8 @@ share_names()
 
 
 class _Page(ModuleType):
-    """This package: importing the rooms `sandbox.sweep` and `sandbox.replay` leaves those names to functions."""
+    """This package: importing the rooms `sandbox.sweep` and `sandbox.replay` leaves those names to
+    functions."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if not (name in _HOME and isinstance(value, ModuleType)):

@@ -1,17 +1,21 @@
-"""A user's own `model.py`, or package `model/`, beside their script: it and our package of that name are both there.
+"""A user's own `model.py`, or package `model/`, beside their script: it and our package of that
+name are both there.
 
-Python looks beside the running script first, so such a file would hide our package (`estimators`: the same).  Where
-there is one, a single module stands for both: its attributes (`model.anything`) are those of the user's file, which
-runs when the first of them, or a submodule of theirs, is asked for; submodules are looked for in our folder first
-(`model.energy`), then in theirs (`model.net`).  A submodule that both have is refused with a sentence.  Our own code
-imports names from submodules only, never from the package itself (a test holds it), so neither side sees the other.
-A plain folder of that name, without `__init__.py`, hides nothing; `model/__init__.py` adds it to where it looks.
+Python looks beside the running script first, so such a file would hide our package (`estimators`:
+the same).  Where there is one, a single module stands for both: its attributes (`model.anything`)
+are those of the user's file, which runs when the first of them, or a submodule of theirs, is asked
+for; submodules are looked for in our folder first (`model.energy`), then in theirs (`model.net`).
+A submodule that both have is refused with a sentence.  Our own code imports names from submodules
+only, never from the package itself (a test holds it), so neither side sees the other. A plain
+folder of that name, without `__init__.py`, hides nothing; `model/__init__.py` adds it to where it
+looks.
 
-What this cannot do: before `import sandbox` nothing of this has run, so Python finds the user's alone (`from
-model.errors import BadInput` fails there; `from sandbox import BadInput` never does); a file `sandbox.py`, or a package
-`sandbox/`, is found in place of ours; a file that is imported for what it does, not for a name, waits until a name is
-read; a file that comes onto Python's path after ours were loaded is not found; `import model.energy` gives no
-`model.energy.currents` where the user's is there (`from model.energy import currents` does).
+What this cannot do: before `import sandbox` nothing of this has run, so Python finds the user's
+alone (`from model.errors import BadInput` fails there; `from sandbox import BadInput` never does);
+a file `sandbox.py`, or a package `sandbox/`, is found in place of ours; a file that is imported for
+what it does, not for a name, waits until a name is read; a file that comes onto Python's path after
+ours were loaded is not found; `import model.energy` gives no `model.energy.currents` where the
+user's is there (`from model.energy import currents` does).
 """
 
 from __future__ import annotations
@@ -30,12 +34,21 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("model", "estimators")  # the top-level packages that are installed with this one
 RAN = "__builtins__"  # what running a file leaves in its module
-OF_IMPORT = ("__path__", "__spec__", "__loader__", "__package__", "__file__", "__cached__", "__wrapped__")
+OF_IMPORT = (
+    "__path__",
+    "__spec__",
+    "__loader__",
+    "__package__",
+    "__file__",
+    "__cached__",
+    "__wrapped__",
+)
 RUNNING = threading.RLock()
 
 
 class Shared(ModuleType):
-    """A module with the submodules of one of our packages, and the attributes and submodules of a user's."""
+    """A module with the submodules of one of our packages, and the attributes and submodules of a
+    user's."""
 
     def __getattr__(self, name: str) -> Any:
         """Run the user's file, once, for an attribute that is not there yet."""
@@ -45,11 +58,19 @@ class Shared(ModuleType):
                 return getattr(self, name)
         if name in self.__dict__:  # another thread has run it
             return self.__dict__[name]
-        raise AttributeError(f"module '{self.__name__}' ('{self.__dict__.get('__file__')}') has no attribute '{name}'")
+        raise AttributeError(
+            f"module '{self.__name__}' ('{self.__dict__.get('__file__')}') has no "
+            f"attribute '{name}'"
+        )
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Leave the names of our submodules to the user's file: importing `model.energy` sets no attribute `energy`."""
-        if not (isinstance(value, ModuleType) and value.__name__ == f"{self.__name__}.{name}" and is_ours(value)):
+        """Leave the names of our submodules to the user's file: importing `model.energy` sets no
+        attribute `energy`."""
+        if not (
+            isinstance(value, ModuleType)
+            and value.__name__ == f"{self.__name__}.{name}"
+            and is_ours(value)
+        ):
             super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
@@ -106,8 +127,11 @@ class SharedNameFinder:
     """Finds a user's file or package of one of our names, and our package with it."""
 
     @staticmethod
-    def find_spec(name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
-        """Return what stands for both; None where Python's own way is right; ImportError where they cannot share."""
+    def find_spec(
+        name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return what stands for both; None where Python's own way is right; ImportError where they
+        cannot share."""
         package, _, part = name.partition(".")
         if package not in NAMES:
             return None
@@ -127,7 +151,8 @@ class SharedNameFinder:
 
 
 def submodule(package: ModuleType | None, name: str, path: Sequence[str]) -> ModuleSpec | None:
-    """Run a user's package before the first submodule of theirs; return that submodule where it is there then."""
+    """Run a user's package before the first submodule of theirs; return that submodule where it is
+    there then."""
     if not isinstance(package, Shared) or RAN in vars(package) or name.count(".") > 1:
         return None
     ours, theirs = [p for p in path if is_our_folder(p)], [p for p in path if not is_our_folder(p)]
@@ -143,16 +168,25 @@ def submodule(package: ModuleType | None, name: str, path: Sequence[str]) -> Mod
 
 
 def folders(name: str, theirs: Iterable[str]) -> list[str]:
-    """Return where submodules are looked for, ours first; ImportError for a submodule that both have."""
+    """Return where submodules are looked for, ours first; ImportError for a submodule that both
+    have."""
     others = [Path(folder) for folder in theirs if not is_our_folder(folder)]
-    parts = [path.stem for path in sorted((ROOT / name).iterdir()) if not path.stem.startswith("__")] if others else []
+    parts = (
+        [path.stem for path in sorted((ROOT / name).iterdir()) if not path.stem.startswith("__")]
+        if others
+        else []
+    )
     for folder in others:
-        for path in (place for part in parts for place in (folder / f"{part}.py", folder / part / "__init__.py")):
+        for path in (
+            place
+            for part in parts
+            for place in (folder / f"{part}.py", folder / part / "__init__.py")
+        ):
             if path.is_file():
                 part = path.relative_to(folder).with_suffix("").parts[0]
                 raise ImportError(
-                    f"'{path}' and a part of sensorless-sandbox are both called '{name}.{part}'; rename yours, or its "
-                    f"folder, for example to my_{name}"
+                    f"'{path}' and a part of sensorless-sandbox are both called '{name}.{part}'; "
+                    f"rename yours, or its folder, for example to my_{name}"
                 )
     return [str(ROOT / name), *map(str, others)]
 
@@ -174,21 +208,25 @@ def is_ours(module: ModuleType) -> bool:
 
 
 def hidden(name: str, found: str) -> str:
-    """Return the sentence for what hides one of our packages and cannot share its name, such as a compiled library."""
+    """Return the sentence for what hides one of our packages and cannot share its name, such as a
+    compiled library."""
     suffix = Path(found).suffix if Path(found).stem == name else ""
     return (
-        f"'{found}' hides the package '{name}' that sensorless-sandbox is installed with; rename that file or folder, "
-        f"for example to my_{name}{suffix}"
+        f"'{found}' hides the package '{name}' that sensorless-sandbox is installed with; rename "
+        f"that file or folder, for example to my_{name}{suffix}"
     )
 
 
 def share_names() -> None:
-    """See to it that our packages can be imported beside a user's files of their names; ImportError where not."""
+    """See to it that our packages can be imported beside a user's files of their names; ImportError
+    where not."""
     for name in NAMES:
         loaded = sys.modules.get(name)
         if loaded is None:
             SharedNameFinder.find_spec(name)
-        elif not isinstance(loaded, Shared) and not is_our_file(getattr(loaded, "__file__", None), name):
+        elif not isinstance(loaded, Shared) and not is_our_file(
+            getattr(loaded, "__file__", None), name
+        ):
             share(loaded, name)
     if SharedNameFinder not in sys.meta_path:
         sys.meta_path.insert(0, SharedNameFinder)

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 
 
 def on_a_map() -> Drive:
-    """Return a drive with a flux map, which needs no data: kernels are compiled once more for maps."""
+    """Return a drive with a flux map, which needs no data: kernels are compiled once more for
+    maps."""
     from experiments.spline_cost import twin
     from model.drive_files import load_drive
 
@@ -47,8 +48,8 @@ def compile_wide() -> None:
 
 
 def compile_narrow() -> None:
-    """Have the closed loops on both plants, compiled when they are imported, and the replay of one set, which shares
-    most of its functions with them; then the loops of a motor with a flux map."""
+    """Have the closed loops on both plants, compiled when they are imported, and the replay of one
+    set, which shares most of its functions with them; then the loops of a motor with a flux map."""
     for name in ("loop", "switched_loop"):
         importlib.import_module(f"sandbox.drive.{name}")
     compile_replays(None, slice(1))
@@ -59,7 +60,8 @@ FIRST = (compile_wide, compile_narrow)  # about as long as each other
 
 
 def compile_share(worker: int, workers: int) -> None:
-    """Compile one worker's share of what every worker needs, so that two do not compile the same side by side."""
+    """Compile one worker's share of what every worker needs, so that two do not compile the same
+    side by side."""
     for task in FIRST[worker::workers]:
         task()
 

@@ -1,4 +1,5 @@
-"""Shared fixtures: one short comparison for everything that only needs some runs, and the shared data folder."""
+"""Shared fixtures: one short comparison for everything that only needs some runs, and the shared
+data folder."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from hypothesis import settings
 
 from tests import balance, durations
 
-# before numpy is loaded: threads of BLAS in several workers wait for each other in loops (a fit took 100 times as long)
+# before numpy is loaded: threads of BLAS in several workers wait for each other in loops (a fit
+# took 100 times as long)
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("suite", deadline=None)  # the first call of a kernel compiles it
 settings.load_profile("suite")
@@ -31,7 +33,9 @@ def pytest_sessionstart(session):
 
 def pytest_addoption(parser):
     """Say how to keep what tests take."""
-    parser.addoption("--store-durations", action="store_true", help="keep what tests take (tests/durations.py)")
+    parser.addoption(
+        "--store-durations", action="store_true", help="keep what tests take (tests/durations.py)"
+    )
 
 
 def pytest_collection_modifyitems(items):
@@ -93,7 +97,8 @@ def skipped_lines(reports):
         why = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
         files[why.removeprefix("Skipped: ")][report.nodeid.partition("::")[0]] += 1
     return [
-        f"{sum(where.values())} not run, {why}: " + ", ".join(f"{file} ({n})" for file, n in sorted(where.items()))
+        f"{sum(where.values())} not run, {why}: "
+        + ", ".join(f"{file} ({n})" for file, n in sorted(where.items()))
         for why, where in sorted(files.items())
     ]
 

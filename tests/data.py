@@ -1,4 +1,5 @@
-"""Where data that are not part of the repository lie; a test that needs absent ones is skipped with the reason."""
+"""Where data that are not part of the repository lie; a test that needs absent ones is skipped with
+the reason."""
 
 import os
 from pathlib import Path

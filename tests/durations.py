@@ -1,11 +1,13 @@
-"""How long tests take, kept in durations.json: which are slow (the marker), and which files come first in a whole run.
+"""How long tests take, kept in durations.json: which are slow (the marker), and which files come
+first in a whole run.
 
-Seconds of CPU, those of a test's own processes included, so that a loaded machine changes little.  Written by
+Seconds of CPU, those of a test's own processes included, so that a loaded machine changes little.
+Written by
 
     pytest --store-durations tests/some/folder
 
-for the files that ran; tests below LEAST are left out.  A test is one function, all its parameters together; an entry
-of a file alone holds until its tests have been measured.
+for the files that ran; tests below LEAST are left out.  A test is one function, all its parameters
+together; an entry of a file alone holds until its tests have been measured.
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ def store(seconds: dict[str, float], files: Iterable[str]) -> None:
 
 
 def is_slow(test: str, seconds: dict[str, float]) -> bool:
-    """Return whether a test takes SLOW and more, or its file where nobody knows which of its tests do."""
+    """Return whether a test takes SLOW and more, or its file where nobody knows which of its tests
+    do."""
     return seconds.get(test, seconds.get(file_of(test), 0.0)) >= SLOW
 
 

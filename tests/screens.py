@@ -1,6 +1,8 @@
-"""Pages as a browser lays them out: tables and figures wider than the page, letters too small to read.
+"""Pages as a browser lays them out: tables and figures wider than the page, letters too small to
+read.
 
-`findings(folder, pages)` opens every page in headless Chromium at the widths of a telephone and of a desk.
+`findings(folder, pages)` opens every page in headless Chromium at the widths of a telephone and of
+a desk.
 """
 
 from __future__ import annotations
@@ -69,7 +71,7 @@ const open = (page, width) => new Promise(done => {
   document.body.append(Object.assign(document.createElement("i"), {id: "done"}));
 })();
 </script></body>
-"""
+"""  # noqa: E501
 
 
 def browser() -> str | None:
@@ -85,7 +87,8 @@ class _Quiet(SimpleHTTPRequestHandler):
 
 
 def findings(folder: Path, pages: Sequence[str], scratch: Path) -> list[str]:
-    """Return what does not fit on pages (paths below a folder), a sentence each; scratch: for the browser's profile."""
+    """Return what does not fit on pages (paths below a folder), a sentence each; scratch: for the
+    browser's profile."""
     program = browser()
     assert program is not None
     harness = folder / "_screens.html"

@@ -1,5 +1,5 @@
-"""Lists of library versions: the newest holds all that the project needs, the oldest is its lower bounds; what a wheel
-holds (`.ci/supply wheel` builds, installs and uses one)."""
+"""Lists of library versions: the newest holds all that the project needs, the oldest is its lower
+bounds; what a wheel holds (`.ci/supply wheel` builds, installs and uses one)."""
 
 from __future__ import annotations
 
@@ -18,13 +18,16 @@ PROJECT = WHOLE["project"]
 def listed(name):
     lines = (ROOT / ".ci" / name).read_text().splitlines()
     found = dict(line.split("==") for line in lines if not line.startswith("#"))
-    assert all(re.fullmatch(r"[a-z0-9-]+", package) for package in found)  # no addresses, no options
+    # no addresses, no options
+    assert all(re.fullmatch(r"[a-z0-9-]+", package) for package in found)
     return {package: Version(version) for package, version in found.items()}
 
 
 def needed(*extras):
     more = [line for extra in extras for line in PROJECT["optional-dependencies"][extra]]
-    return [r for r in map(Requirement, PROJECT["dependencies"] + more) if r.name != PROJECT["name"]]
+    return [
+        r for r in map(Requirement, PROJECT["dependencies"] + more) if r.name != PROJECT["name"]
+    ]
 
 
 def test_the_newest_list_holds_every_dependency():
@@ -43,14 +46,17 @@ def test_the_oldest_list_is_the_lower_bounds():
 
 
 def test_a_wheel_holds_only_package_data():
-    """Whatever lies in the packages is code or data that code reads, or left out of the wheel by name."""
+    """Whatever lies in the packages is code or data that code reads, or left out of the wheel by
+    name."""
     target = WHOLE["tool"]["hatch"]["build"]["targets"]["wheel"]
     rule = re.search(r"DATA = (.*)", (ROOT / ".ci" / "wheel_content.py").read_text())
     left_out = {pattern.removeprefix("*") for pattern in target["exclude"]}
     data = {s.strip(' "') for s in rule[1].strip("{}").split(",")}
     assert target["packages"] == ["model", "estimators", "sandbox"]
     assert not data & left_out
-    files = [p for package in target["packages"] for p in (ROOT / package).rglob("*") if p.is_file()]
+    files = [
+        p for package in target["packages"] for p in (ROOT / package).rglob("*") if p.is_file()
+    ]
     strange = [p for p in files if p.suffix not in data | left_out and "__pycache__" not in p.parts]
     assert strange == []
     assert len(files) > 300

@@ -1,4 +1,5 @@
-"""The documentation builds without a warning, loads nothing from a network, and shows the drawings of its scripts."""
+"""The documentation builds without a warning, loads nothing from a network, and shows the drawings
+of its scripts."""
 
 from __future__ import annotations
 
@@ -24,22 +25,36 @@ from tests import screens
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = [
-    ROOT / "README.md", *sorted(DOCS.glob("*/*.md")), DOCS / "index.md", *sorted((DOCS / "tutorials").glob("*.py")),
-    *(ROOT / name for name in (
-        "estimators/README.md", "estimators/LIMITS.md", "estimators/c/README.md", "sandbox/plant/README.md",
-        "sandbox/sweep/README.md", "sandbox/recordings/IMPORTING.md", "sandbox/recordings/CHECKING.md",
-        "sandbox/recordings/RECORDING.md",
-        "sandbox/gap/README.md",
-    )),
-]  # fmt: skip
+    ROOT / "README.md",
+    *sorted(DOCS.glob("*/*.md")),
+    DOCS / "index.md",
+    *sorted((DOCS / "tutorials").glob("*.py")),
+    *(
+        ROOT / name
+        for name in (
+            "estimators/README.md",
+            "estimators/LIMITS.md",
+            "estimators/c/README.md",
+            "sandbox/plant/README.md",
+            "sandbox/sweep/README.md",
+            "sandbox/recordings/IMPORTING.md",
+            "sandbox/recordings/CHECKING.md",
+            "sandbox/recordings/RECORDING.md",
+            "sandbox/gap/README.md",
+        )
+    ),
+]
 
 
 @pytest.fixture(scope="module")
 def built():
-    """The folder of pages, built as anybody builds it; pages that have not changed are not made anew."""
+    """The folder of pages, built as anybody builds it; pages that have not changed are not made
+    anew."""
     environment = {**os.environ, "MPLBACKEND": "agg"}
     call = [sys.executable, str(DOCS / "build.py")]
-    done = subprocess.run(call, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        call, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr  # every warning is an error
     return DOCS / "_build" / "html"
 
@@ -48,8 +63,11 @@ def test_every_field_of_the_objects_page_has_a_meaning(monkeypatch):
     """A comment beside it in its source, in words; a unit alone says nothing."""
     monkeypatch.syspath_prepend(str(DOCS / "extensions"))
     pages = importlib.import_module("field_pages")
-    tables = [c for classes in pages.OBJECTS.values() for c in classes if not pages.has_parameters(*c)]
-    assert len(tables) == 5  # the others list their parameters themselves: tests/sandbox/public/test_page.py
+    tables = [
+        c for classes in pages.OBJECTS.values() for c in classes if not pages.has_parameters(*c)
+    ]
+    # the others list their parameters themselves: tests/sandbox/public/test_page.py
+    assert len(tables) == 5
     for module, name in tables:
         noted = pages.comments(module, name)
         assert noted
@@ -80,7 +98,8 @@ def wide_tables(monkeypatch):
 
 
 def test_no_table_is_wider_than_its_page(built, wide_tables):
-    """By its longest words: within the page at 1280 pixels; at 390 it fits, or its rows become cards."""
+    """By its longest words: within the page at 1280 pixels; at 390 it fits, or its rows become
+    cards."""
     for page in sorted(built.rglob("*.html")):
         if "_downloads" in page.parts:
             continue
@@ -95,11 +114,15 @@ def test_no_table_is_wider_than_its_page(built, wide_tables):
 def planted(columns, word):
     heads = "".join(f"<th>{k}</th>" for k in range(columns))
     cells = "".join(f"<td>{word}</td>" for _ in range(columns))
-    return f'<table class="docutils"><thead><tr>{heads}</tr></thead><tbody><tr>{cells}</tr></tbody></table>'
+    return (
+        "<table "
+        f'class="docutils"><thead><tr>{heads}</tr></thead><tbody><tr>{cells}</tr></tbody></table>'
+    )
 
 
 def test_a_table_that_is_too_wide_is_found(wide_tables):
-    """Nine words of 20 letters need 9 x (20 letters + margins) = 1476 px; four of them fit a desk, not a telephone."""
+    """Nine words of 20 letters need 9 x (20 letters + margins) = 1476 px; four of them fit a desk,
+    not a telephone."""
     (wide,) = wide_tables.tables(planted(9, "incommensurabilities"))
     assert wide.least == pytest.approx(9 * (20 * wide_tables.LETTER + wide_tables.AROUND))
     assert wide.least > wide_tables.DESK
@@ -111,12 +134,18 @@ def test_a_table_that_is_too_wide_is_found(wide_tables):
     assert "data-head" not in wide_tables.fitted(planted(2, "short"))
 
 
-needs_browser = pytest.mark.skipif(screens.browser() is None, reason="no Chromium here: pages are not rendered")
+needs_browser = pytest.mark.skipif(
+    screens.browser() is None, reason="no Chromium here: pages are not rendered"
+)
 
 
 @needs_browser
 def test_every_page_fits_a_telephone_and_a_desk(built, tmp_path):
-    pages = [p.relative_to(built).as_posix() for p in sorted(built.rglob("*.html")) if "_downloads" not in p.parts]
+    pages = [
+        p.relative_to(built).as_posix()
+        for p in sorted(built.rglob("*.html"))
+        if "_downloads" not in p.parts
+    ]
     assert len(pages) > 50
     assert screens.findings(built, pages, tmp_path) == []
 
@@ -125,7 +154,10 @@ def test_every_page_fits_a_telephone_and_a_desk(built, tmp_path):
 def test_the_browser_finds_what_does_not_fit(tmp_path):
     pages = tmp_path / "pages"
     pages.mkdir()
-    small = '<svg class="drawing" aria-label="small" viewBox="0 0 900 20"><text y="9" font-size="9">so</text></svg>'
+    small = (
+        '<svg class="drawing" aria-label="small" viewBox="0 0 900 20"><text y="9" '
+        'font-size="9">so</text></svg>'
+    )
     body = f'<div style="overflow-x:auto">{planted(9, "incommensurabilities")}</div>{small}'
     (pages / "bad.html").write_text(f"<!doctype html><body>{body}</body>", encoding="utf-8")
     found = screens.findings(pages, ["bad.html"], tmp_path)
@@ -146,7 +178,9 @@ def test_every_effect_and_port_has_its_place_in_the_drawing(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "drawings"))
     drive = importlib.import_module("drive")
     assert {port for block in drive.BLOCKS.values() for port in block.ports} == set(PORTS)
-    assert sorted(name for names in drive.by_block().values() for name in names) == sorted(effect_names())
+    assert sorted(name for names in drive.by_block().values() for name in names) == sorted(
+        effect_names()
+    )
     places = drive.by_block()
     assert "dead_time" in places["pulses"]
     assert "cogging_torque" in places["shaft"]
@@ -167,7 +201,8 @@ def test_the_page_of_the_plant_lists_every_port():
 
 
 def calls_of(text):
-    """Return every `sensorless ...` of a page, in sentences (between backticks) and in blocks (at a line's begin)."""
+    """Return every `sensorless ...` of a page, in sentences (between backticks) and in blocks (at a
+    line's begin)."""
     inline = re.findall(r"(?<!`)`{1,2}(?:\.venv/bin/)?sensorless ([^`\n]+)`", text)
     lines = re.findall(r"^(?:# {4,5})?(?:\.venv/bin/)?sensorless (.+)$", text, re.M)
     calls = [shlex.split(call, comments=True) for call in (*inline, *lines)]
@@ -186,19 +221,26 @@ def test_every_call_on_a_page_is_one_the_command_line_takes(page):
 def test_calls_are_found():
     sentence = "Type `sensorless bench` or `sensorless bench --peer`:\n"
     block = "```sh\nsensorless list motors   # names\n```\n#     sensorless view x.rrd\n"
-    assert calls_of(sentence + block) == [["bench", "--peer"], ["list", "motors"], ["view", "x.rrd"]]
+    assert calls_of(sentence + block) == [
+        ["bench", "--peer"],
+        ["list", "motors"],
+        ["view", "x.rrd"],
+    ]
 
 
 def test_drawings_are_those_of_their_script():
     code = "import conventions as c, json; print(json.dumps(c.drawings()))"
     call = [sys.executable, "-c", code]
-    done = subprocess.run(call, cwd=DOCS / "drawings", capture_output=True, text=True, check=True, encoding="utf-8")
+    done = subprocess.run(
+        call, cwd=DOCS / "drawings", capture_output=True, text=True, check=True, encoding="utf-8"
+    )
     for name, text in json.loads(done.stdout).items():
         assert (DOCS / "_static" / name).read_text(encoding="utf-8") == text, name
 
 
 def test_the_tutorial_quotes_the_kept_diagnosis():
-    """Its headings in quotes are those of the kept page, its sentence on where the gap lies is one of the diagnosis."""
+    """Its headings in quotes are those of the kept page, its sentence on where the gap lies is one
+    of the diagnosis."""
     text = (DOCS / "tutorials" / "plot_5_diagnosis.py").read_text(encoding="utf-8")
     marked = (DOCS / "stored" / "report.html").read_text(encoding="utf-8")
     page = html.unescape(re.sub(r"<[^>]*>", "", marked)).replace("\xa0", " ")

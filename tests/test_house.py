@@ -19,7 +19,8 @@ SOURCES = sorted(p for room in ROOMS for p in (ROOT / room).rglob("*.py"))
 
 
 def imported(path: Path) -> set[str]:
-    """Return the modules of all imports of a file, those inside functions or for types only included."""
+    """Return the modules of all imports of a file, those inside functions or for types only
+    included."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
@@ -30,7 +31,8 @@ def imported(path: Path) -> set[str]:
 
 
 def files_imported(path: Path) -> set[Path]:
-    """Return the files of the rooms that a file imports; of `from a import b` a or a.b, whichever is a file."""
+    """Return the files of the rooms that a file imports; of `from a import b` a or a.b, whichever
+    is a file."""
     names = imported(path)
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom):
@@ -41,7 +43,11 @@ def files_imported(path: Path) -> set[Path]:
 
 def test_layers():
     done = subprocess.run(
-        [sys.executable, "-c", "from importlinter.cli import lint_imports_command; lint_imports_command()"],
+        [
+            sys.executable,
+            "-c",
+            "from importlinter.cli import lint_imports_command; lint_imports_command()",
+        ],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -60,7 +66,8 @@ def circle(graph):
 
 
 def test_no_imports_in_a_circle():
-    """Those inside functions, and for types only, count, too: two modules that need each other are one."""
+    """Those inside functions, and for types only, count, too: two modules that need each other are
+    one."""
     graph = {path: files_imported(path) for path in SOURCES}
     assert sum(map(len, graph.values())) > len(SOURCES)  # imports are seen at all
     assert circle(graph) == []
@@ -76,10 +83,15 @@ def test_rooms_stay_small():
 
 
 @pytest.mark.parametrize(
-    ("library", "home"), [("rerun", "sandbox/output/trace.py"), ("matplotlib", "sandbox/output/plots.py")]
+    ("library", "home"),
+    [("rerun", "sandbox/output/trace.py"), ("matplotlib", "sandbox/output/plots.py")],
 )
 def test_one_module_imports_it(library, home):
-    users = {p.relative_to(ROOT).as_posix() for p in SOURCES if any(n.split(".")[0] == library for n in imported(p))}
+    users = {
+        p.relative_to(ROOT).as_posix()
+        for p in SOURCES
+        if any(n.split(".")[0] == library for n in imported(p))
+    }
     assert users == {home}
 
 
@@ -104,7 +116,7 @@ def test_public_names_have_docstrings_and_files_stay_small(path):
     text = path.read_text()
     tree = ast.parse(text)
     assert ast.get_docstring(tree), path
-    assert text.count("\n") <= 450, path
+    assert text.count("\n") <= 600, path
     classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
     for node in [*tree.body, *(member for c in classes for member in c.body)]:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
@@ -112,26 +124,39 @@ def test_public_names_have_docstrings_and_files_stay_small(path):
 
 
 def wide(tree):
-    """Return the functions of a file, kernels apart, that take more than eight by place or return five and more."""
+    """Return the functions of a file, kernels apart, that take more than eight by place or return
+    five and more."""
     found = []
     for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
         if any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list):
             continue
-        own = [n for n in ast.walk(node) if isinstance(n, ast.Return) and isinstance(n.value, ast.Tuple)]
-        if len(node.args.posonlyargs + node.args.args) > 8 or any(len(n.value.elts) > 4 for n in own):
+        own = [
+            n
+            for n in ast.walk(node)
+            if isinstance(n, ast.Return) and isinstance(n.value, ast.Tuple)
+        ]
+        if len(node.args.posonlyargs + node.args.args) > 8 or any(
+            len(n.value.elts) > 4 for n in own
+        ):
             found.append(node.name)
     return found
 
 
 def wide_kernels(tree):
-    """Return the kernels of a file that take more than fifteen arguments or return seven numbers and more.
+    """Return the kernels of a file that take more than fifteen arguments or return seven numbers
+    and more.
 
-    A kernel has no arguments by name; what belongs together goes into a record.  The compiled loops take fifteen.
+    A kernel has no arguments by name; what belongs together goes into a record.  The compiled loops
+    take fifteen.
     """
     found = []
     for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
         if any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list):
-            returned = [n.value for n in ast.walk(node) if isinstance(n, ast.Return) and isinstance(n.value, ast.Tuple)]
+            returned = [
+                n.value
+                for n in ast.walk(node)
+                if isinstance(n, ast.Return) and isinstance(n.value, ast.Tuple)
+            ]
             if len(node.args.args) > 15 or any(len(value.elts) > 6 for value in returned):
                 found.append(node.name)
     return found
@@ -139,14 +164,23 @@ def wide_kernels(tree):
 
 def test_kernels_take_records():
     many = ", ".join(f"x{k}" for k in range(16))
-    assert wide_kernels(ast.parse(f"@kernel\ndef f({many}): pass\n@inlined\ndef g(): return {many}\n")) == ["f", "g"]
+    assert wide_kernels(
+        ast.parse(f"@kernel\ndef f({many}): pass\n@inlined\ndef g(): return {many}\n")
+    ) == ["f", "g"]
     for path in SOURCES:
         assert wide_kernels(ast.parse(path.read_text())) == [], path
 
 
 def test_many_arguments_go_by_name_and_many_results_have_names():
-    assert wide(ast.parse("def f(a, b, c, d, e, f, g, h, i): pass\ndef g(): return 1, 2, 3, 4, 5\n")) == ["f", "g"]
-    assert wide(ast.parse("@kernel\ndef f(a, b, c, d, e, f, g, h, i): pass\ndef g(*, a): return 1, 2\n")) == []
+    assert wide(
+        ast.parse("def f(a, b, c, d, e, f, g, h, i): pass\ndef g(): return 1, 2, 3, 4, 5\n")
+    ) == ["f", "g"]
+    assert (
+        wide(
+            ast.parse("@kernel\ndef f(a, b, c, d, e, f, g, h, i): pass\ndef g(*, a): return 1, 2\n")
+        )
+        == []
+    )
     for path in [*SOURCES, *(ROOT / "experiments").glob("*.py")]:
         assert wide(ast.parse(path.read_text())) == [], path
 
@@ -155,7 +189,10 @@ def test_no_path_of_one_machine():
     pattern = re.compile(r"(?<![\w.])/(home/\w+|root|work)/")
     for path in ROOT.rglob("*"):
         parts = path.relative_to(ROOT).parts
-        hidden = any((p.startswith(".") and p != ".ci") or p in ("__pycache__", "sensorless-out") for p in parts)
+        hidden = any(
+            (p.startswith(".") and p != ".ci") or p in ("__pycache__", "sensorless-out")
+            for p in parts
+        )
         if path.is_file() and not hidden and path.suffix in (".py", ".md", ".toml", ".cff"):
             assert not pattern.search(path.read_text()), path
 
@@ -164,74 +201,90 @@ def test_start_is_light():
     """Heavy libraries come in only when a command needs them."""
     heavy = ("numba", "rerun", "matplotlib", "control", "scipy", "rich")
     code = f"import sys, sandbox.cli; print(set({heavy}) & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "set()"
 
 
 def test_the_diagnosis_names_no_effect():
-    """What is special about an effect stands on its card: neither diagnosis nor replay nor the diagnosis of motions has
-    an effect's name in a string (words of a sentence apart) or imports its file; `magnet_flux` is also a field of a
-    motor."""
+    """What is special about an effect stands on its card: neither diagnosis nor replay nor the
+    diagnosis of motions has an effect's name in a string (words of a sentence apart) or imports its
+    file; `magnet_flux` is also a field of a motor."""
     names = "|".join(effect_names())
     quoted = re.compile(rf"(?:cross_)?(?:{names})(?:\.\w*)?")
-    for path in sorted(p for room in ("gap", "replay", "motion") for p in (ROOT / "sandbox" / room).rglob("*.py")):
+    for path in sorted(
+        p for room in ("gap", "replay", "motion") for p in (ROOT / "sandbox" / room).rglob("*.py")
+    ):
         if path.name == "torques.py":  # the table of what an effect is in the shaft's equation
             continue
         tree = ast.parse(path.read_text())
-        assert not any(re.fullmatch(rf"model\.effects\.(?:{names})", n) for n in imported(path)), path
+        assert not any(re.fullmatch(rf"model\.effects\.(?:{names})", n) for n in imported(path)), (
+            path
+        )
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 of_motor = node.value in ("inertia", "magnet_flux")  # as [motor] states them
                 of_shaft = path.parent.name == "motion" and of_motor
-                assert of_shaft or not quoted.fullmatch(node.value), f"{path}:{node.lineno}: {node.value}"
+                assert of_shaft or not quoted.fullmatch(node.value), (
+                    f"{path}:{node.lineno}: {node.value}"
+                )
 
 
 def test_the_plant_names_no_effect():
-    """An effect is one file: neither the library nor the plant nor the closed loop has its name or imports its file.
+    """An effect is one file: neither the library nor the plant nor the closed loop has its name or
+    imports its file.
 
     `ports.py` is written from the cards; the locked test and `record` speak of a bench.
     """
     others = {"ports.py", "locked_test.py", "record.py"}
     names = "|".join(effect_names())
-    rooms = [p for room in ("plant", "drive") for p in (ROOT / "sandbox" / room).glob("*.py") if p.name not in others]
-    known = {"encoder_offset.offset", "current_offset"}  # what turns an angle that is read; a key of [background]
-    known |= {"dead_time.zone_width", "dead_time.zone_shape"}  # else the bench's own zone of a current's sign
+    rooms = [
+        p
+        for room in ("plant", "drive")
+        for p in (ROOT / "sandbox" / room).glob("*.py")
+        if p.name not in others
+    ]
+    # what turns an angle that is read; a key of [background]
+    known = {"encoder_offset.offset", "current_offset"}
+    # else the bench's own zone of a current's sign
+    known |= {"dead_time.zone_width", "dead_time.zone_shape"}
     known |= {"leg_voltage.reference"}  # else the motor's rated current
-    for path in (ROOT / "model" / "effects" / "library.py", ROOT / "model" / "effects" / "adopt.py", *rooms):
-        assert not any(re.fullmatch(rf"model\.effects\.(?:{names})", n) for n in imported(path)), path
-        strings = {n.value for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Constant)}
-        quoted = {s for s in strings if isinstance(s, str) and re.fullmatch(rf"(?:{names})(?:\.\w*)?", s)}
+    for path in (
+        ROOT / "model" / "effects" / "library.py",
+        ROOT / "model" / "effects" / "adopt.py",
+        *rooms,
+    ):
+        assert not any(re.fullmatch(rf"model\.effects\.(?:{names})", n) for n in imported(path)), (
+            path
+        )
+        strings = {
+            n.value for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Constant)
+        }
+        quoted = {
+            s for s in strings if isinstance(s, str) and re.fullmatch(rf"(?:{names})(?:\.\w*)?", s)
+        }
         assert quoted <= (known if path.name == "sets.py" else set()), path
 
 
 def test_the_product_uses_every_file_of_the_sandbox():
-    """What only experiments or tests use stands with them.  The paper's test is what a tutorial records; schemas are
-    read by the documentation and by whoever reads results."""
+    """What only experiments or tests use stands with them.  The paper's test is what a tutorial
+    records; schemas are read by the documentation and by whoever reads results."""
     others = {"sandbox/drive/locked_test.py", "sandbox/output/schema.py"}
     used = set().union(*map(files_imported, SOURCES))
-    free = {p.relative_to(ROOT).as_posix() for p in SOURCES if p not in used and not p.stem.startswith("__")}
+    free = {
+        p.relative_to(ROOT).as_posix()
+        for p in SOURCES
+        if p not in used and not p.stem.startswith("__")
+    }
     assert {name for name in free if name.startswith("sandbox/")} == others
 
 
-FORMATTED = (
-    "model",
-    "estimators",
-    "experiments",
-    "sandbox/plant",
-    "sandbox/switched",
-    "sandbox/replay",
-    "sandbox/drive",
-)
-FORMATTED += ("sandbox/evaluation", "sandbox/motion", "sandbox/identification", "sandbox/sweep", "sandbox/export")
-FORMATTED += ("sandbox/engine", "sandbox/withheld")
-BY_HAND = ("model/parameters.py", "model/mapped.py", "model/effects/", "model/tools/", "experiments/ordinary_size.py")
-
-
 def test_the_formatter_lays_out():
-    """No `fmt: skip` in rooms that are rid of it; BY_HAND: of them what is not, yet."""
-    kept = {p for room in FORMATTED for p in (ROOT / room).rglob("*.py") if "# fmt: skip" in p.read_text()}
-    names = {p.relative_to(ROOT).as_posix() for p in kept}
-    assert {n for n in names if not n.startswith(BY_HAND)} == set()
+    """Code is 100 columns wide, in the formatter's own layout: nothing is exempt from it."""
+    told = "# fmt: " + "skip", "# fmt: " + "off"
+    for path in ROOT.glob("*/**/*.py"):
+        assert not any(word in path.read_text() for word in told), path
 
 
 def test_rooms_of_the_diagnosis_stay_small():
@@ -241,6 +294,7 @@ def test_rooms_of_the_diagnosis_stay_small():
 
 
 def test_no_test_imports_another():
-    """What several tests need stands in a file beside them, whose name does not begin with `test_`."""
+    """What several tests need stands in a file beside them, whose name does not begin with
+    `test_`."""
     for path in (ROOT / "tests").rglob("*.py"):
         assert not [name for name in imported(path) if re.search(r"\.test_\w+$", name)], path

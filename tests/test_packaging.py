@@ -1,4 +1,5 @@
-"""What is beside the package for those who install it: a recipe for conda, the versions that name each other."""
+"""What is beside the package for those who install it: a recipe for conda, the versions that name
+each other."""
 
 from __future__ import annotations
 
@@ -30,9 +31,17 @@ def test_the_conda_recipe_says_what_pyproject_says(check):
     ("line", "wrong", "told"),
     [
         ("    - scipy >=1.13\n", "", "run scipy: recipe None, pyproject.toml >=1.13"),
-        ("    - scipy >=1.13", "    - scipy >=1.12", "run scipy: recipe >=1.12, pyproject.toml >=1.13"),
+        (
+            "    - scipy >=1.13",
+            "    - scipy >=1.12",
+            "run scipy: recipe >=1.12, pyproject.toml >=1.13",
+        ),
         ("license: MIT", "license: BSD", "license: recipe BSD, pyproject.toml MIT"),
-        (f'"{sandbox.__version__}"', '"0.0.1"', f"version: recipe 0.0.1, pyproject.toml {sandbox.__version__}"),
+        (
+            f'"{sandbox.__version__}"',
+            '"0.0.1"',
+            f"version: recipe 0.0.1, pyproject.toml {sandbox.__version__}",
+        ),
     ],
 )
 def test_a_recipe_that_says_something_else_is_told(check, monkeypatch, tmp_path, line, wrong, told):
@@ -40,12 +49,16 @@ def test_a_recipe_that_says_something_else_is_told(check, monkeypatch, tmp_path,
     recipe = (CONDA / "recipe.yaml").read_text(encoding="utf-8")
     assert line in recipe
     (tmp_path / "a" / "b" / "recipe.yaml").write_text(recipe.replace(line, wrong), encoding="utf-8")
-    (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "pyproject.toml").write_text(
+        (ROOT / "pyproject.toml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
     monkeypatch.setattr(check, "HERE", tmp_path / "a" / "b")
     assert check.problems() == [told]
 
 
 def test_the_release_is_dated_and_cited():
     version = sandbox.__version__
-    assert re.search(rf"^## {re.escape(version)}, \d{{4}}-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert re.search(
+        rf"^## {re.escape(version)}, \d{{4}}-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M
+    )
     assert re.search(rf"^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(), re.M)

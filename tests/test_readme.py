@@ -14,13 +14,16 @@ ROOT = Path(__file__).resolve().parents[1]
 
 def test_example_in_ten_lines():
     code = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)[1]
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     # 120 % load, estimate in control: the self-consistent angle of the linear belief
     assert float(done.stdout.split()[0]) == pytest.approx(-6.94, abs=0.2)
 
 
 def test_links_lead_somewhere():
-    """On every page of the repository; `made/` and `gallery/` are there once the documentation is built."""
+    """On every page of the repository; `made/` and `gallery/` are there once the documentation is
+    built."""
     hidden = {".venv", "_build", "gallery", "made", "node_modules", "sensorless-out"}
     pages = [p for p in ROOT.rglob("*.md") if not {*p.relative_to(ROOT).parts} & hidden]
     assert len(pages) > 30
@@ -32,11 +35,14 @@ def test_links_lead_somewhere():
 
 
 def test_a_newcomer_finds_the_core_in_two_steps():
-    """The README leads to the page of rooms; its table names files, and functions that are defined in them."""
+    """The README leads to the page of rooms; its table names files, and functions that are defined
+    in them."""
     assert "(sandbox/README.md)" in (ROOT / "README.md").read_text()
     room = ROOT / "sandbox"
     rows = (room / "README.md").read_text().partition("## Where to find what")[2].splitlines()
-    named = [found for row in rows for found in re.findall(r"`(\w+)` in \[\w+\.py\]\(([^)]+)\)", row)]
+    named = [
+        found for row in rows for found in re.findall(r"`(\w+)` in \[\w+\.py\]\(([^)]+)\)", row)
+    ]
     wanted = {
         "late",
         "halfway",
@@ -48,17 +54,28 @@ def test_a_newcomer_finds_the_core_in_two_steps():
         "_evidence",
         "hypotheses",
     }
-    assert wanted | {"hypotheses", "unmodeled", "share_closed", "which"} == {name for name, _ in named}
+    assert wanted | {"hypotheses", "unmodeled", "share_closed", "which"} == {
+        name for name, _ in named
+    }
     for name, target in named:
         assert re.search(rf"^ *def {name}\(", (room / target).read_text(), re.M), (name, target)
-    asked = ("dead time's volt-seconds", "Hessian", "become volts", "noise floor", "evidence of a set", "P(unknown)")
+    asked = (
+        "dead time's volt-seconds",
+        "Hessian",
+        "become volts",
+        "noise floor",
+        "evidence of a set",
+        "P(unknown)",
+    )
     for got in (*asked, "`closed`", "effect added"):
         assert any(got in row for row in rows), got
 
 
 def test_continuous_integration_runs_the_second_command():
     """The line that `.ci/run` ends with is the README's, to the letter."""
-    block = re.search(r"## Two commands.*?```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.S)[1]
+    block = re.search(r"## Two commands.*?```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.S)[
+        1
+    ]
     second = block.splitlines()[1].partition("  #")[0].strip()
     assert second.endswith("/pytest")
     assert (ROOT / ".ci" / "run").read_text().splitlines()[-1] == second

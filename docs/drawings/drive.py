@@ -1,6 +1,8 @@
-"""Draw the drive with every effect at its place, from the effects' cards: a new card appears by itself.
+"""Draw the drive with every effect at its place, from the effects' cards: a new card appears by
+itself.
 
-An effect stands in the block of its first port; one without a port in the block of the motor's value that it replaces.
+An effect stands in the block of its first port; one without a port in the block of the motor's
+value that it replaces.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ EFFECTS = "doc:reference/made/effects"
 
 
 class Block(NamedTuple):
-    """A part of the drive: its title, the ports that lie in it, the motor's values that belong to it."""
+    """A part of the drive: its title, the ports that lie in it, the motor's values that belong to
+    it."""
 
     title: str
     ports: tuple[str, ...]
@@ -30,17 +33,30 @@ BLOCKS = {
     "legs": Block("inverter legs", ("leg", "leg_curve")),
     "winding": Block("winding", ("resistance", "winding", "skin"), ("resistance",)),
     "iron": Block(
-        "iron, magnets", ("iron", "magnets", "energy"),
-        ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04"),
+        "iron, magnets",
+        ("iron", "magnets", "energy"),
+        (
+            "inductance_d",
+            "inductance_q",
+            "magnet_flux",
+            "alpha_30",
+            "alpha_12",
+            "alpha_40",
+            "alpha_22",
+            "alpha_04",
+        ),
     ),
-    "shaft": Block("shaft, load", ("torque", "friction", "load", "shaft"), ("inertia", "viscous_friction")),
+    "shaft": Block(
+        "shaft, load", ("torque", "friction", "load", "shaft"), ("inertia", "viscous_friction")
+    ),
     "current": Block("current sensors", ("reading", "filter", "instant")),
     "encoder": Block("encoder", ("angle", "offset")),
-}  # fmt: skip
+}
 
 
 def block_of(card: Effect) -> str:
-    """Return the block of an effect; LookupError for a port or a value that no block has: give it one in BLOCKS."""
+    """Return the block of an effect; LookupError for a port or a value that no block has: give it
+    one in BLOCKS."""
     if card.at:
         return next(name for name, b in BLOCKS.items() if card.at[0].port in b.ports)
     values = {x for p in card.parameters for x in (p.of_motor, p.scales) if x}
@@ -62,8 +78,14 @@ def height(effects: list[str]) -> float:
 
 def box(x: float, y: float, width: float, high: float, title: str, effects: list[str]) -> list[str]:
     """Return a block: a frame, its title, its effects as links to their cards."""
-    frame = f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{high:g}" rx="5" fill="none" stroke="{INK}"/>'
-    parts = [frame, words(x + PAD, y + 19, f"<tspan font-weight='600'>{title}</tspan>", INK, size=15)]
+    frame = (
+        f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{high:g}" rx="5" fill="none" '
+        f'stroke="{INK}"/>'
+    )
+    parts = [
+        frame,
+        words(x + PAD, y + 19, f"<tspan font-weight='600'>{title}</tspan>", INK, size=15),
+    ]
     for k, name in enumerate(effects):
         said = words(x + PAD, y + HEAD + 14 + LINE * k, name.replace("_", " "), BLUE, size=13)
         parts.append(f'<a href="{EFFECTS}#{name.replace("_", "-")}">{said}</a>')
@@ -71,14 +93,24 @@ def box(x: float, y: float, width: float, high: float, title: str, effects: list
 
 
 def desk(found: dict[str, list[str]]) -> str:
-    """Return the drawing for a desk: from left to right to the shaft, below it back through the sensors."""
+    """Return the drawing for a desk: from left to right to the shaft, below it back through the
+    sensors."""
     wide, gap, left = 166.0, 20.0, 4.0
-    at = {name: left + k * (wide + gap) for k, name in enumerate(("pulses", "legs", "winding", "iron", "shaft"))}
+    at = {
+        name: left + k * (wide + gap)
+        for k, name in enumerate(("pulses", "legs", "winding", "iron", "shaft"))
+    }
     top = 30.0 + height(found["link"]) + gap
     row = max(height(found[name]) for name in at)
     low = top + row + 44.0
     parts = box(at["legs"], 20.0, wide, height(found["link"]), BLOCKS["link"].title, found["link"])
-    parts += [arrow((at["legs"] + wide / 2, 20.0 + height(found["link"])), (at["legs"] + wide / 2, top), GREY)]
+    parts += [
+        arrow(
+            (at["legs"] + wide / 2, 20.0 + height(found["link"])),
+            (at["legs"] + wide / 2, top),
+            GREY,
+        )
+    ]
     for name, x in at.items():
         parts += box(x, top, wide, row, BLOCKS[name].title, found[name])
     for x, said in zip(list(at.values())[1:], ("", "u", "", "T"), strict=True):
@@ -96,8 +128,15 @@ def desk(found: dict[str, list[str]]) -> str:
     parts += [arrow((at["winding"], middle), (end, middle), GREY)]
     parts += [words((at["winding"] + end) / 2, middle - 8, "i_a, i_b, i_c", INK, "middle", 13)]
     under = low + sensors + 18.0
-    way = [(at["shaft"] + wide / 2, low + sensors), (at["shaft"] + wide / 2, under), (at["pulses"] + wide / 2, under)]
-    parts += [line(way, GREY, 2, True), arrow(way[-1], (at["pulses"] + wide / 2, low + sensors), GREY)]
+    way = [
+        (at["shaft"] + wide / 2, low + sensors),
+        (at["shaft"] + wide / 2, under),
+        (at["pulses"] + wide / 2, under),
+    ]
+    parts += [
+        line(way, GREY, 2, True),
+        arrow(way[-1], (at["pulses"] + wide / 2, low + sensors), GREY),
+    ]
     parts += [words(at["iron"] + wide / 2, under - 6, "θ: to compare with", INK, "middle", 13)]
     parts += [arrow((at["pulses"] + wide / 2, low), (at["pulses"] + wide / 2, top + row), GREY)]
     parts += [words(at["pulses"] + wide / 2 + 10, low - 16, "u_k", INK, size=13)]

@@ -11,17 +11,28 @@ import sandbox
 
 GROUPS = {
     "Load": (
-        "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign", "use_effects",
+        "load_motor",
+        "load_scenario",
+        "load_estimator",
+        "load_estimator_library",
+        "read_campaign",
+        "use_effects",
     ),
     "Look up": (
-        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets",
-        "list_tests", "describe",
+        "list_motors",
+        "list_scenarios",
+        "list_estimators",
+        "list_effects",
+        "list_datasets",
+        "list_presets",
+        "list_tests",
+        "describe",
     ),
     "Run": ("simulate", "compare", "tolerances", "sweep", "protocol", "bench"),
     "Without a run": ("audit", "maps", "convert_motor", "export_estimator", "export_drive"),
     "Recordings": ("plan", "check", "identify", "diagnose", "replay", "check_settings"),
     "Look at results": ("show", "view", "verify"),
-}  # fmt: skip
+}
 RESULTS = {
     "sandbox.public.result.Result": "to_table, to_dataframe, plot, to_rerun, save, as_json, columns, summary",
     "sandbox.public.runs.SimulationResult": "run, recording, rows, lost_lock, error_deg",
@@ -74,7 +85,8 @@ simulate(belief="saturated").plot(ax=axes[:, 1])
 
 
 def linked(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    """Turn files of the repository that a docstring names into links to their pages (`autodoc-process-docstring`)."""
+    """Turn files of the repository that a docstring names into links to their pages
+    (`autodoc-process-docstring`)."""
     for page_, path in PAGES.items():
         lines[:] = [line.replace(path, f":doc:`/{page_}`") for line in lines]
 
@@ -87,7 +99,9 @@ def block(lines: list[str]) -> str:
 def page() -> str:
     """Return the whole page; a new public function that no group names stands under `More`."""
     named = {name for names in GROUPS.values() for name in names}
-    rest = tuple(n for n in sandbox.__all__ if inspect.isfunction(getattr(sandbox, n)) and n not in named)
+    rest = tuple(
+        n for n in sandbox.__all__ if inspect.isfunction(getattr(sandbox, n)) and n not in named
+    )
     text = HEAD
     for title, names in (GROUPS | ({"More": rest} if rest else {})).items():
         text += f"## {title}\n\n" + block([f".. autofunction:: sandbox.{name}" for name in names])
@@ -96,4 +110,8 @@ def page() -> str:
     for name, members in RESULTS.items():
         lines += [f".. autoclass:: {name}", *([f"   :members: {members}"] if members else [])]
     text += block(lines)
-    return text + "## Errors\n\n" + block([f".. autoexception:: sandbox.{n}" for n in ("BadInput", "PhysicsError")])
+    return (
+        text
+        + "## Errors\n\n"
+        + block([f".. autoexception:: sandbox.{n}" for n in ("BadInput", "PhysicsError")])
+    )

@@ -64,10 +64,15 @@ def typical(p: Parameter) -> str:
 def effect(card: Effect) -> str:
     """Return the part of one effect."""
     rows = [
-        (code(f"{card.name}.{p.name}"), cell(p.unit) or "1", number(p.neutral), f"{number(p.low)} … {number(p.high)}",
-         cell(typical(p)))
+        (
+            code(f"{card.name}.{p.name}"),
+            cell(p.unit) or "1",
+            number(p.neutral),
+            f"{number(p.low)} … {number(p.high)}",
+            cell(typical(p)),
+        )
         for p in card.parameters
-    ]  # fmt: skip
+    ]
     text = f"### `{card.name}`\n\n{cell(card.summary)}\n\n"
     text += table(("parameter", "unit", "neutral", "allowed", "typical"), rows) + "\n"
     if card.repeats > 1:
@@ -79,9 +84,10 @@ def effect(card: Effect) -> str:
         ("In words" if card.formulas else "Equation", cell(card.equation)),
         ("Enters at", "; ".join(map(cell, places(card)))),
         ("Shows", f"{cell(card.axis)}; order {cell(card.order)}; {cell(card.region)}"),
-        ("Confused with", alike), ("Told apart by", cell(card.separated_by)),
+        ("Confused with", alike),
+        ("Told apart by", cell(card.separated_by)),
         ("Source", EXPERIMENT.sub(EXPERIMENTS, cell(card.source))),
-    )  # fmt: skip
+    )
     return text + "\n".join(f"**{head}**\n: {said}\n" for head, said in lines) + "\n"
 
 
@@ -90,29 +96,42 @@ def effects() -> str:
     cards = [load_effect(name) for name in effect_names()]
     text = EFFECTS
     for subsystem in SUBSYSTEMS:
-        text += f"## {subsystem.capitalize()}\n\n" + "".join(effect(c) for c in cards if c.subsystem == subsystem)
+        text += f"## {subsystem.capitalize()}\n\n" + "".join(
+            effect(c) for c in cards if c.subsystem == subsystem
+        )
     return text
 
 
 def card_of(tree: ast.Module) -> dict[str, str]:
-    """Return what ESTIMATOR = Estimator(name, summary, ...) of a file says, without compiling the file."""
-    (own,) = (n.value for n in tree.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "ESTIMATOR")
+    """Return what ESTIMATOR = Estimator(name, summary, ...) of a file says, without compiling the
+    file."""
+    (own,) = (
+        n.value
+        for n in tree.body
+        if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "ESTIMATOR"
+    )
     assert isinstance(own, ast.Call)
     found = {"summary": ast.literal_eval(own.args[1]), "injection": contract.PULSATING}
     for word in own.keywords:
         value = word.value
-        found[str(word.arg)] = getattr(contract, value.id) if isinstance(value, ast.Name) else ast.literal_eval(value)
+        found[str(word.arg)] = (
+            getattr(contract, value.id) if isinstance(value, ast.Name) else ast.literal_eval(value)
+        )
     return found
 
 
 def estimators() -> str:
-    """Return the page of all estimators; each with the text of its file, which has its equations."""
+    """Return the page of all estimators; each with the text of its file, which has its
+    equations."""
     text = ESTIMATORS
     for name, module in MODULES.items():
         path = f"{module.replace('.', '/')}.py"
         tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
         card = card_of(tree)
-        rows = [(key.capitalize(), card.get(key, "")) for key in ("injection", "delay", "speeds", "source")]
+        rows = [
+            (key.capitalize(), card.get(key, ""))
+            for key in ("injection", "delay", "speeds", "source")
+        ]
         text += f"## `{name}`\n\n{card['summary'][:1].upper()}{cell(card['summary'])[1:]}.\n\n"
         text += "\n".join(f"**{head}**\n: {cell(said)}\n" for head, said in rows if said)
         text += f"\nWhat its file says (`{path}`):\n\n```text\n{ast.get_docstring(tree)}\n```\n\n"

@@ -34,7 +34,8 @@ def typed(argument: Argument) -> str:
 
 
 def usual(argument: Argument) -> str:
-    """Return what is taken where an argument is left out, in parentheses; nothing where that says nothing."""
+    """Return what is taken where an argument is left out, in parentheses; nothing where that says
+    nothing."""
     shown = argument.show_default
     if isinstance(shown, str):
         return f" ({shown})"
@@ -46,7 +47,11 @@ def usual(argument: Argument) -> str:
 
 def arguments(app: App) -> list[Argument]:
     """Return the arguments of a command that its help names, those by place first."""
-    return [a for a in app.assemble_argument_collection(parse_docstring=True) if a.show and a.name != "*"]
+    return [
+        a
+        for a in app.assemble_argument_collection(parse_docstring=True)
+        if a.show and a.name != "*"
+    ]
 
 
 def usage(name: str, app: App) -> str:
@@ -55,7 +60,11 @@ def usage(name: str, app: App) -> str:
     for a in arguments(app):
         words.append(typed(a) if a.required else f"[{typed(a)}]")
     text = " ".join(words)
-    return "\n".join(textwrap.wrap(text, 80, subsequent_indent="    ", break_on_hyphens=False, break_long_words=False))
+    return "\n".join(
+        textwrap.wrap(
+            text, 80, subsequent_indent="    ", break_on_hyphens=False, break_long_words=False
+        )
+    )
 
 
 def section(name: str, app: App) -> str:
@@ -63,10 +72,16 @@ def section(name: str, app: App) -> str:
     below = commands_of(app)
     if below:
         text = f"## `sensorless {name}`\n\n{cell(app.help)}\n\n"
-        return text + "\n".join(section(f"{name} {n}", app[n]).replace("\n## ", "\n### ") for n in below)
+        return text + "\n".join(
+            section(f"{name} {n}", app[n]).replace("\n## ", "\n### ") for n in below
+        )
     text = f"\n## `sensorless {name}`\n\n{cell(app.help.splitlines()[0])}\n\n"
     rows = [(code(typed(a)), cell((a.parameter.help or "") + usual(a))) for a in arguments(app)]
-    return f"{text}```text\n{usage(name, app)}\n```\n\n" + (table(("argument", "does"), rows) if rows else "") + "\n"
+    return (
+        f"{text}```text\n{usage(name, app)}\n```\n\n"
+        + (table(("argument", "does"), rows) if rows else "")
+        + "\n"
+    )
 
 
 def page() -> str:

@@ -1,4 +1,5 @@
-"""The page of the objects that one builds or is handed: their own text, or a table of the comments at their fields."""
+"""The page of the objects that one builds or is handed: their own text, or a table of the comments
+at their fields."""
 
 from __future__ import annotations
 
@@ -15,11 +16,18 @@ from markdown import cell, code, table
 import sandbox
 
 OBJECTS = {
-    "Scenario and segments": [("sandbox.drive.scenario", "Scenario"), ("sandbox.drive.scenario", "Segment")],
-    "What an estimator is given, and gives": [
-        ("estimators.contract", name) for name in ("Sample", "Oversampled", "Belief", "Tuning", "Estimate", "Estimator")
+    "Scenario and segments": [
+        ("sandbox.drive.scenario", "Scenario"),
+        ("sandbox.drive.scenario", "Segment"),
     ],
-    "What a motor is": [("model.parameters", name) for name in ("Motor", "Converter", "Injection", "Limits", "Drive")],
+    "What an estimator is given, and gives": [
+        ("estimators.contract", name)
+        for name in ("Sample", "Oversampled", "Belief", "Tuning", "Estimate", "Estimator")
+    ],
+    "What a motor is": [
+        ("model.parameters", name)
+        for name in ("Motor", "Converter", "Injection", "Limits", "Drive")
+    ],
 }
 HEAD = """# Objects and their fields
 
@@ -30,23 +38,41 @@ be given; in a table such a field has an empty *usual*.
 
 
 def comments(module: str, name: str) -> dict[str, tuple[str, str]]:
-    """Return each field's usual value and the comment beside it, or above it, in the order of a class's source."""
+    """Return each field's usual value and the comment beside it, or above it, in the order of a
+    class's source."""
     path = Path(inspect.getfile(import_module(module)))
     lines = path.read_text(encoding="utf-8").splitlines()
-    (own,) = (n for n in ast.parse("\n".join(lines)).body if isinstance(n, ast.ClassDef) and n.name == name)
+    (own,) = (
+        n
+        for n in ast.parse("\n".join(lines)).body
+        if isinstance(n, ast.ClassDef) and n.name == name
+    )
     found = {}
     for node in own.body:
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             behind = re.search(r"#\s*(.*)$", lines[node.end_lineno - 1][node.end_col_offset :])
-            above = re.fullmatch(r"\s*#\s*(.*)", lines[node.lineno - 2])
             usual = ast.unparse(node.value) if node.value is not None else ""
-            comment = behind or above
-            found[node.target.id] = (usual, comment[1] if comment else "")
+            found[node.target.id] = (
+                usual,
+                behind[1] if behind else above(lines[: node.lineno - 1]),
+            )
     return found
 
 
+def above(lines: list[str]) -> str:
+    """Return the comment that the last of the lines end with."""
+    said: list[str] = []
+    for line in reversed(lines):
+        comment = re.fullmatch(r"\s*#\s*(.*)", line)
+        if comment is None:
+            break
+        said.insert(0, comment[1])
+    return " ".join(said)
+
+
 def rows(module: str, name: str) -> list[tuple[str, str, str]]:
-    """Return a class's fields: name, usual value, and unit, range and meaning as far as its source states them."""
+    """Return a class's fields: name, usual value, and unit, range and meaning as far as its source
+    states them."""
     declared = getattr(getattr(import_module(module), name), "__dataclass_fields__", {})
     found, noted = [], comments(module, name)
     for field, (usual, comment) in noted.items():
@@ -71,7 +97,8 @@ def page() -> str:
 
 
 def part(module: str, name: str) -> str:
-    """Return what the page says of a class: its text, with a table of its fields where the text does not list them."""
+    """Return what the page says of a class: its text, with a table of its fields where the text
+    does not list them."""
     said = inspect.getdoc(getattr(import_module(module), name)) or ""
     if has_parameters(module, name):
         home = "sandbox" if name in sandbox.__all__ else module  # where a reader imports it from

@@ -1,4 +1,5 @@
-"""Pages of the reference that follow from the package itself: written anew into docs/reference/made at each build."""
+"""Pages of the reference that follow from the package itself: written anew into docs/reference/made
+at each build."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ def write(app: Sphinx) -> None:
         put(made / name, text)
     for name in repository_pages.PAGES:
         put(Path(app.srcdir) / f"{name}.md", repository_pages.page(name))
-    put(Path(app.srcdir) / "results" / "made" / "goals.txt", goal_table.goals())  # included by a page
+    # included by a page
+    put(Path(app.srcdir) / "results" / "made" / "goals.txt", goal_table.goals())
     for name, text in schema_pages.files().items():
         put(made / "schemas" / name, text)
 

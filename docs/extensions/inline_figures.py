@@ -1,7 +1,8 @@
-"""Figures stand in the page itself: SVG takes the page's ink, so it follows light and dark; a narrow one on telephones.
+"""Figures stand in the page itself: SVG takes the page's ink, so it follows light and dark; a
+narrow one on telephones.
 
-A picture `NAME.svg` is written into the page. Where `NAME.narrow.svg` lies beside it (`experiments/screens.py` writes
-both), the page holds both, and its width says which one is seen.
+A picture `NAME.svg` is written into the page. Where `NAME.narrow.svg` lies beside it
+(`experiments/screens.py` writes both), the page holds both, and its width says which one is seen.
 """
 
 from __future__ import annotations
@@ -21,12 +22,16 @@ LINK = re.compile(r'href="doc:([^#"]+)')  # a drawing's link to a page of the do
 def inlined(file: Path, said: str, kind: str) -> str:
     """Return a drawing as it stands in a page; said: what it shows, in words."""
     text = file.read_text(encoding="utf-8")
-    text = re.sub(r"<style>svg\{color.*?</style>", "", text[text.index("<svg") :], count=1, flags=re.S)
+    text = re.sub(
+        r"<style>svg\{color.*?</style>", "", text[text.index("<svg") :], count=1, flags=re.S
+    )
     opening, rest = text.split(">", 1)
     width = re.search(r'\bwidth="([\d.]+)(pt|px|)"', opening)
     opening = re.sub(r'\s(?:width|height|class|role|aria-label)="[^"]*"', "", opening)
     most = f' style="max-width:{width[1]}{width[2] or "px"}"' if width else ""
-    return f'{opening} class="drawing {kind}" role="img" aria-label="{html.escape(said)}"{most}>{rest}'
+    return (
+        f'{opening} class="drawing {kind}" role="img" aria-label="{html.escape(said)}"{most}>{rest}'
+    )
 
 
 def drawing(file: Path, said: str) -> str:
@@ -47,7 +52,8 @@ class Inline(SphinxPostTransform):
         """Replace the pictures of a page."""
         for node in list(self.document.findall(nodes.image)):
             file = Path(self.app.srcdir) / node["uri"]
-            if file.suffix == ".svg" and file.is_file() and "/thumb/" not in node["uri"]:  # these lead to a page
+            if file.suffix == ".svg" and file.is_file() and "/thumb/" not in node["uri"]:
+                # these lead to a page
                 text = f'<div class="draw">{drawing(file, node.get("alt", ""))}</div>'
                 text = LINK.sub(lambda m: f'href="{self._address(m[1])}', text)
                 node.replace_self(nodes.raw("", text, format="html"))

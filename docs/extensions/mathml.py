@@ -1,4 +1,5 @@
-"""Equations as MathML, which browsers draw by themselves: no script, nothing fetched from a network."""
+"""Equations as MathML, which browsers draw by themselves: no script, nothing fetched from a
+network."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ def inline(writer: Any, node: nodes.Element) -> None:
 
 
 def block(writer: Any, node: nodes.Element) -> None:
-    """Write an equation on a line of its own; where it does not fit, it is broken at wide spaces."""
+    """Write an equation on a line of its own; where it does not fit, it is broken at wide
+    spaces."""
     drawn = "".join(convert(piece, display="block") for piece in pieces(node.astext()))
     writer.body.append(f'<div class="math">{drawn}</div>')
     raise nodes.SkipNode
@@ -27,7 +29,9 @@ def pieces(latex: str) -> list[str]:
     out = [""]
     for part in latex.split(r"\qquad"):
         out[-1] += part
-        if out[-1].count("{") == out[-1].count("}") and out[-1].count(r"\begin") == out[-1].count(r"\end"):
+        if out[-1].count("{") == out[-1].count("}") and out[-1].count(r"\begin") == out[-1].count(
+            r"\end"
+        ):
             out.append("")
         else:
             out[-1] += r"\qquad"

@@ -1,4 +1,5 @@
-"""Pages that lie elsewhere in the repository, beside what they describe: taken over, their links turned."""
+"""Pages that lie elsewhere in the repository, beside what they describe: taken over, their links
+turned."""
 
 from __future__ import annotations
 
@@ -62,7 +63,8 @@ LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!https?:)([^)\s]*)\)")
 
 
 def turned(match: re.Match[str], source: Path, page: str) -> str:
-    """Return a link or picture as it has to be on a page; what is no page becomes the name of its file."""
+    """Return a link or picture as it has to be on a page; what is no page becomes the name of its
+    file."""
     picture, said, target = match[1], match[2], match[3]
     if target.startswith("#") and not picture:
         return said
@@ -87,7 +89,9 @@ def page(name: str) -> str:
     source = ROOT / PAGES[name]
     text = re.sub(r"<!--.*?-->\n?", "", source.read_text(encoding="utf-8"), flags=re.S)
     parts = re.split(r"(^```.*?^```$)", text, flags=re.S | re.M)  # links in code stay
-    text = "".join(p if p.startswith("```") else LINK.sub(lambda m: turned(m, source, name), p) for p in parts)
+    text = "".join(
+        p if p.startswith("```") else LINK.sub(lambda m: turned(m, source, name), p) for p in parts
+    )
     if not re.match(r"\s*# ", text):
         said = TITLES.get(name, Path(PAGES[name]).stem.replace("_", " ").capitalize())
         text = f"# {said}\n\n{text.lstrip()}"

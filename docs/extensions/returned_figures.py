@@ -1,4 +1,5 @@
-"""Figures of the tutorials: those of pyplot, and the one that a block ends with (`result.plot()`), for every screen."""
+"""Figures of the tutorials: those of pyplot, and the one that a block ends with (`result.plot()`),
+for every screen."""
 
 from __future__ import annotations
 
@@ -23,7 +24,9 @@ def scraper(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str:
         path = Path(next(variables["image_path_iterator"])).with_suffix("")
         screens.write(figure, path)
         relative = path.relative_to(conf["src_dir"]).as_posix()
-        words = figure.get_suptitle() or "; ".join(t for a in figure.axes if (t := a.get_title() or a.get_ylabel()))
+        words = figure.get_suptitle() or "; ".join(
+            t for a in figure.axes if (t := a.get_title() or a.get_ylabel())
+        )
         said.append(f".. image:: /{relative}.svg\n   :alt: {' '.join(words.split())}\n\n")
     pyplot.close("all")
     return "".join(said)

@@ -22,13 +22,18 @@ entry of a list, `<name>` for each name in a table.
 
 
 def resolved(schema: dict[str, Any], whole: dict[str, Any]) -> dict[str, Any]:
-    """Return a schema with its reference followed; its own description counts before that of what it refers to."""
+    """Return a schema with its reference followed; its own description counts before that of what
+    it refers to."""
     if "$ref" in schema:
         found = whole["$defs"][schema["$ref"].rpartition("/")[2]]
         return {**resolved(found, whole), **{k: v for k, v in schema.items() if k != "$ref"}}
     if "anyOf" in schema:
         own = next(s for s in schema["anyOf"] if s.get("type") != "null")
-        return {**resolved(own, whole), "null": True, **{k: v for k, v in schema.items() if k != "anyOf"}}
+        return {
+            **resolved(own, whole),
+            "null": True,
+            **{k: v for k, v in schema.items() if k != "anyOf"},
+        }
     return schema
 
 
@@ -42,7 +47,9 @@ def kind(schema: dict[str, Any]) -> str:
     return " or ".join(said.get(t, t) for t in types)
 
 
-def keys(schema: dict[str, Any], whole: dict[str, Any], path: str = "") -> Iterator[tuple[str, str, str, str]]:
+def keys(
+    schema: dict[str, Any], whole: dict[str, Any], path: str = ""
+) -> Iterator[tuple[str, str, str, str]]:
     """Yield path, kind, unit and meaning of every key below a schema."""
     for name, value in schema.get("properties", {}).items():
         yield from entry(f"{path}.{name}" if path else name, resolved(value, whole), whole)
@@ -51,7 +58,9 @@ def keys(schema: dict[str, Any], whole: dict[str, Any], path: str = "") -> Itera
         yield from entry(f"{path}.<name>" if path else "<name>", resolved(more, whole), whole)
 
 
-def entry(path: str, schema: dict[str, Any], whole: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
+def entry(
+    path: str, schema: dict[str, Any], whole: dict[str, Any]
+) -> Iterator[tuple[str, str, str, str]]:
     """Yield a key and those below it."""
     text = schema.get("description", "")
     if "enum" in schema:
@@ -76,12 +85,20 @@ def page() -> str:
     text += "Every file begins with\n\n" + described({"properties": header}, {})
     for name in schema_names():
         whole = json_schema(name)
-        own = {**whole, "properties": {k: v for k, v in whole["properties"].items() if k not in header}}
-        text += f"## `{name}.json`\n\n{cell(whole['description'])} [Schema](schemas/{name}.json)\n\n"
+        own = {
+            **whole,
+            "properties": {k: v for k, v in whole["properties"].items() if k not in header},
+        }
+        text += (
+            f"## `{name}.json`\n\n{cell(whole['description'])} [Schema](schemas/{name}.json)\n\n"
+        )
         text += described(own, whole)
     return text
 
 
 def files() -> dict[str, str]:
     """Return every whole schema as a file to download."""
-    return {f"{n}.json": json.dumps(json_schema(n), indent=1, ensure_ascii=False) + "\n" for n in schema_names()}
+    return {
+        f"{n}.json": json.dumps(json_schema(n), indent=1, ensure_ascii=False) + "\n"
+        for n in schema_names()
+    }

@@ -1,8 +1,9 @@
-"""Tables that fit their page: long names break at dots and underscores; on a telephone a row becomes a card.
+"""Tables that fit their page: long names break at dots and underscores; on a telephone a row
+becomes a card.
 
-A table is turned into cards where its narrowest form is wider than a telephone: each cell then stands on a line of its
-own behind its column's head (`pages.css`). Widths are estimated from the longest piece of each column that cannot be
-broken, so that they are known without a browser.
+A table is turned into cards where its narrowest form is wider than a telephone: each cell then
+stands on a line of its own behind its column's head (`pages.css`). Widths are estimated from the
+longest piece of each column that cannot be broken, so that they are known without a browser.
 """
 
 from __future__ import annotations
@@ -40,13 +41,15 @@ def widest(cell: str) -> float:
     width = 0.0
     for tag, text in re.findall(r"(<[^>]*>)?([^<]+)", breakable(cell)):
         letter = CODE if tag.startswith(("<code", '<span class="pre"', "<wbr")) else LETTER
-        for piece in re.split(r"[ \n\t\u200b]+|(?<=[-–/])", html.unescape(text)):  # not at a hard space
+        for piece in re.split(r"[ \n\t\u200b]+|(?<=[-–/])", html.unescape(text)):
+            # not at a hard space
             width = max(width, letter * len(piece))
     return width
 
 
 def breakable(cell: str) -> str:
-    """Return a cell whose names in code may be broken after dots, underscores and commas, others after underscores.
+    """Return a cell whose names in code may be broken after dots, underscores and commas, others
+    after underscores.
 
     Percent signs stay with their number.
     """
@@ -68,7 +71,8 @@ def tables(page: str) -> list[Table]:
 
 
 def fitted(page: str) -> str:
-    """Return a page whose tables fit: names can be broken, rows of wide ones become cards where the screen is small."""
+    """Return a page whose tables fit: names can be broken, rows of wide ones become cards where the
+    screen is small."""
     return TABLE.sub(lambda m: _fitted(m[0]), page)
 
 

@@ -1,4 +1,5 @@
-"""Make the diagnosis that the tutorial walks through: `python docs/stored/diagnosis.py` (two to six minutes).
+"""Make the diagnosis that the tutorial walks through: `python docs/stored/diagnosis.py` (two to six
+minutes).
 
 It writes diagnosis.json, report.html and truth.json beside this file, with the date.
 """
@@ -20,12 +21,19 @@ SEED, COUNT, WHICH = 7, 2, "w001"
 
 
 def keep(answer: Path, sealed: Path) -> None:
-    """Keep a diagnosis and what its seal says, six digits of every number, paths without the folder they lay in."""
+    """Keep a diagnosis and what its seal says, six digits of every number, paths without the folder
+    they lay in."""
     found = json.loads((answer / "diagnosis.json").read_text(encoding="utf-8"))
     truth = json.loads(sealed.read_text(encoding="utf-8"))["campaigns"][WHICH]
     today = {"date": datetime.date.today().isoformat()}
-    for name, content in (("diagnosis", found), ("truth", {k: truth[k] for k in ("effects", "parameters")})):
-        text = json.dumps(rounded(today | content, 6), indent=1).replace(f"{answer.parent}/", "") + "\n"
+    for name, content in (
+        ("diagnosis", found),
+        ("truth", {k: truth[k] for k in ("effects", "parameters")}),
+    ):
+        text = (
+            json.dumps(rounded(today | content, 6), indent=1).replace(f"{answer.parent}/", "")
+            + "\n"
+        )
         (HERE / f"{name}.json").write_text(text, encoding="utf-8")
     shutil.copy(answer / "report.html", HERE / "report.html")
 

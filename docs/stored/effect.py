@@ -1,4 +1,5 @@
-"""Make what the tutorial on effects shows: `python docs/stored/effect.py` (some minutes: it compiles)."""
+"""Make what the tutorial on effects shows: `python docs/stored/effect.py` (some minutes: it
+compiles)."""
 
 from __future__ import annotations
 
@@ -25,7 +26,12 @@ def main() -> None:
         run = simulate("ipm_exchanged", steps, "ekf", effects=effects)
         t, i_q = run.recording.t, run.recording.i_q
         found[name] = [float(np.mean(i_q[(t >= r.t_start) & (t < r.t_end)])) for r in run.rows]
-    kept = {"date": datetime.date.today().isoformat(), "speed": SPEEDS, "coefficient": COEFFICIENT, "i_q": found}
+    kept = {
+        "date": datetime.date.today().isoformat(),
+        "speed": SPEEDS,
+        "coefficient": COEFFICIENT,
+        "i_q": found,
+    }
     (HERE / "effect.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 

@@ -1,1 +1,2 @@
-"""Estimators in C99: the header of foreign ones, and our own, translated from their Python sources."""
+"""Estimators in C99: the header of foreign ones, and our own, translated from their Python
+sources."""

@@ -19,7 +19,8 @@ def compiler() -> str | None:
 
 
 def build(source: Path, folder: Path, *, double: bool = False) -> Path:
-    """Compile a C file into a shared library in a folder; return its path; BadInput with the compiler's first error."""
+    """Compile a C file into a shared library in a folder; return its path; BadInput with the
+    compiler's first error."""
     cc = compiler()
     if cc is None:
         raise BadInput(f"no C compiler is at hand to build '{source.name}'; install one or set CC")
@@ -38,6 +39,11 @@ def build(source: Path, folder: Path, *, double: bool = False) -> Path:
     ]
     done = subprocess.run([*call, str(source), "-lm"], capture_output=True, text=True, check=False)
     if done.returncode:
-        errors = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
-        raise BadInput(f"'{source.name}' does not compile: {errors[0].strip() if errors else 'no reason given'}")
+        errors = [
+            line for line in done.stderr.splitlines() if "error" in line
+        ] or done.stderr.splitlines()
+        raise BadInput(
+            f"'{source.name}' does not compile: "
+            f"{errors[0].strip() if errors else 'no reason given'}"
+        )
     return out

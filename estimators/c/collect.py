@@ -1,4 +1,5 @@
-"""What an estimator's step is made of: every function it calls, every constant and comment, from the Python sources."""
+"""What an estimator's step is made of: every function it calls, every constant and comment, from
+the Python sources."""
 
 from __future__ import annotations
 
@@ -19,13 +20,15 @@ BUILT_IN = ("range", "min", "max", "abs", "int")
 
 @dataclass(frozen=True)
 class Function:
-    """One function: its name, its tree, and the comments at the end of its lines (by line of the tree)."""
+    """One function: its name, its tree, and the comments at the end of its lines (by line of the
+    tree)."""
 
     name: str
     tree: ast.FunctionDef
     comments: dict[int, str]
     defaults: dict[str, float]
-    aliases: dict[str, str]  # constants that another module has with another value, by their name in C
+    # constants that another module has with another value, by their name in C
+    aliases: dict[str, str]
 
 
 @dataclass
@@ -45,7 +48,8 @@ def collect(step: Any) -> Program:
 
 
 def _plain(function: Any) -> Callable[..., Any]:
-    """Return the Python function of a kernel; the quartic's where the energy may be one of two kinds."""
+    """Return the Python function of a kernel; the quartic's where the energy may be one of two
+    kinds."""
     plain: Callable[..., Any] = getattr(function, "py_func", function)
     if plain.__module__ == ENERGY and hasattr(import_module(QUARTIC), plain.__name__):
         return _plain(getattr(import_module(QUARTIC), plain.__name__))
@@ -71,7 +75,11 @@ def _add(program: Program, kernel: Any) -> None:
         if isinstance(node, ast.Name) and node.id not in names:
             _name(program, node.id, function, aliases)
     program.functions[function.__name__] = Function(
-        function.__name__, tree, _comments(source), dict(zip(*_defaults(tree), strict=True)), aliases
+        function.__name__,
+        tree,
+        _comments(source),
+        dict(zip(*_defaults(tree), strict=True)),
+        aliases,
     )
 
 
@@ -97,4 +105,8 @@ def _name(program: Program, name: str, user: Callable[..., Any], aliases: dict[s
 def _comments(source: str) -> dict[int, str]:
     """Return comments by their line."""
     tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-    return {t.start[0]: t.string.lstrip("# ") for t in tokens if t.type == tokenize.COMMENT and "fmt:" not in t.string}
+    return {
+        t.start[0]: t.string.lstrip("# ")
+        for t in tokens
+        if t.type == tokenize.COMMENT and "fmt:" not in t.string
+    }

@@ -1,4 +1,5 @@
-"""What a step costs in arithmetic: the very functions that are translated, run on numbers that count."""
+"""What a step costs in arithmetic: the very functions that are translated, run on numbers that
+count."""
 
 from __future__ import annotations
 
@@ -30,7 +31,10 @@ class Operations:
     def said(self) -> str:
         """Return it as a phrase."""
         parts = [f"{self.mean[k]:.0f} {k}" for k in KINDS]
-        return f"{', '.join(parts)} (mean of {self.steps} steps at rated load, {self.period} samples a period)"
+        return (
+            f"{', '.join(parts)} (mean of {self.steps} steps at rated load, {self.period} "
+            "samples a period)"
+        )
 
 
 COUNTED: Counter[str] = Counter()
@@ -105,13 +109,18 @@ MATHS = SimpleNamespace(
 )
 
 
-def operations(program: Program, setup: tuple[Belief, Tuning], state: np.ndarray, samples: np.ndarray) -> Operations:
-    """Return what a program's `step` costs over the later half of samples (n, 5), from a state of its own."""
+def operations(
+    program: Program, setup: tuple[Belief, Tuning], state: np.ndarray, samples: np.ndarray
+) -> Operations:
+    """Return what a program's `step` costs over the later half of samples (n, 5), from a state of
+    its own."""
     world: dict[str, Any] = {"math": MATHS, "Estimate": Estimate, **program.constants}
     for function in program.functions.values():
         own = world | {k: program.constants[v] for k, v in function.aliases.items()}
         function.tree.decorator_list.clear()
-        code = compile(ast.fix_missing_locations(ast.Module([function.tree], [])), function.name, "exec")
+        code = compile(
+            ast.fix_missing_locations(ast.Module([function.tree], [])), function.name, "exec"
+        )
         exec(code, own)
         world[function.name] = own[function.name]
     belief, tuning = setup

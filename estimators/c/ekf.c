@@ -3,11 +3,13 @@
  *
  * Extended Kalman filter with the energy model, compiled.
  *
- * State x = (psi_alpha, psi_beta, omega, theta): total stator flux linkage (Wb), electrical speed and angle.
+ * State x = (psi_alpha, psi_beta, omega, theta): total stator flux linkage (Wb), electrical speed and
+ * angle.
  *   d psi / dt = u - R i,   d omega / dt = noise,   d theta / dt = omega,
  *   i = R(theta) grad H(R(-theta) psi - (phi_m, 0)),
- * one Heun step a sampling period.  Injection makes theta observable at standstill: the ripple changes the
- * Jacobian of i by theta through Gamma_dd - Gamma_qq.  Twin on filterpy: `estimators.kalman_filterpy`.
+ * one Heun step a sampling period.  Injection makes theta observable at standstill: the ripple changes
+ * the Jacobian of i by theta through Gamma_dd - Gamma_qq.  Twin on filterpy:
+ * `estimators.kalman_filterpy`.
  *
  * Source: Bolognani, Tubiana, Zigliotto, IEEE Trans. Ind. Appl. 39 (2003), with the energy of IEMDC 2011.
  * Cost of a step, tracking: 898 mul, 657 add, 11 div, 0 sqrt, 32 trig, 0 compare (mean of 120 steps at rated
@@ -82,7 +84,8 @@ static real magnitude(real x) { return x < R(0.0) ? -x : x; }
 static real length(real x, real y) { return SQRT(x * x + y * y); }
 static real down(real x) { return (real)(int32_t)x - ((real)(int32_t)x > x ? R(1.0) : R(0.0)); }
 
-/* Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back with -theta. */
+/* Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back
+ * with -theta. */
 static void rotate(real x, real y, real angle, real *out_0, real *out_1) {
     real c = COS(angle);
     real s = SIN(angle);
@@ -90,7 +93,8 @@ static void rotate(real x, real y, real angle, real *out_0, real *out_1) {
     *out_1 = s * x + c * y;
 }
 
-/* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance matrix. */
+/* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance
+ * matrix. */
 static void hessian(const sensorless_energy *m, real d, real q, real *out_0, real *out_1, real *out_2) {
     real dd = m->gamma_d + d * (R(6.0) * m->alpha_30 + R(12.0) * m->alpha_40 * d) + R(2.0) * m->alpha_22 * q * q;
     real dq = R(2.0) * q * (m->alpha_12 + R(2.0) * m->alpha_22 * d);
@@ -146,7 +150,8 @@ static void current_jacobian(real psi_a, real psi_b, real theta, const sensorles
     *out_4 = j_b;
 }
 
-/* Write left middle left^T (4 x 4, offsets into s) to `out`, through the scratch W; out may be middle. */
+/* Write left middle left^T (4 x 4, offsets into s) to `out`, through the scratch W; out may be
+ * middle. */
 static void sandwich(real *s, int32_t left, int32_t middle, int32_t out) {
     real total;
     for (int32_t i = 0; i < 4; i++) {
@@ -211,7 +216,8 @@ static void predict(real *s, real u_a, real u_b, const sensorless_belief *belief
     blur(s, tuning);
 }
 
-/* Correct the covariance (Joseph form) with I - K H in F and the gains in K; v (A^2): variance of a reading. */
+/* Correct the covariance (Joseph form) with I - K H in F and the gains in K; v (A^2): variance
+ * of a reading. */
 static void shrink(real *s, real v) {
     sandwich(s, F, P, P);
     for (int32_t i = 0; i < 4; i++) {
@@ -261,9 +267,11 @@ static void update(real *s, real i_a, real i_b, const sensorless_belief *belief,
 
 /* Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) in the axis' frame.
  *
- * The mean is looked at from one frame, the present axis turned back at the estimated speed, and taken off
- * first: in frames that carry the tracking loop's jitter, mean current times jitter would come out as ripple.
- * The ripple is then looked at from the present frame or from the axis of its own time (`tuning.present`). */
+ * The mean is looked at from one frame, the present axis turned back at the estimated speed, and
+ * taken off first: in frames that carry the tracking loop's jitter, mean current times jitter
+ * would come out
+ * as ripple. The ripple is then looked at from the present frame or from the axis of its own time
+ * (`tuning.present`). */
 static void demodulate(real *state, const sensorless_sample *sample, real axis, real omega,
     const sensorless_tuning *tuning, real *out_0, real *out_1, real *out_2, real *out_3) {
     real weight;
@@ -346,7 +354,8 @@ static real min_eigenvalue(real dd, real dq, real qq) {
     return R(0.5) * (dd + qq) - SQRT(R(0.25) * square(dd - qq) + dq * dq);
 }
 
-/* Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps over a gap. */
+/* Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps
+ * over a gap. */
 static int32_t convex_between(const sensorless_energy *m, real d, real q, real n_d, real n_q) {
     static const real k_of[3] = {R(0.25), R(0.5), R(0.75)};
     for (int32_t at = 0; at < 3; at++) {
@@ -362,8 +371,8 @@ static int32_t convex_between(const sensorless_energy *m, real d, real q, real n
 
 /* Solve grad H = i by Newton's method from (d, q), staying where H is strictly convex.
  *
- * Returns phi_d, phi_q, status.  Full steps wherever they reduce the residual (so the rate is quadratic),
- * halved otherwise; OUTSIDE when no step inside the convex region reduces it. */
+ * Returns phi_d, phi_q, status.  Full steps wherever they reduce the residual (so the rate is
+ * quadratic), halved otherwise; OUTSIDE when no step inside the convex region reduces it. */
 static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, real q, real *out_0, real *out_1,
     int32_t *out_2) {
     real dd, dq, qq;
@@ -379,7 +388,6 @@ static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, 
     real r_d = i_d - c_d;
     real r_q = i_q - c_q;
     real residual = length(r_d, r_q);
-    /* 0 is a current, too */
     real goal = TOLERANCE * (length(i_d, i_q) + magnitude(m->gamma_d * d) + magnitude(m->gamma_q * q)) + NEARLY_NOTHING;
     for (int32_t round = 0; round < NEWTON_STEPS; round++) {
         real n_d, n_q, trial;
@@ -428,7 +436,8 @@ static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, 
     *out_2 = OUTSIDE;
 }
 
-/* Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the ripple is there. */
+/* Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the
+ * ripple is there. */
 static real polarity_rise(const sensorless_energy *energy, real bias) {
     int32_t unused_i;
     real d_plus, q_plus;
@@ -469,7 +478,8 @@ static void next_phase(real *state, const sensorless_belief *belief, const senso
     state[SUM_Q] = R(0.0);
 }
 
-/* Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity are known. */
+/* Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity
+ * are known. */
 static sensorless_estimate start(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
     const sensorless_tuning *tuning) {
     real unused_r;
@@ -503,7 +513,8 @@ static sensorless_estimate start(real *state, const sensorless_sample *sample, c
         R(1.0)};
 }
 
-/* Set the covariance from starting up: a variance of the first two states, those of speed and angle. */
+/* Set the covariance from starting up: a variance of the first two states, those of speed and
+ * angle. */
 static void doubt(real *s, real variance) {
     for (int32_t k = 0; k < 16; k++) {
         s[P + k] = R(0.0);

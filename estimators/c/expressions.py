@@ -27,7 +27,14 @@ OPERATORS = {
     ast.Mod: ("%", 7),
 }
 COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-MATHS = {"cos": "COS", "sin": "SIN", "sqrt": "SQRT", "atan2": "ATAN2", "hypot": "length", "floor": "down"}
+MATHS = {
+    "cos": "COS",
+    "sin": "SIN",
+    "sqrt": "SQRT",
+    "atan2": "ATAN2",
+    "hypot": "length",
+    "floor": "down",
+}
 CHOSEN = {"min": "smaller", "max": "larger", "abs": "magnitude"}
 POWERS = {2: "square", 3: "cube", 4: "fourth"}
 LEAST = 1e-30  # smaller literals stand for "nearly nothing", which depends on the width
@@ -35,7 +42,8 @@ ATOM = 9
 
 
 class Text(NamedTuple):
-    """C text, its type (REAL, INT, REALS, a structure's name or a tuple of these), its precedence."""
+    """C text, its type (REAL, INT, REALS, a structure's name or a tuple of these), its
+    precedence."""
 
     text: str
     type: str | tuple[str, ...]
@@ -61,10 +69,15 @@ class Expressions:
     """Writes expressions inside one function; `before` collects statements that must come first."""
 
     def __init__(
-        self, program: Program, user: Function, types: dict[str, str], returns: dict[str, str | tuple[str, ...]]
+        self,
+        program: Program,
+        user: Function,
+        types: dict[str, str],
+        returns: dict[str, str | tuple[str, ...]],
     ) -> None:
         self.program, self.aliases, self.types, self.returns = program, user.aliases, types, returns
-        self.arguments: Callable[[str, list[Text]], None] = lambda name, given: None  # hears of every call
+        # hears of every call
+        self.arguments: Callable[[str, list[Text]], None] = lambda name, given: None
         self.before: list[str] = []
         self.fresh = 0
 
@@ -135,7 +148,9 @@ class Expressions:
         return Text(f"{a} {sign} {b}", kind, binds)
 
     def _power(self, node: ast.BinOp) -> Text:
-        return Text(f"{POWERS[int(ast.literal_eval(node.right))]}({self.write(node.left).text})", REAL)
+        return Text(
+            f"{POWERS[int(ast.literal_eval(node.right))]}({self.write(node.left).text})", REAL
+        )
 
     def _compare(self, node: ast.Compare) -> Text:
         values = [node.left, *node.comparators]
@@ -163,16 +178,24 @@ class Expressions:
         if name == "int":
             return Text(f"(int32_t){bound(given[0], 8)}", INT, 8)
         if name == "Estimate":
-            values = [*(a.text for a in given), *(["R(1.0)"] if len(given) < len(Estimate._fields) else [])]
+            values = [
+                *(a.text for a in given),
+                *(["R(1.0)"] if len(given) < len(Estimate._fields) else []),
+            ]
             return Text(f"(sensorless_estimate){{{', '.join(values)}}}", "Estimate")
         return self._own_call(name, given)
 
     def _own_call(self, name: str, given: list[Text]) -> Text:
-        """Return a call of one of our functions; where it has several results, `{}` waits for where they go."""
+        """Return a call of one of our functions; where it has several results, `{}` waits for where
+        they go."""
         function = self.program.functions[name]
         missing = [a.arg for a in function.tree.args.args][len(given) :]
         given = [*given, *(Text(real(function.defaults[m]), REAL) for m in missing)]
         self.arguments(name, given)
-        passed = ", ".join(f"&{a.text}" if a.type == "Energy" and ("->" in a.text) else a.text for a in given)
+        passed = ", ".join(
+            f"&{a.text}" if a.type == "Energy" and ("->" in a.text) else a.text for a in given
+        )
         kind = self.returns.get(name, REAL)
-        return Text(f"{name}({passed}, {{}});" if isinstance(kind, tuple) else f"{name}({passed})", kind)
+        return Text(
+            f"{name}({passed}, {{}});" if isinstance(kind, tuple) else f"{name}({passed})", kind
+        )

@@ -1,6 +1,8 @@
-"""qnull.c, inversion.c, ekf.c and startup.h: plain C99 from the Python kernels themselves, nothing written twice.
+"""qnull.c, inversion.c, ekf.c and startup.h: plain C99 from the Python kernels themselves, nothing
+written twice.
 
-python -m estimators.c.generate     writes them anew beside this file; a test says when they are stale
+python -m estimators.c.generate
+    writes them anew beside this file; a test says when they are stale
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from estimators.registry import MODULES
 
 HERE = Path(__file__).parent
 HEADER = HERE / "sensorless_estimator.h"
-ANGLES = {"qnull": ("AXIS",), "inversion": ("AXIS",), "ekf": ("X + 3",)}  # slots that grow with every turn
+# slots that grow with every turn
+ANGLES = {"qnull": ("AXIS",), "inversion": ("AXIS",), "ekf": ("X + 3",)}
 NAMES = tuple(ANGLES)
 WIDTHS = {"TOLERANCE": "4e-15, 2e-6"}  # constants that depend on the width: 18 roundings either way
 
@@ -34,7 +37,7 @@ $text
  * Source: $source.
  * Cost of a step, tracking: $cost
  * Memory: $slots numbers of state, and the setup.  Of libm it calls sin, cos, sqrt and atan2, in float or double. */
-""")
+""")  # noqa: E501
 
 START_UP = Template("""\
 /* The start-up that our estimators share, to be included by one of yours: initial position with polarity.
@@ -51,7 +54,7 @@ $parts
 #define START_UP_SLOTS $slots
 
 #endif
-""")
+""")  # noqa: E501
 
 PARTS = Template("""\
 #include "sensorless_estimator.h"
@@ -174,7 +177,9 @@ def source(name: str) -> str:
             name=name,
             slots=slots(name),
             most=MAX_PERIOD,
-            wrapped="\n".join(f"    own->state[{a}] = within_a_turn(own->state[{a}]);" for a in ANGLES[name]),
+            wrapped="\n".join(
+                f"    own->state[{a}] = within_a_turn(own->state[{a}]);" for a in ANGLES[name]
+            ),
         )
     )
 
@@ -189,9 +194,16 @@ def start_up() -> str:
 def _parts(program: Program, first: str) -> str:
     """Return numbers, constants and functions of a program."""
     functions = "\n\n".join(translated(program, first))
-    helpers = [f"static real {h}({a}) {{ return {b}; }}" for h, (a, b) in HELPERS.items() if f"{h}(" in functions]
+    helpers = [
+        f"static real {h}({a}) {{ return {b}; }}"
+        for h, (a, b) in HELPERS.items()
+        if f"{h}(" in functions
+    ]
     return PARTS.substitute(
-        numbers=_numbers(program), reals=_reals(program), helpers="\n".join(helpers), functions=functions
+        numbers=_numbers(program),
+        reals=_reals(program),
+        helpers="\n".join(helpers),
+        functions=functions,
     )
 
 
@@ -200,7 +212,8 @@ def _said(module: ModuleType) -> str:
 
 
 def counted(name: str, golden: Golden | None = None) -> Operations:
-    """Return what an estimator's step costs on golden samples, those of `golden.json` where none are given."""
+    """Return what an estimator's step costs on golden samples, those of `golden.json` where none
+    are given."""
     golden = golden or read_golden()
     program = collect(module_of(name).ESTIMATOR.step)
     state = module_of(name).init(golden.belief, golden.tuning, golden.angles[0])
@@ -215,12 +228,17 @@ def slots(name: str) -> int:
 
 def _numbers(program: Program) -> str:
     whole = {k: v for k, v in program.constants.items() if isinstance(v, int)}
-    return ",\n".join(f"    {k} = {v}" for k, v in sorted(whole.items(), key=lambda kv: (kv[1], kv[0])))
+    return ",\n".join(
+        f"    {k} = {v}" for k, v in sorted(whole.items(), key=lambda kv: (kv[1], kv[0]))
+    )
 
 
 def _reals(program: Program) -> str:
     rest = {k: v for k, v in program.constants.items() if not isinstance(v, int)}
-    return "\n".join(f"#define {k} {f'EITHER({WIDTHS[k]})' if k in WIDTHS else f'R({v!r})'}" for k, v in rest.items())
+    return "\n".join(
+        f"#define {k} {f'EITHER({WIDTHS[k]})' if k in WIDTHS else f'R({v!r})'}"
+        for k, v in rest.items()
+    )
 
 
 def main() -> None:

@@ -1,4 +1,5 @@
-"""Golden vectors: a setup, samples, and what the Python estimators tell for them (`golden.json`: `ipm_exchanged`)."""
+"""Golden vectors: a setup, samples, and what the Python estimators tell for them (`golden.json`:
+`ipm_exchanged`)."""
 
 from __future__ import annotations
 
@@ -20,10 +21,12 @@ ESTIMATED = ("theta_rad", "omega_rad_s", "axis_rad")
 
 @dataclass(frozen=True)
 class Golden:
-    """A motor's setup, samples (n, 5), what each estimator tells (n, 3), both in windows of WINDOW samples.
+    """A motor's setup, samples (n, 5), what each estimator tells (n, 3), both in windows of WINDOW
+    samples.
 
-    An estimator begins each window anew, told one of `angles` (rad): where L_d > L_q an angle error grows while it
-    looks at samples that others have made, by kp |L_q / (L_q - L_d)|, and so would the last digit in a long run.
+    An estimator begins each window anew, told one of `angles` (rad): where L_d > L_q an angle error
+    grows while it looks at samples that others have made, by kp |L_q / (L_q - L_d)|, and so would
+    the last digit in a long run.
     """
 
     motor: str
@@ -35,7 +38,10 @@ class Golden:
 
     def text(self) -> str:
         """Return the file: numbers of nine digits, a sample a line."""
-        belief = {**self.belief.energy._asdict(), **dict(zip(Belief._fields[1:], self.belief[1:], strict=True))}
+        belief = {
+            **self.belief.energy._asdict(),
+            **dict(zip(Belief._fields[1:], self.belief[1:], strict=True)),
+        }
         head: dict[str, Any] = {
             "motor": self.motor,
             "belief": belief,
@@ -46,7 +52,9 @@ class Golden:
         for key, table in {"samples": self.samples, **self.told}.items():
             rows = ",\n".join(f"[{', '.join(f'{v:.9g}' for v in row)}]" for row in table)
             lines.append(f'"{key}": [\n{rows}]')
-        return "{" + ",\n".join([*lines, f'"columns": {json.dumps([*COLUMNS, *ESTIMATED])}']) + "}\n"
+        return (
+            "{" + ",\n".join([*lines, f'"columns": {json.dumps([*COLUMNS, *ESTIMATED])}']) + "}\n"
+        )
 
 
 def read_golden(path: Path = FILE) -> Golden:

@@ -13,7 +13,8 @@ HOLD = "\x00"
 
 
 class Place(NamedTuple):
-    """Where a variable lives: the innermost block around all its uses, and whether it is declared where it is set."""
+    """Where a variable lives: the innermost block around all its uses, and whether it is declared
+    where it is set."""
 
     block: tuple[int, ...]
     at_once: bool
@@ -24,7 +25,12 @@ def together(lines: list[str]) -> list[str]:
     found: list[str] = []
     for line in lines:
         before, kind = found[-1] if found else "", line.split(" ")[0]
-        if kind in (REAL, INT) and line.endswith(";") and "=" not in line + before and before.startswith(f"{kind} "):
+        if (
+            kind in (REAL, INT)
+            and line.endswith(";")
+            and "=" not in line + before
+            and before.startswith(f"{kind} ")
+        ):
             found[-1] = f"{before[:-1]}, {line[len(kind) + 1 :]}"
         else:
             found.append(line)
@@ -38,17 +44,27 @@ def places_of(tree: ast.FunctionDef) -> dict[str, Place]:
     def visit(statements: list[ast.stmt], block: tuple[int, ...]) -> None:
         """Note every name of a block and of those inside."""
         for s in statements:
-            inner = [(b, k) for k, b in enumerate((getattr(s, "body", []), getattr(s, "orelse", []))) if b]
+            inner = [
+                (b, k)
+                for k, b in enumerate((getattr(s, "body", []), getattr(s, "orelse", [])))
+                if b
+            ]
             skipped = {id(n) for b, _ in inner for part in b for n in ast.walk(part)}
             plain = isinstance(s, ast.Assign)
             for n in ast.walk(s):
                 if isinstance(n, ast.Name) and id(n) not in skipped:
-                    seen.setdefault(n.id, []).append((block, plain and isinstance(n.ctx, ast.Store)))
+                    seen.setdefault(n.id, []).append(
+                        (block, plain and isinstance(n.ctx, ast.Store))
+                    )
             for b, k in inner:
                 visit(b, (*block, s.lineno, k))
 
     visit(tree.body, ())
-    loops = {n.target.id for n in ast.walk(tree) if isinstance(n, ast.For) and isinstance(n.target, ast.Name)}
+    loops = {
+        n.target.id
+        for n in ast.walk(tree)
+        if isinstance(n, ast.For) and isinstance(n.target, ast.Name)
+    }
     places = {}
     for name, uses in ((name, uses) for name, uses in seen.items() if name not in loops):
         common, stored = uses[0]
@@ -66,6 +82,10 @@ def folded(line: str, width: int = 116) -> list[str]:
     indent = " " * (len(line) - len(line.lstrip()))
     held = re.sub(r"(?<=\w) (?=\*?\w)", HOLD, line.lstrip())  # a type stays with its name
     parts = textwrap.wrap(
-        indent + held, width, subsequent_indent=indent + "    ", break_long_words=False, break_on_hyphens=False
+        indent + held,
+        width,
+        subsequent_indent=indent + "    ",
+        break_long_words=False,
+        break_on_hyphens=False,
     )
     return [part.replace(HOLD, " ") for part in parts]

@@ -3,12 +3,13 @@
  *
  * q-null: inject along an axis, turn it until the ripple across it vanishes.
  *
- * At the null the axis stands at the cross-saturation angle from the magnet.  The linear belief takes it for the
- * magnet; the saturated belief adds the angle its Hessian predicts at the measured current, which makes axis and
- * offset consistent with each other (the self-consistent offset).
+ * At the null the axis stands at the cross-saturation angle from the magnet.  The linear belief takes
+ * it for the magnet; the saturated belief adds the angle its Hessian predicts at the measured current,
+ * which makes axis and offset consistent with each other (the self-consistent offset).
  *
- * At speed the resistance turns the null by lag R omega (Gamma_dd + Gamma_qq) Gamma_qq / (Gamma_dd - Gamma_qq) rad (0.1
- * degree at 5 % of rated speed for `ipm_exchanged`, 0.25 for `ipm`), which either belief adds.
+ * At speed the resistance turns the null by lag R omega (Gamma_dd + Gamma_qq) Gamma_qq /
+ * (Gamma_dd - Gamma_qq) rad (0.1 degree at 5 % of rated speed for `ipm_exchanged`, 0.25 for `ipm`),
+ * which either belief adds.
  *
  * Source: Jebai, Malrait, Martin, Rouchon, IEMDC 2011, section III; Linke, Kennel, Holtz, IEMDC 2003 (offset).
  * Cost of a step, tracking: 650 mul, 399 add, 10 div, 15 sqrt, 7 trig, 19 compare (mean of 120 steps at
@@ -86,7 +87,8 @@ static real magnitude(real x) { return x < R(0.0) ? -x : x; }
 static real length(real x, real y) { return SQRT(x * x + y * y); }
 static real down(real x) { return (real)(int32_t)x - ((real)(int32_t)x > x ? R(1.0) : R(0.0)); }
 
-/* Advance the angle to t_k with the last speed; return it.  SLOW_OMEGA is that speed without its noise. */
+/* Advance the angle to t_k with the last speed; return it.  SLOW_OMEGA is that speed without
+ * its noise. */
 static real predict(real *state, const sensorless_tuning *tuning) {
     state[SLOW_OMEGA] += SLOW * tuning->sampling_period * tuning->kp * (state[OMEGA] - state[SLOW_OMEGA]);
     state[AXIS] += tuning->sampling_period * state[OMEGA];
@@ -95,9 +97,11 @@ static real predict(real *state, const sensorless_tuning *tuning) {
 
 /* Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) in the axis' frame.
  *
- * The mean is looked at from one frame, the present axis turned back at the estimated speed, and taken off
- * first: in frames that carry the tracking loop's jitter, mean current times jitter would come out as ripple.
- * The ripple is then looked at from the present frame or from the axis of its own time (`tuning.present`). */
+ * The mean is looked at from one frame, the present axis turned back at the estimated speed, and
+ * taken off first: in frames that carry the tracking loop's jitter, mean current times jitter
+ * would come out
+ * as ripple. The ripple is then looked at from the present frame or from the axis of its own time
+ * (`tuning.present`). */
 static void demodulate(real *state, const sensorless_sample *sample, real axis, real omega,
     const sensorless_tuning *tuning, real *out_0, real *out_1, real *out_2, real *out_3) {
     real weight;
@@ -156,7 +160,8 @@ static void demodulate(real *state, const sensorless_sample *sample, real axis, 
     *out_3 = y_q * scale;
 }
 
-/* Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back with -theta. */
+/* Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back
+ * with -theta. */
 static void rotate(real x, real y, real angle, real *out_0, real *out_1) {
     real c = COS(angle);
     real s = SIN(angle);
@@ -164,7 +169,8 @@ static void rotate(real x, real y, real angle, real *out_0, real *out_1) {
     *out_1 = s * x + c * y;
 }
 
-/* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance matrix. */
+/* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance
+ * matrix. */
 static void hessian(const sensorless_energy *m, real d, real q, real *out_0, real *out_1, real *out_2) {
     real dd = m->gamma_d + d * (R(6.0) * m->alpha_30 + R(12.0) * m->alpha_40 * d) + R(2.0) * m->alpha_22 * q * q;
     real dq = R(2.0) * q * (m->alpha_12 + R(2.0) * m->alpha_22 * d);
@@ -189,7 +195,8 @@ static real min_eigenvalue(real dd, real dq, real qq) {
     return R(0.5) * (dd + qq) - SQRT(R(0.25) * square(dd - qq) + dq * dq);
 }
 
-/* Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps over a gap. */
+/* Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps
+ * over a gap. */
 static int32_t convex_between(const sensorless_energy *m, real d, real q, real n_d, real n_q) {
     static const real k_of[3] = {R(0.25), R(0.5), R(0.75)};
     for (int32_t at = 0; at < 3; at++) {
@@ -205,8 +212,8 @@ static int32_t convex_between(const sensorless_energy *m, real d, real q, real n
 
 /* Solve grad H = i by Newton's method from (d, q), staying where H is strictly convex.
  *
- * Returns phi_d, phi_q, status.  Full steps wherever they reduce the residual (so the rate is quadratic),
- * halved otherwise; OUTSIDE when no step inside the convex region reduces it. */
+ * Returns phi_d, phi_q, status.  Full steps wherever they reduce the residual (so the rate is
+ * quadratic), halved otherwise; OUTSIDE when no step inside the convex region reduces it. */
 static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, real q, real *out_0, real *out_1,
     int32_t *out_2) {
     real dd, dq, qq;
@@ -222,7 +229,6 @@ static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, 
     real r_d = i_d - c_d;
     real r_q = i_q - c_q;
     real residual = length(r_d, r_q);
-    /* 0 is a current, too */
     real goal = TOLERANCE * (length(i_d, i_q) + magnitude(m->gamma_d * d) + magnitude(m->gamma_q * q)) + NEARLY_NOTHING;
     for (int32_t round = 0; round < NEWTON_STEPS; round++) {
         real n_d, n_q, trial;
@@ -271,9 +277,11 @@ static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, 
     *out_2 = OUTSIDE;
 }
 
-/* Return phi_d, phi_q (Wb) at a current (A) of the rotor frame, the last one where the belief has none.
+/* Return phi_d, phi_q (Wb) at a current (A) of the rotor frame, the last one where the belief
+ * has none.
  *
- * state[OUTSIDE] says which of both; a second try from zero flux catches a start that had gone astray. */
+ * state[OUTSIDE] says which of both; a second try from zero flux catches a start that had gone
+ * astray. */
 static void believed_flux(real *state, const sensorless_energy *energy, real i_d, real i_q, real *out_0,
     real *out_1) {
     real d, q;
@@ -299,12 +307,14 @@ static void believed_hessian(real *state, const sensorless_energy *energy, real 
     hessian(energy, d, q, out_0, out_1, out_2);
 }
 
-/* Return the error e (rad) at which the q ripple vanishes with a slope of the given sign (+1 or -1). */
+/* Return the error e (rad) at which the q ripple vanishes with a slope of the given sign (+1
+ * or -1). */
 static real null_angle(real dd, real dq, real qq, real sign) {
     return R(0.5) * ATAN2(-R(2.0) * sign * dq, sign * (dd - qq));
 }
 
-/* Return null angle (rad) and ripple slope (1/H) that the belief gives at the mean current of the axis frame. */
+/* Return null angle (rad) and ripple slope (1/H) that the belief gives at the mean current of
+ * the axis frame. */
 static void believed_null(real *state, real mean_d, real mean_q, const sensorless_belief *belief,
     const sensorless_tuning *tuning, real *out_0, real *out_1) {
     const sensorless_energy *e = &belief->energy;
@@ -332,7 +342,8 @@ static real trust(real *state) {
     return state[BELIEVED_OUTSIDE] != R(0.0) ? UNCERTAIN : TRACKED;
 }
 
-/* Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the ripple y (1/H) seen.
+/* Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the
+ * ripple y (1/H) seen.
  *
  * injection: how much of it is wanted, 0 to 1. */
 static sensorless_estimate tracked(real *state, real theta, real y_d, real y_q, const sensorless_tuning *tuning,
@@ -347,7 +358,8 @@ static real wrap(real angle) {
     return angle - R(2.0) * PI * down((angle + PI) / (R(2.0) * PI));
 }
 
-/* Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the ripple is there. */
+/* Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the
+ * ripple is there. */
 static real polarity_rise(const sensorless_energy *energy, real bias) {
     int32_t unused_i;
     real d_plus, q_plus;
@@ -388,7 +400,8 @@ static void next_phase(real *state, const sensorless_belief *belief, const senso
     state[SUM_Q] = R(0.0);
 }
 
-/* Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity are known. */
+/* Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity
+ * are known. */
 static sensorless_estimate start(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
     const sensorless_tuning *tuning) {
     real unused_r;

@@ -3,10 +3,12 @@
  *
  * Initial position with polarity, at standstill without load.
  *
- * 1. Inject along alpha, then along beta: the ripples are the columns of R(theta) Gamma R(-theta) at zero current,
- *    whose principal axis is theta modulo pi, in closed form (no loop that could hang at 90 degrees).
- * 2. Inject along that axis while holding +bias, then -bias, along it: the magnet's own direction saturates, so
- *    the ripple is larger there (a saturated belief says which way, a linear one takes that for granted).
+ * 1. Inject along alpha, then along beta: the ripples are the columns of R(theta) Gamma R(-theta) at
+ *    zero current, whose principal axis is theta modulo pi, in closed form (no loop that could hang at
+ *    90 degrees).
+ * 2. Inject along that axis while holding +bias, then -bias, along it: the magnet's own direction
+ *    saturates, so the ripple is larger there (a saturated belief says which way, a linear one takes
+ *    that for granted).
  *
  * Keep a `real state[START_UP_SLOTS]`, all zero; call `start` for every sample until state[PHASE] is TRACKING, and tell
  * what it returns; state[AXIS] is then the magnet's angle.  Where the angle is known, set PHASE to TOLD, AXIS to it. */
@@ -76,9 +78,11 @@ static real down(real x) { return (real)(int32_t)x - ((real)(int32_t)x > x ? R(1
 
 /* Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) in the axis' frame.
  *
- * The mean is looked at from one frame, the present axis turned back at the estimated speed, and taken off
- * first: in frames that carry the tracking loop's jitter, mean current times jitter would come out as ripple.
- * The ripple is then looked at from the present frame or from the axis of its own time (`tuning.present`). */
+ * The mean is looked at from one frame, the present axis turned back at the estimated speed, and
+ * taken off first: in frames that carry the tracking loop's jitter, mean current times jitter
+ * would come out
+ * as ripple. The ripple is then looked at from the present frame or from the axis of its own time
+ * (`tuning.present`). */
 static void demodulate(real *state, const sensorless_sample *sample, real axis, real omega,
     const sensorless_tuning *tuning, real *out_0, real *out_1, real *out_2, real *out_3) {
     real weight;
@@ -142,7 +146,8 @@ static real wrap(real angle) {
     return angle - R(2.0) * PI * down((angle + PI) / (R(2.0) * PI));
 }
 
-/* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance matrix. */
+/* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance
+ * matrix. */
 static void hessian(const sensorless_energy *m, real d, real q, real *out_0, real *out_1, real *out_2) {
     real dd = m->gamma_d + d * (R(6.0) * m->alpha_30 + R(12.0) * m->alpha_40 * d) + R(2.0) * m->alpha_22 * q * q;
     real dq = R(2.0) * q * (m->alpha_12 + R(2.0) * m->alpha_22 * d);
@@ -167,7 +172,8 @@ static real min_eigenvalue(real dd, real dq, real qq) {
     return R(0.5) * (dd + qq) - SQRT(R(0.25) * square(dd - qq) + dq * dq);
 }
 
-/* Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps over a gap. */
+/* Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps
+ * over a gap. */
 static int32_t convex_between(const sensorless_energy *m, real d, real q, real n_d, real n_q) {
     static const real k_of[3] = {R(0.25), R(0.5), R(0.75)};
     for (int32_t at = 0; at < 3; at++) {
@@ -183,8 +189,8 @@ static int32_t convex_between(const sensorless_energy *m, real d, real q, real n
 
 /* Solve grad H = i by Newton's method from (d, q), staying where H is strictly convex.
  *
- * Returns phi_d, phi_q, status.  Full steps wherever they reduce the residual (so the rate is quadratic),
- * halved otherwise; OUTSIDE when no step inside the convex region reduces it. */
+ * Returns phi_d, phi_q, status.  Full steps wherever they reduce the residual (so the rate is
+ * quadratic), halved otherwise; OUTSIDE when no step inside the convex region reduces it. */
 static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, real q, real *out_0, real *out_1,
     int32_t *out_2) {
     real dd, dq, qq;
@@ -200,7 +206,6 @@ static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, 
     real r_d = i_d - c_d;
     real r_q = i_q - c_q;
     real residual = length(r_d, r_q);
-    /* 0 is a current, too */
     real goal = TOLERANCE * (length(i_d, i_q) + magnitude(m->gamma_d * d) + magnitude(m->gamma_q * q)) + NEARLY_NOTHING;
     for (int32_t round = 0; round < NEWTON_STEPS; round++) {
         real n_d, n_q, trial;
@@ -249,7 +254,8 @@ static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, 
     *out_2 = OUTSIDE;
 }
 
-/* Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the ripple is there. */
+/* Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the
+ * ripple is there. */
 static real polarity_rise(const sensorless_energy *energy, real bias) {
     int32_t unused_i;
     real d_plus, q_plus;
@@ -290,7 +296,8 @@ static void next_phase(real *state, const sensorless_belief *belief, const senso
     state[SUM_Q] = R(0.0);
 }
 
-/* Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity are known. */
+/* Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity
+ * are known. */
 static sensorless_estimate start(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
     const sensorless_tuning *tuning) {
     real unused_r;

@@ -1,4 +1,5 @@
-"""What a firmware needs beside an estimator's file: a motor's constants, golden vectors, a program to check by."""
+"""What a firmware needs beside an estimator's file: a motor's constants, golden vectors, a program
+to check by."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ $tuning
     .angle_known = 0,
     .angle = 0,
 };
-""")
+""")  # noqa: E501
 CHECK = Template("""\
 /* Golden vectors of $name on $motor: what the Python twin tells, in double.
  * cc -std=c99 -O2 check.c $name.c -lm && ./a.out     prints the largest differences; exit code 1 beyond $most° */
@@ -96,7 +97,7 @@ int main(void) {
     printf("$name on $motor, %d samples: angle within %.2g degrees, speed within %.2g rad/s\\n", COUNT, angle, speed);
     return angle <= $most ? 0 : 1;
 }
-""")
+""")  # noqa: E501
 TOLERANCE_DEG = 0.05  # degrees
 
 
@@ -130,11 +131,15 @@ def check_program(golden: Golden, name: str) -> str:
 
 
 def _fields(values: dict[str, float], indent: int) -> str:
-    numbers = {k: str(v) if isinstance(v, int) else f"(sensorless_real){v!r}" for k, v in values.items()}
+    numbers = {
+        k: str(v) if isinstance(v, int) else f"(sensorless_real){v!r}" for k, v in values.items()
+    }
     return "\n".join(f"{' ' * indent}.{k} = {v}," for k, v in numbers.items())
 
 
 def _rows(table: object, cast: str = "") -> str:
     import numpy as np
 
-    return "\n".join(f"    {{{', '.join(f'{cast}{v:.9g}' for v in row)}}}," for row in np.asarray(table))
+    return "\n".join(
+        f"    {{{', '.join(f'{cast}{v:.9g}' for v in row)}}}," for row in np.asarray(table)
+    )

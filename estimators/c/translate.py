@@ -1,6 +1,8 @@
-"""Kernels in C: the statements of each function, translated as they stand in Python, comments included.
+"""Kernels in C: the statements of each function, translated as they stand in Python, comments
+included.
 
-Numbers, tuples, loops and calls are all that kernels use; what else turns up ends in an AssertionError that names it.
+Numbers, tuples, loops and calls are all that kernels use; what else turns up ends in an
+AssertionError that names it.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ def translated(program: Program, step: str) -> list[str]:
     given: dict[str, list[str]] = {step: list(STEP_TYPES)}
     returns: dict[str, Kinds] = {name: _shape(program, name) for name in program.functions}
     texts, before = dict.fromkeys(program.functions, ""), {"": ""}
-    while texts != before:  # until types have come down from the step, and kinds of results up to it
+    while texts != before:
+        # until types have come down from the step, and kinds of results up to it
         before = dict(texts)
         for name, function in reversed(program.functions.items()):
             texts[name] = _Writer(program, function, given, returns).text()
@@ -58,7 +61,11 @@ class _Writer:
     """Writes one function."""
 
     def __init__(
-        self, program: Program, function: Function, given: dict[str, list[str]], returns: dict[str, Kinds]
+        self,
+        program: Program,
+        function: Function,
+        given: dict[str, list[str]],
+        returns: dict[str, Kinds],
     ) -> None:
         self.program, self.function, self.given, self.returns = program, function, given, returns
         self.names = [a.arg for a in function.tree.args.args]
@@ -92,7 +99,11 @@ class _Writer:
 
     def _said(self) -> str:
         text = ast.get_docstring(self.function.tree) or ""
-        return "/* " + "\n * ".join(line.rstrip() for line in text.splitlines()).replace("\n * \n", "\n *\n") + " */"
+        return (
+            "/* "
+            + "\n * ".join(line.rstrip() for line in text.splitlines()).replace("\n * \n", "\n *\n")
+            + " */"
+        )
 
     def _lines(self, statements: Iterable[ast.stmt], block: tuple[int, ...]) -> list[str]:
         """Return the lines of a block."""
@@ -210,18 +221,27 @@ class _Writer:
                 yes, no = value.body, value.orelse
                 assert isinstance(yes, ast.Tuple)
                 assert isinstance(no, ast.Tuple)
-                value = ast.Tuple([ast.IfExp(value.test, a, b) for a, b in zip(yes.elts, no.elts, strict=True)])
+                value = ast.Tuple(
+                    [ast.IfExp(value.test, a, b) for a, b in zip(yes.elts, no.elts, strict=True)]
+                )
             assert isinstance(value, ast.Tuple)
             yield from self._parallel(target.elts, value.elts, e)
         else:
             for each in node.targets:
-                yield self._set(each, e.write(value) if not isinstance(value, ast.Tuple) else self._array(value, e), e)
+                yield self._set(
+                    each,
+                    e.write(value) if not isinstance(value, ast.Tuple) else self._array(value, e),
+                    e,
+                )
 
     def _array(self, value: ast.Tuple, e: Expressions) -> Text:
         return Text(f"{{{', '.join(e.write(v).text for v in value.elts)}}}", f"[{len(value.elts)}]")
 
-    def _parallel(self, targets: list[ast.expr], values: list[ast.expr], e: Expressions) -> Iterator[str]:
-        """Assign several at once; by way of new variables where a later value reads an earlier target."""
+    def _parallel(
+        self, targets: list[ast.expr], values: list[ast.expr], e: Expressions
+    ) -> Iterator[str]:
+        """Assign several at once; by way of new variables where a later value reads an earlier
+        target."""
         texts = [self._array(v, e) if isinstance(v, ast.Tuple) else e.write(v) for v in values]
         clash = any(_touched(targets[n]) & _read(v) for k, v in enumerate(values) for n in range(k))
         if clash:

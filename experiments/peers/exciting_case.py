@@ -1,4 +1,5 @@
-"""exciting-environments' PMSM (JAX, double, one thread), alone and a thousand at once; run by `peer_table`."""
+"""exciting-environments' PMSM (JAX, double, one thread), alone and a thousand at once; run by
+`peer_table`."""
 
 from __future__ import annotations
 

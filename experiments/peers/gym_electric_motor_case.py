@@ -18,4 +18,6 @@ for _ in range(STEPS):
     if ended or stopped:
         env.reset()
 spent = time.process_time() - begun
-print(json.dumps({"peer": "gym-electric-motor", "cpu_s_per_s": spent / (STEPS * period)}), flush=True)
+print(
+    json.dumps({"peer": "gym-electric-motor", "cpu_s_per_s": spent / (STEPS * period)}), flush=True
+)

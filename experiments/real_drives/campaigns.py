@@ -1,7 +1,9 @@
-"""Real drives from elsewhere (data sets `laas_bldc`, `moteus_ld`) as campaigns, as far as their content allows.
+"""Real drives from elsewhere (data sets `laas_bldc`, `moteus_ld`) as campaigns, as far as their
+content allows.
 
-Neither holds what a replay of currents needs; each says in plain sentences what it can and cannot show, and which
-residual is left.  What is assumed because a file lacks it stands in the motor's provenance.
+Neither holds what a replay of currents needs; each says in plain sentences what it can and cannot
+show, and which residual is left.  What is assumed because a file lacks it stands in the motor's
+provenance.
 """
 
 from __future__ import annotations
@@ -46,10 +48,12 @@ ASSUMED_LINK, ASSUMED_INDUCTANCE = 24.0, 1e-3  # V, H: on no file; nothing below
 
 @dataclass(frozen=True)
 class RealDrive:
-    """A real drive: its campaign (None where the file holds no time series), residuals left, what shows and what not.
+    """A real drive: its campaign (None where the file holds no time series), residuals left, what
+    shows and what not.
 
-    `residuals` names what the data can speak of; `hidden` the effects that they cannot show: what would carry them is
-    not on file but assumed, so they are no candidates (`sensorless diagnose --exclude`).
+    `residuals` names what the data can speak of; `hidden` the effects that they cannot show: what
+    would carry them is not on file but assumed, so they are no candidates
+    (`sensorless diagnose --exclude`).
     """
 
     name: str
@@ -61,7 +65,8 @@ class RealDrive:
 
 
 def real_drives(data_set: str) -> list[RealDrive]:
-    """Return the drives of a data set, `laas_bldc` or `moteus_ld`, fetched if need be; BadInput for another name."""
+    """Return the drives of a data set, `laas_bldc` or `moteus_ld`, fetched if need be; BadInput for
+    another name."""
     if data_set == "laas_bldc":
         return [laas_drive(fetch(data_set))]
     if data_set == "moteus_ld":
@@ -70,7 +75,8 @@ def real_drives(data_set: str) -> list[RealDrive]:
 
 
 def laas_drive(folder: Path) -> RealDrive:
-    """Return the LAAS motor: i_q, u_q and angle at 1 kHz, enough for the residual of motion, not for a replay."""
+    """Return the LAAS motor: i_q, u_q and angle at 1 kHz, enough for the residual of motion, not
+    for a replay."""
     friction = laas.friction(laas.read(folder / "acceleration.txt"))
     runs = {name: laas.read(folder / f"{name}.txt") for name in ("acceleration", *ROLLING)}
     constant, inertia = friction.torque_constant.value, friction.inertia.value
@@ -95,7 +101,7 @@ def laas_drive(folder: Path) -> RealDrive:
     converter = Converter(PERIOD, ASSUMED_LINK, 0.0, noise, encoder_counts=COUNTS)
     provenance = {
         "resistance, magnet_flux": "fitted to u_q = R i_q + flux x speed of acceleration.txt",
-        "inertia, viscous_friction": "fitted to acceleration.txt; Coulomb friction is not in [motor]",
+        "inertia, viscous_friction": "fitted to acceleration.txt; Coulomb friction is not in [motor]",  # noqa: E501
         "inductance_d, inductance_q, dc_bus_voltage": "assumed; on no file",
         "rated values": "largest on file",
         "current_noise": "fourth differences of the rolling runs' i_q",
@@ -104,38 +110,59 @@ def laas_drive(folder: Path) -> RealDrive:
     motion = residual_of_motion(friction)
     rolling = [float(np.mean(runs[n].current)) for n in ROLLING]
     can = (
-        f"Motion: inertia, friction and torque constant explain {100.0 * (1.0 - motion):.1f} % of the current's energy "
+        "Motion: inertia, friction and torque constant explain "
+        f"{100.0 * (1.0 - motion):.1f} % of the current's energy "
         "in the ramps they were fitted to (low-passed at 25 Hz, above 30 rad/s).",
         f"Held out: they predict {friction.steady[0]:.3f} A at 50.7 rad/s; three rolling runs took "
         f"{', '.join(f'{x:.3f}' for x in rolling)} A.",
-        "Cogging, by order of the angle, from the slow scan (quasi_static_scan.txt, see experiments/real_cogging.py).",
+        (
+            "Cogging, by order of the angle, from the slow scan (quasi_static_scan.txt, see "
+            "experiments/real_cogging.py)."
+        ),
     )
     cannot = (
-        "Phase currents, i_d, u_d and the link voltage are not on file (i_d = u_d = 0 stand in): no replay of "
-        "currents, so "
-        "nothing about dead time, device drop, saturation or current sensors.",
-        "The log keeps one sample in 1 ms, with gaps, and is interpolated; in the ramps (acceleration.txt) the rotor "
-        f"turns up to {_largest_step(runs['acceleration']):.0f} rad electrical between two rows, which no replay can "
-        "follow: the nominal model is fitted to them, the campaign has the rolling runs only.",
+        "Phase currents, i_d, u_d and the link voltage are not on file (i_d = u_d = 0 stand in): "
+        "no replay of currents, so nothing about dead time, device drop, saturation or current "
+        "sensors.",
+        "The log keeps one sample in 1 ms, with gaps, and is interpolated; in the ramps "
+        f"(acceleration.txt) the rotor turns up to {_largest_step(runs['acceleration']):.0f} rad "
+        "electrical between two rows, which no replay can follow: the nominal model is fitted to "
+        "them, the campaign has the rolling runs only.",
         "The encoder's zero is not aligned with the magnet: nothing about encoder offset.",
-        "The torque constant is the back-EMF's, not measured as torque: scales of inertia and friction hang on it.",
+        (
+            "The torque constant is the back-EMF's, not measured as torque: scales of "
+            "inertia and friction hang on it."
+        ),
     )
     provenance |= {f"can show, {k}": text for k, text in enumerate(can, 1)}
     provenance |= {f"cannot show, {k}": text for k, text in enumerate(cannot, 1)}
     notes = tuple(
-        Finding(r.file, "t", None, f"{r.file}: interpolated to 1 ms; i_d, u_d and u_dc are assumed, not recorded")
+        Finding(
+            r.file,
+            "t",
+            None,
+            f"{r.file}: interpolated to 1 ms; i_d, u_d and u_dc are assumed, not recorded",
+        )
         for r in recordings
     )
     campaign = Campaign(
-        "laas_bldc", Drive(motor, converter, Injection(100.0, 1.0), provenance), recordings, {}, {}, True, notes
+        "laas_bldc",
+        Drive(motor, converter, Injection(100.0, 1.0), provenance),
+        recordings,
+        {},
+        {},
+        True,
+        notes,
     )
     return RealDrive("laas_bldc", campaign, ("motion",), can, cannot, HIDDEN)
 
 
 def residual_of_motion(friction: laas.Friction) -> float:
-    """Return the share of the current's energy that inertia and friction leave unexplained where they were fitted.
+    """Return the share of the current's energy that inertia and friction leave unexplained where
+    they were fitted.
 
-    Only speeds above 30 rad/s count, as in the fit: below, cogging and the low-pass hide the friction's shape.
+    Only speeds above 30 rad/s count, as in the fit: below, cogging and the low-pass hide the
+    friction's shape.
     """
     fast = np.abs(friction.speed) > 30.0
     predicted = friction.inertial + friction.current_at(friction.speed)
@@ -145,7 +172,8 @@ def residual_of_motion(friction: laas.Friction) -> float:
 
 
 def _noise(x: np.ndarray) -> float:
-    """Return the white part (rms) of a slow signal, from its fourth differences (variance 70 times the noise's)."""
+    """Return the white part (rms) of a slow signal, from its fourth differences (variance 70 times
+    the noise's)."""
     return float(np.median(np.abs(np.diff(x, 4))) / 0.6745 / math.sqrt(70.0))
 
 
@@ -161,25 +189,34 @@ def _resistance(run: laas.Run) -> float:
 
 
 def _laas_recording(name: str, run: laas.Run) -> CampaignRecording:
-    """Return a run on an even grid of 1 ms, its q quantities turned into the stator frame with i_d = u_d = 0.
+    """Return a run on an even grid of 1 ms, its q quantities turned into the stator frame with
+    i_d = u_d = 0.
 
-    The drive turns its voltage with the rotor inside each ms: what acts from row to row is its mean, at the angle
-    halfway, shortened by sin(x)/x of half the angle turned.
+    The drive turns its voltage with the rotor inside each ms: what acts from row to row is its
+    mean, at the angle halfway, shortened by sin(x)/x of half the angle turned.
     """
     t = np.arange(0.0, run.time[-1] - run.time[0], PERIOD)
-    position, i_q, u_q = (np.interp(t + run.time[0], run.time, x) for x in (run.position, run.current, run.voltage))
+    position, i_q, u_q = (
+        np.interp(t + run.time[0], run.time, x) for x in (run.position, run.current, run.voltage)
+    )
     theta = laas.POLE_PAIRS * position
     i = phases.py_func(-np.sin(theta) * i_q, np.cos(theta) * i_q)
     columns = dict(zip(("i_a", "i_b", "i_c"), (np.asarray(x) for x in i), strict=True))
     half = 0.5 * np.append(np.diff(theta), theta[-1] - theta[-2])
     u_q = u_q * np.sinc(half / math.pi)
-    columns |= {"t": t, "theta": theta, "u_alpha": -np.sin(theta + half) * u_q, "u_beta": np.cos(theta + half) * u_q}
+    columns |= {
+        "t": t,
+        "theta": theta,
+        "u_alpha": -np.sin(theta + half) * u_q,
+        "u_beta": np.cos(theta + half) * u_q,
+    }
     columns |= {"u_dc": np.full(len(t), ASSUMED_LINK), "load_torque": np.zeros(len(t))}
     return CampaignRecording(f"{name}.parquet", "free", "none", columns)
 
 
 def moteus_drive(path: Path) -> RealDrive:
-    """Return one motor of the moteus files: steady points only, so no campaign; the inverter's voltage remains."""
+    """Return one motor of the moteus files: steady points only, so no campaign; the inverter's
+    voltage remains."""
     sweep = moteus.read(path)
     drop = moteus.inverter_drop(moteus.intercepts(sweep))
     points = sum(len(y) for y in sweep.y)
@@ -188,14 +225,23 @@ def moteus_drive(path: Path) -> RealDrive:
     if v.high - v.low > 2.0 * v.value or better <= 0.0:
         decided = "too noisy to say that there is one"
     can = (
-        f"Inverter: a voltage along the current of {v.value:.3g} V (95 %: {v.low:.2g} to {v.high:.2g}) in v_q at "
-        f"{points} steady points ({decided}).",
-        f"Machine: flux against d-current, {len(sweep.i_d)} levels (own fit {sweep.own_flux:.4g} Wb).",
+        f"Inverter: a voltage along the current of {v.value:.3g} V (95 %: {v.low:.2g} to "
+        f"{v.high:.2g}) in v_q at {points} steady points ({decided}).",
+        (
+            f"Machine: flux against d-current, {len(sweep.i_d)} levels (own fit "
+            f"{sweep.own_flux:.4g} Wb)."
+        ),
     )
     cannot = (
         "The file holds v_q - R i_q against speed and i_d, no time series: no campaign, no replay.",
-        "i_q and v_d are not on file: an error of R, and device drop against dead time, cannot be told.",
-        "Link voltage and PWM frequency are not on file: a dead time follows from the voltage only by assuming them.",
+        (
+            "i_q and v_d are not on file: an error of R, and device drop against dead time, "
+            "cannot be told."
+        ),
+        (
+            "Link voltage and PWM frequency are not on file: a dead time follows from the "
+            "voltage only by assuming them."
+        ),
         "Nothing about motion, the current sensors or the encoder.",
     )
     return RealDrive(f"moteus_{sweep.name}", None, ("inverter voltage",), can, cannot)

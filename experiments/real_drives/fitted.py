@@ -1,4 +1,5 @@
-"""A fitted value with its unit and interval, and the delete-one-block jackknife the intervals come from."""
+"""A fitted value with its unit and interval, and the delete-one-block jackknife the intervals come
+from."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from scipy.stats import t as student
 
 @dataclass(frozen=True)
 class Fitted:
-    """A value in SI units with its 95 % interval; `basis` says in a few words what the interval accounts for."""
+    """A value in SI units with its 95 % interval; `basis` says in a few words what the interval
+    accounts for."""
 
     value: float
     low: float
@@ -36,10 +38,14 @@ def interval(value: float, error: float, freedom: int, unit: str, basis: str) ->
     return Fitted(float(value), float(value) - half, float(value) + half, unit, basis)
 
 
-def jackknife(fit: Callable[[np.ndarray], np.ndarray], blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (values (n,), standard errors (n,)) of `fit(mask)`, leaving out one block of samples at a time.
+def jackknife(
+    fit: Callable[[np.ndarray], np.ndarray], blocks: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (values (n,), standard errors (n,)) of `fit(mask)`, leaving out one block of samples
+    at a time.
 
-    `blocks` (samples,) numbers the block of each sample; residuals may be correlated inside a block, not across.
+    `blocks` (samples,) numbers the block of each sample; residuals may be correlated inside a
+    block, not across.
     """
     names = np.unique(blocks)
     left_out = np.array([fit(blocks != name) for name in names])

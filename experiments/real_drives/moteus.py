@@ -1,13 +1,16 @@
-"""moteus: dead time and device drop from steady running at several d-currents (data set `moteus_ld`).
+"""moteus: dead time and device drop from steady running at several d-currents (data set
+`moteus_ld`).
 
-The drive turned freely at commanded (v_d, v_q) and stored y = v_q - R i_q against the electrical speed.  With
-L_d(i_d) i_d + magnet flux as slope, what the inverter swallows is the intercept: a voltage V along the current,
+The drive turned freely at commanded (v_d, v_q) and stored y = v_q - R i_q against the electrical
+speed.  With L_d(i_d) i_d + magnet flux as slope, what the inverter swallows is the intercept: a
+voltage V along the current,
 
     y = omega (phi_m + L_d i_d) + V i_q / |i| + offset,
 
-so it stands in y at i_d = 0 and turns into the d axis, out of y, as soon as |i_d| >> i_q.  Not recorded: i_q, the
-DC link, the PWM frequency, v_d.  An error of R shows as a constant (Delta R) i_q, which `offset` absorbs: R itself
-cannot be told from these files.  The drive's own dead-time compensation, if any, is already inside.
+so it stands in y at i_d = 0 and turns into the d axis, out of y, as soon as |i_d| >> i_q.  Not
+recorded: i_q, the DC link, the PWM frequency, v_d.  An error of R shows as a constant (Delta R)
+i_q, which `offset` absorbs: R itself cannot be told from these files.  The drive's own dead-time
+compensation, if any, is already inside.
 """
 
 from __future__ import annotations
@@ -22,12 +25,14 @@ import numpy as np
 from experiments.real_drives.fitted import Fitted, interval
 from model.errors import BadInput
 
-NO_LOAD_CURRENT = np.geomspace(0.05, 3.0, 60)  # A, assumed: what motors of this size take turning freely
+# A, assumed: what motors of this size take turning freely
+NO_LOAD_CURRENT = np.geomspace(0.05, 3.0, 60)
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """One motor's file: per level of d-current (A) the speeds (rad/s electrical) and y = v_q - R i_q (V)."""
+    """One motor's file: per level of d-current (A) the speeds (rad/s electrical) and y = v_q - R
+    i_q (V)."""
 
     name: str
     pole_pairs: int
@@ -52,7 +57,8 @@ class Intercepts:
 
 @dataclass(frozen=True)
 class InverterDrop:
-    """Voltage along the current, the offset, the q-current of the roll-off (best, largest allowed), held-out errors."""
+    """Voltage along the current, the offset, the q-current of the roll-off (best, largest allowed),
+    held-out errors."""
 
     voltage: Fitted
     offset: Fitted
@@ -63,7 +69,9 @@ class InverterDrop:
 
     def model(self, i_d: np.ndarray) -> np.ndarray:
         """Return the intercept (V) at d-currents (A)."""
-        return self.voltage.value * self.current_q / np.hypot(self.current_q, i_d) + self.offset.value
+        return (
+            self.voltage.value * self.current_q / np.hypot(self.current_q, i_d) + self.offset.value
+        )
 
 
 def read(path: Path) -> Sweep:
@@ -82,7 +90,9 @@ def read(path: Path) -> Sweep:
             float(data["fit"]["B"]),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise BadInput(f"file '{path}' is no moteus sweep ({error!r}); see the data set 'moteus_ld'") from None
+        raise BadInput(
+            f"file '{path}' is no moteus sweep ({error!r}); see the data set 'moteus_ld'"
+        ) from None
 
 
 def intercepts(sweep: Sweep) -> Intercepts:
@@ -101,31 +111,44 @@ def intercepts(sweep: Sweep) -> Intercepts:
 
 
 def inverter_drop(lines: Intercepts) -> InverterDrop:
-    """Return the drop that explains a sweep's intercepts; levels other than i_d = 0 are left out in turn to predict."""
+    """Return the drop that explains a sweep's intercepts; levels other than i_d = 0 are left out in
+    turn to predict."""
     everything = np.ones(len(lines.i_d), bool)
     fits = [_fit(lines, everything, i_q) for i_q in NO_LOAD_CURRENT]
     costs = np.array([cost for _, _, cost in fits])
     best, freedom = int(np.argmin(costs)), len(lines.i_d) - 3
-    scale = max(1.0, costs[best] / freedom)  # misfit beyond the lines' own scatter widens the intervals
+    # misfit beyond the lines' own scatter widens the intervals
+    scale = max(1.0, costs[best] / freedom)
     allowed = np.flatnonzero(costs <= costs[best] + 3.84 * scale)
-    basis = "scatter of the lines' intercepts, widened by misfit; every q-current allowed by the roll-off"
+    basis = (
+        "scatter of the lines' intercepts, widened by misfit; every q-current allowed by the "
+        "roll-off"
+    )
     bounds = []
     for which in (0, 1):
-        parts = [interval(fits[k][0][which], math.sqrt(scale) * fits[k][1][which], freedom, "V", "") for k in allowed]
+        parts = [
+            interval(fits[k][0][which], math.sqrt(scale) * fits[k][1][which], freedom, "V", "")
+            for k in allowed
+        ]
         low, high = min(part.low for part in parts), max(part.high for part in parts)
         bounds.append(Fitted(float(fits[best][0][which]), low, high, "V", basis))
     with_drop, without = [], []
     for k in np.flatnonzero(lines.i_d != 0.0):
         kept = np.arange(len(lines.i_d)) != k
         i_q, (voltage, offset) = _best(lines, kept)
-        with_drop.append(lines.intercept[k] - voltage * i_q / math.hypot(i_q, lines.i_d[k]) - offset)
-        without.append(lines.intercept[k] - np.average(lines.intercept[kept], weights=lines.error[kept] ** -2))
+        with_drop.append(
+            lines.intercept[k] - voltage * i_q / math.hypot(i_q, lines.i_d[k]) - offset
+        )
+        without.append(
+            lines.intercept[k] - np.average(lines.intercept[kept], weights=lines.error[kept] ** -2)
+        )
     i_q, below = float(NO_LOAD_CURRENT[best]), float(NO_LOAD_CURRENT[allowed[-1]])
     return InverterDrop(bounds[0], bounds[1], i_q, below, _rms(with_drop), _rms(without))
 
 
 def dead_time(voltage: float, dc_link: float, pwm_frequency: float) -> float:
-    """Return the dead time (s) whose fundamental, 4/pi u_dc f T along the current, is `voltage` (V)."""
+    """Return the dead time (s) whose fundamental, 4/pi u_dc f T along the current, is `voltage`
+    (V)."""
     return math.pi / 4.0 * voltage / (dc_link * pwm_frequency)
 
 

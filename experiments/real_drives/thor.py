@@ -1,8 +1,10 @@
-"""THOR: iron loss, AC resistance and 6k harmonics of a PM-assisted SyRM from finite elements (data set `thor_fea`).
+"""THOR: iron loss, AC resistance and 6k harmonics of a PM-assisted SyRM from finite elements (data
+set `thor_fea`).
 
-SyR-e's file has d along the iron and the magnets along -q.  Here it is turned into this package's axes (d along the
-magnets): i_d = -i_q', i_q = i_d', likewise the fluxes, theta = theta' - 90°.  No measurement: no noise, and intervals
-say how well an equation describes the tables, not how well the tables describe a motor.
+SyR-e's file has d along the iron and the magnets along -q.  Here it is turned into this package's
+axes (d along the magnets): i_d = -i_q', i_q = i_d', likewise the fluxes, theta = theta' - 90°.  No
+measurement: no noise, and intervals say how well an equation describes the tables, not how well the
+tables describe a motor.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ RATED_FREQUENCY = 85.0  # Hz electrical, likewise
 
 @dataclass(frozen=True)
 class Thor:
-    """Tables over (i_d, i_q) in magnet axes; fluxes (n, n, 90) over theta; loss at `loss_frequency` and its flux."""
+    """Tables over (i_d, i_q) in magnet axes; fluxes (n, n, 90) over theta; loss at `loss_frequency`
+    and its flux."""
 
     pole_pairs: int
     resistance: float
@@ -43,7 +46,8 @@ class Thor:
     factor: np.ndarray
 
     def iron_loss(self, frequency: float | np.ndarray) -> np.ndarray:
-        """Return the iron and magnet loss (W) over the loss map at an electrical frequency (Hz), by SyR-e's rule."""
+        """Return the iron and magnet loss (W) over the loss map at an electrical frequency (Hz), by
+        SyR-e's rule."""
         ratio = frequency / self.loss_frequency
         return self.hysteresis * ratio**self.exponent + self.eddy * ratio**2
 
@@ -73,18 +77,24 @@ def read(path: Path) -> Thor:
             d["ac_factor"],
         )
     except (OSError, ValueError, KeyError) as error:
-        raise BadInput(f"file '{path}' is not THOR's tables ({error!r}); see the data set 'thor_fea'") from None
+        raise BadInput(
+            f"file '{path}' is not THOR's tables ({error!r}); see the data set 'thor_fea'"
+        ) from None
 
 
 def _turned(table: np.ndarray) -> np.ndarray:
-    """Return a table over (i_d', i_q', theta) as one over (i_d = -i_q', i_q = i_d', theta), both ascending."""
+    """Return a table over (i_d', i_q', theta) as one over (i_d = -i_q', i_q = i_d', theta), both
+    ascending."""
     return np.swapaxes(table.astype(float), 0, 1)[::-1]
 
 
-def core_resistance(thor: Thor, frequency: float, largest: float = RATED_CURRENT, smallest: float = 0.0) -> Fitted:
+def core_resistance(
+    thor: Thor, frequency: float, largest: float = RATED_CURRENT, smallest: float = 0.0
+) -> Fitted:
     """Return R_c (ohm): loss = 1.5 (omega |psi|)^2 / R_c over smallest <= |i| <= largest (A).
 
-    The interval is the spread over that current disk (2.5 to 97.5 % of the points), not an error of a mean.
+    The interval is the spread over that current disk (2.5 to 97.5 % of the points), not an error of
+    a mean.
     """
     inside = (np.abs(thor.loss_i) <= largest) & (np.abs(thor.loss_i) >= smallest)
     volts_squared = 1.5 * (2.0 * np.pi * frequency * np.abs(thor.loss_psi[inside])) ** 2
@@ -96,7 +106,8 @@ def core_resistance(thor: Thor, frequency: float, largest: float = RATED_CURRENT
 
 @dataclass(frozen=True)
 class SkinEffect:
-    """R_1 (ohm) and time constant (s) of drop = R i + R_1 (i - x), tau dx/dt = i - x; relative to `dc` (ohm)."""
+    """R_1 (ohm) and time constant (s) of drop = R i + R_1 (i - x), tau dx/dt = i - x; relative to
+    `dc` (ohm)."""
 
     resistance: Fitted
     time_constant: Fitted
@@ -108,13 +119,15 @@ class SkinEffect:
 
 
 def skin_factor(frequency: np.ndarray, ratio: float, time_constant: float) -> np.ndarray:
-    """Return 1 + ratio (omega tau)^2 / (1 + (omega tau)^2): the real part of the skin effect's impedance over R."""
+    """Return 1 + ratio (omega tau)^2 / (1 + (omega tau)^2): the real part of the skin effect's
+    impedance over R."""
     x = (2.0 * np.pi * frequency * time_constant) ** 2
     return 1.0 + ratio * x / (1.0 + x)
 
 
 def skin_effect(frequency: np.ndarray, factor: np.ndarray, dc: float) -> SkinEffect:
-    """Return the fit of the skin effect's first-order form to an AC resistance factor (jackknife over frequencies)."""
+    """Return the fit of the skin effect's first-order form to an AC resistance factor (jackknife
+    over frequencies)."""
 
     def fit(mask: np.ndarray) -> np.ndarray:
         """Return log of ratio and of time constant (s) fitted to a mask's frequencies."""
@@ -144,9 +157,11 @@ def phasors(thor: Thor, table: np.ndarray, order: int) -> tuple[np.ndarray, np.n
 
 
 def flux_harmonics(thor: Thor, order: int = 6) -> tuple[Fitted, Fitted]:
-    """Return (psi_d, psi_q) of a 6k order without current: psi_d cos(order theta), psi_q sin(order theta), Wb.
+    """Return (psi_d, psi_q) of a 6k order without current: psi_d cos(order theta), psi_q sin(order
+    theta), Wb.
 
-    The interval is the amplitude of the phase that symmetry forbids (sin in d, cos in q): what the mesh leaves.
+    The interval is the amplitude of the phase that symmetry forbids (sin in d, cos in q): what the
+    mesh leaves.
     """
     a, b = int(np.argmin(np.abs(thor.i_d))), int(np.argmin(np.abs(thor.i_q)))
     cos_d, sin_d = (float(x[a, b]) for x in phasors(thor, thor.psi_d, order))
@@ -159,10 +174,12 @@ def flux_harmonics(thor: Thor, order: int = 6) -> tuple[Fitted, Fitted]:
 
 
 def inductance_harmonic(thor: Thor, largest: float) -> tuple[Fitted, float, np.ndarray, np.ndarray]:
-    """Return (gamma_6 (1/H), explained share, seen, fitted) from the 6th flux harmonic's change with current.
+    """Return (gamma_6 (1/H), explained share, seen, fitted) from the 6th flux harmonic's change
+    with current.
 
-    H's term ½ gamma [cos 6θ (φ_d² - φ_q²) + 2 sin 6θ φ_d φ_q] moves the flux at a given current by -L δi, with
-    δi_d = gamma (cos 6θ φ_d + sin 6θ φ_q), δi_q = gamma (sin 6θ φ_d - cos 6θ φ_q) and L the incremental inductance.
+    H's term ½ gamma [cos 6θ (φ_d² - φ_q²) + 2 sin 6θ φ_d φ_q] moves the flux at a given current
+    by -L δi, with δi_d = gamma (cos 6θ φ_d + sin 6θ φ_q), δi_q = gamma (sin 6θ φ_d - cos 6θ φ_q)
+    and L the incremental inductance.
     """
     mean_d, mean_q = thor.psi_d.mean(axis=2), thor.psi_q.mean(axis=2)
     l_dd, l_dq = np.gradient(mean_d, thor.i_d, thor.i_q)
@@ -179,17 +196,25 @@ def inductance_harmonic(thor: Thor, largest: float) -> tuple[Fitted, float, np.n
     value, error = jackknife(lambda m: np.array([np.dot(x[m], y[m]) / np.dot(x[m], x[m])]), points)
     explained = 1.0 - float(np.sum((y - value[0] * x) ** 2) / np.sum(y**2))
     basis = "jackknife over current points"
-    return interval(value[0], error[0], int(inside.sum()) - 1, "1/H", basis), explained, y, value[0] * x
+    return (
+        interval(value[0], error[0], int(inside.sum()) - 1, "1/H", basis),
+        explained,
+        y,
+        value[0] * x,
+    )
 
 
 def harmonic_torque(thor: Thor, order: int = 6) -> tuple[np.ndarray, np.ndarray]:
-    """Return (from the fluxes' harmonics, from the torque table): complex amplitude (n, n) of a torque order, N m.
+    """Return (from the fluxes' harmonics, from the torque table): complex amplitude (n, n) of a
+    torque order, N m.
 
-    Torque = 1.5 p (ψ_d i_q - ψ_q i_d + ∂W'/∂θ), W' the co-energy ∫ψ·di from zero current plus the torque there.
+    Torque = 1.5 p (ψ_d i_q - ψ_q i_d + ∂W'/∂θ), W' the co-energy ∫ψ·di from zero current plus the
+    torque there.
     """
     grid_d, grid_q = np.meshgrid(thor.i_d, thor.i_q, indexing="ij")
     d, q, seen = (
-        (c - 1j * s) for c, s in (phasors(thor, table, order) for table in (thor.psi_d, thor.psi_q, thor.torque))
+        (c - 1j * s)
+        for c, s in (phasors(thor, table, order) for table in (thor.psi_d, thor.psi_q, thor.torque))
     )
     a, b = int(np.argmin(np.abs(thor.i_d))), int(np.argmin(np.abs(thor.i_q)))
     along_d = _integral(d[:, b], thor.i_d, a)

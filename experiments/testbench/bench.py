@@ -1,4 +1,5 @@
-"""One campaign: the bench is built, its twelve recordings are run and written in the recording format."""
+"""One campaign: the bench is built, its twelve recordings are run and written in the recording
+format."""
 
 import os
 import shutil
@@ -21,7 +22,8 @@ COLUMNS = ("u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc", "load_torq
 
 
 class Recording(NamedTuple):
-    """What a recording holds, and what really was: columns (n, 8) of COLUMNS; i_alpha, i_beta, speed, torque (n, 4)."""
+    """What a recording holds, and what really was: columns (n, 8) of COLUMNS; i_alpha, i_beta,
+    speed, torque (n, 4)."""
 
     plan: cycles.Plan
     columns: np.ndarray
@@ -44,7 +46,14 @@ def build(d: Design) -> CompiledDesign:
     i = drive.current
     pulse = min(0.4 * i * min(loaded_inductance(d)) / (4 * drive.period), 0.45 * drive.link)
     scale = cycles.Scale(
-        drive.period, i, drive.bias, drive.speed, d.torque, n["resistance"], pulse, -0.8 if d.map is None else -0.9
+        drive.period,
+        i,
+        drive.bias,
+        drive.speed,
+        d.torque,
+        n["resistance"],
+        pulse,
+        -0.8 if d.map is None else -0.9,
     )
     parts = (
         design.magnetics(d),
@@ -61,15 +70,19 @@ def loaded_inductance(d: Design) -> tuple[float, float]:
     l_d, l_q = d.nominal["inductance_d"], d.nominal["inductance_q"]
     if d.map is None:
         return l_d, l_q
-    _, _, jac = maps.flux(d.map, np.array(d.drive.bias * d.drive.current), np.array(d.drive.current))
+    _, _, jac = maps.flux(
+        d.map, np.array(d.drive.bias * d.drive.current), np.array(d.drive.current)
+    )
     return min(l_d, float(jac[0, 0])), min(l_q, float(jac[1, 1]))
 
 
 def control(b: CompiledDesign, axis: int) -> Control:
-    """The drive's controller, tuned on nominal values; it goes slower under injection, whose ripple it averages out."""
+    """The drive's controller, tuned on nominal values; it goes slower under injection, whose ripple
+    it averages out."""
     d, drive = b.design, b.design.drive
     bandwidth = (0.015 if axis else 0.1) / drive.period
-    steepest = d.torque / (d.nominal["inertia"] * 0.8 * drive.speed)  # a load step moves the speed by 0.3 of its rating
+    # a load step moves the speed by 0.3 of its rating
+    steepest = d.torque / (d.nominal["inertia"] * 0.8 * drive.speed)
     return Control(
         inductance=loaded_inductance(d),
         resistance=d.nominal["resistance"],
@@ -85,7 +98,9 @@ def control(b: CompiledDesign, axis: int) -> Control:
     )
 
 
-def references(b: CompiledDesign, plan: cycles.Plan, truth: Truth, rng: np.random.Generator) -> References:
+def references(
+    b: CompiledDesign, plan: cycles.Plan, truth: Truth, rng: np.random.Generator
+) -> References:
     """A plan with this bench's noise, jitter, errors of load and start."""
     d, drive, o = b.design, b.design.drive, truth.ordinary
     under_current = rng.uniform() < o["begins_under_current"]
@@ -118,10 +133,13 @@ def references(b: CompiledDesign, plan: cycles.Plan, truth: Truth, rng: np.rando
     )
 
 
-def record(b: CompiledDesign, plan: cycles.Plan, truth: Truth, rng: np.random.Generator) -> Recording:
+def record(
+    b: CompiledDesign, plan: cycles.Plan, truth: Truth, rng: np.random.Generator
+) -> Recording:
     """Run one recording.
 
-    Raises ArithmeticError where the drive leaves what its bench can hold (not finite, or three times rated current).
+    Raises ArithmeticError where the drive leaves what its bench can hold (not finite, or three
+    times rated current).
     """
     d, drive = b.design, b.design.drive
     c = references(b, plan, truth, rng)
@@ -137,7 +155,9 @@ def record(b: CompiledDesign, plan: cycles.Plan, truth: Truth, rng: np.random.Ge
     done = run(mag, loss, inv, mech, sens, control(b, plan.injection), c, y, b.step, out)
     peak = np.abs(out[:, 8:10]).max()
     if done < c.load.size or not peak < 3.0 * drive.current:
-        raise ArithmeticError(f"{drive.name}, {plan.name}: stops at sample {done}, peak {peak:.3g} A")
+        raise ArithmeticError(
+            f"{drive.name}, {plan.name}: stops at sample {done}, peak {peak:.3g} A"
+        )
     return Recording(plan, out[:, :8], out[:, 8:])
 
 
@@ -146,7 +166,8 @@ def recordings(truth: Truth, d: Design) -> list[Recording]:
     b = build(d)
     rng = generator(truth.seed, truth.kind, truth.index, "cycles")
     return [
-        record(b, p, truth, generator(truth.seed, truth.kind, truth.index, p.name)) for p in cycles.plans(b.scale, rng)
+        record(b, p, truth, generator(truth.seed, truth.kind, truth.index, p.name))
+        for p in cycles.plans(b.scale, rng)
     ]
 
 
@@ -161,11 +182,16 @@ def write(folder: Path, name: str, truth: Truth, d: Design) -> None:
             t = np.arange(len(r.columns)) * d.drive.period
             wide = ("theta",)
             columns = {"t": t} | {
-                c: r.columns[:, k].astype(np.float64 if c in wide else np.float32) for k, c in enumerate(COLUMNS)
+                c: r.columns[:, k].astype(np.float64 if c in wide else np.float32)
+                for k, c in enumerate(COLUMNS)
             }
-            pq.write_table(pa.table(columns), temporary / f"{r.plan.name}.parquet", compression="zstd")
+            pq.write_table(
+                pa.table(columns), temporary / f"{r.plan.name}.parquet", compression="zstd"
+            )
         if d.map is not None:
-            _write_map(temporary / "flux_map.csv", d, generator(truth.seed, truth.kind, truth.index, "map"))
+            _write_map(
+                temporary / "flux_map.csv", d, generator(truth.seed, truth.kind, truth.index, "map")
+            )
         (temporary / "campaign.toml").write_text(campaign_text(name, d, [r.plan for r in runs]))
         shutil.rmtree(folder / name, ignore_errors=True)
         os.replace(temporary, folder / name)
@@ -174,7 +200,8 @@ def write(folder: Path, name: str, truth: Truth, d: Design) -> None:
 
 
 def stated_map(d: Design, rng: np.random.Generator) -> maps.FluxMap:
-    """The map as its engineer knows it: other points than the true one's, each with the scatter of a measurement."""
+    """The map as its engineer knows it: other points than the true one's, each with the scatter of
+    a measurement."""
     assert d.map is not None
     reach = min(2.0 * d.drive.current, d.map.i_d[-1], d.map.i_q[-1])
     m = maps.resample(d.map, int(rng.integers(19, 26)), float(rng.uniform(0.0, 1.0)), float(reach))
@@ -235,14 +262,20 @@ def campaign_text(name: str, d: Design, plans: list[cycles.Plan]) -> str:
     ]
     axis = ("none", "d", "q")
     for p in plans:
-        entry = {"file": f"{p.name}.parquet", "rotor": cycles.ROTORS[p.rotor], "injection_axis": axis[p.injection]}
+        entry = {
+            "file": f"{p.name}.parquet",
+            "rotor": cycles.ROTORS[p.rotor],
+            "injection_axis": axis[p.injection],
+        }
         parts.append(_table("[recording]", dict(entry)))
     return "\n".join(p for p in parts if p)
 
 
 def injection_amplitude(d: Design) -> float:
-    """Amplitude (V) of the injection: a tenth of rated current as ripple, at most 12 % of the link."""
+    """Amplitude (V) of the injection: a tenth of rated current as ripple, at most 12 % of the
+    link."""
     drive = d.drive
     return min(
-        0.1 * drive.current * 4 * d.nominal["inductance_d"] / (INJECTION_PERIOD * drive.period), 0.12 * drive.link
+        0.1 * drive.current * 4 * d.nominal["inductance_d"] / (INJECTION_PERIOD * drive.period),
+        0.12 * drive.link,
     )

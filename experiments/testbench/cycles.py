@@ -1,7 +1,8 @@
 """The bench's own twelve recordings: what the controller is asked, sample by sample.
 
-Staircases, steps and crossings with a locked rotor; grids and idling at an imposed speed; load steps, a reversal
-and a coast-down with a free rotor.  Levels and times are drawn anew for each campaign.
+Staircases, steps and crossings with a locked rotor; grids and idling at an imposed speed; load
+steps, a reversal and a coast-down with a free rotor.  Levels and times are drawn anew for each
+campaign.
 """
 
 from typing import NamedTuple
@@ -13,7 +14,8 @@ from .types import CURRENT, DRIVEN, FREE, LOCKED, SPEED, VOLTAGE
 ROTORS = {LOCKED: "locked", DRIVEN: "driven", FREE: "free"}
 
 
-EDGE = 60  # samples of a change of level, so that a loop with two samples of delay follows without overshoot
+# samples of a change of level, so that a loop with two samples of delay follows without overshoot
+EDGE = 60
 
 
 class Plan(NamedTuple):
@@ -62,7 +64,10 @@ def _locked(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
     j = rng.uniform(0.9, 1.1)
     levels = [0.0, 0.4 * j, 0.8 * j, 1.15 * j, 0.6 * j, -0.3 * j, -0.7 * j, -1.0 * j, -0.2 * j]
     d = stairs(n, [i * max(v, s.least_bias) for v in levels])
-    q = stairs(n, [i * v for v in (0.0, 0.5 * j, 1.0 * j, 1.3 * j, 0.25 * j, -0.25 * j, -0.75 * j, -1.2 * j)])
+    q = stairs(
+        n,
+        [i * v for v in (0.0, 0.5 * j, 1.0 * j, 1.3 * j, 0.25 * j, -0.25 * j, -0.75 * j, -1.2 * j)],
+    )
     q2 = stairs(n, [i * v for v in (0.15, 0.45 * j, 0.9 * j, 1.25 * j, -0.6 * j, -1.1 * j, -0.1)])
     d2 = stairs(n, [i * s.bias * v for v in (0.0, 0.5, 1.0, 1.0, 0.5, 1.0, 0.0)])
     hold = n // 24
@@ -90,16 +95,38 @@ def _locked(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
 def _driven(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
     i, zero = s.current, np.zeros(n)
     a, b = rng.uniform(0.45, 0.6), rng.uniform(0.08, 0.13)
-    grid_d = [i * s.bias * v + i * w for v in (0, 1, 0.5) for w in (0.0, max(-0.3, s.least_bias), 0.25, 0.0)]
+    grid_d = [
+        i * s.bias * v + i * w
+        for v in (0, 1, 0.5)
+        for w in (0.0, max(-0.3, s.least_bias), 0.25, 0.0)
+    ]
     grid_q = [i * v for v in (0.0, 0.5, 1.0, -0.6, 0.3, 0.8, -1.1, 1.2, -0.2, 0.6, -0.9, 0.1)]
     order = rng.permutation(12)
     d, q = [grid_d[k] for k in order], [grid_q[k] for k in order]
     w_slow = stairs(n, [1.0, -1.0]) * b * s.speed
     back = [d[k] for k in rng.permutation(12)]
     return [
-        Plan("turned_fast", DRIVEN, CURRENT, 0, stairs(n, d), stairs(n, q), np.full(n, a * s.speed), zero),
+        Plan(
+            "turned_fast",
+            DRIVEN,
+            CURRENT,
+            0,
+            stairs(n, d),
+            stairs(n, q),
+            np.full(n, a * s.speed),
+            zero,
+        ),
         Plan("turned_slow", DRIVEN, CURRENT, 0, stairs(n, back), stairs(n, q), w_slow, zero),
-        Plan("turned_idle", DRIVEN, CURRENT, 0, zero, zero, ramp(n, [0.0, 0.6, 0.1, -0.6, 0.0]) * s.speed, zero),
+        Plan(
+            "turned_idle",
+            DRIVEN,
+            CURRENT,
+            0,
+            zero,
+            zero,
+            ramp(n, [0.0, 0.6, 0.1, -0.6, 0.0]) * s.speed,
+            zero,
+        ),
     ]
 
 
@@ -107,7 +134,9 @@ def _free(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
     zero = np.zeros(n)
     d = np.full(n, 0.6 * s.bias * s.current)
     a = rng.uniform(0.8, 1.0)
-    steps = stairs(n, [0.0, 0.5 * a * s.torque, 0.25 * a * s.torque, -0.35 * a * s.torque, 0.1 * s.torque])
+    steps = stairs(
+        n, [0.0, 0.5 * a * s.torque, 0.25 * a * s.torque, -0.35 * a * s.torque, 0.1 * s.torque]
+    )
     fast = stairs(n, [0.1 * s.torque, 0.8 * a * s.torque, 0.0, -0.6 * a * s.torque, 0.4 * s.torque])
     w_fast = np.minimum(ramp(n, [0.1, 0.55, 0.55, 0.55, 0.55, 0.35]), 0.55) * s.speed
     turn = ramp(n, [0.0, 0.3, 0.3, -0.3, -0.3, 0.05, -0.05, 0.05]) * s.speed
@@ -116,9 +145,27 @@ def _free(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
     coast = np.where(np.arange(n) < run, np.nan, 0.0)
     follow = np.full(n, np.nan)  # the speed controller asks for i_q
     return [
-        Plan("run_slow", FREE, SPEED, 1, d, follow, np.full(n, rng.uniform(0.06, 0.1) * s.speed), steps),
+        Plan(
+            "run_slow",
+            FREE,
+            SPEED,
+            1,
+            d,
+            follow,
+            np.full(n, rng.uniform(0.06, 0.1) * s.speed),
+            steps,
+        ),
         Plan("run_fast", FREE, SPEED, 0, d, follow, w_fast, fast),
-        Plan("turn_round", FREE, SPEED, 0, d * 0.5, follow, turn, np.full(n, 0.12 * s.torque) * np.sign(turn)),
+        Plan(
+            "turn_round",
+            FREE,
+            SPEED,
+            0,
+            d * 0.5,
+            follow,
+            turn,
+            np.full(n, 0.12 * s.torque) * np.sign(turn),
+        ),
         Plan("let_go", FREE, SPEED, 0, zero, coast, gone, zero),
     ]
 

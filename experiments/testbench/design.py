@@ -1,4 +1,5 @@
-"""A bench before it is built: nominal values that deviations and effects change, then the compiled containers."""
+"""A bench before it is built: nominal values that deviations and effects change, then the compiled
+containers."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -176,7 +177,8 @@ def magnetics(d: Design) -> Magnetics:
 
 
 def true_map(d: Design) -> maps.FluxMap:
-    """The map with the deviations and effects of a design: W(c_d i_d, c_q i_q) has L = c^2 L_0, so stays reciprocal."""
+    """The map with the deviations and effects of a design: W(c_d i_d, c_q i_q) has L = c^2 L_0, so
+    stays reciprocal."""
     assert d.map is not None
     t, n = d.true, d.nominal
     m = maps.sooner(d.map, d.sooner) if d.sooner else d.map
@@ -185,7 +187,9 @@ def true_map(d: Design) -> maps.FluxMap:
     c_q = np.sqrt(t["inductance_q"] / n["inductance_q"])
     a, b = np.meshgrid(m.i_d, m.i_q, indexing="ij")
     psi_d, psi_q, _ = maps.flux(m, c_d * a, c_q * b)
-    return maps.FluxMap(m.i_d, m.i_q, t["magnet_flux"] + c_d * (psi_d - n["magnet_flux"]), c_q * psi_q)
+    return maps.FluxMap(
+        m.i_d, m.i_q, t["magnet_flux"] + c_d * (psi_d - n["magnet_flux"]), c_q * psi_q
+    )
 
 
 def losses(d: Design) -> Losses:
@@ -201,7 +205,9 @@ def losses(d: Design) -> Losses:
 
 def inverter(d: Design) -> Inverter:
     """Legs and link."""
-    return Inverter(period=d.drive.period, link=d.drive.link, **{k: fixed(v) for k, v in d.inv.items()})
+    return Inverter(
+        period=d.drive.period, link=d.drive.link, **{k: fixed(v) for k, v in d.inv.items()}
+    )
 
 
 def mechanics(d: Design) -> Mechanics:
@@ -229,7 +235,8 @@ def sensors(d: Design) -> Sensors:
 
 
 def shortest(d: Design) -> float:
-    """Longest step (s) of the integrator: a sixth of the period, 0.7 of the shortest time constant that is at work."""
+    """Longest step (s) of the integrator: a sixth of the period, 0.7 of the shortest time constant
+    that is at work."""
     taus = [t for g, t in [*d.loss["skin"], *d.loss["eddy"]] if g > 0]
     if d.sens["filter"][0] > 0:
         taus.append(d.sens["filter"][1])

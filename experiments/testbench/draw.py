@@ -1,4 +1,5 @@
-"""The draw: which drive, which causes, how large, and everything else that is ordinary about a bench."""
+"""The draw: which drive, which causes, how large, and everything else that is ordinary about a
+bench."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -24,7 +25,8 @@ class Truth:
     seed: int
     index: int
     drive: str
-    causes: list[dict[str, Any]] = field(default_factory=list)  # name, form, size, parameters, with_background, note
+    # name, form, size, parameters, with_background, note
+    causes: list[dict[str, Any]] = field(default_factory=list)
     outside: list[dict[str, Any]] = field(default_factory=list)
     deviations: dict[str, float] = field(default_factory=dict)
     background: dict[str, Any] = field(default_factory=dict)
@@ -39,7 +41,8 @@ def generator(seed: int, kind: str, index: int, use: str) -> np.random.Generator
 
 
 def draw(kind: str, seed: int, index: int = 0, folder: Path | None = None) -> tuple[Truth, Design]:
-    """A truth of `kind` (one of KINDS) and the bench that has it; without a folder of maps only drives without a map.
+    """A truth of `kind` (one of KINDS) and the bench that has it; without a folder of maps only
+    drives without a map.
 
     Raises ValueError for an unknown kind.
     """
@@ -78,7 +81,9 @@ def draw(kind: str, seed: int, index: int = 0, folder: Path | None = None) -> tu
     return truth, d
 
 
-def _put(d: Design, truth: Truth, name: str, sizes: tuple[float, ...], rng: np.random.Generator) -> None:
+def _put(
+    d: Design, truth: Truth, name: str, sizes: tuple[float, ...], rng: np.random.Generator
+) -> None:
     size = float(rng.choice(sizes))
     own = bool(rng.integers(2)) and name not in effects.ONLY_LIBRARY_FORM
     if d.map is not None and name in ("saturation", "cross_saturation"):
@@ -90,7 +95,8 @@ def _put(d: Design, truth: Truth, name: str, sizes: tuple[float, ...], rng: np.r
 
 
 def _with_background(d: Design, name: str, parameters: dict[str, float]) -> dict[str, float]:
-    """The same parameters where the bench's ordinary deviation adds to them: what a reading of the whole would give."""
+    """The same parameters where the bench's ordinary deviation adds to them: what a reading of the
+    whole would give."""
     gain, offset = d.sens["gain"], d.sens["offset"]
     whole = {
         "gain_a": gain[0] / gain[2],
@@ -110,7 +116,8 @@ def _normal(rng: np.random.Generator, sigma: float) -> float:
 
 
 def _deviate(d: Design, truth: Truth, rng: np.random.Generator) -> None:
-    """Deviations of the size that [uncertainty] and [background] state, and what is ordinary of the recordings."""
+    """Deviations of the size that [uncertainty] and [background] state, and what is ordinary of the
+    recordings."""
     for key, sigma in UNCERTAINTY.items():
         if key in d.true and not (d.map is not None and key in ALPHAS):
             d.true[key] = d.nominal[key] * (1 + _normal(rng, sigma))

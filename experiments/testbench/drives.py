@@ -1,6 +1,7 @@
 """The benches' drives, from 10 W to 100 kW; every value says where it comes from.
 
-`source` names what is printed; all else is chosen here and marked in `chosen`.  Currents are peak values.
+`source` names what is printed; all else is chosen here and marked in `chosen`.  Currents are peak
+values.
 """
 
 from typing import NamedTuple
@@ -19,7 +20,8 @@ class Drive(NamedTuple):
     resistance: float
     magnet: float  # Wb (map: flux at zero current)
     inductance: tuple[float, float]  # H at zero current (map: filled from it)
-    saturation: tuple[float, float, float, float, float]  # relative terms at rated current: 30, 12, 40, 22, 04
+    # relative terms at rated current: 30, 12, 40, 22, 04
+    saturation: tuple[float, float, float, float, float]
     current: float  # A peak, rated
     bias: float  # i_d reference under load over the rated current
     inertia: float
@@ -36,7 +38,8 @@ class Drive(NamedTuple):
 DRIVES = (
     Drive(
         name="gimbal_10w",
-        source="no single data sheet: what makers state of gimbal motors of the size 2804, 12N14P (7 pole pairs, about "
+        source="no single data sheet: what makers state of gimbal motors of the size 2804, "
+        "12N14P (7 pole pairs, about "
         "2.8 ohm and 0.86 mH a phase, KV 140 rpm/V; flux = 60 / (2 pi sqrt3 KV 7))",
         chosen="inertia, saturation, drive",
         power=10.0,
@@ -58,8 +61,9 @@ DRIVES = (
     ),
     Drive(
         name="flat_30w",
-        source="maxon EC 45 flat 30 W, 24 V winding (catalogue): 8 pole pairs, 4.83 ohm and 2.24 mH between terminals, "
-        "51 mN m/A, 92.5 g cm^2, 24 V, 4380 rpm without load; a phase has half, flux = 51e-3 / (sqrt3 8)",
+        source="maxon EC 45 flat 30 W, 24 V winding (catalogue): 8 pole pairs, 4.83 ohm and "
+        "2.24 mH between terminals, 51 mN m/A, 92.5 g cm^2, 24 V, 4380 rpm without load; a phase "
+        "has half, flux = 51e-3 / (sqrt3 8)",
         chosen="saturation, saliency 1.06, drive",
         power=30.0,
         pole_pairs=8,
@@ -80,8 +84,8 @@ DRIVES = (
     ),
     Drive(
         name="bly172s_53w",
-        source="Anaheim BLY172S-24V-4000, 53 W, 4000 rpm, as Texas Instruments' motor file states it: 4 pole pairs, "
-        "0.411 ohm, 0.709 mH, 0.0328 V/Hz (flux = that / 2 pi), 5 A",
+        source="Anaheim BLY172S-24V-4000, 53 W, 4000 rpm, as Texas Instruments' motor file "
+        "states it: 4 pole pairs, 0.411 ohm, 0.709 mH, 0.0328 V/Hz (flux = that / 2 pi), 5 A",
         chosen="saliency 1.12, inertia, saturation, drive",
         power=53.0,
         pole_pairs=4,
@@ -102,7 +106,8 @@ DRIVES = (
     ),
     Drive(
         name="servo_400w",
-        source="Estun EMJ-04APB22, 400 W, as Texas Instruments' motor file states it: 4 pole pairs, 2.368 ohm, "
+        source="Estun EMJ-04APB22, 400 W, as Texas Instruments' motor file states it: 4 pole "
+        "pairs, 2.368 ohm, "
         "8.366 mH, 0.3905 V/Hz (flux = that / 2 pi), inertia 3.1e-5 kg m^2, 10 000 counts",
         chosen="saliency 1.1, saturation, drive",
         power=400.0,
@@ -124,8 +129,9 @@ DRIVES = (
     ),
     Drive(
         name="ipm_2kw",
-        source="2.2 kW, 1500 rpm, 4.3 A rms: 3 pole pairs, 3.6 ohm, 36 and 51 mH, 0.545 Wb, 0.015 kg m^2 (Harnefors; "
-        "used in many papers of the Aalto group, e.g. Hinkkan et al., IEEE Trans. Ind. Appl. 52(4), 2016)",
+        source="2.2 kW, 1500 rpm, 4.3 A rms: 3 pole pairs, 3.6 ohm, 36 and 51 mH, 0.545 Wb, "
+        "0.015 kg m^2 (Harnefors; used in many papers of the Aalto group, e.g. Hinkkan et al., "
+        "IEEE Trans. Ind. Appl. 52(4), 2016)",
         chosen="saturation, drive",
         power=2200.0,
         pole_pairs=3,
@@ -146,8 +152,9 @@ DRIVES = (
     ),
     Drive(
         name="axial_100kw",
-        source="EMRAX 228 medium voltage, combined cooling, 100 kW class (maker's data as a university drive model "
-        "repeats them): 10 pole pairs, 76 and 79 uH, 0.0355 Wb, 0.0421 kg m^2, 470 V, 160 A rms continuous",
+        source="EMRAX 228 medium voltage, combined cooling, 100 kW class (maker's data as a "
+        "university drive model repeats them): 10 pole pairs, 76 and 79 uH, 0.0355 Wb, 0.0421 kg "
+        "m^2, 470 V, 160 A rms continuous",
         chosen="7.5 mohm cold (the model's 60 mohm includes cables), saturation, drive",
         power=100e3,
         pole_pairs=10,
@@ -168,8 +175,8 @@ DRIVES = (
     ),
     Drive(
         name="pmsyrm_baldor",
-        source="Baldor ECS101M0H7EF4, 5.6 kW, 2 pole pairs, 8.8 A rms, 0.63 ohm, 0.05 kg m^2, 540 V: flux map measured "
-        "at 400 rpm (motulator's data sets, Aalto University)",
+        source="Baldor ECS101M0H7EF4, 5.6 kW, 2 pole pairs, 8.8 A rms, 0.63 ohm, 0.05 kg "
+        "m^2, 540 V: flux map measured at 400 rpm (motulator's data sets, Aalto University)",
         chosen="drive",
         power=5600.0,
         pole_pairs=2,
@@ -191,8 +198,8 @@ DRIVES = (
     ),
     Drive(
         name="hsm_28kw",
-        source="Brusa HSM1.10.18.04, 25-28 kW, 5 pole pairs, 78 A rms, 283 V, 408 Hz, 49 N m: flux map measured "
-        "(motulator's data sets)",
+        source="Brusa HSM1.10.18.04, 25-28 kW, 5 pole pairs, 78 A rms, 283 V, 408 Hz, 49 N "
+        "m: flux map measured (motulator's data sets)",
         chosen="17 mohm, 0.016 kg m^2, drive",
         power=28e3,
         pole_pairs=5,
@@ -214,7 +221,8 @@ DRIVES = (
     ),
     Drive(
         name="thor_5kw",
-        source="THOR, 5 kW PM-assisted synchronous reluctance motor of the SyR-e project: 2 pole pairs, 0.1967 ohm, "
+        source="THOR, 5 kW PM-assisted synchronous reluctance motor of the SyR-e project: 2 "
+        "pole pairs, 0.1967 ohm, "
         "22 A, 310 V, 0.00423 kg m^2; flux maps, core losses and harmonics by finite elements",
         chosen="drive",
         power=5000.0,
@@ -239,7 +247,8 @@ DRIVES = (
 
 
 def alphas(drive: Drive) -> np.ndarray:
-    """The five coefficients whose relative terms at rated current are `saturation`: 30, 12, 40, 22, 04.
+    """The five coefficients whose relative terms at rated current are `saturation`: 30, 12, 40, 22,
+    04.
 
     With f = L I: 3 a30 f_d^2, a12 f_q^2 ... over the linear current, e.g. a30 = r30 / (3 L_d^2 I).
     """

@@ -1,7 +1,9 @@
-"""Causes that are put into a bench: those the library names, in its form or in another one, and those outside it.
+"""Causes that are put into a bench: those the library names, in its form or in another one, and
+those outside it.
 
-Each function takes the design, a signed size (1: medium), whether the form is the bench's own, and a generator; it
-changes the design and returns the library's parameters where they compare, and one sentence about the form.
+Each function takes the design, a signed size (1: medium), whether the form is the bench's own, and
+a generator; it changes the design and returns the library's parameters where they compare, and one
+sentence about the form.
 """
 
 from collections.abc import Callable
@@ -26,7 +28,9 @@ def stator_resistance(d: Design, size: float, own: bool, rng: np.random.Generato
     d.true["resistance"] = value
     if own:
         d.loss["drift"] = 0.1 * (value / d.nominal["resistance"] - 1) / 1.5
-        return {"resistance": value}, "and it goes on changing within a recording (heat): a tenth of the error in 1.5 s"
+        return {
+            "resistance": value
+        }, "and it goes on changing within a recording (heat): a tenth of the error in 1.5 s"
     return {"resistance": value}, LIBRARY_FORM
 
 
@@ -52,7 +56,9 @@ def saturation(d: Design, size: float, own: bool, rng: np.random.Generator) -> R
         return {}, "the published map saturates sooner or later: psi(f i)/f"
     if not own:
         for a in ALPHAS:
-            d.true[a] = d.nominal[a] * (1 + 0.3 * min(size, 2.0) * rng.uniform(0.5, 1.2) * _sign(rng))
+            d.true[a] = d.nominal[a] * (
+                1 + 0.3 * min(size, 2.0) * rng.uniform(0.5, 1.2) * _sign(rng)
+            )
         return {a: d.true[a] for a in ALPHAS}, LIBRARY_FORM
     i, s, t = d.drive.current, float(rng.choice([3.0, 5.0])), float(rng.choice([1.0, 2.0]))
     f_d, f_q = d.true["inductance_d"] * i, d.true["inductance_q"] * i
@@ -67,7 +73,9 @@ def cross_saturation(d: Design, size: float, own: bool, rng: np.random.Generator
         return {}, "the part of the published map that crosses the axes is smaller"
     if not own:
         for a in ("alpha_12", "alpha_22"):
-            d.true[a] = d.nominal[a] * (1 + 0.4 * min(size, 2.0) * rng.uniform(0.6, 1.2) * _sign(rng))
+            d.true[a] = d.nominal[a] * (
+                1 + 0.4 * min(size, 2.0) * rng.uniform(0.6, 1.2) * _sign(rng)
+            )
         return {a: d.true[a] for a in ("alpha_12", "alpha_22")}, LIBRARY_FORM
     i = d.drive.current
     f_d, f_q = d.true["inductance_d"] * i, d.true["inductance_q"] * i
@@ -102,7 +110,9 @@ def inductance_harmonics(d: Design, size: float, own: bool, rng: np.random.Gener
 def iron_loss(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
     """Put the cause `iron_loss` into a bench."""
     w = d.drive.pole_pairs * d.drive.speed
-    psi = float(np.hypot(d.nominal["magnet_flux"], d.nominal["inductance_q"] * d.drive.current * 0.7))
+    psi = float(
+        np.hypot(d.nominal["magnet_flux"], d.nominal["inductance_q"] * d.drive.current * 0.7)
+    )
     e, i = w * psi, 0.03 * size * d.drive.current  # core current at rated speed
     tau = float(rng.uniform(0.1e-3, 0.3e-3))
     if not own:
@@ -113,7 +123,8 @@ def iron_loss(d: Design, size: float, own: bool, rng: np.random.Generator) -> Re
     r = 0.15 * psi
     d.loss["hysteresis"] = np.array([0.25 * i / r, r])
     text = (
-        "Bertotti: eddy currents in three modes of a lamination, excess loss by the root, hysteresis by a play operator"
+        "Bertotti: eddy currents in three modes of a lamination, excess loss by the root, "
+        "hysteresis by a play operator"
     )
     return {"core_resistance": e / i}, text
 
@@ -158,9 +169,13 @@ def dead_time(d: Design, size: float, own: bool, rng: np.random.Generator) -> Re
     share = rng.uniform(0.03, 0.12)
     d.inv["dead_time"] = time
     d.inv["capacitance"] = share * d.drive.current * time / d.drive.link
-    return {
-        "time": time
-    }, f"switches, diodes and capacitance: the leg just slews over in the dead time at {share:.3f} of rated current"
+    return (
+        {"time": time},
+        (
+            "switches, diodes and capacitance: the leg just slews over in the dead time at "
+            f"{share:.3f} of rated current"
+        ),
+    )
 
 
 def device_drop(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
@@ -188,7 +203,9 @@ def dc_link_error(d: Design, size: float, own: bool, rng: np.random.Generator) -
         return {"gain_error": gain}, LIBRARY_FORM
     ohm = 0.01 * size * d.drive.link**2 / max(d.drive.power, 1.5 * d.torque * d.drive.speed)
     _source(d, ohm, 0.0)
-    return {"gain_error": gain}, "link with capacitor behind a source with impedance: it sags under load, too"
+    return {
+        "gain_error": gain
+    }, "link with capacitor behind a source with impedance: it sags under load, too"
 
 
 def _source(d: Design, ohm: float, ripple: float) -> None:
@@ -197,14 +214,24 @@ def _source(d: Design, ohm: float, ripple: float) -> None:
     power = 1.5 * d.torque * d.drive.speed
     z = 0.12 * d.drive.link**2 / power  # characteristic impedance
     w = 2 * np.pi * 90.0
-    s[:] = 1.0, max(s[1] if s[0] > 0 else 0.0, ohm, 0.25 * z), z / w, 1 / (z * w), max(s[4], ripple), s[5]
+    s[:] = (
+        1.0,
+        max(s[1] if s[0] > 0 else 0.0, ohm, 0.25 * z),
+        z / w,
+        1 / (z * w),
+        max(s[4], ripple),
+        s[5],
+    )
 
 
 def dc_link_ripple(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
     """Put the cause `dc_link_ripple` into a bench."""
     if not own:
         amplitude = 0.015 * size * d.drive.link
-        f, phase = float(rng.choice([100.0, 120.0, 300.0, 360.0])), float(rng.uniform(-np.pi, np.pi))
+        f, phase = (
+            float(rng.choice([100.0, 120.0, 300.0, 360.0])),
+            float(rng.uniform(-np.pi, np.pi)),
+        )
         d.inv["ripple"] = np.array([amplitude, f, phase])
         return {"amplitude": amplitude, "frequency": f, "phase": phase}, LIBRARY_FORM
     line = float(rng.choice([50.0, 60.0]))
@@ -246,12 +273,21 @@ def current_gain(d: Design, size: float, own: bool, rng: np.random.Generator) ->
 
 def current_offset(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
     """Put the cause `current_offset` into a bench."""
-    a, b = 0.012 * size * d.drive.current * rng.uniform(0.5, 1.3, 2) * np.array([_sign(rng), _sign(rng)])
+    a, b = (
+        0.012
+        * size
+        * d.drive.current
+        * rng.uniform(0.5, 1.3, 2)
+        * np.array([_sign(rng), _sign(rng)])
+    )
     offset = np.array([a, b, -a - b])
     d.sens["offset"] = d.sens["offset"] + offset
     if own:
         d.sens["offset_drift"] = d.sens["offset_drift"] + 0.25 * offset
-        return {"offset_a": float(a), "offset_b": float(b)}, "the offset grows by a quarter each second of a recording"
+        return {
+            "offset_a": float(a),
+            "offset_b": float(b),
+        }, "the offset grows by a quarter each second of a recording"
     return {"offset_a": float(a), "offset_b": float(b)}, LIBRARY_FORM
 
 
@@ -304,8 +340,12 @@ def coulomb_friction(d: Design, size: float, own: bool, rng: np.random.Generator
         d.mech["coulomb"] = np.array([t, 2.0])
         return {"torque": t, "width": 2.0}, LIBRARY_FORM
     rise = float(rng.uniform(1.2, 1.7))
-    d.mech["lugre"] = np.array([t, rise * t, 0.02 * d.drive.speed, t / 2e-3, 0.02 * t / (0.01 * d.drive.speed)])
-    return {"torque": t}, f"LuGre: breaks away at {rise:.2f} of the sliding torque, Stribeck, bristles of 2 mrad"
+    d.mech["lugre"] = np.array(
+        [t, rise * t, 0.02 * d.drive.speed, t / 2e-3, 0.02 * t / (0.01 * d.drive.speed)]
+    )
+    return {
+        "torque": t
+    }, f"LuGre: breaks away at {rise:.2f} of the sliding torque, Stribeck, bristles of 2 mrad"
 
 
 def viscous_friction(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
@@ -321,7 +361,10 @@ def cogging_torque(d: Design, size: float, own: bool, rng: np.random.Generator) 
     a, phase = 0.03 * size * d.torque, float(rng.uniform(-np.pi, np.pi))
     rows = [[a, order, phase]]
     if own:
-        rows += [[0.5 * a, d.drive.slots, rng.uniform(-3, 3)], [0.35 * a, 2 * d.drive.pole_pairs, rng.uniform(-3, 3)]]
+        rows += [
+            [0.5 * a, d.drive.slots, rng.uniform(-3, 3)],
+            [0.35 * a, 2 * d.drive.pole_pairs, rng.uniform(-3, 3)],
+        ]
         rows += [[0.25 * a, 2 * order, rng.uniform(-3, 3)]]
     d.mech["cogging"] = np.array(rows, float)
     text = "orders of slots, poles, their common multiple and twice it" if own else LIBRARY_FORM
@@ -415,7 +458,9 @@ def slipping_encoder(d: Design, size: float, own: bool, rng: np.random.Generator
 
 def periodic_load(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
     """Put the cause `periodic_load` into a bench."""
-    d.mech["periodic"] = np.array([0.06 * size * d.torque, float(rng.choice([0.37, 1.62, 2.71])), rng.uniform(-3, 3)])
+    d.mech["periodic"] = np.array(
+        [0.06 * size * d.torque, float(rng.choice([0.37, 1.62, 2.71])), rng.uniform(-3, 3)]
+    )
     return {}, "a load torque that turns with another shaft (belt), asked by nobody"
 
 

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.signal import lfilter
 
-# Harmonics of the flux by finite elements: THOR (SyR-e project), 22 A on q, 8.8 A against the magnet; rows: order, then
-# psi_d cos, psi_d sin, psi_q cos, psi_q sin over the flux of 0.435 Wb.
+# Harmonics of the flux by finite elements: THOR (SyR-e project), 22 A on q, 8.8 A against the
+# magnet; rows: order, then psi_d cos, psi_d sin, psi_q cos, psi_q sin over the flux of 0.435 Wb.
 FINITE_ELEMENT_HARMONICS = np.array(
     [
         [6, 2.58e-3, 4.61e-3, -1.53e-3, -2.36e-3],
@@ -27,11 +27,15 @@ def dowell(ratio: np.ndarray, layers: int) -> np.ndarray:
     return x * (own + 2 * (layers**2 - 1) / 3 * near)
 
 
-def dowell_branches(rise: float, at: float, layers: int, highest: float) -> tuple[np.ndarray, float]:
-    """Four parallel branches (R_k over R_dc, time constant) whose resistance follows Dowell's curve up to `highest` Hz.
+def dowell_branches(
+    rise: float, at: float, layers: int, highest: float
+) -> tuple[np.ndarray, float]:
+    """Four parallel branches (R_k over R_dc, time constant) whose resistance follows Dowell's curve
+    up to `highest` Hz.
 
-    `rise`: R_ac/R_dc - 1 at the frequency `at` (Hz).  Branch k adds R_k (w tau)^2/(1 + (w tau)^2); the R_k come from
-    non-negative least squares.  Returns also the largest error of the fit relative to R_ac.
+    `rise`: R_ac/R_dc - 1 at the frequency `at` (Hz).  Branch k adds R_k (w tau)^2/(1 + (w tau)^2);
+    the R_k come from non-negative least squares.  Returns also the largest error of the fit
+    relative to R_ac.
     """
     low, high = 1e-3, 6.0
     for _ in range(60):
@@ -53,10 +57,11 @@ def dowell_branches(rise: float, at: float, layers: int, highest: float) -> tupl
 
 
 def lamination(conductance: float, tau: float) -> np.ndarray:
-    """Eddy-current admittance of a lamination as three modes (share of the conductance, time constant).
+    """Eddy-current admittance of a lamination as three modes (share of the conductance, time
+    constant).
 
-    Flux diffusion through a sheet: modes with time constants tau/(2k-1)^2 that share 8/(pi^2 (2k-1)^2); the rest of the
-    sum is given to the third.
+    Flux diffusion through a sheet: modes with time constants tau/(2k-1)^2 that share 8/(pi^2
+    (2k-1)^2); the rest of the sum is given to the third.
     """
     k = np.array([1.0, 3.0, 5.0])
     share = 8 / (np.pi * k) ** 2
@@ -64,10 +69,15 @@ def lamination(conductance: float, tau: float) -> np.ndarray:
     return np.column_stack([conductance * share, tau / k**2])
 
 
-def coloured(rng: np.random.Generator, n: int, columns: int, sigma: float, colour: float) -> np.ndarray:
-    """(n, columns) noise of standard deviation sigma: half its power white, half of first order (pole `colour`)."""
+def coloured(
+    rng: np.random.Generator, n: int, columns: int, sigma: float, colour: float
+) -> np.ndarray:
+    """(n, columns) noise of standard deviation sigma: half its power white, half of first order
+    (pole `colour`)."""
     white = rng.standard_normal((n, columns))
     if colour == 0.0:
         return sigma * white
-    slow = lfilter([np.sqrt(1 - colour**2)], [1, -colour], rng.standard_normal((n, columns)), axis=0)
+    slow = lfilter(
+        [np.sqrt(1 - colour**2)], [1, -colour], rng.standard_normal((n, columns)), axis=0
+    )
     return sigma * np.sqrt(0.5) * (white + slow)

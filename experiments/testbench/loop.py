@@ -43,7 +43,8 @@ def pop(times, kinds, count, x):
 
 @njit(cache=True)
 def modulate(inv, start, u_alpha, u_beta, link_read, times, kinds, count):
-    """Edges of one period: centred pulses, D = 1/2 + (v + v_0)/u_dc, v_0 by min and max, rounded to counter steps."""
+    """Edges of one period: centred pulses, D = 1/2 + (v + v_0)/u_dc, v_0 by min and max, rounded to
+    counter steps."""
     v = (u_alpha, -0.5 * u_alpha + 0.5 * ROOT3 * u_beta, -0.5 * u_alpha - 0.5 * ROOT3 * u_beta)
     zero = -0.5 * (max(v[0], v[1], v[2]) + min(v[0], v[1], v[2]))
     early = max(0.0, -inv.dead_time_ideal)  # an over-compensated edge is decided this much before
@@ -62,14 +63,17 @@ CLOSE = 4  # an event kind of CLOSE + HIGH or LOW closes a switch after a dead t
 
 @njit(cache=True)
 def gate(inv, x, kind, t, current, y, legs, times, kinds, count, mag, loss, memory):
-    """An event of leg x at time t: a commanded edge, or a switch that closes after its dead time."""
+    """An event of leg x at time t: a commanded edge, or a switch that closes after its dead
+    time."""
     if kind >= CLOSE:
         switch(x, kind - CLOSE, t, y, legs, mag, loss, inv, memory)
         return
     shift = 0.0
     if inv.dead_time_ideal != 0.0:
         s = max(-1.0, min(1.0, current / inv.zone))
-        shift = inv.dead_time_ideal * max(s if kind == HIGH else -s, 0.0) + max(0.0, -inv.dead_time_ideal)
+        shift = inv.dead_time_ideal * max(s if kind == HIGH else -s, 0.0) + max(
+            0.0, -inv.dead_time_ideal
+        )
     if inv.dead_time > 0.0:
         if shift > 0.0:
             push(times, kinds, count, x, t + shift + inv.dead_time, CLOSE + kind)
@@ -97,7 +101,8 @@ def seen_current(sens, mag, loss, y, memory, x):
 
 @njit(cache=True)
 def read_current(sens, x, i, t, noise, remanence):
-    """What sensor x gives for a current: gain with a cubic, offset with drift, play, soft limit, noise, resolution."""
+    """What sensor x gives for a current: gain with a cubic, offset with drift, play, soft limit,
+    noise, resolution."""
     if sens.hysteresis > 0.0:
         remanence[x] = min(max(remanence[x], i - sens.hysteresis), i + sens.hysteresis)
         i = remanence[x]
@@ -154,7 +159,9 @@ def command(ctl, references, inv, memo, k, i_abc, theta, link_read, ring):
             r_q = ctl.speed_bandwidth * ctl.inertia / ctl.torque_constant * e + memo[2]
             held = min(max(r_q, -ctl.limit), ctl.limit)
             if held == r_q:
-                memo[2] += ts * 0.25 * ctl.speed_bandwidth**2 * ctl.inertia / ctl.torque_constant * e
+                memo[2] += (
+                    ts * 0.25 * ctl.speed_bandwidth**2 * ctl.inertia / ctl.torque_constant * e
+                )
             r_q = held
         b = ctl.bandwidth
         e_d, e_q = r_d - i_d, r_q - i_q
@@ -184,7 +191,8 @@ def command(ctl, references, inv, memo, k, i_abc, theta, link_read, ring):
 def run(mag, loss, inv, mech, sens, ctl, references, y, step, out):
     """Run a recording from state y.
 
-    `out` (n, 12): u_alpha, u_beta, i_a, i_b, i_c, theta, u_dc, load; then the truth: i_alpha, i_beta, speed, torque.
+    `out` (n, 12): u_alpha, u_beta, i_a, i_b, i_c, theta, u_dc, load; then the truth: i_alpha,
+    i_beta, speed, torque.
     """
     ts = inv.period
     n_total = references.reference_d.size
@@ -235,7 +243,9 @@ def run(mag, loss, inv, mech, sens, ctl, references, y, step, out):
                 if not done[x] and t0 + sens.delay[x] < stop:
                     stop, leg, sample = t0 + sens.delay[x], -1, x
             if stop > t:
-                advance(t, stop, y, step, work, trial, legs, mag, loss, inv, mech, sens, world, memory)
+                advance(
+                    t, stop, y, step, work, trial, legs, mag, loss, inv, mech, sens, world, memory
+                )
                 t = stop
             if sample >= 0:
                 done[sample] = True
@@ -245,7 +255,9 @@ def run(mag, loss, inv, mech, sens, ctl, references, y, step, out):
                     i = seen_current(sens, mag, loss, trial, memory, sample)
                 else:
                     i = seen_current(sens, mag, loss, y, memory, sample)
-                read[sample] = read_current(sens, sample, i, t, references.noise[n, sample], remanence)
+                read[sample] = read_current(
+                    sens, sample, i, t, references.noise[n, sample], remanence
+                )
             elif leg >= 0:
                 kind = pop(times, kinds, count, leg)
                 i = a if leg == 0 else 0.0

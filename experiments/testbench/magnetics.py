@@ -1,9 +1,10 @@
-"""From flux linkage and angle to current and torque, by an energy: i = dH/dpsi, torque = 3/2 p (psi x i - dH/dtheta).
+"""From flux linkage and angle to current and torque, by an energy: i = dH/dpsi, torque = 3/2 p (psi
+x i - dH/dtheta).
 
-H is the quartic energy of the project's paper (its equation (EnerSat)), plus the power functions of Hinkkan et al.
-(IEEE Trans. Ind. Appl. 53(3), 2017, eqs. (7)-(8)), or a table of currents over fluxes (measured or finite
-elements) read by Keys' cubic convolution (IEEE Trans. ASSP 29(6), 1981).  Harmonics of the magnet shift the flux:
-H(psi - psi_h(theta)); harmonics of the saliency add to H.
+H is the quartic energy of the project's paper (its equation (EnerSat)), plus the power functions of
+Hinkkan et al. (IEEE Trans. Ind. Appl. 53(3), 2017, eqs. (7)-(8)), or a table of currents over
+fluxes (measured or finite elements) read by Keys' cubic convolution (IEEE Trans. ASSP 29(6), 1981).
+Harmonics of the magnet shift the flux: H(psi - psi_h(theta)); harmonics of the saliency add to H.
 """
 
 import math
@@ -18,7 +19,12 @@ from .types import Magnetics
 def _keys(x):
     """Weights of the four neighbours at offset x in [0, 1), a = -1/2."""
     x2, x3 = x * x, x * x * x
-    return 0.5 * (-x + 2 * x2 - x3), 0.5 * (2 - 5 * x2 + 3 * x3), 0.5 * (x + 4 * x2 - 3 * x3), 0.5 * (x3 - x2)
+    return (
+        0.5 * (-x + 2 * x2 - x3),
+        0.5 * (2 - 5 * x2 + 3 * x3),
+        0.5 * (x + 4 * x2 - 3 * x3),
+        0.5 * (x3 - x2),
+    )
 
 
 @njit(cache=True)
@@ -43,14 +49,21 @@ def lookup(m, psi_d, psi_q):
 @njit(cache=True)
 def _quartic(e, f_d, f_q):
     """Equations (id), (iq) of the paper."""
-    i_d = e[0] * f_d + 3 * e[2] * f_d * f_d + e[3] * f_q * f_q + 4 * e[4] * f_d**3 + 2 * e[5] * f_d * f_q * f_q
+    i_d = (
+        e[0] * f_d
+        + 3 * e[2] * f_d * f_d
+        + e[3] * f_q * f_q
+        + 4 * e[4] * f_d**3
+        + 2 * e[5] * f_d * f_q * f_q
+    )
     i_q = e[1] * f_q + 2 * e[3] * f_d * f_q + 2 * e[5] * f_d * f_d * f_q + 4 * e[6] * f_q**3
     return i_d, i_q
 
 
 @njit(cache=True)
 def _power(w, f_d, f_q):
-    """Gradient of a_d |f_d|^(S+2)/(S+2) + a_q |f_q|^(T+2)/(T+2) + a_dq |f_d|^(U+2) |f_q|^(V+2) / ((U+2)(V+2))."""
+    """Gradient of a_d |f_d|^(S+2)/(S+2) + a_q |f_q|^(T+2)/(T+2) + a_dq |f_d|^(U+2) |f_q|^(V+2) /
+    ((U+2)(V+2))."""
     ad, aq = abs(f_d) + 1e-12, abs(f_q) + 1e-12
     i_d = w[0] * ad ** w[1] * f_d + w[4] / (w[6] + 2) * ad ** w[5] * aq ** (w[6] + 2) * f_d
     i_q = w[2] * aq ** w[3] * f_q + w[4] / (w[5] + 2) * ad ** (w[5] + 2) * aq ** w[6] * f_q
@@ -61,7 +74,8 @@ def _power(w, f_d, f_q):
 def _saliency(g, theta, f_d, f_q):
     """Added currents and -dH/dtheta of harmonics of the saliency.
 
-    H = 1/2 sum_k gamma_k [cos k theta (f_d^2 - f_q^2) + 2 sin k theta f_d f_q] / (1 + f^2/f_s^2), k = 6, 12.
+    H = 1/2 sum_k gamma_k [cos k theta (f_d^2 - f_q^2) + 2 sin k theta f_d f_q] / (1 + f^2/f_s^2),
+    k = 6, 12.
     """
     s = 1.0 / (1.0 + g[2] * (f_d * f_d + f_q * f_q))
     i_d, i_q, pull = 0.0, 0.0, 0.0
@@ -78,7 +92,8 @@ def _saliency(g, theta, f_d, f_q):
 
 @njit(cache=True)
 def field(m, psi_alpha, psi_beta, theta):
-    """Magnetising currents i_alpha, i_beta (A) and torque over 3/2 p (Wb A) at a flux and an angle."""
+    """Magnetising currents i_alpha, i_beta (A) and torque over 3/2 p (Wb A) at a flux and an
+    angle."""
     c, s = math.cos(theta), math.sin(theta)
     psi_d = c * psi_alpha + s * psi_beta
     psi_q = c * psi_beta - s * psi_alpha

@@ -1,4 +1,5 @@
-"""Campaigns by the number: `python -m experiments.testbench.make FOLDER KIND COUNT --seed S --jobs J`.
+"""Campaigns by the number:
+`python -m experiments.testbench.make FOLDER KIND COUNT --seed S --jobs J`.
 
 Truths are drawn and sealed first; what exists already is kept, so a call that was stopped goes on.
 """
@@ -20,7 +21,8 @@ def names(count: int) -> list[str]:
 
 
 def kinds(kind: str, count: int, seed: int) -> list[tuple[str, int]]:
-    """Kind and index of each campaign; `mixed` draws them (3 one : 2 several : 1 many : 1 outside : 2 none)."""
+    """Kind and index of each campaign; `mixed` draws them (3 one : 2 several : 1 many : 1 outside :
+    2 none)."""
     if kind != "mixed":
         return [(kind, k) for k in range(count)]
     bag = ["one"] * 3 + ["several"] * 2 + ["many", "outside"] + ["none"] * 2
@@ -34,7 +36,9 @@ def kinds(kind: str, count: int, seed: int) -> list[tuple[str, int]]:
     return out
 
 
-def _one(folder: str, name: str, kind: str, seed: int, index: int, place: str | None) -> tuple[str, float]:
+def _one(
+    folder: str, name: str, kind: str, seed: int, index: int, place: str | None
+) -> tuple[str, float]:
     start = time.process_time()
     truth, d = draw.draw(kind, seed, index, Path(place) if place else None)
     bench.write(Path(folder), name, truth, d)
@@ -73,9 +77,10 @@ def make(
 ) -> str:
     """Seal `count` truths of a kind (one of `draw.KINDS`, or "mixed"), then write their campaigns.
 
-    Returns the SHA-256 of the seal.  Without the folder of published maps only drives without a map are drawn (the seal
-    says so).  A campaign whose drive cannot be held on its bench is left out and named in `left_out.txt`.
-    Raises ValueError for an unknown kind, a count below 1, or a folder that holds another draw.
+    Returns the SHA-256 of the seal.  Without the folder of published maps only drives without a map
+    are drawn (the seal says so).  A campaign whose drive cannot be held on its bench is left out
+    and named in `left_out.txt`. Raises ValueError for an unknown kind, a count below 1, or a folder
+    that holds another draw.
     """
     if kind not in (*draw.KINDS, "mixed"):
         raise ValueError(f"kind '{kind}' is not one of {', '.join(draw.KINDS)}, mixed")
@@ -102,7 +107,9 @@ def make(
             with left.open("a") as f:
                 f.write(f"{name}: {result}\n")
         if not quiet:
-            text = f"left out: {result}" if isinstance(result, Exception) else f"{result:.1f} s of CPU"
+            text = (
+                f"left out: {result}" if isinstance(result, Exception) else f"{result:.1f} s of CPU"
+            )
             print(f"{n}/{count} {name} {text}", flush=True)
     return digest
 
@@ -115,7 +122,10 @@ def main(arguments: list[str] | None = None) -> int:
     p.add_argument("count", type=int)
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--jobs", type=int, default=1)
-    p.add_argument("--maps", help="folder of the published flux maps (else TESTBENCH_MAPS, else shared/realdata)")
+    p.add_argument(
+        "--maps",
+        help="folder of the published flux maps (else TESTBENCH_MAPS, else shared/realdata)",
+    )
     p.add_argument("--key", default="", help="encipher the seal")
     a = p.parse_args(arguments)
     try:

@@ -1,4 +1,5 @@
-"""Measured and finite-element flux maps: read, scattered, inverted onto a table of currents over fluxes."""
+"""Measured and finite-element flux maps: read, scattered, inverted onto a table of currents over
+fluxes."""
 
 import os
 from collections.abc import Callable
@@ -24,8 +25,11 @@ class FluxMap(NamedTuple):
 
 
 def maps_folder(folder: str | os.PathLike | None = None) -> Path | None:
-    """Folder of the published maps: given, from TESTBENCH_MAPS, or `shared/realdata` beside the repository; or None."""
-    places: list[str | os.PathLike | None] = [folder] if folder is not None else [os.environ.get("TESTBENCH_MAPS")]
+    """Folder of the published maps: given, from TESTBENCH_MAPS, or `shared/realdata` beside the
+    repository; or None."""
+    places: list[str | os.PathLike | None] = (
+        [folder] if folder is not None else [os.environ.get("TESTBENCH_MAPS")]
+    )
     places += [p / "shared" / "realdata" for p in Path(__file__).resolve().parents]
     for p in places:
         if p and (Path(p) / "brusa_hsm1").is_dir():
@@ -50,7 +54,10 @@ def published(folder: Path, file: str) -> FluxMap:
         psi_q = psi_q - psi_q[:, :1]
         i_q = np.concatenate([-i_q[:0:-1], i_q])
         return FluxMap(
-            i_d, i_q, np.concatenate([psi_d[:, :0:-1], psi_d], 1), np.concatenate([-psi_q[:, :0:-1], psi_q], 1)
+            i_d,
+            i_q,
+            np.concatenate([psi_d[:, :0:-1], psi_d], 1),
+            np.concatenate([-psi_q[:, :0:-1], psi_q], 1),
         )
     i, psi = data["i_s_dq"], data["psi_s_dq"]
     if i.ndim == 1:
@@ -63,21 +70,27 @@ def published(folder: Path, file: str) -> FluxMap:
 
 
 def reciprocal(m: FluxMap, refined: int = 2) -> FluxMap:
-    """The nearest map of a machine that has an energy: psi = grad W(i), W the co-energy that fits best.
+    """The nearest map of a machine that has an energy: psi = grad W(i), W the co-energy that fits
+    best.
 
-    A measured map and one of finite elements miss that by what was measured or meshed (L_dq and L_qd of the Brusa map
-    differ by 4 % of L_d): a machine of such a map would make energy out of nothing.  W is a spline of degree 4 with a
-    knot for KNOT points: one for each would leave a checkerboard of W that no flux shows.  The answer is at `refined`
-    times as many points, so that splines through them are reciprocal, too.
+    A measured map and one of finite elements miss that by what was measured or meshed (L_dq and
+    L_qd of the Brusa map differ by 4 % of L_d): a machine of such a map would make energy out of
+    nothing.  W is a spline of degree 4 with a knot for KNOT points: one for each would leave a
+    checkerboard of W that no flux shows.  The
+    answer is at `refined` times as many points, so that splines through them are reciprocal, too.
     """
     one, two = (_basis(x) for x in (m.i_d, m.i_q))
     rows = vstack([kron(one(m.i_d, 1), two(m.i_q, 0)), kron(one(m.i_d, 0), two(m.i_q, 1))]).tocsr()
     normal = (rows.T @ rows).tocsc()
     ridge = 1e-12 * normal.diagonal().max()  # a constant in W moves no flux
     w = spsolve(
-        normal + ridge * eye_array(normal.shape[0]), rows.T @ np.concatenate([m.psi_d.ravel(), m.psi_q.ravel()])
+        normal + ridge * eye_array(normal.shape[0]),
+        rows.T @ np.concatenate([m.psi_d.ravel(), m.psi_q.ravel()]),
     )
-    i_d, i_q = (np.interp(np.arange(refined * (x.size - 1) + 1) / refined, np.arange(x.size), x) for x in m[:2])
+    i_d, i_q = (
+        np.interp(np.arange(refined * (x.size - 1) + 1) / refined, np.arange(x.size), x)
+        for x in m[:2]
+    )
     shape = i_d.size, i_q.size
     psi_d, psi_q = (kron(one(i_d, a), two(i_q, 1 - a)) @ w for a in (1, 0))
     return FluxMap(i_d, i_q, psi_d.reshape(shape), psi_q.reshape(shape))
@@ -92,22 +105,29 @@ def _basis(x: np.ndarray, degree: int = 4) -> Callable[[np.ndarray, int], csr_ar
 
 
 def _mend_middle(m: FluxMap, inner: float, outer: float) -> FluxMap:
-    """Fluxes below `inner` A anew, by the polynomial of degree 4 that fits the ring up to `outer` A.
+    """Fluxes below `inner` A anew, by the polynomial of degree 4 that fits the ring up to `outer`
+    A.
 
     Over the ring the polynomial gives way to what was measured, without a seam.
 
-    The Brusa map is not monotone at its middle (psi_d falls from -5 to 5 A): near zero current a flux measured from
-    voltages hangs on the inverter's error.  That part is no property of the machine.
+    The Brusa map is not monotone at its middle (psi_d falls from -5 to 5 A): near zero current a
+    flux measured from voltages hangs on the inverter's error.  That part is no property of the
+    machine.
     """
     a, b = np.meshgrid(m.i_d, m.i_q, indexing="ij")
     size = np.hypot(a, b)
     ring = (size >= inner) & (size <= outer)
-    share = 0.5 + 0.5 * np.cos(np.pi * np.clip((size - inner) / (outer - inner), 0.0, 1.0))  # of the polynomial
+    # of the polynomial
+    share = 0.5 + 0.5 * np.cos(np.pi * np.clip((size - inner) / (outer - inner), 0.0, 1.0))
     powers = [(j, k) for j in range(5) for k in range(5 - j)]
     done = []
     for psi, parity in ((m.psi_d, 0), (m.psi_q, 1)):
-        base = np.stack([(a / outer) ** j * (b / outer) ** k for j, k in powers if k % 2 == parity], -1)
-        done.append(psi + share * (base @ np.linalg.lstsq(base[ring], psi[ring], rcond=None)[0] - psi))
+        base = np.stack(
+            [(a / outer) ** j * (b / outer) ** k for j, k in powers if k % 2 == parity], -1
+        )
+        done.append(
+            psi + share * (base @ np.linalg.lstsq(base[ring], psi[ring], rcond=None)[0] - psi)
+        )
     spread = (1.5e-3 * np.ptp(done[0])) ** 2 * done[0].size  # the map's scatter: 0.15 % of its span
     smooth = [RectBivariateSpline(m.i_d, m.i_q, psi, s=spread)(m.i_d, m.i_q) for psi in done]
     return FluxMap(m.i_d, m.i_q, smooth[0], smooth[1])
@@ -135,10 +155,13 @@ def splines(m: FluxMap) -> tuple[RectBivariateSpline, RectBivariateSpline]:
 
 
 def flux(m: FluxMap, i_d: np.ndarray, i_q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """psi_d, psi_q and Jacobian (2, 2, ...) at currents; outside the rectangle it goes on along its slope."""
+    """psi_d, psi_q and Jacobian (2, 2, ...) at currents; outside the rectangle it goes on along its
+    slope."""
     d, q = splines(m)
     c_d, c_q = np.clip(i_d, m.i_d[0], m.i_d[-1]), np.clip(i_q, m.i_q[0], m.i_q[-1])
-    jac = np.array([[d.ev(c_d, c_q, 1, 0), d.ev(c_d, c_q, 0, 1)], [q.ev(c_d, c_q, 1, 0), q.ev(c_d, c_q, 0, 1)]])
+    jac = np.array(
+        [[d.ev(c_d, c_q, 1, 0), d.ev(c_d, c_q, 0, 1)], [q.ev(c_d, c_q, 1, 0), q.ev(c_d, c_q, 0, 1)]]
+    )
     e_d, e_q = i_d - c_d, i_q - c_q
     psi_d = d.ev(c_d, c_q) + jac[0, 0] * e_d + jac[0, 1] * e_q
     psi_q = q.ev(c_d, c_q) + jac[1, 0] * e_d + jac[1, 1] * e_q
@@ -177,7 +200,8 @@ def invert(m: FluxMap, n: int = 121) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def sooner(m: FluxMap, share: float) -> FluxMap:
-    """A core that saturates sooner: psi'(i) = psi_0 + [psi((1+s) i) - psi_0]/(1+s), the same slopes at zero current.
+    """A core that saturates sooner: psi'(i) = psi_0 + [psi((1+s) i) - psi_0]/(1+s), the same slopes
+    at zero current.
 
     It is the gradient of W((1+s) i)/(1+s)^2: reciprocal and monotone where the map is.
     """
@@ -195,4 +219,9 @@ def crossed(m: FluxMap, share: float) -> FluxMap:
     shape = m.psi_d.shape
     own_d = np.broadcast_to(d(m.i_d, [0.0]), shape)
     own_q = np.broadcast_to(q([0.0], m.i_q), shape)
-    return FluxMap(m.i_d, m.i_q, own_d + (1 + share) * (m.psi_d - own_d), own_q + (1 + share) * (m.psi_q - own_q))
+    return FluxMap(
+        m.i_d,
+        m.i_q,
+        own_d + (1 + share) * (m.psi_d - own_d),
+        own_q + (1 + share) * (m.psi_q - own_q),
+    )

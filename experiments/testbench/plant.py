@@ -1,9 +1,11 @@
-"""The drive as a set of differential equations, integrated between events; see README.md for the equations.
+"""The drive as a set of differential equations, integrated between events; see README.md for the
+equations.
 
-State y: 0-1 flux (alpha, beta) · 2 rotor angle (electrical) · 3 rotor speed (mech) · 4 twist of the shaft (load less
-rotor, mech) · 5 load speed · 6 link voltage · 7 source current · 8-10 leg voltages while floating · 11-14 current
-filter · 15-20 eddy modes · 21-28 skin branches · 29 heat of the contact (A^2).  The bristle of LuGre friction and the
-play operators are updated exactly between the steps (`memory`: bristle, play alpha, play beta).
+State y: 0-1 flux (alpha, beta) · 2 rotor angle (electrical) · 3 rotor speed (mech) · 4 twist of the
+shaft (load less rotor, mech) · 5 load speed · 6 link voltage · 7 source current · 8-10 leg voltages
+while floating · 11-14 current filter · 15-20 eddy modes · 21-28 skin branches · 29 heat of the
+contact (A^2).  The bristle of LuGre friction and the play operators are updated exactly between the
+steps (`memory`: bristle, play alpha, play beta).
 """
 
 import math
@@ -48,7 +50,8 @@ def leg_voltage(inv, mode, clamp, current, link, floating):
 
 @njit(cache=True)
 def play(x, y, to_x, to_y, threshold):
-    """Vector play: (x, y) follows its target at the distance `threshold` (Bergqvist, Physica B 233, 1997)."""
+    """Vector play: (x, y) follows its target at the distance `threshold` (Bergqvist, Physica B 233,
+    1997)."""
     d0, d1 = to_x - x, to_y - y
     d = math.sqrt(d0 * d0 + d1 * d1)
     if d <= threshold:
@@ -85,12 +88,15 @@ def link_voltage(inv, t, y):
     """True link voltage (V)."""
     if inv.source[0] > 0.0:
         return y[6]
-    return inv.link * (1.0 + inv.link_gain) + inv.ripple[0] * math.sin(2 * math.pi * inv.ripple[1] * t + inv.ripple[2])
+    return inv.link * (1.0 + inv.link_gain) + inv.ripple[0] * math.sin(
+        2 * math.pi * inv.ripple[1] * t + inv.ripple[2]
+    )
 
 
 @njit(cache=True)
 def rectifier(inv, t):
-    """Open-circuit voltage of the source: a six-pulse bridge whose ripple is scaled to what the choke lets through."""
+    """Open-circuit voltage of the source: a six-pulse bridge whose ripple is scaled to what the
+    choke lets through."""
     x = 2 * math.pi * inv.source[5] * t
     x = x - math.floor(x / (math.pi / 3)) * (math.pi / 3) - math.pi / 6
     return inv.link * (1.0 + inv.link_gain) * (1.0 + inv.source[4] * (math.cos(x) - 3.0 / math.pi))
@@ -114,7 +120,9 @@ def friction(mech, speed, bristle):
     if mech.coulomb[0] != 0.0:
         t += mech.coulomb[0] * math.tanh(speed / mech.coulomb[1])
     if mech.lugre[3] > 0.0:
-        g = mech.lugre[0] + (mech.lugre[1] - mech.lugre[0]) * math.exp(-((speed / mech.lugre[2]) ** 2))
+        g = mech.lugre[0] + (mech.lugre[1] - mech.lugre[0]) * math.exp(
+            -((speed / mech.lugre[2]) ** 2)
+        )
         rate = speed - mech.lugre[3] * abs(speed) / g * bristle
         t += mech.lugre[3] * bristle + mech.lugre[4] * rate
     return t
@@ -122,7 +130,8 @@ def friction(mech, speed, bristle):
 
 @njit(cache=True)
 def relax_bristle(mech, speed, h, memory):
-    """Exact step of dz/dt = w - sigma_0 |w|/g(w) z at constant speed (Canudas de Wit et al., IEEE TAC 40(3), 1995)."""
+    """Exact step of dz/dt = w - sigma_0 |w|/g(w) z at constant speed (Canudas de Wit et al., IEEE
+    TAC 40(3), 1995)."""
     if mech.lugre[3] <= 0.0 or speed == 0.0:
         return
     g = mech.lugre[0] + (mech.lugre[1] - mech.lugre[0]) * math.exp(-((speed / mech.lugre[2]) ** 2))
@@ -246,7 +255,8 @@ def phase_current(mag, loss, y, memory, x):
 
 @njit(cache=True)
 def _guard(x, t, y, legs, mag, loss, inv, memory):
-    """Positive while a floating leg stays as it is, over its natural scale; crosses zero at the event."""
+    """Positive while a floating leg stays as it is, over its natural scale; crosses zero at the
+    event."""
     i = phase_current(mag, loss, y, memory, x)
     if legs[1, x] > 0:
         return -i / inv.zone
@@ -260,7 +270,8 @@ def _guard(x, t, y, legs, mag, loss, inv, memory):
 
 @njit(cache=True)
 def _clamp(x, t, y, legs, inv):
-    """The event of a floating leg: its voltage has reached a rail, or its diode's current has ceased."""
+    """The event of a floating leg: its voltage has reached a rail, or its diode's current has
+    ceased."""
     link = link_voltage(inv, t, y)
     if legs[1, x] == 0:
         up = y[8 + x] > 0.5 * link
@@ -273,7 +284,8 @@ def _clamp(x, t, y, legs, inv):
 
 @njit(cache=True)
 def advance(t, end, y, step, work, trial, legs, mag, loss, inv, mech, sens, world, memory):
-    """Integrate from t to `end` with the gates as they are; diode events of floating legs are located on the way."""
+    """Integrate from t to `end` with the gates as they are; diode events of floating legs are
+    located on the way."""
     guards = 0
     while t < end - 1e-13:
         floating = False
@@ -289,7 +301,9 @@ def advance(t, end, y, step, work, trial, legs, mag, loss, inv, mech, sens, worl
             for x in range(3):
                 if legs[0, x] != FLOATING:
                     continue
-                hit = _locate(x, t, y, h, trial, work, legs, mag, loss, inv, mech, sens, world, memory)
+                hit = _locate(
+                    x, t, y, h, trial, work, legs, mag, loss, inv, mech, sens, world, memory
+                )
                 if hit < h:
                     h, event = hit, x
         relax_bristle(mech, trial[3], 0.5 * h, memory)
@@ -318,7 +332,8 @@ def _creep(t, end, y, step, work, trial, legs, mag, loss, inv, mech, sens, world
 
 @njit(cache=True)
 def _locate(x, t, y, h, trial, work, legs, mag, loss, inv, mech, sens, world, memory):
-    """Time within (0, h] at which leg x has its event (h where it has none); `trial` is left at that time."""
+    """Time within (0, h] at which leg x has its event (h where it has none); `trial` is left at
+    that time."""
     late = _guard(x, t + h, trial, legs, mag, loss, inv, memory)
     if late >= 0.0:
         return h
@@ -347,7 +362,8 @@ def _locate(x, t, y, h, trial, work, legs, mag, loss, inv, mech, sens, world, me
 
 @njit(cache=True)
 def switch(x, on, t, y, legs, mag, loss, inv, memory):
-    """A gate signal of leg x: `on` HIGH or LOW closes a switch, FLOATING opens both: current and diodes decide."""
+    """A gate signal of leg x: `on` HIGH or LOW closes a switch, FLOATING opens both: current and
+    diodes decide."""
     if on != FLOATING:
         legs[0, x] = on
         legs[1, x] = 0

@@ -21,9 +21,15 @@ def stream(key: str, n: int) -> bytes:
 
 def pack(truths: dict[str, Truth], facts: dict[str, Any], key: str = "") -> bytes:
     """Truths by campaign name and the facts of the draw, compressed; with a key also enciphered."""
-    text = json.dumps({"facts": facts, "truths": {n: asdict(t) for n, t in truths.items()}}, sort_keys=True)
+    text = json.dumps(
+        {"facts": facts, "truths": {n: asdict(t) for n, t in truths.items()}}, sort_keys=True
+    )
     packed = zlib.compress(text.encode(), 9)
-    return bytes(a ^ b for a, b in zip(packed, stream(key, len(packed)), strict=True)) if key else packed
+    return (
+        bytes(a ^ b for a, b in zip(packed, stream(key, len(packed)), strict=True))
+        if key
+        else packed
+    )
 
 
 def unpack(folder: str | os.PathLike, key: str = "") -> dict[str, Any]:
@@ -35,10 +41,14 @@ def unpack(folder: str | os.PathLike, key: str = "") -> dict[str, Any]:
     packed = (place / SEALED).read_bytes()
     stated = (place / HASH).read_text().split()[0]
     if hashlib.sha256(packed).hexdigest() != stated:
-        raise ValueError(f"{place / SEALED} is not the file whose SHA-256 is in {place / HASH}: it was changed")
+        raise ValueError(
+            f"{place / SEALED} is not the file whose SHA-256 is in {place / HASH}: it was changed"
+        )
     try:
         text = zlib.decompress(
-            bytes(a ^ b for a, b in zip(packed, stream(key, len(packed)), strict=True)) if key else packed
+            bytes(a ^ b for a, b in zip(packed, stream(key, len(packed)), strict=True))
+            if key
+            else packed
         )
     except zlib.error as e:
         raise ValueError(f"{place / SEALED} does not open with this key") from e
@@ -46,11 +56,14 @@ def unpack(folder: str | os.PathLike, key: str = "") -> dict[str, Any]:
 
 
 def write_seal(folder: Path, packed: bytes) -> str:
-    """Write seal and hash, hash first; a seal that is there must be the same, so that a run that goes on keeps it."""
+    """Write seal and hash, hash first; a seal that is there must be the same, so that a run that
+    goes on keeps it."""
     digest = hashlib.sha256(packed).hexdigest()
     place = folder / HASH
     if place.exists() and place.read_text().split()[0] != digest:
-        raise ValueError(f"{folder} holds campaigns of another draw (its {HASH} differs): choose another folder")
+        raise ValueError(
+            f"{folder} holds campaigns of another draw (its {HASH} differs): choose another folder"
+        )
     folder.mkdir(parents=True, exist_ok=True)
     for path, data in ((place, f"{digest}  {SEALED}\n".encode()), (folder / SEALED, packed)):
         temporary = path.with_name(f".{path.name}.{os.getpid()}")

@@ -1,7 +1,8 @@
-"""Containers that the compiled bench reads: one NamedTuple of floats and arrays for each part of the drive.
+"""Containers that the compiled bench reads: one NamedTuple of floats and arrays for each part of
+the drive.
 
-Small fixed sets are tuples: the compiler keeps them out of the heap.  All angles electrical unless a name says
-`mech`; currents positive into the motor; units SI.
+Small fixed sets are tuples: the compiler keeps them out of the heap.  All angles electrical unless
+a name says `mech`; currents positive into the motor; units SI.
 """
 
 from typing import NamedTuple
@@ -69,7 +70,8 @@ class Mechanics(NamedTuple):
     shaft: tuple  # (3,) stiffness N m/rad, damping N m s/rad, half gap rad (mechanical)
     viscous: float
     coulomb: tuple  # (2,) N m, width rad/s
-    lugre: tuple  # (5,) sliding N m, breakaway N m, Stribeck rad/s, bristle N m/rad, bristle damping
+    # (5,) sliding N m, breakaway N m, Stribeck rad/s, bristle N m/rad, bristle damping
+    lugre: tuple
     cogging: tuple  # 4 rows: N m, mechanical order, rad
     fan: float  # N m s^2
     periodic: tuple  # (3,) N m, ratio to the rotor's turn, rad: load torque that nobody asked for

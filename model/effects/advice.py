@@ -1,4 +1,5 @@
-"""What a person should do about effects that were found: one sentence each, from the effects' cards."""
+"""What a person should do about effects that were found: one sentence each, from the effects'
+cards."""
 
 from __future__ import annotations
 
@@ -16,22 +17,28 @@ def what_to_do(
 ) -> dict[str, str]:
     """Return by effect what to do about it.
 
-    effects: names of the library's, or of your own; found: estimated parameters by public name, those that are missing
-    are neutral; motor: the nominal one, whose values the sentences compare with.
+    effects: names of the library's, or of your own; found: estimated parameters by public name,
+    those that are missing are neutral; motor: the nominal one, whose values the sentences compare
+    with.
     """
     values = completed(found, motor)
     return {name: advice(name, values, motor, converter) for name in effects}
 
 
 def advice(effect: str, values: Mapping[str, float], motor: Motor, converter: Converter) -> str:
-    """Return what to do about one effect at completed values; of one that is off, or whose card says nothing, to keep
-    it in the simulator."""
+    """Return what to do about one effect at completed values; of one that is off, or whose card
+    says nothing, to keep it in the simulator."""
     card = load_effect(effect)
-    return card.do(values, motor, converter) if card.do and card.is_on(values, neutral(motor)) else KEEP
+    return (
+        card.do(values, motor, converter)
+        if card.do and card.is_on(values, neutral(motor))
+        else KEEP
+    )
 
 
 def completed(found: Mapping[str, float], motor: Motor) -> dict[str, float]:
-    """Return every parameter's value, neutral where it is not found; names that are none are left out."""
+    """Return every parameter's value, neutral where it is not found; names that are none are left
+    out."""
     known, values = parameters(), neutral(motor)
     values |= {name: float(x) for name, x in found.items() if name in known and math.isfinite(x)}
     for other, one in same_numbers().items():

@@ -1,4 +1,5 @@
-"""The card of an effect: what it is called, its equation, where it comes from, its parameters and how it shows."""
+"""The card of an effect: what it is called, its equation, where it comes from, its parameters and
+how it shows."""
 
 from __future__ import annotations
 
@@ -15,16 +16,19 @@ from model.parameters import Converter, Motor
 
 Array = NDArray[np.float64]
 INF = math.inf
-EITHER_PHASE = (0.0, 0.5 * math.pi, 0.5 * math.pi)  # scan of a phase: two parts, one of each, are a wave of any phase
+# scan of a phase: two parts, one of each, are a wave of any phase
+EITHER_PHASE = (0.0, 0.5 * math.pi, 0.5 * math.pi)
 LINEAR_LACKS = 0.2  # of the linear energy at rated current: what saturation takes on common motors
 SUBSYSTEMS = ("machine", "inverter", "sensor", "mechanics")
 
 
 @dataclass(frozen=True)
 class Ordinary:
-    """A deviation that a drive has without any effect: its key in a campaign's `[uncertainty]` (where the parameter
-    is of the motor: relative) or `[background]` (in the parameter's unit); `usual` where a campaign states nothing,
-    in units of `relative_to` (a key of `scales`); share: of what is stated, one parameter's part."""
+    """A deviation that a drive has without any effect: its key in a campaign's `[uncertainty]`
+    (where the parameter is of the motor: relative) or `[background]` (in the parameter's unit);
+    `usual` where a campaign
+    states nothing, in units of `relative_to` (a key of `scales`); share: of what is stated, one
+    parameter's part."""
 
     stated: str
     usual: float
@@ -35,25 +39,30 @@ class Ordinary:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of an effect: neutral value (None: the motor's own `of_motor`), closed bounds, unit, typical size.
+    """A number of an effect: neutral value (None: the motor's own `of_motor`), closed bounds, unit,
+    typical size.
 
-    The typical size is in units of `relative_to`, a key of `scales` ("": absolute; "neutral": of the neutral value).
-    How a diagnosis fits it: `fit` is "linear", "log", "reciprocal" (the coordinate in which readings are close to
-    linear) or "fixed" (kept neutral); `spread` the prior's standard deviation in that coordinate where the typical size
-    does not say it; `starts` values to begin from, in units of the typical size; `scan` (first, last, step) in the
-    parameter's unit, step 0: as fine as the recordings resolve; `scan_poles`: beyond it, so many multiples of the
-    number of poles, as often as the torque of slots may repeat.
+    The typical size is in units of `relative_to`, a key of `scales` ("": absolute; "neutral": of
+    the neutral value).
+    How a diagnosis fits it: `fit` is "linear", "log", "reciprocal" (the coordinate in which
+    readings are close to linear) or "fixed" (kept neutral); `spread` the prior's standard deviation
+    in that coordinate where the typical size does not say it; `starts` values to begin from, in
+    units of the typical size; `scan` (first, last, step) in the parameter's unit, step 0: as fine
+    as the recordings resolve; `scan_poles`: beyond it, so many multiples of the number of poles, as
+    often as the torque of slots may repeat.
 
-    What else a diagnosis has to know: `change`, a change to take differences over where the typical size is none (in
-    units of `relative_to`); `secant`, the least share of the typical size that a difference from an infinite neutral
-    value is taken over; `resolved_by` "time" or "turns": a change is as fine as the recordings' length resolves;
-    `same_as`: the parameter of another effect that is the same number; `predicted` False: pure noise, no prediction
-    moves; `ordinary`: the deviation that every drive may have.
+    What else a diagnosis has to know: `change`, a change to take differences over where the typical
+    size is none (in units of `relative_to`); `secant`, the least share of the typical size that a
+    difference from an infinite neutral value is taken over; `resolved_by` "time" or "turns": a
+    change is as fine as the recordings' length resolves;
+    `same_as`: the parameter of another effect that is the same number; `predicted` False: pure
+    noise, no prediction moves; `ordinary`: the deviation that every drive may have.
 
-    What else it is: `scales`, the motor's value that it multiplies (one without a neutral value of its own replaces the
-    motor's; in the library alone); `whole`: only whole numbers but 0 make sense, such as orders; `first`: the parameter
-    of the effect's first part that is the same number where a further part stands at its `first_at`; `title`: its name
-    in a sentence, such as "6th harmonic of d flux" (default: `name` in words).
+    What else it is: `scales`, the motor's value that it multiplies (one without a neutral value of
+    its own replaces the motor's; in the library alone); `whole`: only whole numbers but 0 make
+    sense, such as orders; `first`: the parameter of the effect's first part that is the same number
+    where a further part stands at its `first_at`; `title`: its name in a sentence, such as "6th
+    harmonic of d flux" (default: `name` in words).
     """
 
     name: str
@@ -95,26 +104,35 @@ class Parameter:
         return self.typical * scales(motor, converter)[self.relative_to]
 
     def away_for(self, motor: Motor, converter: Converter) -> float:
-        """Return how far from neutral the typical size is on a drive; where it is none, `change`."""
+        """Return how far from neutral the typical size is on a drive; where it is none,
+        `change`."""
         if self.change:
             return self.change * scales(motor, converter)[self.relative_to]
         neutral, size = self.neutral_for(motor), self.typical_for(motor, converter)
         return abs(size - neutral) or abs(size)
 
     def reach_for(self, motor: Motor, converter: Converter) -> float:
-        """Return the same as a search has to reach: a nominal model may lack saturation altogether."""
+        """Return the same as a search has to reach: a nominal model may lack saturation
+        altogether."""
         away = self.away_for(motor, converter)
-        return max(away, saturation_size(motor, self.of_motor)) if self.of_motor.startswith("alpha_") else away
+        return (
+            max(away, saturation_size(motor, self.of_motor))
+            if self.of_motor.startswith("alpha_")
+            else away
+        )
 
 
 @dataclass(frozen=True)
 class Port:
-    """A place of the plant where equations of effects enter: what they are handed, and how many numbers they return.
+    """A place of the plant where equations of effects enter: what they are handed, and how many
+    numbers they return.
 
-    once: asked for once a batch, not as the plant runs; the first number is then 0 where the effect is neutral.
-    joined: what several effects at one port make: "sum", they add up; "chain", each is handed what the one before made
-    of it; "lags" and "branches", first numbers add up and the second is the time constant of `model.lanes.one_lag`,
-    `one_branch`; "last", the last one whose first number is not 0.
+    once: asked for once a batch, not as the plant runs; the first number is then 0 where the effect
+    is neutral.
+    joined: what several effects at one port make: "sum", they add up; "chain", each is handed what
+    the one before made of it; "lags" and "branches", first numbers add up and the second is the
+    time constant of `model.lanes.one_lag`, `one_branch`; "last", the last one whose first number is
+    not 0.
     """
 
     quantities: tuple[str, ...]
@@ -127,33 +145,63 @@ class Port:
 PORTS = {
     "link": Port(("time",), 1, "V added to the link's voltage at an instant of the recording (s)"),
     "drawn": Port(
-        ("d_a", "d_b", "d_c", "i_alpha", "i_beta"), 1, "V that the link sags by over a period: duties, current (A)"
+        ("d_a", "d_b", "d_c", "i_alpha", "i_beta"),
+        1,
+        "V that the link sags by over a period: duties, current (A)",
     ),
     "edge": Port(
         ("hold", "before", "after", "link"),
         2,
-        "s that an edge acts late; right at slopes 0 any, 1 these, else with `commutation` (< 1 any); hold: A",
+        "s that an edge acts late; right at slopes 0 any, 1 these, else with "
+        "`commutation` (< 1 any); hold: A",
     ),
     "commutation": Port(
-        ("hold", "before", "after", "link"), 1, "s by which an edge acts later than `edge` says, its current near zero"
+        ("hold", "before", "after", "link"),
+        1,
+        "s by which an edge acts later than `edge` says, its current near zero",
     ),
     "leg": Port(
         ("before", "after", "shape"),
         1,
-        "V a leg loses on average while its current over its sign's width changes; shape: 0 linear, 1 tanh",
+        "V a leg loses on average while its current over its sign's width changes; "
+        "shape: 0 linear, 1 tanh",
     ),
     "leg_curve": Port(
-        ("before", "after"), 1, "V a leg loses on average while its current (A) goes straight from before to after"
+        ("before", "after"),
+        1,
+        "V a leg loses on average while its current (A) goes straight from before to after",
     ),
-    "winding": Port(("i_alpha", "i_beta"), 2, "V lost in the windings, stationary frame, at a current (A)"),
-    "magnets": Port(("c", "s"), 4, "harmonic flux d, q (Wb) and its slope (Wb/rad) at cos, sin of the rotor's angle"),
-    "energy": Port(("c", "s", "d", "q"), 3, "further current i_d, i_q (A) and dH/dtheta (J/rad) at a flux (Wb)"),
-    "torque": Port(("turn", "omega"), 1, "N m on the rotor at its mechanical angle (rad) and speed (rad/s)"),
-    "friction": Port(("omega",), 1, "N m that the motor's side loses at a mechanical speed (rad/s)"),
-    "load": Port(("omega",), 1, "N m that the load takes beside what it is asked for, at its speed (rad/s)"),
-    "reading": Port(("a", "b", "c"), 3, "what the sensors make of three phase currents (A)", joined="chain"),
-    "angle": Port(("turn", "pairs"), 1, "rad electrical that the angle's reading is off at a mechanical angle (rad)"),
-    "supply": Port((), 1, "share of its nominal voltage that the link has more, on average", once=True),
+    "winding": Port(
+        ("i_alpha", "i_beta"), 2, "V lost in the windings, stationary frame, at a current (A)"
+    ),
+    "magnets": Port(
+        ("c", "s"),
+        4,
+        "harmonic flux d, q (Wb) and its slope (Wb/rad) at cos, sin of the rotor's angle",
+    ),
+    "energy": Port(
+        ("c", "s", "d", "q"), 3, "further current i_d, i_q (A) and dH/dtheta (J/rad) at a flux (Wb)"
+    ),
+    "torque": Port(
+        ("turn", "omega"), 1, "N m on the rotor at its mechanical angle (rad) and speed (rad/s)"
+    ),
+    "friction": Port(
+        ("omega",), 1, "N m that the motor's side loses at a mechanical speed (rad/s)"
+    ),
+    "load": Port(
+        ("omega",), 1, "N m that the load takes beside what it is asked for, at its speed (rad/s)"
+    ),
+    "reading": Port(
+        ("a", "b", "c"), 3, "what the sensors make of three phase currents (A)", joined="chain"
+    ),
+    "angle": Port(
+        ("turn", "pairs"),
+        1,
+        "rad electrical that the angle's reading is off at a mechanical angle (rad)",
+    ),
+    "supply": Port(
+        (), 1, "share of its nominal voltage that the link has more, on average", once=True
+    ),
     "resistance": Port((), 1, "ohm in series with the winding", once=True),
     "iron": Port(
         (),
@@ -163,16 +211,28 @@ PORTS = {
         joined="branches",
     ),
     "skin": Port(
-        (), 2, "ohm for what the current has beside its lagged part, time constant (s)", once=True, joined="lags"
+        (),
+        2,
+        "ohm for what the current has beside its lagged part, time constant (s)",
+        once=True,
+        joined="lags",
     ),
-    "filter": Port((), 1, "time constant (s) of the low-pass between sensors and samplers", once=True),
+    "filter": Port(
+        (), 1, "time constant (s) of the low-pass between sensors and samplers", once=True
+    ),
     "delay": Port((), 1, "s by which pulses come later than the recording says", once=True),
-    "instant": Port((), 2, "s by which samples are taken later than t_k, variance of their jitter (s^2)", once=True),
+    "instant": Port(
+        (),
+        2,
+        "s by which samples are taken later than t_k, variance of their jitter (s^2)",
+        once=True,
+    ),
     "offset": Port((), 1, "rad electrical that all readings of the angle are off", once=True),
     "shaft": Port(
         ("inertia",),
         3,
-        "of the inertia (kg m^2) what a shaft that twists drives, rate (rad/s) and damping ratio of its swing",
+        "of the inertia (kg m^2) what a shaft that twists drives, rate (rad/s) and "
+        "damping ratio of its swing",
         once=True,
         joined="last",
     ),
@@ -181,7 +241,8 @@ PORTS = {
 
 @dataclass(frozen=True)
 class At:
-    """An equation at a port of the plant, handed the effect's parameters `numbers`, then the port's quantities."""
+    """An equation at a port of the plant, handed the effect's parameters `numbers`, then the port's
+    quantities."""
 
     port: str
     equation: Callable[..., Any]
@@ -190,11 +251,14 @@ class At:
 
 @dataclass(frozen=True)
 class Part:
-    """One of the like parts of which an effect can have several at once, such as orders of a harmonic.
+    """One of the like parts of which an effect can have several at once, such as orders of a
+    harmonic.
 
-    parameters; at: its equations at ports; switches: it is off while these are neutral (default: all parameters);
-    polar: amplitude and phase that are fitted as cosine and sine; first_at: where it is what the first part is, so that
-    a diagnosis leaves the parameters neutral that name one of that part (`Parameter.first`).
+    parameters; at: its equations at ports; switches: it is off while these are neutral (default:
+    all parameters);
+    polar: amplitude and phase that are fitted as cosine and sine; first_at: where it is what the
+    first part is, so that a diagnosis leaves the parameters neutral that name one of that part
+    (`Parameter.first`).
     """
 
     parameters: tuple[Parameter, ...]
@@ -208,9 +272,11 @@ REPEATED = ("magnets", "energy", "torque")  # ports at which parts beyond the fi
 
 
 class Limit(NamedTuple):
-    """A size that must stay below a bound beside the rest of the drive; no limit for sizes of 0 or less.
+    """A size that must stay below a bound beside the rest of the drive; no limit for sizes of 0 or
+    less.
 
-    name: whose size, as the user calls it; what: the unit, and in words what the bound is, such as "V, the DC link";
+    name: whose size, as the user calls it; what: the unit, and in words what the bound is, such as
+    "V, the DC link";
     simulated: only a simulated drive has this limit, a recorded one may be beyond it.
     """
 
@@ -227,8 +293,9 @@ class Limit(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """What an effect that is a curve draws: names and units of its axes, by completed values and the motor the places
-    (n,) where it is shown, its value (n,) there, and (with the converter) one sentence of what it is in simpler forms.
+    """What an effect that is a curve draws: names and units of its axes, by completed values and
+    the motor the places (n,) where it is shown, its value (n,) there, and (with the converter) one
+    sentence of what it is in simpler forms.
     """
 
     across: str
@@ -242,33 +309,37 @@ class Curve(NamedTuple):
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect; equation and source as text, signature as axis, order and region of the residual it leaves.
+    """One effect; equation and source as text, signature as axis, order and region of the residual
+    it leaves.
 
     formulas: the equation as LaTeX, a display each, for pages.
 
-    at: its equations at ports of the plant; an effect of the library whose parameters replace or scale values of the
-    motor (`of_motor`, `scales`) needs none.  switches: the effect is off while these parameters are neutral (default:
-    all of its parameters).
+    at: its equations at ports of the plant; an effect of the library whose parameters replace or
+    scale values of the motor (`of_motor`, `scales`) needs none.  switches: the effect is off while
+    these parameters are neutral (default: all of its parameters).
 
-    limits: bounds that completed values have beside a motor and a converter, asked for where a parameter of the effect
-    is not neutral; it raises BadInput for what is no matter of a bound.  inside: further ones that take longer to work
-    out, of a simulated drive alone; asked for once, before a run begins.  longest: the longest step (s) that a closed
-    loop may take while the effect is on, by completed values, the motor (true) and its highest speed (rad/s,
-    electrical); see `model.steps`.
+    limits: bounds that completed values have beside a motor and a converter, asked for where a
+    parameter of the effect is not neutral; it raises BadInput for what is no matter of a bound.
+    inside: further ones that take longer to work out, of a simulated drive alone; asked for once,
+    before a run begins.  longest: the longest step (s) that a closed loop may take while the effect
+    is on, by completed values, the motor (true) and its highest speed (rad/s, electrical); see
+    `model.steps`.
 
-    free: whether it is a form that fits nearly anything at its place, a curve; a diagnosis asks for it only where the
-    other effects leave more than noise.  curve: how it is drawn.
+    free: whether it is a form that fits nearly anything at its place, a curve; a diagnosis asks for
+    it only where the other effects leave more than noise.  curve: how it is drawn.
 
-    do: what a person should do about it, one sentence from completed values, the nominal motor and the converter; asked
-    for where the effect is on (`model.effects.advice`).
+    do: what a person should do about it, one sentence from completed values, the nominal motor and
+    the converter; asked for where the effect is on (`model.effects.advice`).
 
-    otherwise: values with which the effect has the other of its two forms, from completed values, the half-width (A) of
-    the zone in which a current's sign goes through zero, and the converter; a fit compares both.
+    otherwise: values with which the effect has the other of its two forms, from completed values,
+    the half-width (A) of the zone in which a current's sign goes through zero, and the converter; a
+    fit compares both.
 
-    repeats: how many parts like its first it can have at once, that one included; they add up.  Parameters of the first
-    are `effect.parameter`, of the k-th (k from 2 on) `effect.k.parameter`, neutral unless given; further: what parts
-    from the second on are made of (None: of the same as the first).  A search that found one part looks for the next by
-    `part(k)` and `public(k, parameter)`; in which of the places 2 ... repeats a part stands is all the same.
+    repeats: how many parts like its first it can have at once, that one included; they add up.
+    Parameters of the first are `effect.parameter`, of the k-th (k from 2 on) `effect.k.parameter`,
+    neutral unless given; further: what parts from the second on are made of (None: of the same as
+    the first).  A search that found one part looks for the next by `part(k)` and
+    `public(k, parameter)`; in which of the places 2 ... repeats a part stands is all the same.
     """
 
     name: str
@@ -283,7 +354,8 @@ class Effect:
     confused_with: tuple[str, ...]
     separated_by: str
     polar: tuple[str, str] | None = None  # amplitude and phase that are fitted as cosine and sine
-    trace: float = 1.0  # of the size an ordinary trace may have in a diagnosis: less where a simulation meets it better
+    # of the size an ordinary trace may have in a diagnosis: less where a simulation meets it better
+    trace: float = 1.0
     at: tuple[At, ...] = ()
     switches: tuple[str, ...] = ()
     limits: Callable[[Mapping[str, float], Motor, Converter], Iterable[Limit]] | None = None
@@ -311,15 +383,23 @@ class Effect:
     def switched_by(self) -> tuple[tuple[str, ...], ...]:
         """The public names of the parameters that switch each part on."""
         parts = [(k, self.part(k)) for k in range(1, self.repeats + 1)]
-        return tuple(tuple(self.public(k, n) for n in p.switches or [q.name for q in p.parameters]) for k, p in parts)
+        return tuple(
+            tuple(self.public(k, n) for n in p.switches or [q.name for q in p.parameters])
+            for k, p in parts
+        )
 
-    def switched_off(self, values: Mapping[str, float], neutral: Mapping[str, float], k: int = 1) -> bool:
+    def switched_off(
+        self, values: Mapping[str, float], neutral: Mapping[str, float], k: int = 1
+    ) -> bool:
         """Return whether completed values leave the effect's k-th part off."""
         return all(values[n] == neutral[n] for n in self.switched_by[k - 1])
 
-    def limits_at(self, values: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
-        """Yield the limits at any completed values, possible or not, up to the first one broken: later ones may rest
-        on it, as a shaft's resonance on a load's inertia below that of all.  BadInput: the values have none at all."""
+    def limits_at(
+        self, values: Mapping[str, float], motor: Motor, converter: Converter
+    ) -> Iterator[Limit]:
+        """Yield the limits at any completed values, possible or not, up to the first one broken:
+        later ones may rest on it, as a shaft's resonance on a load's inertia below that of all.
+        BadInput: the values have none at all."""
         for limit in self.limits(values, motor, converter) if self.limits else ():
             yield limit
             if limit.broken:
@@ -331,8 +411,8 @@ class Effect:
 
 
 def saturation_size(motor: Motor, alpha: str) -> float:
-    """Return the size of a coefficient `alpha_jk` that a linear nominal model lacks: its term phi^(j+k) then has
-    LINEAR_LACKS of the energy phi^2 / 2 L at the flux L x rated current."""
+    """Return the size of a coefficient `alpha_jk` that a linear nominal model lacks: its term
+    phi^(j+k) then has LINEAR_LACKS of the energy phi^2 / 2 L at the flux L x rated current."""
     inductance = math.sqrt(motor.inductance_d * motor.inductance_q)
     degree = sum(int(x) for x in alpha.removeprefix("alpha_"))
     return LINEAR_LACKS / (2.0 * inductance * (inductance * motor.rated_current) ** (degree - 2))
@@ -340,7 +420,10 @@ def saturation_size(motor: Motor, alpha: str) -> float:
 
 def flux_scale(motor: Motor) -> float:
     """Return the magnet flux (Wb), or what rated current links where the rotor has no magnets."""
-    return motor.magnet_flux or math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
+    return (
+        motor.magnet_flux
+        or math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
+    )
 
 
 def scales(motor: Motor, converter: Converter) -> dict[str, float]:
@@ -354,10 +437,12 @@ def scales(motor: Motor, converter: Converter) -> dict[str, float]:
         "magnet flux": flux_scale(motor),
         "resistance": motor.resistance,
         "1 / L_d": 1.0 / motor.inductance_d,
-        "rated current / (L_d rated current)^2": 1.0 / (motor.inductance_d**2 * motor.rated_current),
+        "rated current / (L_d rated current)^2": 1.0
+        / (motor.inductance_d**2 * motor.rated_current),
         "rated current / (L_d L_q rated current^2)": 1.0
         / (motor.inductance_d * motor.inductance_q * motor.rated_current),
-        "rated current / (L_q rated current)^2": 1.0 / (motor.inductance_q**2 * motor.rated_current),
+        "rated current / (L_q rated current)^2": 1.0
+        / (motor.inductance_q**2 * motor.rated_current),
         "rated reactance": motor.rated_omega * max(motor.inductance_d, motor.inductance_q),
         "DC link": converter.dc_bus_voltage,
         "DC link / rated current": converter.dc_bus_voltage / motor.rated_current,

@@ -22,11 +22,14 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     parts = [f"cogging_torque.{k}" for k in ("", *(f"{k}." for k in range(2, CARD.repeats + 1)))]
     there = [p for p in parts if v[f"{p}amplitude"]]
-    waves = (wave(quantity(v[f"{p}amplitude"], "N m"), v[f"{p}order_mech"], v[f"{p}phase"]) for p in there)
+    waves = (
+        wave(quantity(v[f"{p}amplitude"], "N m"), v[f"{p}order_mech"], v[f"{p}phase"])
+        for p in there
+    )
     amps = on_q(max((abs(v[f"{p}amplitude"]) for p in there), default=0.0), motor)
     return (
-        f"subtract {' and '.join(waves)}, x the shaft's angle, from the torque's reference{amps}; or keep it in the "
-        "simulator: it comes with the motor"
+        f"subtract {' and '.join(waves)}, x the shaft's angle, from the torque's reference{amps}; "
+        "or keep it in the simulator: it comes with the motor"
     )
 
 
@@ -35,12 +38,13 @@ CARD = Effect(
     summary="torque of the magnets against the slots",
     subsystem="mechanics",
     equation=(
-        "torque A sin(n theta_mech + phase), from the potential A/n cos(n theta_mech + phase); further orders add up"
+        "torque A sin(n theta_mech + phase), from the potential A/n cos(n theta_mech + "
+        "phase); further orders add up"
     ),
     formulas=(r"T \;\text{+=}\; \sum_n A_n \sin(n\,\theta_\text{mech} + \varphi_n)",),
     source=(
-        "Zhu, Howe, Influence of design parameters on cogging torque in permanent magnet machines, IEEE "
-        "Trans. Energy Conversion 15 (2000) 407"
+        "Zhu, Howe, Influence of design parameters on cogging torque in permanent magnet "
+        "machines, IEEE Trans. Energy Conversion 15 (2000) 407"
     ),
     parameters=(
         Parameter("amplitude", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque", title="cogging torque"),
@@ -54,7 +58,8 @@ CARD = Effect(
             "pole pairs",
             fit="fixed",
             scan=(1.0, 72.0, 1.0),
-            scan_poles=21,  # slots / gcd(slots, poles): 21 of 21 slots and 20 poles; most machines have 3 to 9
+            # slots / gcd(slots, poles): 21 of 21 slots and 20 poles; most machines have 3 to 9
+            scan_poles=21,
             resolved_by="turns",
             title="order of cogging",
         ),

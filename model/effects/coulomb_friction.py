@@ -12,7 +12,8 @@ from model.lanes import fading
 from model.parameters import Converter, Motor
 
 FASTEST = 1e6  # 1/s: steps that resolve more would be too short
-LARGEST_RUB = 0.5  # of the time in which friction brings the rotor to rest within its width, in one step
+# of the time in which friction brings the rotor to rest within its width, in one step
+LARGEST_RUB = 0.5
 
 
 @inlined
@@ -28,12 +29,17 @@ def drag(torque, width, stribeck_torque, stribeck_speed, omega_mech):
 def rate(v: Mapping[str, float]) -> float:
     """Return how fast dry friction pulls a free rotor to rest within its width, 1/s."""
     level = v["coulomb_friction.torque"] + v["coulomb_friction.stribeck_torque"]
-    return level / (v["coulomb_friction.width"] * motor_inertia(v)) if motor_inertia(v) > 0.0 else 0.0
+    return (
+        level / (v["coulomb_friction.width"] * motor_inertia(v)) if motor_inertia(v) > 0.0 else 0.0
+    )
 
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how steep friction may be at standstill."""
-    what = "1/s, torque over width and inertia: the steps that resolve it would be too short (give a wider one)"
+    what = (
+        "1/s, torque over width and inertia: the steps that resolve it would be too short "
+        "(give a wider one)"
+    )
     yield Limit("coulomb_friction.width", rate(v), FASTEST, what)
 
 
@@ -43,10 +49,12 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     slow = ""
     if more:
         slow = (
-            f", and {quantity(more, 'N m')} more well below {quantity(v['coulomb_friction.stribeck_speed'], 'rad/s')}"
+            f", and {quantity(more, 'N m')} more well below "
+            f"{quantity(v['coulomb_friction.stribeck_speed'], 'rad/s')}"
         )
     return (
-        f"add {quantity(torque, 'N m')}{on_q(torque, motor)} to the torque's reference in the sense of rotation{slow}; "
+        f"add {quantity(torque, 'N m')}{on_q(torque, motor)} to the torque's reference "
+        f"in the sense of rotation{slow}; "
         "much more than on the first day: look at bearings, brake and seals"
     )
 
@@ -55,17 +63,44 @@ CARD = Effect(
     name="coulomb_friction",
     summary="dry friction, with Stribeck's hump",
     subsystem="mechanics",
-    equation=("torque [T_c + T_s exp(-(w/w_s)^2)] tanh(w/width) against the motion, w mechanical, on the motor's side"),
+    equation=(
+        "torque [T_c + T_s exp(-(w/w_s)^2)] tanh(w/width) against the motion, w "
+        "mechanical, on the motor's side"
+    ),
     formulas=(r"T \;\text{-=}\; \Bigl[T_c + T_s\,e^{-(w / w_s)^2}\Bigr] \,\tanh\,\frac{w}{w_0}",),
     source=(
-        "Armstrong-Helouvry, Dupont, Canudas de Wit, A survey of models, analysis tools and compensation "
-        "methods for the control of machines with friction, Automatica 30 (1994) 1083"
+        "Armstrong-Helouvry, Dupont, Canudas de Wit, A survey of models, analysis tools and "
+        "compensation methods for the control of machines with friction, Automatica 30 (1994) 1083"
     ),
     parameters=(
-        Parameter("torque", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque", title="dry friction torque"),
-        Parameter("width", "rad/s", 2.0, 1e-3, 1e3, 2.0, fit="log", spread=0.5, title="speed width of dry friction"),
-        Parameter("stribeck_torque", "N m", 0.0, 0.0, 1e5, 0.0, "rated torque", change=0.01, title="Stribeck torque"),
-        Parameter("stribeck_speed", "rad/s", 5.0, 1e-3, 1e3, 5.0, fit="fixed", title="Stribeck speed"),
+        Parameter(
+            "torque", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque", title="dry friction torque"
+        ),
+        Parameter(
+            "width",
+            "rad/s",
+            2.0,
+            1e-3,
+            1e3,
+            2.0,
+            fit="log",
+            spread=0.5,
+            title="speed width of dry friction",
+        ),
+        Parameter(
+            "stribeck_torque",
+            "N m",
+            0.0,
+            0.0,
+            1e5,
+            0.0,
+            "rated torque",
+            change=0.01,
+            title="Stribeck torque",
+        ),
+        Parameter(
+            "stribeck_speed", "rad/s", 5.0, 1e-3, 1e3, 5.0, fit="fixed", title="Stribeck speed"
+        ),
     ),
     axis="motion (and i_q under speed control)",
     order="0",

@@ -18,14 +18,15 @@ CARD = Effect(
     name="cross_saturation",
     summary="cross-saturation coefficients other than nominal",
     subsystem="machine",
-    equation="H += alpha_12 d q^2 + alpha_22 d^2 q^2; L_dq = L_qd != 0: the axis of injection leans",
+    equation="H += alpha_12 d q^2 + alpha_22 d^2 q^2; L_dq = L_qd != 0: the axis of injection "
+    "leans",
     formulas=(
         r"H \;\text{+=}\; \alpha_{12}\,\phi_d\,\phi_q^2 + \alpha_{22}\,\phi_d^2\,\phi_q^2, "
         r"\qquad L_{dq} = L_{qd} \ne 0",
     ),
     source=(
-        "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet Synchronous Motors"
-        " Through an Energy-Based Model, IEEE IEMDC 2011, eqs. (id), (iq)"
+        "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet "
+        "Synchronous Motors Through an Energy-Based Model, IEEE IEMDC 2011, eqs. (id), (iq)"
     ),
     parameters=(
         Parameter(

@@ -19,7 +19,10 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     wrong = {x: v[f"current_gain.gain_{x}"] for x in "abc" if v[f"current_gain.gain_{x}"] != 1.0}
     told = ", ".join(f"phase {x} by {1.0 / g:.4g}" for x, g in wrong.items())
-    return f"multiply the current readings ({told}): shunts, gain resistors or the scaling in the drive"
+    return (
+        f"multiply the current readings ({told}): shunts, gain resistors or the scaling in "
+        "the drive"
+    )
 
 
 CARD = Effect(
@@ -27,7 +30,8 @@ CARD = Effect(
     summary="gain errors of the three current sensors",
     subsystem="sensor",
     equation=(
-        "reading = gain x i, phase by phase: g_0 i + g_2 i*, g_0 the mean gain, g_2 = (g_a + a^2 g_b + a g_c)/3 with "
+        "reading = gain x i, phase by phase: g_0 i + g_2 i*, g_0 the mean gain, g_2 = "
+        "(g_a + a^2 g_b + a g_c)/3 with "
         "a = exp(2j pi/3); i* turns backwards, which is order 2 seen from the rotor"
     ),
     formulas=(
@@ -36,8 +40,8 @@ CARD = Effect(
         r"g_2 = \frac{g_a + a^2 g_b + a\,g_c}{3}, \qquad a = e^{2\pi j/3}",
     ),
     source=(
-        "Chung, Sul, Analysis and compensation of current measurement error in vector-controlled AC motor"
-        " drives, IEEE Trans. Ind. Appl. 34 (1998) 340"
+        "Chung, Sul, Analysis and compensation of current measurement error in vector-controlled "
+        "AC motor drives, IEEE Trans. Ind. Appl. 34 (1998) 340"
     ),
     parameters=(
         Parameter(
@@ -77,8 +81,8 @@ CARD = Effect(
     region="grows with current",
     confused_with=("winding_asymmetry", "saturation", "stator_resistance"),
     separated_by=(
-        "slow turn under constant current: order 1 in the sum of the three readings, order 2 in the rotor-frame "
-        "current that no voltage explains"
+        "slow turn under constant current: order 1 in the sum of the three readings, order 2 in "
+        "the rotor-frame current that no voltage explains"
     ),
     at=(At("reading", scaled, ("gain_a", "gain_b", "gain_c")),),
     do=do,

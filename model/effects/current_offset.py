@@ -23,8 +23,13 @@ OF_THREE = math.sqrt(2.0 / 3.0)  # of one sensor's offset: its part beside the m
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     a, b = v["current_offset.offset_a"], v["current_offset.offset_b"]
-    told = ", ".join(f"{quantity(x, 'A')} from phase {p}" for p, x in zip("abc", (a, b, -a - b), strict=True))
-    return f"subtract from the current readings: {told}; measure the offsets at rest, with the legs switching"
+    told = ", ".join(
+        f"{quantity(x, 'A')} from phase {p}" for p, x in zip("abc", (a, b, -a - b), strict=True)
+    )
+    return (
+        f"subtract from the current readings: {told}; measure the offsets at rest, with the "
+        "legs switching"
+    )
 
 
 CARD = Effect(
@@ -34,8 +39,8 @@ CARD = Effect(
     equation="reading = i + offset, offset_c = -offset_a - offset_b",
     formulas=(r"i_{k,\text{read}} = i_k + o_k, \qquad o_c = -\,o_a - o_b",),
     source=(
-        "Chung, Sul, Analysis and compensation of current measurement error in vector-controlled AC motor"
-        " drives, IEEE Trans. Ind. Appl. 34 (1998) 340"
+        "Chung, Sul, Analysis and compensation of current measurement error in vector-controlled "
+        "AC motor drives, IEEE Trans. Ind. Appl. 34 (1998) 340"
     ),
     parameters=(
         Parameter(

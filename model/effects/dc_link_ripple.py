@@ -21,14 +21,20 @@ def ripple(amplitude, frequency, phase, time):
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how large a ripple may be."""
-    yield Limit("dc_link_ripple.amplitude", v["dc_link_ripple.amplitude"], converter.dc_bus_voltage, "V, the DC link")
+    yield Limit(
+        "dc_link_ripple.amplitude",
+        v["dc_link_ripple.amplitude"],
+        converter.dc_bus_voltage,
+        "V, the DC link",
+    )
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     size, frequency = v["dc_link_ripple.amplitude"], v["dc_link_ripple.frequency"]
     return (
-        f"let the control divide by the link voltage measured in each period: it ripples by {quantity(size, 'V')} at "
+        "let the control divide by the link voltage measured in each period: it ripples "
+        f"by {quantity(size, 'V')} at "
         f"{frequency:.4g} Hz; or add capacitance, or look at the supply's phases"
     )
 
@@ -46,7 +52,10 @@ CARD = Effect(
         r"\int u_\text{leg}\,dt = D\,T_s \Bigl[V + A \sin(2\pi f\,t_\text{mid} + "
         r"\varphi)\,\operatorname{sinc}(\pi f\,D\,T_s)\Bigr]",
     ),
-    source=("rectified mains: six (two) times its frequency; volt-seconds of a centred pulse integrated exactly"),
+    source=(
+        "rectified mains: six (two) times its frequency; volt-seconds of a centred pulse "
+        "integrated exactly"
+    ),
     parameters=(
         Parameter("amplitude", "V", 0.0, 0.0, 1e3, 0.02, "DC link", title="ripple of the DC link"),
         Parameter(
@@ -61,7 +70,9 @@ CARD = Effect(
             resolved_by="time",
             title="frequency of the DC link ripple",
         ),
-        Parameter("phase", "rad", 0.0, -INF, INF, 0.0, change=1.0, title="phase of the DC link ripple"),
+        Parameter(
+            "phase", "rad", 0.0, -INF, INF, 0.0, change=1.0, title="phase of the DC link ripple"
+        ),
     ),
     axis="along the commanded voltage",
     order="a fixed frequency, whatever the speed",

@@ -20,9 +20,10 @@ TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9
 def late(time, capacitance, zone_width, zone_shape, hold, before, after, link):
     """Return how late (s) an edge acts for constant slopes of its current, and who may say so.
 
-    hold: current (A) that keeps the leg where it is; before, after: its slopes (A/s) with the leg there, and gone over.
-    Second: 0, right at any slopes; 1, at these; 2: `commutated` has to be asked; ROUND: it has to, at any slopes.  A
-    capacitance leaves no zone.
+    hold: current (A) that keeps the leg where it is; before, after: its slopes (A/s) with the leg
+    there, and gone over.
+    Second: 0, right at any slopes; 1, at these; 2: `commutated` has to be asked; ROUND: it has to,
+    at any slopes.  A capacitance leaves no zone.
     """
     size, charge, real = abs(time), 2.0 * capacitance * link, capacitance > 0.0
     inverse = 1.0 / max(abs(hold) if real else zone_width, SHARP)
@@ -49,7 +50,10 @@ def commutated(time, capacitance, zone_width, zone_shape, hold, before, after, l
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how late an edge may be."""
     yield Limit(
-        "dead_time.time", abs(v["dead_time.time"]), 0.5 * converter.update_period, "s, half the sampling period"
+        "dead_time.time",
+        abs(v["dead_time.time"]),
+        0.5 * converter.update_period,
+        "s, half the sampling period",
     )
 
 
@@ -57,31 +61,42 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     time, width = v["dead_time.time"], v["dead_time.zone_width"]
     if time < 0.0:
-        return f"lower the drive's dead-time compensation by {quantity(-time, 's')}: it adds too much"
-    if time and v["dead_time.capacitance"]:  # half of the volts lost are there at half of this width (`otherwise`)
+        return (
+            f"lower the drive's dead-time compensation by {quantity(-time, 's')}: it adds too much"
+        )
+    if time and v["dead_time.capacitance"]:
+        # half of the volts lost are there at half of this width (`otherwise`)
         width = 4.0 * v["dead_time.capacitance"] * converter.dc_bus_voltage / time
     soft = f", less of it below {quantity(width, 'A')} of a phase's current" if width else ""
-    return f"set the dead-time compensation to {quantity(time, 's')}{soft} (raise it by that, where there is one)"
+    return (
+        f"set the dead-time compensation to {quantity(time, 's')}{soft} (raise it by that, "
+        "where there is one)"
+    )
 
 
 def otherwise(v: Mapping[str, float], width: float, converter: Converter) -> dict[str, float]:
-    """Return the capacitance in place of a zone of half-width `width` (A), or none in place of one: the leg just slews
-    over in the dead time at half of the width, where the volts lost by all edges have the same slope at zero."""
+    """Return the capacitance in place of a zone of half-width `width` (A), or none in place of one:
+    the leg just slews over in the dead time at half of the width, where the volts lost by all edges
+    have the same slope at zero."""
     if v["dead_time.capacitance"] > 0.0:
         return {"dead_time.capacitance": 0.0}
-    return {"dead_time.capacitance": 0.25 * width * abs(v["dead_time.time"]) / converter.dc_bus_voltage}
+    return {
+        "dead_time.capacitance": 0.25 * width * abs(v["dead_time.time"]) / converter.dc_bus_voltage
+    }
 
 
 CARD = Effect(
     name="dead_time",
-    summary="dead time of the legs: late edges, chosen by the current; legs slew, and are clamped by diodes",
+    summary="dead time of the legs: late edges, chosen by the current; legs slew, and are "
+    "clamped by diodes",
     subsystem="inverter",
     equation=(
-        "both switches are off for t_d: the current keeps the leg where it is (late by t_d) or moves it with i/(2 C) "
-        "until a diode clamps it (late by C u_dc/|i|; t_d - t_d^2 |i|/(4 C u_dc) where it does not arrive), and may "
-        "come to zero meanwhile; mean loss u_dc t_d/T_s times the vector of signs (fundamental 4/pi, lines 6k); the "
-        "pattern is late by t_d/2 on average. Without a capacitance: late by a sign of the current, linear "
-        "within +-1.5 % of rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own"
+        "both switches are off for t_d: the current keeps the leg where it is (late by t_d) or "
+        "moves it with i/(2 C) until a diode clamps it (late by C u_dc/|i|; t_d - t_d^2 |i|/(4 C "
+        "u_dc) where it does not arrive), and may come to zero meanwhile; mean loss u_dc t_d/T_s "
+        "times the vector of signs (fundamental 4/pi, lines 6k); the pattern is late by t_d/2 on "
+        "average. Without a capacitance: late by a sign of the current, linear within +-1.5 % of "
+        "rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own"
     ),
     formulas=(
         r"\overline{\Delta u} = -\,u_\text{dc}\,\frac{t_d}{T_s}\,\operatorname{sign}(i), "
@@ -89,12 +104,22 @@ CARD = Effect(
         r"\,\tanh\,\frac{i}{i_0}",
     ),
     source=(
-        "Zhang, Xu, Dead-time compensation of inverters considering snubber and parasitic capacitance, IEEE Trans. "
-        "Power Electron. 29 (2014) 3179; Jeong, Park, The analysis and compensation of dead-time effects in PWM "
-        "inverters, IEEE Trans. Ind. Electron. 38 (1991) 108"
+        "Zhang, Xu, Dead-time compensation of inverters considering snubber and parasitic "
+        "capacitance, IEEE Trans. Power Electron. 29 (2014) 3179; Jeong, Park, The analysis and "
+        "compensation of dead-time effects in PWM inverters, IEEE Trans. Ind. Electron. 38 (1991) "
+        "108"
     ),
     parameters=(
-        Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8), title="dead time"),
+        Parameter(
+            "time",
+            "s",
+            0.0,
+            -5e-6,
+            5e-5,
+            2e-6,
+            ordinary=Ordinary("dead_time", 5e-8),
+            title="dead time",
+        ),
         Parameter(
             "capacitance",
             "F",
@@ -120,14 +145,22 @@ CARD = Effect(
             title="width of the zone at zero current",
         ),
         Parameter(
-            "zone_shape", "", 0.0, 0.0, 1.0, 0.0, fit="fixed", change=1.0, title="shape of the zone at zero current"
+            "zone_shape",
+            "",
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            fit="fixed",
+            change=1.0,
+            title="shape of the zone at zero current",
         ),
     ),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",
     region="steps where a phase current crosses zero; size independent of current and speed",
     confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
-    separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",
+    separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",  # noqa: E501
     at=(
         At("edge", late, ("time", "capacitance", "zone_width", "zone_shape")),
         At("commutation", commutated, ("time", "capacitance", "zone_width", "zone_shape")),

@@ -20,21 +20,23 @@ def primitive(x):
 
 @inlined
 def mean_sign(x, y, steep=1.0):
-    """Return the mean of the soft sign of `steep` times the current while that goes linearly from x to y (over soft
-    width).  Of several such means at one x and y, the division is done once."""
+    """Return the mean of the soft sign of `steep` times the current while that goes linearly from x
+    to y (over soft width).  Of several such means at one x and y, the division is done once."""
     step = y - x
     flat = abs(step) < 1e-6
     inverse = 1.0 / (1.0 if flat else step)
     middle = min(max(0.5 * steep * (x + y), -1.0), 1.0)
-    return middle if flat else (primitive(steep * y) - primitive(steep * x)) * inverse * (1.0 / steep)
+    return (
+        middle if flat else (primitive(steep * y) - primitive(steep * x)) * inverse * (1.0 / steep)
+    )
 
 
 @inlined
 def mean_of_tanh(x, y):
     """Return the mean of tanh while its argument goes linearly from x to y, within 0.017.
 
-    tanh as three soft signs, whose means have no logarithm: widths and shares are the minimax fit for x >= 0
-    (tests/sandbox/plant/test_soft_sign.py fits them again).
+    tanh as three soft signs, whose means have no logarithm: widths and shares are the minimax fit
+    for x >= 0 (tests/sandbox/plant/test_soft_sign.py fits them again).
     """
     narrow, middle = 0.277034 * mean_sign(x, y, 1.609714), 0.441430 * mean_sign(x, y, 0.797139)
     return narrow + middle + 0.281536 * mean_sign(x, y, 0.418666)
@@ -42,7 +44,8 @@ def mean_of_tanh(x, y):
 
 @inlined
 def lost(threshold, before, after, shape):
-    """Return what a leg loses on average (V), its current over the soft width going from before to after.
+    """Return what a leg loses on average (V), its current over the soft width going from before to
+    after.
 
     shape: of the soft sign, from 0 (linear) to 1 (tanh).
     """
@@ -73,19 +76,29 @@ CARD = Effect(
     equation="leg voltage -= threshold sign(i) + r i, sign linear within +-1.5 % of rated current",
     formulas=(r"u_\text{leg} \;\text{-=}\; V_t\,\operatorname{sign}(i) + r\,i",),
     source=(
-        "Choi, Sul, Inverter output voltage synthesis using novel dead time compensation, IEEE Trans. "
-        "Power Electron. 11 (1996) 221"
+        "Choi, Sul, Inverter output voltage synthesis using novel dead time compensation, IEEE "
+        "Trans. Power Electron. 11 (1996) 221"
     ),
     parameters=(
         Parameter("threshold", "V", 0.0, 0.0, 50.0, 1.0, title="threshold voltage of the devices"),
-        Parameter("on_resistance", "ohm", 0.0, 0.0, 1e2, 0.02, "resistance", title="on-resistance of the devices"),
+        Parameter(
+            "on_resistance",
+            "ohm",
+            0.0,
+            0.0,
+            1e2,
+            0.02,
+            "resistance",
+            title="on-resistance of the devices",
+        ),
     ),
     axis="against the current",
     order="1 and 6k",
     region="steps at zero crossings, then constant",
     confused_with=("dead_time", "stator_resistance"),
     separated_by=(
-        "zero crossings at two DC-link voltages or PWM frequencies: dead time scales with them, the threshold does not"
+        "zero crossings at two DC-link voltages or PWM frequencies: dead time scales "
+        "with them, the threshold does not"
     ),
     at=(At("leg", lost, ("threshold",)), At("resistance", slope, ("on_resistance",))),
     do=do,

@@ -23,8 +23,8 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     size, phase = v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
     told = wave(f"{'−' if size < 0.0 else ''}{angle(size)}", 1, phase)
     return (
-        f"centre the code disc or magnet ring, or subtract {told}, x the shaft's angle, from the encoder's mechanical "
-        "reading"
+        f"centre the code disc or magnet ring, or subtract {told}, x the shaft's angle, from the "
+        "encoder's mechanical reading"
     )
 
 
@@ -37,7 +37,13 @@ CARD = Effect(
     source="geometry of a disc off its centre; first harmonic",
     parameters=(
         Parameter(
-            "amplitude_mech", "rad", 0.0, -0.5, 0.5, 0.005, title="amplitude of the encoder's error (mechanical)"
+            "amplitude_mech",
+            "rad",
+            0.0,
+            -0.5,
+            0.5,
+            0.005,
+            title="amplitude of the encoder's error (mechanical)",
         ),
         Parameter("phase", "rad", 0.0, -INF, INF, 0.5, title="phase of the encoder's error"),
     ),

@@ -49,8 +49,8 @@ CARD = Effect(
     region="all; back-EMF on d at zero current",
     confused_with=("current_sampling", "pwm_delay", "cross_saturation"),
     separated_by=(
-        "driven rotor at zero current: back-EMF on d proportional to speed in both directions; a delay's "
-        "share is odd in speed, an offset's even"
+        "driven rotor at zero current: back-EMF on d proportional to speed in both directions; a "
+        "delay's share is odd in speed, an offset's even"
     ),
     at=(At("offset", turned, ("offset",)),),
     do=do,

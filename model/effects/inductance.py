@@ -13,9 +13,14 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     scales = {x: v[f"inductance.scale_{x}"] for x in "dq" if v[f"inductance.scale_{x}"] != 1.0}
     if motor.has_map:
-        return beside_map(", ".join(f"L_{x} {percent(s - 1.0)} at zero current" for x, s in scales.items()))
+        return beside_map(
+            ", ".join(f"L_{x} {percent(s - 1.0)} at zero current" for x, s in scales.items())
+        )
     told = (
-        f"{stated(f'inductance_{x}', s * getattr(motor, f'inductance_{x}'), 'H')} ({percent(s - 1.0)})"
+        (
+            f"{stated(f'inductance_{x}', s * getattr(motor, f'inductance_{x}'), 'H')} "
+            f"({percent(s - 1.0)})"
+        )
         for x, s in scales.items()
     )
     return f"set {' and '.join(told)} in the motor's file, the estimator and the current control"
@@ -28,8 +33,8 @@ CARD = Effect(
     equation="Gamma_d = 1/(scale_d L_d), Gamma_q = 1/(scale_q L_q) in the energy",
     formulas=(r"\Gamma_d = \frac{1}{k_d L_d}, \qquad \Gamma_q = \frac{1}{k_q L_q}",),
     source=(
-        "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet Synchronous Motors"
-        " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
+        "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet "
+        "Synchronous Motors Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
     ),
     parameters=tuple(
         Parameter(

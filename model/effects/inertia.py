@@ -13,8 +13,8 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     found = v["inertia.inertia"]
     return (
-        f"set {stated('inertia', found, 'kg m^2')} ({percent(found / motor.inertia - 1.0)}) in the motor's file "
-        "and the speed control: it counts the load, too"
+        f"set {stated('inertia', found, 'kg m^2')} ({percent(found / motor.inertia - 1.0)}) in the "
+        "motor's file and the speed control: it counts the load, too"
     )
 
 

@@ -14,7 +14,8 @@ LARGEST_LAG = 0.5  # of the time constant in one step: the current is no parabol
 
 @inlined
 def branch(core_resistance, time_constant):
-    """Return the branch's conductance (1/ohm) and its lag's time constant (s): tau di_c/dt = (dpsi_ab/dt)/R_c - i_c."""
+    """Return the branch's conductance (1/ohm) and its lag's time constant (s): tau
+    di_c/dt = (dpsi_ab/dt)/R_c - i_c."""
     return 1.0 / core_resistance, time_constant
 
 
@@ -23,8 +24,8 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     ohm = v["iron_loss.core_resistance"]
     loss = 1.5 * (motor.rated_omega * flux_scale(motor)) ** 2 / ohm
     return (
-        f"count a core resistance of {quantity(ohm, 'ohm')} in (about {quantity(loss, 'W')} at rated speed without "
-        "load) where torque or losses are worked out from currents"
+        f"count a core resistance of {quantity(ohm, 'ohm')} in (about {quantity(loss, 'W')} at "
+        "rated speed without load) where torque or losses are worked out from currents"
     )
 
 
@@ -33,8 +34,8 @@ CARD = Effect(
     summary="eddy currents and hysteresis of the core, as a resistance across the flux slope",
     subsystem="machine",
     equation=(
-        "terminal current = magnetising current + i_c, tau di_c/dt = (dpsi_ab/dt)/R_c - i_c; torque from "
-        "the magnetising current; loss 3/2 R_c i_c^2"
+        "terminal current = magnetising current + i_c, tau di_c/dt = (dpsi_ab/dt)/R_c - i_c; "
+        "torque from the magnetising current; loss 3/2 R_c i_c^2"
     ),
     formulas=(
         r"i_\text{terminal} = i + i_c, \qquad \tau\,\frac{d i_c}{d t} = "
@@ -42,23 +43,40 @@ CARD = Effect(
         r"\tfrac32\,R_c\,|i_c|^2",
     ),
     source=(
-        "size of the losses: Mi, Slemon, Bonert, Modeling of iron losses of permanent-magnet synchronous motors, "
-        "IEEE Trans. Ind. Appl. 39 (2003) 734; resistance across the flux slope: the usual equivalent circuit, its "
-        "time constant (derivation) keeps i_c finite under pulses"
+        "size of the losses: Mi, Slemon, Bonert, Modeling of iron losses of permanent-magnet "
+        "synchronous motors, IEEE Trans. Ind. Appl. 39 (2003) 734; resistance across the flux "
+        "slope: the usual equivalent circuit, its time constant (derivation) keeps i_c finite "
+        "under pulses"
     ),
     parameters=(
         Parameter(
-            "core_resistance", "ohm", INF, 1.0, INF, 20.0, "rated reactance", fit="reciprocal", title="core resistance"
+            "core_resistance",
+            "ohm",
+            INF,
+            1.0,
+            INF,
+            20.0,
+            "rated reactance",
+            fit="reciprocal",
+            title="core resistance",
         ),
         Parameter(
-            "time_constant", "s", 2e-4, 1e-5, 1e-2, 2e-4, fit="log", spread=0.5, title="time constant of the iron"
+            "time_constant",
+            "s",
+            2e-4,
+            1e-5,
+            1e-2,
+            2e-4,
+            fit="log",
+            spread=0.5,
+            title="time constant of the iron",
         ),
     ),
     axis="q at speed, along the injected voltage in the injection band",
     order="0 and the injection band",
     region="grows with speed; with injection at standstill, too",
     confused_with=("dc_link_error", "current_filter", "skin_effect", "viscous_friction"),
-    separated_by="driven idle at several speeds (drag current) together with injection at standstill",
+    separated_by="driven idle at several speeds (drag current) together with injection at standstill",  # noqa: E501
     at=(At("iron", branch, ("core_resistance", "time_constant")),),
     switches=("core_resistance",),
     longest=lambda v, motor, omega: LARGEST_LAG * v["iron_loss.time_constant"],

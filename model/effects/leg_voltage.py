@@ -1,9 +1,10 @@
-"""What a leg of the inverter loses against its current, as a free curve: for inverters that no other form fits.
+"""What a leg of the inverter loses against its current, as a free curve: for inverters that no
+other form fits.
 
-The curve is odd, a sum of currents that saturate: each goes straight through zero and is constant beyond its corner.
-Three corners come to two octaves, from an eightieth of a current of reference to twice it.  So a commutation that is
-done at small currents, a knee of the devices, and a resistance are each mostly one term, and any curve without sharper
-corners than these is a sum of them.
+The curve is odd, a sum of currents that saturate: each goes straight through zero and is constant
+beyond its corner. Three corners come to two octaves, from an eightieth of a current of reference to
+twice it.  So a commutation that is done at small currents, a knee of the devices, and a resistance
+are each mostly one term, and any curve without sharper corners than these is a sum of them.
 """
 
 from __future__ import annotations
@@ -19,15 +20,18 @@ from model.effects.said import quantity
 from model.parameters import Converter, Motor
 
 Array = NDArray[np.float64]
-CORNERS = (0.0125, 0.02, 0.032, 0.05, 0.08, 0.125, 0.2, 0.32, 0.5, 0.8, 1.25, 2.0)  # of the current of reference
-# of the link, what a dead time of 0.2 us takes of 0.1 ms: a term in a diagnosis; a run with typical terms has a quarter
+# of the current of reference
+CORNERS = (0.0125, 0.02, 0.032, 0.05, 0.08, 0.125, 0.2, 0.32, 0.5, 0.8, 1.25, 2.0)
+# of the link, what a dead time of 0.2 us takes of 0.1 ms: a term in a diagnosis; a run with typical
+# terms has a quarter
 USUAL, TYPICAL = 0.002, 0.0005
 VOLTS = tuple(f"v_{k + 1}" for k in range(len(CORNERS)))
 
 
 @inlined
 def term(volts, share, half):
-    """Return a term's volts at a share of its corner, and what its integral lacks of them; half: its corner, halved."""
+    """Return a term's volts at a share of its corner, and what its integral lacks of them; half:
+    its corner, halved."""
     inside = min(share, 1.0)
     return volts * inside, volts * inside * inside * half
 
@@ -55,7 +59,8 @@ def sums(v_1, v_2, v_3, v_4, v_5, v_6, v_7, v_8, v_9, v_10, v_11, v_12, x):
 
 @inlined
 def lost(v_1, v_2, v_3, v_4, v_5, v_6, v_7, v_8, v_9, v_10, v_11, v_12, reference, before, after):
-    """Return what a leg loses on average (V) while its current (A) goes straight from before to after."""
+    """Return what a leg loses on average (V) while its current (A) goes straight from before to
+    after."""
     per = 1.0 / max(reference, 1e-30)
     x, y = before * per, after * per
     step = y - x
@@ -74,7 +79,9 @@ def curve(v: Mapping[str, float], motor: Motor, current: Array) -> Array:
     """Return the leg's voltage error (V, any shape) at currents (A), by completed values."""
     x = np.asarray(current, dtype=float)
     volts = [v[f"leg_voltage.{n}"] for n in VOLTS]
-    return np.asarray(sum(u * np.clip(x / c, -1.0, 1.0) for u, c in zip(volts, corners(v, motor), strict=True)))
+    return np.asarray(
+        sum(u * np.clip(x / c, -1.0, 1.0) for u, c in zip(volts, corners(v, motor), strict=True))
+    )
 
 
 def places(v: Mapping[str, float], motor: Motor) -> Array:
@@ -83,7 +90,8 @@ def places(v: Mapping[str, float], motor: Motor) -> Array:
 
 
 def said(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
-    """Return what a threshold and a resistance make of the curve up to rated current, as least squares fit them."""
+    """Return what a threshold and a resistance make of the curve up to rated current, as least
+    squares fit them."""
     i = motor.rated_current * np.linspace(0.02, 1.0, 50)
     u = curve(v, motor, i)
     forms = np.stack([np.ones_like(i), i], axis=1)
@@ -92,8 +100,9 @@ def said(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     share = 1.0 - float(left @ left) / max(float(u @ u), 1e-300)
     late = threshold * converter.sampling_period / converter.dc_bus_voltage
     return (
-        f"A threshold of {quantity(threshold, 'V')} (by a dead time alone: {quantity(late, 's')}) and a resistance of "
-        f"{quantity(ohm, 'ohm')} explain {100.0 * share:.3g} % of it (of squares, up to rated current)."
+        f"A threshold of {quantity(threshold, 'V')} (by a dead time alone: {quantity(late, 's')}) "
+        f"and a resistance of {quantity(ohm, 'ohm')} explain {100.0 * share:.3g} % of it (of "
+        "squares, up to rated current)."
     )
 
 
@@ -102,8 +111,8 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     amps = corners(v, motor)
     points = [f"[{i:.3g}, {u:.3g}]" for i, u in zip(amps, curve(v, motor, amps), strict=True)]
     return (
-        "compensate each leg by this curve (A, V), or state it as what the drive loses: [drive] inverter_table = "
-        f"[[0, 0], {', '.join(points)}]"
+        "compensate each leg by this curve (A, V), or state it as what the drive loses: [drive] "
+        f"inverter_table = [[0, 0], {', '.join(points)}]"
     )
 
 
@@ -112,13 +121,17 @@ CARD = Effect(
     summary="voltage error of a leg against its current, as a free curve",
     subsystem="inverter",
     equation=(
-        "leg voltage -= sum of v_k clip(i/(c_k i_0)), corners c_k = 0.0125, 0.02, 0.032, 0.05, ... 2 of a current of "
+        "leg voltage -= sum of v_k clip(i/(c_k i_0)), corners c_k = 0.0125, 0.02, 0.032, "
+        "0.05, ... 2 of a current of "
         "reference i_0: odd, straight between corners, constant beyond the last"
     ),
-    formulas=(r"u_\text{leg} \;\text{-=}\; \sum_{k=1}^{12} v_k\,\operatorname{clip}\frac{i}{c_k\,i_0}",),
+    formulas=(
+        r"u_\text{leg} \;\text{-=}\; \sum_{k=1}^{12} v_k\,\operatorname{clip}\frac{i}{c_k\,i_0}",
+    ),
     source=(
-        "measured curves of this kind: Guerrero, Leetmaa, Briz, Zamarron, Lorenz, Inverter nonlinearity effects in "
-        "high-frequency signal-injection-based sensorless control methods, IEEE Trans. Ind. Appl. 41 (2005) 618"
+        "measured curves of this kind: Guerrero, Leetmaa, Briz, Zamarron, Lorenz, Inverter "
+        "nonlinearity effects in high-frequency signal-injection-based sensorless control "
+        "methods, IEEE Trans. Ind. Appl. 41 (2005) 618"
     ),
     parameters=(
         *(
@@ -153,8 +166,8 @@ CARD = Effect(
     region="steps where a phase current crosses zero, or wherever the curve bends",
     confused_with=("dead_time", "device_drop", "stator_resistance"),
     separated_by=(
-        "dead time and drops are points of it: they are named where their form explains as much; a slow ramp of each "
-        "phase current from zero to twice its rating shows the curve"
+        "dead time and drops are points of it: they are named where their form explains as much; "
+        "a slow ramp of each phase current from zero to twice its rating shows the curve"
     ),
     at=(At("leg_curve", lost, (*VOLTS, "reference")),),
     switches=VOLTS,

@@ -1,9 +1,11 @@
-"""Effects of one's own: a Python file outside the project whose cards join the library of this process.
+"""Effects of one's own: a Python file outside the project whose cards join the library of this
+process.
 
     sensorless diagnose CAMPAIGN --effects-from my_effects.py
 
-The file holds cards like those of this folder and names them in EFFECTS.  Its equations are compiled into the plant,
-so the file has to be given before the plant is first used; processes started from this one take it over.
+The file holds cards like those of this folder and names them in EFFECTS.  Its equations are
+compiled into the plant, so the file has to be given before the plant is first used; processes
+started from this one take it over.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from model.kernels.sources import ROOT
 
 VARIABLE = "SENSORLESS_EFFECTS_FROM"  # by which processes started from this one are told
 PLANT = "sandbox.plant.electrical"  # the first of the plant's kernels
-EQUATIONS = ROOT / "sandbox" / "plant" / "ports.py"  # kernels that depend on it hold the effects taken over
+# kernels that depend on it hold the effects taken over
+EQUATIONS = ROOT / "sandbox" / "plant" / "ports.py"
 FILES: dict[str, str] = {}  # module of each file taken over so far, by the file
 
 

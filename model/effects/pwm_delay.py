@@ -19,7 +19,8 @@ def later(delay):
 
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
-    """Yield how late a recorded voltage may come, and a simulated one, of which the control knows nothing."""
+    """Yield how late a recorded voltage may come, and a simulated one, of which the control knows
+    nothing."""
     delay, period = v["pwm_delay.delay"], converter.update_period
     yield Limit("pwm_delay.delay", delay, LATEST * period, f"s, {LATEST:g} sampling periods")
     late = delay + abs(v["dead_time.time"])
@@ -43,9 +44,9 @@ CARD = Effect(
     summary="the applied voltage changes later than the recording says",
     subsystem="inverter",
     equation=(
-        "pulses shifted by d: up to the zero vector's length the volt-seconds between samples stay, only "
-        "the mean flux moves by -d u (current sample higher by about d u/L); beyond, volt-seconds pass to"
-        " the next period"
+        "pulses shifted by d: up to the zero vector's length the volt-seconds between samples "
+        "stay, only the mean flux moves by -d u (current sample higher by about d u/L); beyond, "
+        "volt-seconds pass to the next period"
     ),
     formulas=(r"u(t) = u^*(t - t_d), \qquad \overline{\Delta\psi} = -\,t_d\,u",),
     source=(

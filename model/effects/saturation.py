@@ -20,16 +20,16 @@ CARD = Effect(
     summary="saturation coefficients other than nominal",
     subsystem="machine",
     equation=(
-        "H += alpha_30 d^3 + alpha_12 d q^2 + alpha_40 d^4 + alpha_22 d^2 q^2 + alpha_04 q^4 (d, q: "
-        "current-induced fluxes)"
+        "H += alpha_30 d^3 + alpha_12 d q^2 + alpha_40 d^4 + alpha_22 d^2 q^2 + alpha_04 q^4 (d, "
+        "q: current-induced fluxes)"
     ),
     formulas=(
         r"H \;\text{+=}\; \alpha_{30}\,\phi_d^3 + \alpha_{12}\,\phi_d\,\phi_q^2 + "
         r"\alpha_{40}\,\phi_d^4 + \alpha_{22}\,\phi_d^2\,\phi_q^2 + \alpha_{04}\,\phi_q^4",
     ),
     source=(
-        "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet Synchronous Motors"
-        " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
+        "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet "
+        "Synchronous Motors Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
     ),
     parameters=(
         Parameter(
@@ -97,6 +97,9 @@ CARD = Effect(
     order="0 and the injection band",
     region="second and third power of the bias flux; nothing at zero current",
     confused_with=("inductance", "cross_saturation", "current_gain"),
-    separated_by=("locked-rotor staircases of d and of q bias with injection on top, up to rated current and above"),
+    separated_by=(
+        "locked-rotor staircases of d and of q bias with injection on top, up to rated "
+        "current and above"
+    ),
     do=do,
 )

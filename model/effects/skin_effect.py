@@ -23,7 +23,8 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     ohm, tau = v["skin_effect.resistance"], v["skin_effect.time_constant"]
     corner = quantity(1.0 / (math.tau * tau), "Hz")
     return (
-        f"count up to {quantity(ohm, 'ohm')} more into the estimator's resistance at the injection's frequency f, "
+        f"count up to {quantity(ohm, 'ohm')} more into the estimator's resistance at the "
+        "injection's frequency f, "
         f"x²/(1 + x²) of it with x = f/({corner}), and none for slow currents"
     )
 
@@ -33,16 +34,24 @@ CARD = Effect(
     summary="winding resistance and inductance against frequency",
     subsystem="machine",
     equation=(
-        "drop = R i + R_1 (i - x), tau dx/dt = i - x per stationary axis: R to R + R_1, and L lower by up"
-        " to R_1 tau, around 1/tau"
+        "drop = R i + R_1 (i - x), tau dx/dt = i - x per stationary axis: R to R + R_1, and L "
+        "lower by up to R_1 tau, around 1/tau"
     ),
     formulas=(r"u_R = R\,i + R_1\,(i - x), \qquad \tau\,\frac{d x}{d t} = i - x",),
     source=(
-        "first-order ladder for Dowell, Effects of eddy currents in transformer windings, Proc. IEE 113 (1966) 1387"
+        "first-order ladder for Dowell, Effects of eddy currents in transformer "
+        "windings, Proc. IEE 113 (1966) 1387"
     ),
     parameters=(
         Parameter(
-            "resistance", "ohm", 0.0, 0.0, 1e3, 0.3, "resistance", title="additional resistance of the skin effect"
+            "resistance",
+            "ohm",
+            0.0,
+            0.0,
+            1e3,
+            0.3,
+            "resistance",
+            title="additional resistance of the skin effect",
         ),
         Parameter(
             "time_constant",
@@ -60,13 +69,15 @@ CARD = Effect(
     axis="along the fast part of the current",
     order="the injection band, and steps",
     region=(
-        "the first time constants after a step; nothing at rest; far below 1/tau only R_1 tau^2 (in R) and R_1 tau "
-        "(in L) count"
+        "the first time constants after a step; nothing at rest; far below 1/tau only R_1 tau^2 "
+        "(in R) and R_1 tau (in L) count"
     ),
     confused_with=("iron_loss", "inductance", "stator_resistance"),
     separated_by="locked-rotor voltage steps at full sampling rate against a slow ramp",
     at=(At("skin", ladder, ("resistance", "time_constant")),),
     switches=("resistance",),
-    longest=lambda v, motor, omega: step_for_winding(motor.resistance + v["skin_effect.resistance"], motor.energy),
+    longest=lambda v, motor, omega: step_for_winding(
+        motor.resistance + v["skin_effect.resistance"], motor.energy
+    ),
     do=do,
 )

@@ -18,7 +18,9 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     if change > 0.0:
         causes.append(f"{quantity(found - motor.resistance, 'ohm')} of cable and contacts")
     elif not kelvin:
-        causes.append("more than a cold winding explains: is the stated value between two terminals?")
+        causes.append(
+            "more than a cold winding explains: is the stated value between two terminals?"
+        )
     return f"R {percent(change)}: {', or '.join(causes)}; set {stated('resistance', found, 'ohm')}"
 
 
@@ -28,7 +30,10 @@ CARD = Effect(
     subsystem="machine",
     equation="voltage drop R i in both axes; replaces the nominal value",
     formulas=(r"u_d = R\,i_d + \dots, \qquad u_q = R\,i_q + \dots",),
-    source=("Ohm's law; copper 0.39 %/K (IEC 60034-1: resistance proportional to 235 + temperature in degrees C)"),
+    source=(
+        "Ohm's law; copper 0.39 %/K (IEC 60034-1: resistance proportional to 235 + "
+        "temperature in degrees C)"
+    ),
     parameters=(
         Parameter(
             "resistance",
@@ -48,8 +53,8 @@ CARD = Effect(
     region="grows with current, not with speed; all regions",
     confused_with=("device_drop", "current_gain", "skin_effect"),
     separated_by=(
-        "locked-rotor staircase: voltage against current, intercept (device drop) and slope (R) apart; "
-        "steps against slow ramps for skin effect"
+        "locked-rotor staircase: voltage against current, intercept (device drop) and slope (R) "
+        "apart; steps against slow ramps for skin effect"
     ),
     do=do,
 )

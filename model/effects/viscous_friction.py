@@ -21,7 +21,8 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     found = v["viscous_friction.coefficient"]
     torque = found * motor.rated_omega / motor.pole_pairs
     return (
-        f"set {stated('viscous_friction', found, 'N m s/rad')} in the motor's file ({quantity(torque, 'N m')} at "
+        f"set {stated('viscous_friction', found, 'N m s/rad')} in the motor's file "
+        f"({quantity(torque, 'N m')} at "
         f"{motor.rated_speed_rpm:.4g} rpm); far more than stated: look at lubrication and fan"
     )
 

@@ -20,9 +20,13 @@ def drop(delta_a, delta_b, i_alpha, i_beta):
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> tuple[Limit, ...]:
     """Raise BadInput where a phase would have less than no resistance."""
-    least = v["stator_resistance.resistance"] + min(v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"])
+    least = v["stator_resistance.resistance"] + min(
+        v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"]
+    )
     if least < 0.0:
-        raise BadInput(f"winding_asymmetry leaves a phase {least:g} ohm; give more than minus the resistance")
+        raise BadInput(
+            f"winding_asymmetry leaves a phase {least:g} ohm; give more than minus the resistance"
+        )
     return ()
 
 
@@ -31,9 +35,14 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     a, b = v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"]
     least = min(a, b, 0.0)
     told = ", ".join(
-        f"{quantity(x - least, 'ohm')} in phase {p}" for p, x in zip("abc", (a, b, 0.0), strict=True) if x > least
+        f"{quantity(x - least, 'ohm')} in phase {p}"
+        for p, x in zip("abc", (a, b, 0.0), strict=True)
+        if x > least
     )
-    return f"look for what a phase has more than the others ({told}): terminals, contactors, a repaired coil"
+    return (
+        f"look for what a phase has more than the others ({told}): terminals, contactors, a "
+        "repaired coil"
+    )
 
 
 CARD = Effect(
@@ -41,8 +50,8 @@ CARD = Effect(
     summary="phases of unequal resistance (contacts, repairs, turn faults)",
     subsystem="machine",
     equation=(
-        "delta_a added to phase a, delta_b to phase b: drop (2 delta_a i_a - delta_b i_b)/3 along alpha, "
-        "delta_b i_b/sqrt(3) along beta"
+        "delta_a added to phase a, delta_b to phase b: drop (2 delta_a i_a - delta_b i_b)/3 along "
+        "alpha, delta_b i_b/sqrt(3) along beta"
     ),
     formulas=(
         r"\Delta u_\alpha = \frac{2\,\delta_a i_a - \delta_b i_b}{3}, \qquad \Delta u_\beta "
@@ -50,16 +59,34 @@ CARD = Effect(
     ),
     source="derivation: phase voltage equations seen through Clarke's transformation",
     parameters=(
-        Parameter("delta_a", "ohm", 0.0, -1e3, 1e3, 0.03, "resistance", title="additional resistance of phase a"),
-        Parameter("delta_b", "ohm", 0.0, -1e3, 1e3, -0.02, "resistance", title="additional resistance of phase b"),
+        Parameter(
+            "delta_a",
+            "ohm",
+            0.0,
+            -1e3,
+            1e3,
+            0.03,
+            "resistance",
+            title="additional resistance of phase a",
+        ),
+        Parameter(
+            "delta_b",
+            "ohm",
+            0.0,
+            -1e3,
+            1e3,
+            -0.02,
+            "resistance",
+            title="additional resistance of phase b",
+        ),
     ),
     axis="negative sequence: d and q alternating",
     order="2",
     region="grows with current; at standstill it depends on the angle",
     confused_with=("current_gain", "inductance_harmonics", "current_offset"),
     separated_by=(
-        "locked rotor at several angles (or a slow turn): drop at order 2 in voltage, while current gain "
-        "also acts where no voltage drops"
+        "locked rotor at several angles (or a slow turn): drop at order 2 in voltage, while "
+        "current gain also acts where no voltage drops"
     ),
     at=(At("winding", drop, ("delta_a", "delta_b")),),
     limits=limits,

@@ -1,1 +1,2 @@
-"""How compiled functions are made and kept: what numba lacks for them (README.md); the door is `model.compiled`."""
+"""How compiled functions are made and kept: what numba lacks for them (README.md); the door is
+`model.compiled`."""

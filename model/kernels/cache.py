@@ -1,8 +1,9 @@
 """numba's machine code on disk, checked before it is believed.
 
-numba's own files are unpickled as they are: a flipped bit ends in a traceback, or in wrong machine code.  Here the
-index of a function carries a checksum, and a data file is named by the hash of its content, so that two processes that
-fill a cache at once cannot exchange their entries either.  In doubt the function is compiled and kept again.
+numba's own files are unpickled as they are: a flipped bit ends in a traceback, or in wrong machine
+code.  Here the index of a function carries a checksum, and a data file is named by the hash of its
+content, so that two processes that fill a cache at once cannot exchange their entries either.  In
+doubt the function is compiled and kept again.
 """
 
 from __future__ import annotations
@@ -25,16 +26,21 @@ DIGITS = 32  # of the SHA-256 in a file's name
 
 
 class KernelCache(Cache):
-    """One function's entries in a folder: an index `<function>.nbi`, a data file for each signature."""
+    """One function's entries in a folder: an index `<function>.nbi`, a data file for each
+    signature."""
 
     def __init__(self, function: Any, folder: Path, kind: str = "") -> None:
         source = Path(inspect.getfile(function)).resolve()
         name = f"{source.stem}.{function.__qualname__}".replace("<", "").replace(">", "")
         self._py_func = function
         self._name = repr(function)
-        self._folder = folder / f"{source.parent.name}_{digest(os.fsencode(source.parent))[:DIGITS]}"
+        self._folder = (
+            folder / f"{source.parent.name}_{digest(os.fsencode(source.parent))[:DIGITS]}"
+        )
         line = function.__code__.co_firstlineno
-        self._base = f"{name[:120]}-{line}{kind and '-'}{kind}.py{sys.version_info[0]}{sys.version_info[1]}"
+        self._base = (
+            f"{name[:120]}-{line}{kind and '-'}{kind}.py{sys.version_info[0]}{sys.version_info[1]}"
+        )
         self._stamp = digest(source.read_bytes())
         self.enable()
 
@@ -48,7 +54,8 @@ class KernelCache(Cache):
         self._write_index({})
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function for a signature; None where it is not kept or not what was kept."""
+        """Return the compiled function for a signature; None where it is not kept or not what was
+        kept."""
         target_context.refresh()
         if not self._enabled:
             return None
@@ -70,8 +77,13 @@ class KernelCache(Cache):
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the compiled function for a signature, unless it holds what is of this process alone."""
-        if not self._enabled or any(not x.can_cache for x in data.lifted) or data.library.has_dynamic_globals:
+        """Keep the compiled function for a signature, unless it holds what is of this process
+        alone."""
+        if (
+            not self._enabled
+            or any(not x.can_cache for x in data.lifted)
+            or data.library.has_dynamic_globals
+        ):
             return
         key, body = self._index_key(sig, data.codegen), dumps(data._reduce())
         name = f"{self._base}.{digest(body)[:DIGITS]}.nbc"

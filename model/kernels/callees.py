@@ -1,7 +1,9 @@
-"""Kernels as other kernels see them: code to link in, with no way in from Python and no machine code of their own.
+"""Kernels as other kernels see them: code to link in, with no way in from Python and no machine
+code of their own.
 
-numba compiles every function that a kernel calls as if Python would call it, too: two wrappers that take its arguments
-apart, and machine code that nobody runs, since the caller holds all it needs.  Together that is a third of the time.
+numba compiles every function that a kernel calls as if Python would call it, too: two wrappers that
+take its arguments apart, and machine code that nobody runs, since the caller holds all it needs.
+Together that is a third of the time.
 Here a function has two dispatchers: its own, for Python, and a twin that only kernels see.
 """
 
@@ -21,14 +23,16 @@ from numba.core.registry import CPUDispatcher
 
 from model.kernels.repeated import Options
 
-# LLVM takes vectors of 256 bits on most processors that have wider ones, for the sake of code that mixes both; batches
-# of lanes are nothing but vectors.  The numbers are the same to the bit; other processors take no notice.
+# LLVM takes vectors of 256 bits on most processors that have wider ones, for the sake of code that
+# mixes both; batches of lanes are nothing but vectors.  The numbers are the same to the bit; other
+# processors take no notice.
 WIDE = '"prefer-vector-width"="512"'
 
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """Let cycles of objects lie meanwhile: looking for them is a seventh of the time of compiling."""
+    """Let cycles of objects lie meanwhile: looking for them is a seventh of the time of
+    compiling."""
     if not gc.isenabled():
         yield
         return
@@ -45,21 +49,25 @@ class Wide(JITCodeLibrary):
     def add_ir_module(self, ir_module: Any) -> None:
         """Add a module, its functions marked."""
         for function in ir_module.functions:
-            set.add(function.attributes, WIDE)  # llvmlite's own `add` knows attributes without a value only
+            # llvmlite's own `add` knows attributes without a value only
+            set.add(function.attributes, WIDE)
         super().add_ir_module(ir_module)
 
 
 class Linked(Wide):
     """Optimised code that callers link in; the engine that makes machine code never sees it."""
 
-    codegen = SimpleNamespace(set_env=lambda name, env: None)  # the caller's code holds the place (`Kernel`)
+    # the caller's code holds the place (`Kernel`)
+    codegen = SimpleNamespace(set_env=lambda name, env: None)
 
     def _optimize_final_module(self) -> None:
-        """Place callees inside and no more: what runs is optimised in the function that holds it."""
+        """Place callees inside and no more: what runs is optimised in the function that holds
+        it."""
         made = self._codegen._module_pass_manager(
             loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
         )
-        passes, *builder = made if isinstance(made, tuple) else (made,)  # before numba 0.62 without a builder
+        # before numba 0.62 without a builder
+        passes, *builder = made if isinstance(made, tuple) else (made,)
         passes.run(self._final_module, *builder)
 
     def _finalize_final_module(self) -> None:
@@ -95,7 +103,9 @@ class KernelCompiler(Compiler):
 
     def define_pipelines(self) -> list[Any]:
         """Return the passes."""
-        self.state.library = self.library_class(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state.library = self.library_class(
+            self.state.targetctx.codegen(), self.state.func_id.func_qualname
+        )
         self.state.library.enable_object_caching()
         return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
 
@@ -107,11 +117,15 @@ class LinkedCompiler(KernelCompiler):
 
 
 class Twin(CPUDispatcher):
-    """A function for callers: compiled once for integers, not once more for each that a caller writes as a constant."""
+    """A function for callers: compiled once for integers, not once more for each that a caller
+    writes as a constant."""
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Return what numba's type inference asks for, with constants taken as integers."""
-        plain = [types.unliteral(a) for a in args], {name: types.unliteral(a) for name, a in kws.items()}
+        plain = (
+            [types.unliteral(a) for a in args],
+            {name: types.unliteral(a) for name, a in kws.items()},
+        )
         return super().get_call_template(*plain)
 
 
@@ -120,7 +134,9 @@ class Kernel(CPUDispatcher):
 
     def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None) -> None:
         self.twin: Any = None
-        super().__init__(py_func, locals or {}, {"nopython": True, **(targetoptions or {})}, KernelCompiler)
+        super().__init__(
+            py_func, locals or {}, {"nopython": True, **(targetoptions or {})}, KernelCompiler
+        )
 
     def with_twin(self) -> Any:
         """Give this function a twin for callers and return it."""
@@ -146,7 +162,17 @@ class Kernel(CPUDispatcher):
 
 def rebuilt(target_context: Any, parts: tuple[Any, ...]) -> CompileResult:
     """Return a compiled function from what `CompileResult._reduce` made of it."""
-    (name, kind, code), fndesc, env, signature, objectmode, lifted, annotation, reload_init, environments = parts
+    (
+        (name, kind, code),
+        fndesc,
+        env,
+        signature,
+        objectmode,
+        lifted,
+        annotation,
+        reload_init,
+        environments,
+    ) = parts
     if kind != "linked":
         return CompileResult._rebuild(target_context, *parts)
     library = Linked.kept(target_context.codegen(), name, code)

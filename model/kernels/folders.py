@@ -1,4 +1,5 @@
-"""Where compiled kernels are kept: a folder named by a hash of a kernel's file and of all that this one imports."""
+"""Where compiled kernels are kept: a folder named by a hash of a kernel's file and of all that this
+one imports."""
 
 from __future__ import annotations
 
@@ -18,23 +19,27 @@ import numba
 from model.kernels.sources import depends_on, source_key
 
 KEPT_DAYS = 30
-_MORE: list[tuple[str, Path]] = []  # what kernels depend on beside the rooms' files: those that import a file
+# what kernels depend on beside the rooms' files: those that import a file
+_MORE: list[tuple[str, Path]] = []
 
 
 def depend_on(key: str, through: Path) -> None:
-    """Keep kernels decorated from now on, where they depend on a file, apart from those without `key`."""
+    """Keep kernels decorated from now on, where they depend on a file, apart from those without
+    `key`."""
     _MORE.append((key, through))
 
 
 def cache_home() -> Path:
-    """Return the folder for compiled kernels and memoised designs (`SENSORLESS_CACHE` or the user's cache)."""
+    """Return the folder for compiled kernels and memoised designs (`SENSORLESS_CACHE` or the user's
+    cache)."""
     user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(os.environ.get("SENSORLESS_CACHE") or os.path.join(user, "sensorless-sandbox"))
 
 
 @cache
 def _folder(key: str) -> Path | None:
-    """Return a folder for kernels: in the cache, or of this process alone; None where nothing can be written."""
+    """Return a folder for kernels: in the cache, or of this process alone; None where nothing can
+    be written."""
     path = cache_home() / f"kernels-{key}"
     try:
         if not path.exists():
@@ -42,7 +47,8 @@ def _folder(key: str) -> Path | None:
             for old in path.parent.glob("kernels-*"):
                 if time.time() - old.stat().st_mtime > KEPT_DAYS * 86400:
                     shutil.rmtree(old, ignore_errors=True)
-        with tempfile.TemporaryFile(dir=path):  # a read-only home still runs, from a cache of this process alone
+        with tempfile.TemporaryFile(dir=path):
+            # a read-only home still runs, from a cache of this process alone
             return path
     except OSError:
         return _own_folder()
@@ -69,6 +75,7 @@ def folder_of(function: Callable[..., Any]) -> Path | None:
 
 
 def kernel_folder() -> Path:
-    """Return the folder for sources written for kernels decorated now, or one of this process alone."""
+    """Return the folder for sources written for kernels decorated now, or one of this process
+    alone."""
     name = "-".join(["ports", *(key for key, _ in _MORE)])
     return _folder(name) or Path(tempfile.mkdtemp(prefix="sensorless-kernels-"))

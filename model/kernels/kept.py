@@ -1,7 +1,8 @@
-"""What was computed once and is kept on disk: checked before it is believed, made anew with a note where it is damaged.
+"""What was computed once and is kept on disk: checked before it is believed, made anew with a note
+where it is damaged.
 
-An entry is a file that begins with the SHA-256 of its own name and the rest.  Nothing here is ever an error the user
-must act on.
+An entry is a file that begins with the SHA-256 of its own name and the rest.  Nothing here is ever
+an error the user must act on.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ def digest(body: bytes) -> str:
 
 
 def read(path: Path) -> bytes | None:
-    """Return what was kept; None where there is nothing, or (with a note) where it is not what was written."""
+    """Return what was kept; None where there is nothing, or (with a note) where it is not what was
+    written."""
     try:
         if not path.is_file():  # nor a pipe, which would have to be waited for
             return None
@@ -40,12 +42,14 @@ def read(path: Path) -> bytes | None:
 
 
 def write(path: Path, body: bytes) -> None:
-    """Keep some bytes, whole or not at all; where they cannot be kept, they are computed again next time."""
+    """Keep some bytes, whole or not at all; where they cannot be kept, they are computed again next
+    time."""
     write_plain(path, _seal(path, body) + b"\n" + body)
 
 
 def _seal(path: Path, body: bytes) -> bytes:
-    """Return what an entry begins with: its name belongs to it, so that one put in another's place is noticed."""
+    """Return what an entry begins with: its name belongs to it, so that one put in another's place
+    is noticed."""
     return digest(os.fsencode(path.name) + b"\n" + body).encode()
 
 
@@ -60,7 +64,10 @@ def write_plain(path: Path, content: bytes) -> None:
         finally:
             aside.unlink(missing_ok=True)
     except OSError as error:
-        note(f"nothing can be kept in '{path.parent}' ({error.strerror}), so it is computed again next time")
+        note(
+            f"nothing can be kept in '{path.parent}' ({error.strerror}), so it is "
+            "computed again next time"
+        )
 
 
 def note_damage(path: Path) -> None:

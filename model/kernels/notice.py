@@ -1,10 +1,12 @@
-"""One line for whoever waits, "compiling once, ...", when a kernel is compiled and not read from the cache.
+"""One line for whoever waits, "compiling once, ...", when a kernel is compiled and not read from
+the cache.
 
-It goes to the logger `sensorless`, which Python prints to stderr unless it is told otherwise.  It is said once
-compiling has taken SHORT, with what is known: the processor's time that it took on this machine when the same program
-was called with the same command, which other programs hardly change, as they do the time on the clock.  Where they take
-much, it is said what that comes to with what compiling gets of the processor just now.  Less is compiled, and it is
-over sooner, where some of it is in the cache.
+It goes to the logger `sensorless`, which Python prints to stderr unless it is told otherwise.  It
+is said once compiling has taken SHORT, with what is known: the processor's time that it took on
+this machine when the same program was called with the same command, which other programs hardly
+change, as they do the time on the clock.  Where they take much, it is said what that comes to with
+what compiling gets of the processor just now.  Less is compiled, and it is over sooner, where some
+of it is in the cache.
 """
 
 from __future__ import annotations
@@ -37,9 +39,11 @@ class Watch(event.Listener):
         self.heard = self.said = False
         self.seconds = 0.0  # on the clock, in which at least one thread compiled
         self.processor = 0.0  # s of the processor, of the threads that compiled
-        self.own = threading.local()  # of a thread: level of nested functions, its processor's time where they began
+        # of a thread: level of nested functions, its processor's time where they began
+        self.own = threading.local()
         self.lock = threading.Lock()
-        self.active, self.begun, self.used = 0, 0.0, 0.0  # threads that compile; since when, by both clocks
+        # threads that compile; since when, by both clocks
+        self.active, self.begun, self.used = 0, 0.0, 0.0
 
     def on_start(self, event: Any) -> None:
         """Say it once, when a function of our own is compiled and this has taken a while."""
@@ -66,7 +70,9 @@ class Watch(event.Listener):
         """Return what is said at an instant (s) while something is compiled."""
         expected = self.known().get(self.call, 0.0)
         if expected <= 2.0 * SHORT:
-            return "compiling once, half a minute to some minutes (the next time it is known how long)"
+            return (
+                "compiling once, half a minute to some minutes (the next time it is known how long)"
+            )
         text = f"compiling once, up to about {expected:.0f} s of the processor"
         with self.lock:
             used, passed = time.process_time() - self.used, now - self.begun

@@ -1,6 +1,7 @@
 """What numba works out again for every function, answered once: a fifth of the time of compiling.
 
-Each of these is numba's own function, found at the same place, with the same result.  Importing this puts them there.
+Each of these is numba's own function, found at the same place, with the same result.  Importing
+this puts them there.
 """
 
 from __future__ import annotations
@@ -16,16 +17,18 @@ from numba.core.targetconfig import TargetConfig
 from numba.core.types import npytypes
 from numba.core.types.functions import BaseFunction
 
-# a record's type is written out, field by field, before each pass over a function that takes one and for each field
-# that is read: 5900 times 0.3 ms for a replay
+# a record's type is written out, field by field, before each pass over a function that takes one
+# and for each field that is read: 5900 times 0.3 ms for a replay
 npytypes.Record.__repr__ = cache(npytypes.Record.__repr__)  # type: ignore[method-assign]
 
 _resolve = BaseFunction.get_call_type
-_known: dict[Any, Any] = {}  # the type and the implementation of a built-in function of arguments of these types
+# the type and the implementation of a built-in function of arguments of these types
+_known: dict[Any, Any] = {}
 
 
 def get_call_type(self: Any, context: Any, args: Any, kws: Mapping[str, Any]) -> Any:
-    """Return a call's type; for `+` of two floats, asked thousands of times, not through all forms of `+` each time."""
+    """Return a call's type; for `+` of two floats, asked thousands of times, not through all forms
+    of `+` each time."""
     if not isinstance(self.typing_key, BuiltinFunctionType):
         return _resolve(self, context, args, kws)
     key = self, context, args, tuple(kws.items())
@@ -40,7 +43,8 @@ def get_call_type(self: Any, context: Any, args: Any, kws: Mapping[str, Any]) ->
 
 
 def variables(self: ir.Inst, value: Any) -> list[ir.Var]:
-    """Return the variables in a part of an instruction; most parts are texts, numbers and places in a file."""
+    """Return the variables in a part of an instruction; most parts are texts, numbers and places in
+    a file."""
     if isinstance(value, ir.Var):
         return [value]
     if value is None or isinstance(value, (str, int, ir.Loc)):
@@ -59,7 +63,8 @@ ir.Inst._rec_list_vars = variables  # type: ignore[method-assign]
 
 
 class Options(Flags):
-    """numba's flags of one compilation, which it compares ten thousand times: by what is set, not by all fifty."""
+    """numba's flags of one compilation, which it compares ten thousand times: by what is set, not
+    by all fifty."""
 
     __slots__ = ()
     _HASH = hash(Flags())  # numba's, too, is the same for all
@@ -68,7 +73,9 @@ class Options(Flags):
         if not isinstance(other, TargetConfig):
             return NotImplemented
         mine, others = self._values, other._values
-        return mine == others or all(getattr(self, k) == getattr(other, k) for k in mine.keys() | others.keys())
+        return mine == others or all(
+            getattr(self, k) == getattr(other, k) for k in mine.keys() | others.keys()
+        )
 
     def __hash__(self) -> int:
         return self._HASH

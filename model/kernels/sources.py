@@ -1,6 +1,8 @@
-"""Which files of the project a file depends on: its imports, theirs, and so on; and one short hash of them all.
+"""Which files of the project a file depends on: its imports, theirs, and so on; and one short hash
+of them all.
 
-Only imports are followed, at the top of a file or inside a function; those for a type checker alone are left out.
+Only imports are followed, at the top of a file or inside a function; those for a type checker alone
+are left out.
 """
 
 from __future__ import annotations
@@ -33,21 +35,23 @@ def depends_on(path: Path) -> frozenset[Path]:
 
 @cache
 def source_key(*paths: Path) -> str:
-    """Return a short hash of the sources of files and of everything of the rooms that they depend on."""
+    """Return a short hash of the sources of files and of everything of the rooms that they depend
+    on."""
     return _digest(frozenset().union(*map(depends_on, paths)))
 
 
 @cache
 def code_files(*patterns: str) -> frozenset[Path]:
-    """Return the files below ROOT that match patterns such as "model/**/*.toml", and all that Python files of them
-    depend on."""
+    """Return the files below ROOT that match patterns such as "model/**/*.toml", and all that
+    Python files of them depend on."""
     found = frozenset(path for pattern in patterns for path in ROOT.glob(pattern))
     return found.union(*(depends_on(path) for path in found if path.suffix == ".py"))
 
 
 @cache
 def code_key(*patterns: str) -> str:
-    """Return a short hash of these files: results of one state of the code are told by it from those of another."""
+    """Return a short hash of these files: results of one state of the code are told by it from
+    those of another."""
     return _digest(code_files(*patterns))
 
 
@@ -65,7 +69,8 @@ def _body(path: Path) -> bytes:
 
 @cache
 def imports_of(path: Path) -> tuple[Path, ...]:
-    """Return the files of the rooms that a file imports, anywhere in it but for a type checker alone."""
+    """Return the files of the rooms that a file imports, anywhere in it but for a type checker
+    alone."""
     text = _TYPES_ONLY.sub("", _body(path).decode("utf-8", "replace"))
     return tuple(file for name in _names(text) if (file := _file_of(name)) is not None)
 
@@ -80,7 +85,8 @@ def _names(text: str) -> Iterator[str]:
 
 
 def _file_of(name: str) -> Path | None:
-    """Return the file of a module of the rooms; None for packages (theirs hold no code that kernels see) and others."""
+    """Return the file of a module of the rooms; None for packages (theirs hold no code that kernels
+    see) and others."""
     if name.partition(".")[0] not in ROOMS:
         return None
     path = ROOT.joinpath(*name.split(".")).with_suffix(".py")

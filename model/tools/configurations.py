@@ -1,12 +1,15 @@
-"""Configurations of drives as their tools write them: VESC, ODrive, moteus, SimpleFOC; into statements of a motor.
+"""Configurations of drives as their tools write them: VESC, ODrive, moteus, SimpleFOC; into
+statements of a motor.
 
-Where each key comes from: VESC firmware (`datatypes.h`, `mcpwm_foc.c`: L is the mean of L_d and L_q, which lie half of
-`foc_motor_ld_lq_diff` beside it; centre-aligned PWM at half of `foc_f_zv`), ODrive's reference (phase values, torque
-constant 8.27 / Kv), moteus' reference (`v_per_hz`: phase peak V per mechanical Hz), SimpleFOC's documentation
-(BLDCMotor(pole pairs, phase resistance, Kv, phase inductance)).  Gains: VESC foc_current_kp, foc_current_ki (V/A,
-V/(A s)), and foc_dt_us, which corrects the voltage that its observer sees and that it reports, not the switching;
-ODrive current_control_bandwidth (rad/s); moteus servo.pid_dq, in newer firmware servo.pid_dq_hz (Hz, of both axes:
-docs/reference/configuration.md); SimpleFOC PID_current_q.  Not checked on the drives themselves.
+Where each key comes from: VESC firmware (`datatypes.h`, `mcpwm_foc.c`: L is the mean of L_d and
+L_q, which lie half of `foc_motor_ld_lq_diff` beside it; centre-aligned PWM at half of `foc_f_zv`),
+ODrive's reference (phase values, torque constant 8.27 / Kv), moteus' reference (`v_per_hz`: phase
+peak V per mechanical Hz), SimpleFOC's documentation (BLDCMotor(pole pairs, phase resistance, Kv,
+phase inductance)).  Gains: VESC foc_current_kp, foc_current_ki (V/A, V/(A s)), and foc_dt_us, which
+corrects the voltage that its observer sees and that it reports, not the switching; ODrive
+current_control_bandwidth (rad/s); moteus servo.pid_dq, in newer firmware servo.pid_dq_hz (Hz, of
+both axes: docs/reference/configuration.md); SimpleFOC PID_current_q.  Not checked on the drives
+themselves.
 """
 
 from __future__ import annotations
@@ -26,24 +29,32 @@ MAX_BYTES = 4_000_000  # bytes of a configuration
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 DEFINED = re.compile(rf"^\s*#\s*define\s+MCCONF_(\w+)\s+\(?({NUMBER})f?\)?", re.MULTILINE)
 ASSIGNED = re.compile(
-    rf"^\s*(?:conf\s+set\s+)?([A-Za-z_][\w.\[\]]*)\s*[=: \t]\s*({NUMBER})\s*f?\s*[;,]?\s*(?:(?://|#).*)?$", re.MULTILINE
+    r"^\s*(?:conf\s+set\s+)?([A-Za-z_][\w.\[\]]*)\s*[=: "
+    rf"\t]\s*({NUMBER})\s*f?\s*[;,]?\s*(?:(?://|#).*)?$",
+    re.MULTILINE,
 )
 SIMPLE = re.compile(r"BLDCMotor\s*\w*\s*(?:=\s*BLDCMotor\s*)?\(([^()]+)\)")
-SIMPLE_NAMES = tuple(f"bldcmotor.{n}" for n in ("pole_pairs", "phase_resistance", "kv", "phase_inductance"))
-CONSTANT = re.compile(rf"^\s*(?:#\s*define\s+(\w+)\s+|const\w*[\w ]*?\s(\w+)\s*=\s*)\(?({NUMBER})f?\)?", re.MULTILINE)
+SIMPLE_NAMES = tuple(
+    f"bldcmotor.{n}" for n in ("pole_pairs", "phase_resistance", "kv", "phase_inductance")
+)
+CONSTANT = re.compile(
+    rf"^\s*(?:#\s*define\s+(\w+)\s+|const\w*[\w ]*?\s(\w+)\s*=\s*)\(?({NUMBER})f?\)?", re.MULTILINE
+)
 COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
 AXIS = re.compile(r"(?:^|\.)(axis\d+)\.")
 OF_ODRIVE = ("phase_resistance", "phase_inductance", "torque_constant")
 VECTOR = 1.0 / (2.0 * math.pi)
-# Seconds that a leg loses, for each of VESC's foc_dt_us: update_valpha_vbeta takes foc_dt_us foc_f_zv times 2/3 of the
-# link off a leg; a leg that loses t once a PWM period, of 2 / foc_f_zv, loses t foc_f_zv / 2 of the link.
+# Seconds that a leg loses, for each of VESC's foc_dt_us: update_valpha_vbeta takes foc_dt_us
+# foc_f_zv times 2/3 of the link off a leg; a leg that loses t once a PWM period, of 2 / foc_f_zv,
+# loses t foc_f_zv / 2 of the link.
 VESC_DEAD_TIME = 4.0 / 3.0
 
 
 class Configuration(NamedTuple):
-    """What program wrote it; statements: key of `model.tools.statements`, quantity as text; control: the current loop's
-    current_kp (V/A), current_ki (V/(A s)), bandwidth (rad/s), and dead_time (s) of legs, taken off the voltage that is
-    reported, as far as stated; origin: of each statement, the configuration's own names and numbers, and the law."""
+    """What program wrote it; statements: key of `model.tools.statements`, quantity as text;
+    control: the current loop's current_kp (V/A), current_ki (V/(A s)), bandwidth (rad/s), and
+    dead_time (s) of legs, taken off the voltage that is reported, as far as stated; origin: of each
+    statement, the configuration's own names and numbers, and the law."""
 
     program: str
     stated: dict[str, str]
@@ -60,8 +71,8 @@ class Told(NamedTuple):
 
 
 def read_configuration(path: Path) -> Configuration:
-    """Return what a tool's configuration states of the motor; BadInput where it is of none of the known tools, or of
-    two motors."""
+    """Return what a tool's configuration states of the motor; BadInput where it is of none of the
+    known tools, or of two motors."""
     remedy = "give a configuration of VESC, ODrive, moteus or SimpleFOC, or KEY=VALUE"
     text = given_bytes(path, MAX_BYTES, remedy).decode("utf-8-sig", errors="replace")
     numbers = _one_axis(path.name, _numbers(text))
@@ -71,12 +82,15 @@ def read_configuration(path: Path) -> Configuration:
             if told:
                 control = {k: v for k, v in program.control(numbers).items() if v is not None}
                 stated = {k: f"{t.value:.10g} {t.unit}".strip() for k, t in told.items()}
-                return Configuration(program.name, stated, control, {k: t.origin for k, t in told.items()})
+                return Configuration(
+                    program.name, stated, control, {k: t.origin for k, t in told.items()}
+                )
     raise BadInput(f"{path.name}: nothing of a motor is known in it; {remedy}")
 
 
 def _one_axis(file: str, numbers: dict[str, float]) -> dict[str, float]:
-    """Return a configuration without the axes that drive no motor; BadInput where two drive motors that differ."""
+    """Return a configuration without the axes that drive no motor; BadInput where two drive motors
+    that differ."""
     axes: dict[str, dict[str, float]] = {}
     for name, value in numbers.items():
         if found := AXIS.search(name):
@@ -85,10 +99,15 @@ def _one_axis(file: str, numbers: dict[str, float]) -> dict[str, float]:
     of_motor = [{n: own.get(n) for n in (*OF_ODRIVE, "pole_pairs")} for own in measured.values()]
     if any(other != of_motor[0] for other in of_motor[1:]):
         raise BadInput(
-            f"{file} holds {len(measured)} motors that differ ({', '.join(measured)}); leave the lines of one in a copy"
+            f"{file} holds {len(measured)} motors that differ ({', '.join(measured)}); "
+            "leave the lines of one in a copy"
         )
     kept = next(iter(measured), None)
-    return {n: v for n, v in numbers.items() if kept is None or not (m := AXIS.search(n)) or m[1] == kept}
+    return {
+        n: v
+        for n, v in numbers.items()
+        if kept is None or not (m := AXIS.search(n)) or m[1] == kept
+    }
 
 
 def _numbers(text: str) -> dict[str, float]:
@@ -98,19 +117,25 @@ def _numbers(text: str) -> dict[str, float]:
         try:
             root = ElementTree.fromstring(text)
         except (ElementTree.ParseError, ValueError) as error:
-            raise BadInput(f"a configuration that is no whole XML ({error}); export it again") from None
+            raise BadInput(
+                f"a configuration that is no whole XML ({error}); export it again"
+            ) from None
         return {e.tag.lower(): x for e in root.iter() if (x := _float(e.text)) is not None}
     if head == "{":
         try:
             return dict(_flat(json.loads(text), ""))
         except (ValueError, RecursionError) as error:
-            raise BadInput(f"a configuration that is no whole JSON ({error}); export it again") from None
+            raise BadInput(
+                f"a configuration that is no whole JSON ({error}); export it again"
+            ) from None
     text = COMMENT.sub(" ", text)
     out = {m[1].lower(): float(m[2]) for m in ASSIGNED.finditer(text)}
     out |= {m[1].lower(): float(m[2]) for m in DEFINED.finditer(text)}
     if found := SIMPLE.search(text):
         constants = {m[1] or m[2]: float(m[3]) for m in CONSTANT.finditer(text)}
-        given = [constants.get(x.strip(), _float(x.strip().rstrip("f"))) for x in found[1].split(",")]
+        given = [
+            constants.get(x.strip(), _float(x.strip().rstrip("f"))) for x in found[1].split(",")
+        ]
         out |= {n: x for n, x in zip(SIMPLE_NAMES, given, strict=False) if x is not None}
     return out
 
@@ -137,7 +162,8 @@ def _float(value: Any) -> float | None:
 
 
 def _last(numbers: Mapping[str, float], *names: str) -> float | None:
-    """Return the number whose dotted name ends with one of these, the first of them that is there."""
+    """Return the number whose dotted name ends with one of these, the first of them that is
+    there."""
     for name in names:
         for own, value in numbers.items():
             if own == name or own.endswith(f".{name}"):
@@ -145,8 +171,11 @@ def _last(numbers: Mapping[str, float], *names: str) -> float | None:
     return None
 
 
-def _told(n: Mapping[str, float], names: str, unit: str = "", factor: float = 1.0, law: str = "") -> Told | None:
-    """Return what the first of some names (a blank between) says, times a factor (its law in words), in a unit."""
+def _told(
+    n: Mapping[str, float], names: str, unit: str = "", factor: float = 1.0, law: str = ""
+) -> Told | None:
+    """Return what the first of some names (a blank between) says, times a factor (its law in
+    words), in a unit."""
     for name in names.split():
         if (value := _last(n, name)) is not None:
             said = f"{name.removeprefix('bldcmotor.')} = {value:.6g}"
@@ -159,31 +188,45 @@ def _vesc(n: Mapping[str, float]) -> dict[str, Told | None]:
     speed, poles = _last(n, "l_max_erpm") or _last(n, "l_rpm_max"), _last(n, "si_motor_poles")
     zero = "foc_f_zv foc_f_sw"  # the older firmware's name
     out = {
-        "poles": _told(n, "si_motor_poles"), "resistance": _told(n, "foc_motor_r", "ohm"),
-        "magnet_flux": _told(n, "foc_motor_flux_linkage", "Wb"), "rated_current": _told(n, "l_current_max", "A"),
+        "poles": _told(n, "si_motor_poles"),
+        "resistance": _told(n, "foc_motor_r", "ohm"),
+        "magnet_flux": _told(n, "foc_motor_flux_linkage", "Wb"),
+        "rated_current": _told(n, "l_current_max", "A"),
         "dc_bus_voltage": _told(n, "si_battery_cells", "V", 3.7, "3.7 V a cell"),
         "pwm_frequency": _told(n, zero, "Hz", 0.5, "half of it: centre-aligned"),
-    }  # fmt: skip
+    }
     if (pwm := out["pwm_frequency"]) and pwm.value > 0.0:
         out["sampling_period"] = Told(1.0 / pwm.value, "s", "1 / pwm_frequency")
     if speed and poles and speed < 99_000:
-        out["rated_speed_rpm"] = Told(speed / (0.5 * poles), "rpm", f"largest erpm = {speed:.6g} / pole pairs")
+        out["rated_speed_rpm"] = Told(
+            speed / (0.5 * poles), "rpm", f"largest erpm = {speed:.6g} / pole pairs"
+        )
     if mean is not None:
         both = f" (foc_motor_l = {mean:.6g} H, foc_motor_ld_lq_diff = {off:.6g} H)"
-        out["inductance_d"] = Told(mean - 0.5 * off, "H", f"L - diff/2{both}" if off else f"foc_motor_l = {mean:.6g} H")
-        out["inductance_q"] = Told(mean + 0.5 * off, "H", f"L + diff/2{both}" if off else f"foc_motor_l = {mean:.6g} H")
+        out["inductance_d"] = Told(
+            mean - 0.5 * off, "H", f"L - diff/2{both}" if off else f"foc_motor_l = {mean:.6g} H"
+        )
+        out["inductance_q"] = Told(
+            mean + 0.5 * off, "H", f"L + diff/2{both}" if off else f"foc_motor_l = {mean:.6g} H"
+        )
     return out
 
 
 def _odrive(n: Mapping[str, float]) -> dict[str, Told | None]:
     return {
-        "pole_pairs": _told(n, "pole_pairs"), "resistance": _told(n, "phase_resistance", "ohm"),
-        "inductance": _told(n, "phase_inductance", "H"), "torque_constant": _told(n, "torque_constant", "Nm/A"),
+        "pole_pairs": _told(n, "pole_pairs"),
+        "resistance": _told(n, "phase_resistance", "ohm"),
+        "inductance": _told(n, "phase_inductance", "H"),
+        "torque_constant": _told(n, "torque_constant", "Nm/A"),
         "rated_current": _told(n, "current_soft_max current_lim", "A"),
         "rated_speed_rpm": _told(
-            n, "config.vel_limit controller.config.vel_limit", "rpm", 60.0, "turns/s: a limit, perhaps below the rating"
+            n,
+            "config.vel_limit controller.config.vel_limit",
+            "rpm",
+            60.0,
+            "turns/s: a limit, perhaps below the rating",
         ),
-    }  # fmt: skip
+    }
 
 
 def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
@@ -191,24 +234,36 @@ def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
     flux = _told(n, "fit.lambda_m", "Wb")
     if flux is None and poles:
         pairs = 0.5 * poles
-        flux = _told(n, "v_per_hz", "Wb", VECTOR / pairs, "V of a phase per Hz: / (2 pi pole pairs)")
+        flux = _told(
+            n, "v_per_hz", "Wb", VECTOR / pairs, "V of a phase per Hz: / (2 pi pole pairs)"
+        )
         kv = _last(n, "motor.kv") or _last(n, "calibration.kv") or _last(n, "kv")
         if flux is None and kv:
-            flux = Told(30.0 / kv * VECTOR / pairs, "Wb", f"Kv = {kv:.6g} by moteus' law: 30 / (Kv 2 pi pole pairs)")
+            flux = Told(
+                30.0 / kv * VECTOR / pairs,
+                "Wb",
+                f"Kv = {kv:.6g} by moteus' law: 30 / (Kv 2 pi pole pairs)",
+            )
     both = "cal_inductance_d_h calibration.inductance winding_inductance inductance"
     d = _told(n, f"fit.b motor.inductance_d_h {both}", "H")
-    levels = [float(m[1]) for name in n if (m := re.match(rf"regressions\.({NUMBER})\.slope$", name))]
+    levels = [
+        float(m[1]) for name in n if (m := re.match(rf"regressions\.({NUMBER})\.slope$", name))
+    ]
     swept = max(map(abs, levels), default=None)
     rate = _told(n, "pwm_rate_hz", "Hz")
     return {
         "poles": _told(n, "poles"),
         "resistance": _told(n, "motor.resistance_ohm params.r winding_resistance", "ohm"),
-        "magnet_flux": flux, "inductance_d": d, "inductance_q": _told(n, "motor.inductance_q_h", "H") or d,
+        "magnet_flux": flux,
+        "inductance_d": d,
+        "inductance_q": _told(n, "motor.inductance_q_h", "H") or d,
         "rated_current": _told(n, "max_current_a", "A")
         or (Told(swept, "A", f"the sweep of d-currents went to {swept:.6g} A") if swept else None),
         "pwm_frequency": rate,
-        "sampling_period": Told(1.0 / rate.value, "s", "1 / pwm_rate_hz") if rate and rate.value > 0.0 else None,
-    }  # fmt: skip
+        "sampling_period": Told(1.0 / rate.value, "s", "1 / pwm_rate_hz")
+        if rate and rate.value > 0.0
+        else None,
+    }
 
 
 def _simplefoc(n: Mapping[str, float]) -> dict[str, Told | None]:
@@ -221,17 +276,22 @@ def _simplefoc(n: Mapping[str, float]) -> dict[str, Told | None]:
         "dc_bus_voltage": _told(n, "driver.voltage_power_supply", "V"),
         "pwm_frequency": _told(n, "driver.pwm_frequency", "Hz"),
         "rated_speed_rpm": _told(
-            n, "motor.velocity_limit", "rpm", 30.0 / math.pi, "rad/s: a limit, perhaps below the rating"
+            n,
+            "motor.velocity_limit",
+            "rpm",
+            30.0 / math.pi,
+            "rad/s: a limit, perhaps below the rating",
         ),
-    }  # fmt: skip
+    }
 
 
 def _vesc_control(n: Mapping[str, float]) -> dict[str, float | None]:
     lost = _last(n, "foc_dt_us")
     return {
-        "current_kp": _last(n, "foc_current_kp"), "current_ki": _last(n, "foc_current_ki"),
+        "current_kp": _last(n, "foc_current_kp"),
+        "current_ki": _last(n, "foc_current_ki"),
         "dead_time": None if lost is None else VESC_DEAD_TIME * 1e-6 * lost,
-    }  # fmt: skip
+    }
 
 
 def _odrive_control(n: Mapping[str, float]) -> dict[str, float | None]:
@@ -241,9 +301,10 @@ def _odrive_control(n: Mapping[str, float]) -> dict[str, float | None]:
 def _moteus_control(n: Mapping[str, float]) -> dict[str, float | None]:
     rate = _last(n, "pid_dq_hz")
     return {
-        "current_kp": _last(n, "pid_dq.kp"), "current_ki": _last(n, "pid_dq.ki"),
+        "current_kp": _last(n, "pid_dq.kp"),
+        "current_ki": _last(n, "pid_dq.ki"),
         "bandwidth": None if rate is None else math.tau * rate,
-    }  # fmt: skip
+    }
 
 
 def _simplefoc_control(n: Mapping[str, float]) -> dict[str, float | None]:
@@ -251,7 +312,8 @@ def _simplefoc_control(n: Mapping[str, float]) -> dict[str, float | None]:
 
 
 class Program(NamedTuple):
-    """A tool: its name, by which keys its configuration is known, how they become statements, and its control."""
+    """A tool: its name, by which keys its configuration is known, how they become statements, and
+    its control."""
 
     name: str
     known_by: tuple[str, ...]
@@ -274,6 +336,9 @@ PROGRAMS = (
         _simplefoc_control,
     ),
     Program(
-        "moteus", ("v_per_hz", "motor.poles", "motor.resistance_ohm", "winding_resistance"), _moteus, _moteus_control
+        "moteus",
+        ("v_per_hz", "motor.poles", "motor.resistance_ohm", "winding_resistance"),
+        _moteus,
+        _moteus_control,
     ),
 )

@@ -1,6 +1,8 @@
-"""A quantity as a data sheet writes it: "0.2 mH", "6,4 mWb", "12.5 A rms", into SI units of one phase, peak.
+"""A quantity as a data sheet writes it: "0.2 mH", "6,4 mWb", "12.5 A rms", into SI units of one
+phase, peak.
 
-Sources: the definitions of the units; amplitude-invariant transformation (a vector is as long as a phase's peak).
+Sources: the definitions of the units; amplitude-invariant transformation (a vector is as long as a
+phase's peak).
 """
 
 from __future__ import annotations
@@ -18,7 +20,14 @@ UNITS: dict[str, dict[str, float]] = {  # of each kind: unit as written, what it
     "Wb": {"Wb": 1.0, "mWb": 1e-3, "uWb": 1e-6, "Vs": 1.0, "mVs": 1e-3},
     "A": {"A": 1.0, "mA": 1e-3, "kA": 1e3},
     "V": {"V": 1.0, "mV": 1e-3, "kV": 1e3},
-    "N m": {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3, "ozin": 7.0615518e-3, "lbin": 0.11298483},
+    "N m": {
+        "Nm": 1.0,
+        "mNm": 1e-3,
+        "Ncm": 1e-2,
+        "kNm": 1e3,
+        "ozin": 7.0615518e-3,
+        "lbin": 0.11298483,
+    },
     "rpm": {
         "rpm": 1.0,
         "rad/s": 1.0 / RPM,
@@ -33,11 +42,25 @@ UNITS: dict[str, dict[str, float]] = {  # of each kind: unit as written, what it
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
     "Hz": {"Hz": 1.0, "kHz": 1e3},
     "rpm/V": {"rpm/V": 1.0},
-    "V s/rad": {"V/krpm": 1e-3 / RPM, "V/1000rpm": 1e-3 / RPM, "mV/rpm": 1e-3 / RPM, "Vs/rad": 1.0, "V/(rad/s)": 1.0},
-    "N m/A": {"Nm/A": 1.0, "mNm/A": 1e-3, "Ncm/A": 1e-2, "ozin/A": 7.0615518e-3, "lbin/A": 0.11298483},
+    "V s/rad": {
+        "V/krpm": 1e-3 / RPM,
+        "V/1000rpm": 1e-3 / RPM,
+        "mV/rpm": 1e-3 / RPM,
+        "Vs/rad": 1.0,
+        "V/(rad/s)": 1.0,
+    },
+    "N m/A": {
+        "Nm/A": 1.0,
+        "mNm/A": 1e-3,
+        "Ncm/A": 1e-2,
+        "ozin/A": 7.0615518e-3,
+        "lbin/A": 0.11298483,
+    },
     "": {"": 1.0},
 }
-RMS = re.compile(r"(?<=[AVb\d\s_(])[\s_(]*(rms|eff)\)?(?=\s*(/|$))|^[\s_(]*(rms|eff)\)?$", re.IGNORECASE)
+RMS = re.compile(
+    r"(?<=[AVb\d\s_(])[\s_(]*(rms|eff)\)?(?=\s*(/|$))|^[\s_(]*(rms|eff)\)?$", re.IGNORECASE
+)
 PEAK = re.compile(r"(?<=[AVb\d\s_(])[\s_(]*(peak|pk)\)?(?=\s*(/|$))", re.IGNORECASE)
 WRITTEN = re.compile(r"^\s*([-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 
@@ -51,10 +74,14 @@ class Quantity(NamedTuple):
 
 
 def quantity_of(text: str, kind: str, what: str) -> Quantity:
-    """Return a quantity of a kind (a key of UNITS; none written: SI); BadInput says what is wrong with it."""
+    """Return a quantity of a kind (a key of UNITS; none written: SI); BadInput says what is wrong
+    with it."""
     found = WRITTEN.match(text)
     if not found:
-        raise BadInput(f"{what} = {brief(text)} is no quantity; write a number and its unit, such as {_example(kind)}")
+        raise BadInput(
+            f"{what} = {brief(text)} is no quantity; write a number and its unit, such "
+            f"as {_example(kind)}"
+        )
     number, unit = float(found[1].replace(",", ".")), found[2]
     rms = bool(RMS.search(unit))
     bare = PEAK.sub("", RMS.sub("", unit)).strip(" (_")

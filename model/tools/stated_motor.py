@@ -1,6 +1,8 @@
-"""A motor's file from statements of other tools and people: every value with where it comes from, nothing hidden.
+"""A motor's file from statements of other tools and people: every value with where it comes from,
+nothing hidden.
 
-What nobody states is worked out where physics gives it, and assumed where a file cannot be without it; both are said.
+What nobody states is worked out where physics gives it, and assumed where a file cannot be without
+it; both are said.
 """
 
 from __future__ import annotations
@@ -17,9 +19,12 @@ from model.tools.configurations import read_configuration
 from model.tools.statements import Step, key_of, steps_of
 
 NEEDED = {  # what no tool or law gives: the key to give it by
-    "resistance": "resistance=0.05ohm", "magnet_flux": "kv=300", "inductance_d": "inductance=30uH",
-    "inductance_q": "inductance_q=30uH", "rated_current": "current=20A",
-}  # fmt: skip
+    "resistance": "resistance=0.05ohm",
+    "magnet_flux": "kv=300",
+    "inductance_d": "inductance=30uH",
+    "inductance_q": "inductance_q=30uH",
+    "rated_current": "current=20A",
+}
 RUN_UP = 0.1  # s: assumed, in which rated torque brings an unknown inertia to rated speed
 PERIOD = 5e-5  # s: assumed sampling of a drive that does not say, 20 kHz
 FULL = 0.9  # of the voltage at the link's end that rated speed without load may take
@@ -33,7 +38,8 @@ QUIET = {"current_resolution": 0.0, "current_noise": 0.0}
 
 @dataclass(frozen=True)
 class StatedMotor:
-    """A drive and the conversions that made it; program: whose configuration was read ('' for none)."""
+    """A drive and the conversions that made it; program: whose configuration was read ('' for
+    none)."""
 
     drive: Drive
     steps: tuple[Step, ...]
@@ -41,13 +47,16 @@ class StatedMotor:
 
 
 def stated_motor(words: Sequence[str], name: str = "motor") -> StatedMotor:
-    """Return the drive of configurations (paths) and statements (KEY=VALUE), which come before what a file says.
+    """Return the drive of configurations (paths) and statements (KEY=VALUE), which come before what
+    a file says.
 
-    BadInput for a file of no known tool, an unknown key or unit, values that contradict each other, or missing ones.
+    BadInput for a file of no known tool, an unknown key or unit, values that contradict each other,
+    or missing ones.
     """
     stated: dict[str, str] = {}
     given: dict[str, str] = {}
-    origin: dict[str, str] = {}  # of what a configuration states, and of what words say, as they say it
+    # of what a configuration states, and of what words say, as they say it
+    origin: dict[str, str] = {}
     said: dict[str, str] = {}
     program = ""
     for word in words:
@@ -62,18 +71,26 @@ def stated_motor(words: Sequence[str], name: str = "motor") -> StatedMotor:
             read = read_configuration(Path(word))
             if other := next((k for k, v in read.stated.items() if stated.get(k, v) != v), None):
                 raise BadInput(
-                    f"{word}: {read.origin[other]}, and another configuration says {origin[other]}; give one"
+                    f"{word}: {read.origin[other]}, and another configuration says "
+                    f"{origin[other]}; give one"
                 )
-            program, stated, origin = read.program, {**stated, **read.stated}, {**origin, **read.origin}
+            program, stated, origin = (
+                read.program,
+                {**stated, **read.stated},
+                {**origin, **read.origin},
+            )
     if not words:
         raise BadInput(
-            "nothing is stated; give a configuration (VESC, ODrive, moteus, SimpleFOC) or KEY=VALUE, e.g. kv=300"
+            "nothing is stated; give a configuration (VESC, ODrive, moteus, SimpleFOC) "
+            "or KEY=VALUE, e.g. kv=300"
         )
     steps = _without_doubles(stated, given, {**origin, **said})
     return StatedMotor(_drive(steps, name, program), tuple(steps), program)
 
 
-def _without_doubles(stated: dict[str, str], given: dict[str, str], origin: dict[str, str]) -> list[Step]:
+def _without_doubles(
+    stated: dict[str, str], given: dict[str, str], origin: dict[str, str]
+) -> list[Step]:
     """Return the conversions, those given by hand in place of a file's of the same value."""
     if not {"pole_pairs", "poles"} & {*stated, *given}:
         raise BadInput("pole_pairs are missing; give them, e.g. pole_pairs=7 (or poles=14)")
@@ -83,7 +100,9 @@ def _without_doubles(stated: dict[str, str], given: dict[str, str], origin: dict
     taken = {(s.table, s.key) for s in by_hand if s.key != "pole_pairs"}
     rest = {k: v for k, v in stated.items() if k not in ("pole_pairs", "poles")}
     of_file = [
-        s for s in steps_of({**count, **rest}, origin) if (s.table, s.key) not in taken and s.key != "pole_pairs"
+        s
+        for s in steps_of({**count, **rest}, origin)
+        if (s.table, s.key) not in taken and s.key != "pole_pairs"
     ]
     return [*by_hand, *of_file]
 
@@ -93,7 +112,10 @@ def _drive(steps: list[Step], name: str, program: str) -> Drive:
     drive = {s.key: s.value for s in steps if s.table == "drive"}
     for key, example in NEEDED.items():
         if key not in motor:
-            raise BadInput(f"{key} is missing{f' in what {program} says' if program else ''}; give it, e.g. {example}")
+            raise BadInput(
+                f"{key} is missing{f' in what {program} says' if program else ''}; give "
+                f"it, e.g. {example}"
+            )
     if "dc_bus_voltage" not in drive:
         raise BadInput("the link's voltage is missing; give it, e.g. voltage=24V")
     _in_bounds(steps, motor, drive)
@@ -103,7 +125,9 @@ def _drive(steps: list[Step], name: str, program: str) -> Drive:
     rated = float(motor["rated_current"])
     for key, share in (("current_resolution", 0.002), ("current_noise", 0.0017)):
         converter[key] = share * rated
-        steps.append(Step("drive", key, share * rated, f"assumed: {100 * share:g} % of rated current"))
+        steps.append(
+            Step("drive", key, share * rated, f"assumed: {100 * share:g} % of rated current")
+        )
     built = build(Motor, values, "motor"), build(Converter, converter, "drive")
     from model.drive_files import injection_defaults
     from model.parameters import Injection
@@ -115,7 +139,11 @@ def _drive(steps: list[Step], name: str, program: str) -> Drive:
 def _in_bounds(steps: list[Step], motor: dict[str, float], drive: dict[str, float]) -> None:
     """Check what is stated by the bounds of a motor's file, before anything is worked out of it."""
     try:
-        build(Motor, {**OTHERS, **motor, "pole_pairs": int(motor["pole_pairs"]), "name": "motor"}, "motor")
+        build(
+            Motor,
+            {**OTHERS, **motor, "pole_pairs": int(motor["pole_pairs"]), "name": "motor"},
+            "motor",
+        )
         period = 1.0 / drive["pwm_frequency"] if "pwm_frequency" in drive else PERIOD
         build(Converter, {**QUIET, "sampling_period": period, **drive}, "drive")
     except BadInput as error:
@@ -133,11 +161,22 @@ def _fill(steps: list[Step], motor: dict[str, float], drive: dict[str, float]) -
     flux, pairs, current = motor["magnet_flux"], motor["pole_pairs"], motor["rated_current"]
     if "rated_torque" not in motor:
         if not flux > 0.0:
-            raise BadInput("rated_torque is missing, and there are no magnets to tell it; give it, e.g. torque=2Nm")
-        add("motor", "rated_torque", 1.5 * pairs * flux * current, "3/2 pole_pairs magnet_flux rated_current")
+            raise BadInput(
+                "rated_torque is missing, and there are no magnets to tell it; give it, "
+                "e.g. torque=2Nm"
+            )
+        add(
+            "motor",
+            "rated_torque",
+            1.5 * pairs * flux * current,
+            "3/2 pole_pairs magnet_flux rated_current",
+        )
     if "rated_speed_rpm" not in motor:
         if not flux > 0.0:
-            raise BadInput("rated_speed_rpm is missing, and there are no magnets to tell it; give it, e.g. speed=3000")
+            raise BadInput(
+                "rated_speed_rpm is missing, and there are no magnets to tell it; give "
+                "it, e.g. speed=3000"
+            )
         omega = FULL * drive["dc_bus_voltage"] / math.sqrt(3.0) / flux / pairs
         add(
             "motor",
@@ -151,8 +190,14 @@ def _fill(steps: list[Step], motor: dict[str, float], drive: dict[str, float]) -
             "motor",
             "inertia",
             value,
-            f"assumed: rated torque brings it to rated speed in {RUN_UP:g} s; free rotors alone use it",
+            f"assumed: rated torque brings it to rated speed in {RUN_UP:g} s; free "
+            "rotors alone use it",
         )
     if "sampling_period" not in drive:
         period = 1.0 / drive["pwm_frequency"] if "pwm_frequency" in drive else PERIOD
-        add("drive", "sampling_period", period, "1 / pwm_frequency" if "pwm_frequency" in drive else "assumed: 20 kHz")
+        add(
+            "drive",
+            "sampling_period",
+            period,
+            "1 / pwm_frequency" if "pwm_frequency" in drive else "assumed: 20 kHz",
+        )

@@ -1,14 +1,16 @@
 """What may be stated of a motor, and how each statement becomes a value of [motor] or [drive].
 
-A statement is key = quantity, as a person, a data sheet or a tool's configuration gives it.  Equations, with p pole
-pairs and amplitude-invariant vectors:
+A statement is key = quantity, as a person, a data sheet or a tool's configuration gives it.
+Equations, with p pole pairs and amplitude-invariant vectors:
 
     between two terminals R_ll = 2 R, L_ll = 2 L at standstill;  rms: peak = sqrt(2) rms;
     Kv (rpm per V between terminals, peak, without load): psi = 1 / (sqrt(3) p Kv);
-    back-EMF constant K_e (V between terminals, peak, per mechanical rad/s): psi = K_e / (sqrt(3) p);
-    torque constant (N m per A of peak current): psi = K_t / (3/2 p); per A rms it is sqrt(2) larger.
+    back-EMF constant K_e (V between terminals, peak, per mechanical rad/s): psi = K_e / (sqrt(3)
+    p); torque constant (N m per A of peak current): psi = K_t / (3/2 p); per A rms it is sqrt(2)
+    larger.
 
-Checked: two statements of one motor give one flux (tests); ODrive's torque constant is 8.27 / Kv (its documentation).
+Checked: two statements of one motor give one flux (tests); ODrive's torque constant is 8.27 / Kv
+(its documentation).
 """
 
 from __future__ import annotations
@@ -33,8 +35,9 @@ class Step(NamedTuple):
 
 
 class Statement(NamedTuple):
-    """What a key says: unit's kind, the values that it gives ([table], key), the factor (of pole pairs) to them, the
-    factor in words, whether the value is one over it, and whether its current (or voltage) stands below the line."""
+    """What a key says: unit's kind, the values that it gives ([table], key), the factor (of pole
+    pairs) to them, the factor in words, whether the value is one over it, and whether its current
+    (or voltage) stands below the line."""
 
     kind: str
     targets: tuple[str, ...]
@@ -61,9 +64,14 @@ PLAIN = {
 }
 STATEMENTS = PLAIN | {
     "poles": Statement("", ("pole_pairs",), lambda p: 0.5, "half of the poles"),
-    "resistance_ll": Statement("ohm", ("resistance",), lambda p: 0.5, "half of the value between two terminals"),
+    "resistance_ll": Statement(
+        "ohm", ("resistance",), lambda p: 0.5, "half of the value between two terminals"
+    ),
     "inductance_ll": Statement(
-        "H", ("inductance_d", "inductance_q"), lambda p: 0.5, "half of the value between two terminals"
+        "H",
+        ("inductance_d", "inductance_q"),
+        lambda p: 0.5,
+        "half of the value between two terminals",
     ),
     "kv": Statement(
         "rpm/V",
@@ -73,7 +81,9 @@ STATEMENTS = PLAIN | {
         True,
         True,
     ),
-    "back_emf": Statement("V s/rad", ("magnet_flux",), lambda p: 1.0 / (ROOT_3 * p), "K_e / (sqrt(3) pole_pairs)"),
+    "back_emf": Statement(
+        "V s/rad", ("magnet_flux",), lambda p: 1.0 / (ROOT_3 * p), "K_e / (sqrt(3) pole_pairs)"
+    ),
     "torque_constant": Statement(
         "N m/A",
         ("magnet_flux",),
@@ -83,14 +93,37 @@ STATEMENTS = PLAIN | {
     ),
 }
 OTHER_NAMES = {
-    "p": "pole_pairs", "r": "resistance", "rs": "resistance", "r_phase": "resistance", "l": "inductance",
-    "ld": "inductance_d", "l_d": "inductance_d", "lq": "inductance_q", "l_q": "inductance_q", "flux": "magnet_flux",
-    "psi": "magnet_flux", "lambda": "magnet_flux", "r_ll": "resistance_ll", "rll": "resistance_ll",
-    "l_ll": "inductance_ll", "lll": "inductance_ll", "ke": "back_emf", "k_e": "back_emf", "kt": "torque_constant",
-    "k_t": "torque_constant", "j": "inertia", "current": "rated_current", "torque": "rated_torque",
-    "speed": "rated_speed_rpm", "rated_speed": "rated_speed_rpm", "voltage": "dc_bus_voltage", "link": "dc_bus_voltage",
-    "u_dc": "dc_bus_voltage", "pwm": "pwm_frequency", "k_v": "kv",
-}  # fmt: skip
+    "p": "pole_pairs",
+    "r": "resistance",
+    "rs": "resistance",
+    "r_phase": "resistance",
+    "l": "inductance",
+    "ld": "inductance_d",
+    "l_d": "inductance_d",
+    "lq": "inductance_q",
+    "l_q": "inductance_q",
+    "flux": "magnet_flux",
+    "psi": "magnet_flux",
+    "lambda": "magnet_flux",
+    "r_ll": "resistance_ll",
+    "rll": "resistance_ll",
+    "l_ll": "inductance_ll",
+    "lll": "inductance_ll",
+    "ke": "back_emf",
+    "k_e": "back_emf",
+    "kt": "torque_constant",
+    "k_t": "torque_constant",
+    "j": "inertia",
+    "current": "rated_current",
+    "torque": "rated_torque",
+    "speed": "rated_speed_rpm",
+    "rated_speed": "rated_speed_rpm",
+    "voltage": "dc_bus_voltage",
+    "link": "dc_bus_voltage",
+    "u_dc": "dc_bus_voltage",
+    "pwm": "pwm_frequency",
+    "k_v": "kv",
+}
 
 
 def key_of(name: str) -> str:
@@ -103,8 +136,9 @@ def key_of(name: str) -> str:
 
 
 def steps_of(stated: Mapping[str, str], origin: Mapping[str, str] | None = None) -> list[Step]:
-    """Return the conversions of statements (key as in STATEMENTS: quantity as written); BadInput where two contradict
-    each other, or pole pairs are missing.  origin: what a configuration says in place of a statement, by key."""
+    """Return the conversions of statements (key as in STATEMENTS: quantity as written); BadInput
+    where two contradict each other, or pole pairs are missing.  origin: what a configuration says
+    in place of a statement, by key."""
     pairs = _pairs(stated)
     out: list[Step] = []
     for key, text in stated.items():
@@ -124,7 +158,10 @@ def _pairs(stated: Mapping[str, str]) -> float:
         if key in stated:
             pairs = factor * quantity_of(stated[key], "", key).value
             if pairs != int(pairs) or pairs < 1:
-                raise BadInput(f"{key} = {brief(stated[key])} makes {pairs:g} pole pairs; give a whole number of pairs")
+                raise BadInput(
+                    f"{key} = {brief(stated[key])} makes {pairs:g} pole pairs; give a "
+                    "whole number of pairs"
+                )
             return pairs
     raise BadInput("pole_pairs are missing; give them, e.g. pole_pairs=7 (or poles=14)")
 
@@ -140,7 +177,9 @@ def _steps(key: str, s: Statement, given: Quantity, pairs: float, origin: str | 
     steps = []
     for target in s.targets:
         table, _, name = target.rpartition(".")
-        steps.append(Step(table or "motor", name, value, f"{origin or f'{key} = {given.written}'}{how}"))
+        steps.append(
+            Step(table or "motor", name, value, f"{origin or f'{key} = {given.written}'}{how}")
+        )
     return steps
 
 
@@ -151,5 +190,6 @@ def _same(out: list[Step], step: Step) -> None:
             other.value, step.value, rel_tol=0.02
         ):
             raise BadInput(
-                f"{step.key}: '{other.said}' gives {other.value:.4g}, '{step.said}' gives {step.value:.4g}; give one"
+                f"{step.key}: '{other.said}' gives {other.value:.4g}, '{step.said}' "
+                f"gives {step.value:.4g}; give one"
             )

@@ -1,4 +1,5 @@
-"""The command line: exit codes, Ctrl-C, one sentence for a wrong call; the commands themselves call `sandbox`."""
+"""The command line: exit codes, Ctrl-C, one sentence for a wrong call; the commands themselves call
+`sandbox`."""
 
 from __future__ import annotations
 
@@ -65,21 +66,26 @@ def parse(words: Sequence[str]) -> Call:
     bound.apply_defaults()
     name = " ".join(chain)
     if run.__name__ == "help_print" and not {*app.help_flags} & {*words}:  # nothing was asked for
-        raise BadInput(f"a command is missing; see `{' '.join(filter(None, ('sensorless', name)))} --help`")
+        raise BadInput(
+            f"a command is missing; see `{' '.join(filter(None, ('sensorless', name)))} --help`"
+        )
     return Call(name, run, bound)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; return its exit code (0 done, 1 `verify` found a difference, 2 bad input, 3 the physics failed).
+    """Run a command; return its exit code (0 done, 1 `verify` found a difference, 2 bad input, 3
+    the physics failed).
 
-    The work is done in a thread, so that Ctrl-C is answered at once while a kernel runs (exit code 130).
+    The work is done in a thread, so that Ctrl-C is answered at once while a kernel runs (exit code
+    130).
     """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 (open as long as the process)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without our letters still gets the rest
+            # a terminal without our letters still gets the rest
+            stream.reconfigure(errors="replace")
     words = sys.argv[1:] if arguments is None else list(arguments)
     try:
         call = parse(words)
@@ -115,14 +121,17 @@ class Ended(KeyboardInterrupt):
 
 @contextmanager
 def _ended_politely() -> Iterator[None]:
-    """Raise KeyboardInterrupt on the first Ctrl-C and Ended on the first SIGTERM, where this is the main thread.
+    """Raise KeyboardInterrupt on the first Ctrl-C and Ended on the first SIGTERM, where this is the
+    main thread.
 
     Whatever comes after it is ignored, so that a second Ctrl-C does not stop the clearing up.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
+    heard = [
+        n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN
+    ]
 
     def end(number: int, *_: object) -> None:
         """Raise what the signal stands for, and ignore further ones."""
@@ -161,11 +170,18 @@ def attempt(call: Call) -> int:
     except BrokenPipeError:  # the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        remedy = "make room there, or give another place" if error.errno in FULL else "mend that, or give another place"
+        remedy = (
+            "make room there, or give another place"
+            if error.errno in FULL
+            else "mend that, or give another place"
+        )
         place = error.filename or call.place or "standard output"
         return _refuse(call.name, f"'{place}': {error.strerror or error}; {remedy}")
     except MemoryError:
-        return _refuse(call.name, "not enough memory for this run; shorten the scenario or compare fewer estimators")
+        return _refuse(
+            call.name,
+            "not enough memory for this run; shorten the scenario or compare fewer estimators",
+        )
     finally:
         if before is None:
             os.environ.pop(OFFLINE, None)

@@ -1,4 +1,5 @@
-"""All commands under one name; their options, help and completion follow from their signatures and texts."""
+"""All commands under one name; their options, help and completion follow from their signatures and
+texts."""
 
 from __future__ import annotations
 
@@ -18,8 +19,20 @@ from sandbox.output.files import version
 from sandbox.output.tables import print_prose
 
 GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
-    "Simulate": (commands.compare, commands.simulate, commands.sweep, commands.protocol, commands.bench),
-    "Motor": (commands.audit, commands.maps, commands.motor, commands.export_estimator, commands.export_drive),
+    "Simulate": (
+        commands.compare,
+        commands.simulate,
+        commands.sweep,
+        commands.protocol,
+        commands.bench,
+    ),
+    "Motor": (
+        commands.audit,
+        commands.maps,
+        commands.motor,
+        commands.export_estimator,
+        commands.export_drive,
+    ),
     "Recordings": (
         recorded.plan,
         recorded.check,
@@ -36,10 +49,14 @@ GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
 def application() -> App:
     """Return the command line."""
     app = App(
-        name="sensorless", help="Sandbox for sensorless control of saturated PM motors.",
-        version=lambda: f"sensorless {version()}", version_flags=("--version", "-V"), help_format="plaintext",
-        default_parameter=Parameter(negative=(), allow_repeating=True), verbose=False,
-    )  # fmt: skip
+        name="sensorless",
+        help="Sandbox for sensorless control of saturated PM motors.",
+        version=lambda: f"sensorless {version()}",
+        version_flags=("--version", "-V"),
+        help_format="plaintext",
+        default_parameter=Parameter(negative=(), allow_repeating=True),
+        verbose=False,
+    )
     for title, members in GROUPS.items():
         group = Group.create_ordered(title)
         for place, command in enumerate(members):
@@ -58,7 +75,9 @@ def application() -> App:
     return app
 
 
-def completion(shell: Literal["bash", "zsh", "fish", "powershell"], /, *, install: Flag = False) -> None:
+def completion(
+    shell: Literal["bash", "zsh", "fish", "powershell"], /, *, install: Flag = False
+) -> None:
     """Print what makes a shell complete the words of `sensorless`, such as names of motors.
 
     Parameters
@@ -86,16 +105,20 @@ def completion(shell: Literal["bash", "zsh", "fish", "powershell"], /, *, instal
 
 
 def with_commas(script: str) -> str:
-    """Return a script for bash that leaves commas as they are: escaped, they are no part of a word for the next tab."""
+    """Return a script for bash that leaves commas as they are: escaped, they are no part of a word
+    for the next tab."""
     quoted = "printf -v _q '%q' \"$_x\"; "
     return script.replace(quoted, quoted + "_q=${_q//\\\\,/,}; ")
 
 
 def start_zsh_with(folder: Path) -> None:
-    """Let zsh look for completion in a folder; one whose start-up file leaves completion off turns it on, too."""
+    """Let zsh look for completion in a folder; one whose start-up file leaves completion off turns
+    it on, too."""
     file = Path(os.environ.get("ZDOTDIR") or Path.home()) / ".zshrc"
     text = file.read_text(encoding="utf-8") if file.is_file() else ""
     path = f"fpath=({shlex.quote(str(folder))} $fpath)  # completion of sensorless\n"
     if path not in text:
         on = "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit }\n"
-        file.write_text(path + text + ("" if text.endswith("\n") or not text else "\n") + on, encoding="utf-8")
+        file.write_text(
+            path + text + ("" if text.endswith("\n") or not text else "\n") + on, encoding="utf-8"
+        )

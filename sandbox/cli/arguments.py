@@ -1,4 +1,5 @@
-"""How the command line reads its words: types of arguments with their help, what many commands take in common."""
+"""How the command line reads its words: types of arguments with their help, what many commands take
+in common."""
 
 from __future__ import annotations
 
@@ -20,7 +21,9 @@ Words = tuple[str, ...]
 
 def read_by(parse: Callable[[str], Any]) -> Parameter:
     """Return how an argument of one word is read: `parse` raises ValueError with what is wrong."""
-    return Parameter(converter=lambda _, tokens: parse(tokens[0].value), n_tokens=1, accepts_keys=False)
+    return Parameter(
+        converter=lambda _, tokens: parse(tokens[0].value), n_tokens=1, accepts_keys=False
+    )
 
 
 def number(text: str) -> float:
@@ -45,7 +48,9 @@ def _is_number(text: str) -> bool:
 def positive_int(text: str) -> int:
     """Parse a whole number of at least 1."""
     if not _whole(text) or not 1 <= int(text) <= LARGEST_COUNT:
-        raise ValueError(f"{brief(text)} is no whole number of at least 1 and at most {LARGEST_COUNT}")
+        raise ValueError(
+            f"{brief(text)} is no whole number of at least 1 and at most {LARGEST_COUNT}"
+        )
     return int(text)
 
 
@@ -66,9 +71,11 @@ def names_of(text: str) -> Words:
 
 
 def listed(kind: str) -> Parameter:
-    """Return how a shell completes an argument: the names of `sensorless list KIND`, each with its line.
+    """Return how a shell completes an argument: the names of `sensorless list KIND`, each with its
+    line.
 
-    The last of several names with commas between them is completed. A kind in capitals is the argument that has it.
+    The last of several names with commas between them is completed. A kind in capitals is the
+    argument that has it.
     """
 
     def complete(context: Any) -> dict[str, str]:
@@ -84,8 +91,11 @@ def listed(kind: str) -> Parameter:
 
 
 def usual(text: str | bool, metavar: str | None = None) -> Parameter:
-    """Return how help names what is taken where an argument is left out, and an argument's value."""
-    return Parameter(show_default=text, metavar=metavar) if metavar else Parameter(show_default=text)
+    """Return how help names what is taken where an argument is left out, and an argument's
+    value."""
+    return (
+        Parameter(show_default=text, metavar=metavar) if metavar else Parameter(show_default=text)
+    )
 
 
 def several(metavar: str, text: str) -> Parameter:
@@ -99,7 +109,9 @@ Number = Annotated[float, read_by(number)]
 Count = Annotated[int, read_by(positive_int)]
 Seed = Annotated[int, read_by(seed_number)]
 Names = Annotated[Words, read_by(names_of), Parameter(metavar="A,B")]
-Percents = Annotated[Words | None, Parameter(consume_multiple=(0, 1)), usual("no such runs", "PERCENT,...")]
+Percents = Annotated[
+    Words | None, Parameter(consume_multiple=(0, 1)), usual("no such runs", "PERCENT,...")
+]
 Share = Annotated[Number, Parameter(metavar="SHARE")]
 
 # Arguments of several commands
@@ -111,66 +123,99 @@ Motor = Annotated[
 Scenario = Annotated[
     str,
     listed("scenarios"),
-    Parameter(metavar="NAME|FILE", help="what is asked of the drive: `sensorless list scenarios`, or a file"),
+    Parameter(
+        metavar="NAME|FILE",
+        help="what is asked of the drive: `sensorless list scenarios`, or a file",
+    ),
 ]
 Estimator = Annotated[str | None, listed("estimators"), usual("qnull", "NAME|FILE")]
 Estimators = Annotated[
-    Words, listed("estimators"), several("NAME|FILE", "one of them, as in `simulate` (may be repeated)")
+    Words,
+    listed("estimators"),
+    several("NAME|FILE", "one of them, as in `simulate` (may be repeated)"),
 ]
 Library = Annotated[
-    Path | None, several("FILE.so", "an estimator in C instead, a shared library (see estimators/c/README.md)")
+    Path | None,
+    several("FILE.so", "an estimator in C instead, a shared library (see estimators/c/README.md)"),
 ]
 Libraries = Annotated[
     tuple[Path, ...],
-    several("FILE.so", "an estimator in C, a shared library (may be repeated; see estimators/c/README.md)"),
+    several(
+        "FILE.so",
+        "an estimator in C, a shared library (may be repeated; see estimators/c/README.md)",
+    ),
 ]
-Belief = Annotated[Literal["saturated", "linear"], Parameter(help="the model of the motor inside the estimator")]
+Belief = Annotated[
+    Literal["saturated", "linear"], Parameter(help="the model of the motor inside the estimator")
+]
 Effects = Annotated[
     str,
     several(
         "NAME.PARAM=VALUE,...|FILE",
-        "what the plant has and the model lacks: effect.parameter=value,... or a file such as effects.toml",
+        "what the plant has and the model lacks: effect.parameter=value,... or a file "
+        "such as effects.toml",
     ),
 ]
 QuietBelow = Annotated[
-    Number | None, several("DB", "recommend only what stays below so much in the proxy for the injection's sound")
+    Number | None,
+    several("DB", "recommend only what stays below so much in the proxy for the injection's sound"),
 ]
 LossBelow = Annotated[
-    Number | None, several("W", "recommend only what adds less copper and core loss by its injection")
+    Number | None,
+    several("W", "recommend only what adds less copper and core loss by its injection"),
 ]
 EffectsFrom = Annotated[
     tuple[Path, ...],
-    several("FILE.py", "a Python file with effects of your own (may be repeated), beside those of the library"),
+    several(
+        "FILE.py",
+        "a Python file with effects of your own (may be repeated), beside those of the library",
+    ),
 ]
-Campaign = Annotated[Path, Parameter(metavar="CAMPAIGN", help="folder with campaign.toml and its tables")]
+Campaign = Annotated[
+    Path, Parameter(metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+]
 Columns = Annotated[
     Path | None,
-    several("FILE.toml", "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"),
+    several(
+        "FILE.toml",
+        "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)",
+    ),
 ]
 Preset = Annotated[
     str | None,
     listed("presets"),
-    several("PROGRAM", "a program whose column names and units are known: `sensorless list presets`"),
+    several(
+        "PROGRAM", "a program whose column names and units are known: `sensorless list presets`"
+    ),
 ]
-Result = Annotated[Path, Parameter(metavar="RESULT", help="folder that a command has written, or its JSON")]
+Result = Annotated[
+    Path, Parameter(metavar="RESULT", help="folder that a command has written, or its JSON")
+]
 Radius = Annotated[Number | None, usual("180 % of rated", "A")]
 Speed = Annotated[Number | None, usual("twice rated speed", "RPM")]
 Dask = Annotated[
-    str | None, several("ADDRESS", "address of a dask scheduler, tcp://...: its workers do the work (extra `dask`)")
+    str | None,
+    several(
+        "ADDRESS", "address of a dask scheduler, tcp://...: its workers do the work (extra `dask`)"
+    ),
 ]
 Peer = Annotated[Flag, Parameter(help="measure the reference programs in the same run, too")]
 Anchors = Annotated[Path, Parameter(help="folder of the reference programs")]
 PeerPython = Annotated[
-    str | None, Parameter(help="Python >= 3.12 that has motulator 0.18; left out: one is made, in the cache")
+    str | None,
+    Parameter(help="Python >= 3.12 that has motulator 0.18; left out: one is made, in the cache"),
 ]
-Jobs = Annotated[Count | None, Parameter(show=True, show_default="all cores", help="threads or processes")]
+Jobs = Annotated[
+    Count | None, Parameter(show=True, show_default="all cores", help="threads or processes")
+]
 Threads = Annotated[Count, Parameter(show=True, help="threads")]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """What every command takes that writes results; `--jobs`, `--seed` and `--csv` are told where they do something."""
+    """What every command takes that writes results; `--jobs`, `--seed` and `--csv` are told where
+    they do something."""
 
     out: Annotated[Path | None, usual("sensorless-out/COMMAND", "DIR")] = None
     "folder for results"
@@ -188,7 +233,8 @@ class Output:
         return self.out or Path("sensorless-out") / command
 
     def checked(self, command: str) -> Path:
-        """Return the folder for results; BadInput, before anything runs, where they could not be written."""
+        """Return the folder for results; BadInput, before anything runs, where they could not be
+        written."""
         folder = self.folder(command)
         check_output(folder, {"diagnose": "diagnosis"}.get(command, command))
         return folder

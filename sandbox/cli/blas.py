@@ -1,5 +1,6 @@
-"""One thread for BLAS, imported before numpy reads it: commands share the cores by threads and processes of their own,
-and BLAS' threads wait beside them in a loop.  Where the user has set a number of threads, nothing is changed."""
+"""One thread for BLAS, imported before numpy reads it: commands share the cores by threads and
+processes of their own, and BLAS' threads wait beside them in a loop.  Where the user has set a
+number of threads, nothing is changed."""
 
 import os
 

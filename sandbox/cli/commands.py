@@ -1,4 +1,5 @@
-"""The commands that need no campaign: each reads its arguments, calls the page `sandbox`, saves and prints the result.
+"""The commands that need no campaign: each reads its arguments, calls the page `sandbox`, saves and
+prints the result.
 
 Their signatures and texts are the options and the help of the command line.
 """
@@ -29,7 +30,9 @@ def compare(
     *,
     motor: take.Motor = "ipm_exchanged",
     scenario: take.Scenario = "staircase",
-    estimators: Annotated[take.Names | None, take.listed("estimators"), take.usual(",".join(USUAL_ESTIMATORS))] = None,
+    estimators: Annotated[
+        take.Names | None, take.listed("estimators"), take.usual(",".join(USUAL_ESTIMATORS))
+    ] = None,
     estimator: take.Estimators = (),
     estimator_library: take.Libraries = (),
     effects: take.Effects = "",
@@ -51,7 +54,8 @@ def compare(
     no_trace
         write no .rrd
     tolerances
-        also run with the belief's parameters off by up to so many percent (5,10,20 if no numbers are given)
+        also run with the belief's parameters off by up to so many percent (5,10,20 if no numbers
+        are given)
     draws
         draws of these parameters at each tolerance
     """
@@ -60,33 +64,57 @@ def compare(
     named = asked_for(estimators, estimator, () if estimator_library else USUAL_ESTIMATORS)
     with progress_bar("comparing", output.quiet) as progress:
         result = sandbox.compare(
-            motor, scenario, [*named, *map(library, estimator_library)], effects=effects, seed=output.seed,
-            jobs=output.jobs, progress=progress, quiet_below=quiet_below, loss_below=loss_below,
-        )  # fmt: skip
+            motor,
+            scenario,
+            [*named, *map(library, estimator_library)],
+            effects=effects,
+            seed=output.seed,
+            jobs=output.jobs,
+            progress=progress,
+            quiet_below=quiet_below,
+            loss_below=loss_below,
+        )
     output.finish(result, folder, trace=not no_trace)
     if percent is None:
         return
     with rate_bar("tolerances", output.quiet) as progress:
         found = sandbox.tolerances(
-            motor, scenario, named, percent=percent, draws=draws or 64, effects=effects, seed=output.seed,
-            jobs=output.jobs, cluster=dask, progress=progress,
-        )  # fmt: skip
+            motor,
+            scenario,
+            named,
+            percent=percent,
+            draws=draws or 64,
+            effects=effects,
+            seed=output.seed,
+            jobs=output.jobs,
+            cluster=dask,
+            progress=progress,
+        )
     output.finish(found, folder)
     replace(result, tolerances=found).save(folder, csv=output.csv, trace=not no_trace)
 
 
-def asked_for(estimators: take.Words | None, one_by_one: take.Words, usual: take.Words) -> list[str]:
-    """Return the estimators of --estimators and --estimator, the usual ones where neither is given."""
-    return list(usual if estimators is None and not one_by_one else (*(estimators or ()), *one_by_one))
+def asked_for(
+    estimators: take.Words | None, one_by_one: take.Words, usual: take.Words
+) -> list[str]:
+    """Return the estimators of --estimators and --estimator, the usual ones where neither is
+    given."""
+    return list(
+        usual if estimators is None and not one_by_one else (*(estimators or ()), *one_by_one)
+    )
 
 
 def library(path: Path) -> Any:
-    """Return a shared library as it is named, which a result can tell; as an object where its suffix is another."""
+    """Return a shared library as it is named, which a result can tell; as an object where its
+    suffix is another."""
     return str(path) if path.suffix in LIBRARIES else sandbox.load_estimator_library(path)
 
 
-def percents(given: take.Words | None, draws: int | None, libraries: tuple[Path, ...]) -> list[float] | None:
-    """Return tolerances in percent, None where none are asked for; BadInput for what cannot be drawn."""
+def percents(
+    given: take.Words | None, draws: int | None, libraries: tuple[Path, ...]
+) -> list[float] | None:
+    """Return tolerances in percent, None where none are asked for; BadInput for what cannot be
+    drawn."""
     if given is None:
         if draws is not None:
             raise BadInput(f"--draws {draws} belongs to --tolerances, which is not given; add it")
@@ -97,9 +125,15 @@ def percents(given: take.Words | None, draws: int | None, libraries: tuple[Path,
     except ValueError:
         found = []
     if not found or not all(0.0 <= x <= MOST_PERCENT for x in found):
-        raise BadInput(f"--tolerances {text[:40]} are no percentages from 0 to {MOST_PERCENT:g}; write them as 5,10,20")
+        raise BadInput(
+            f"--tolerances {text[:40]} are no percentages from 0 to {MOST_PERCENT:g}; "
+            "write them as 5,10,20"
+        )
     if libraries:
-        raise BadInput("--tolerances runs in processes that are told names and Python files; leave the library away")
+        raise BadInput(
+            "--tolerances runs in processes that are told names and Python files; leave "
+            "the library away"
+        )
     return found
 
 
@@ -111,7 +145,9 @@ def simulate(
     estimator_library: take.Library = None,
     belief: take.Belief = "saturated",
     open: take.Flag = False,
-    duration: Annotated[take.Number | None, take.usual("all of it; an hour takes 4 GB", "S")] = None,
+    duration: Annotated[
+        take.Number | None, take.usual("all of it; an hour takes 4 GB", "S")
+    ] = None,
     effects: take.Effects = "",
     effects_from: take.EffectsFrom = (),
     no_trace: take.Flag = False,
@@ -147,9 +183,17 @@ def simulate(
     if record is not None:
         check_new_folder(record, folder)
     result = sandbox.simulate(
-        motor, scenario, library(estimator_library) if estimator_library else estimator or "qnull", belief=belief,
-        closed_loop=not open, duration=duration, effects=effects, plant=plant, seed=output.seed, record=record,
-    )  # fmt: skip
+        motor,
+        scenario,
+        library(estimator_library) if estimator_library else estimator or "qnull",
+        belief=belief,
+        closed_loop=not open,
+        duration=duration,
+        effects=effects,
+        plant=plant,
+        seed=output.seed,
+        record=record,
+    )
     more = not json_only
     output.finish(result, folder, trace=more and not no_trace, figure=more, table=more)
 
@@ -177,7 +221,9 @@ def sweep(
     """
     folder = output.checked("sweep")
     with rate_bar("sweep", output.quiet) as progress:
-        result = sandbox.sweep(file, folder, jobs=output.jobs, cluster=dask, yes=yes, again=again, progress=progress)
+        result = sandbox.sweep(
+            file, folder, jobs=output.jobs, cluster=dask, yes=yes, again=again, progress=progress
+        )
     output.finish(result, folder)
 
 
@@ -188,16 +234,23 @@ def kept(folder: Path, again: bool) -> str:
     done, total = counts(folder)
     if not done:
         return "no run is kept yet; nothing half-written"
-    return f"{done} of {total} runs are kept; the same command{' without --again' if again else ''} goes on"
+    return (
+        f"{done} of {total} runs are kept; the same "
+        f"command{' without --again' if again else ''} goes on"
+    )
 
 
 def protocol(
     *,
-    estimators: Annotated[take.Names | None, take.listed("estimators"), take.usual("every compiled one")] = None,
+    estimators: Annotated[
+        take.Names | None, take.listed("estimators"), take.usual("every compiled one")
+    ] = None,
     estimator: take.Estimators = (),
     estimator_library: take.Libraries = (),
     motors: Annotated[
-        take.Names | None, take.listed("motors"), take.usual("three, and `baldor_pmsyrm` where its map is at hand")
+        take.Names | None,
+        take.listed("motors"),
+        take.usual("three, and `baldor_pmsyrm` where its map is at hand"),
     ] = None,
     tests: Annotated[take.Names | None, take.listed("tests"), take.usual("all")] = None,
     quiet_below: take.QuietBelow = None,
@@ -225,10 +278,17 @@ def protocol(
     named = asked_for(estimators, estimator, () if estimator_library else tuple(ESTIMATORS))
     with progress_bar("protocol", output.quiet) as progress:
         result = sandbox.protocol(
-            [*named, *map(library, estimator_library)], usual_motors() if motors is None else motors,
-            LINES if tests is None else tests, seed=output.seed, jobs=output.jobs, keep=folder, cluster=dask,
-            progress=progress, quiet_below=quiet_below, loss_below=loss_below,
-        )  # fmt: skip
+            [*named, *map(library, estimator_library)],
+            usual_motors() if motors is None else motors,
+            LINES if tests is None else tests,
+            seed=output.seed,
+            jobs=output.jobs,
+            keep=folder,
+            cluster=dask,
+            progress=progress,
+            quiet_below=quiet_below,
+            loss_below=loss_below,
+        )
     if peer:
         from sandbox.evaluation.protocol import with_motulator
 
@@ -249,8 +309,12 @@ def bench(
 
 
 def verify(
-    result: take.Result, /, *, tolerance: take.Share = 1e-6, output: take.Tableless = take.Tableless()
-) -> int:  # fmt: skip
+    result: take.Result,
+    /,
+    *,
+    tolerance: take.Share = 1e-6,
+    output: take.Tableless = take.Tableless(),
+) -> int:
     """Make a result once more, by the call that it keeps, and compare every number.
 
     Parameters
@@ -264,7 +328,9 @@ def verify(
     return 0 if found.same else 1
 
 
-def audit(motor: take.Motor, /, *, radius: take.Radius = None, output: take.Output = take.Output()) -> None:
+def audit(
+    motor: take.Motor, /, *, radius: take.Radius = None, output: take.Output = take.Output()
+) -> None:
     """Up to which current a motor's model is valid: convexity, saliency, cross-saturation angle.
 
     Parameters
@@ -275,7 +341,9 @@ def audit(motor: take.Motor, /, *, radius: take.Radius = None, output: take.Outp
     of_motor("audit", motor, radius, output)
 
 
-def maps(motor: take.Motor, /, *, radius: take.Radius = None, output: take.Output = take.Output()) -> None:
+def maps(
+    motor: take.Motor, /, *, radius: take.Radius = None, output: take.Output = take.Output()
+) -> None:
     """Inductances, cross-saturation angle and gain over the current plane.
 
     Parameters
@@ -287,7 +355,8 @@ def maps(motor: take.Motor, /, *, radius: take.Radius = None, output: take.Outpu
 
 
 def of_motor(name: str, motor: str, radius: float | None, output: take.Output) -> None:
-    """Save what a motor's model says; the result of another motor in the same folder is kept under its name."""
+    """Save what a motor's model says; the result of another motor in the same folder is kept under
+    its name."""
     from sandbox.public.result import keep_other
 
     folder = output.checked(name)
@@ -301,12 +370,14 @@ def motor(
     name: Annotated[str, Parameter(metavar="NAME")] = "motor",
     output: take.Tableless = take.Tableless(),
 ) -> None:
-    """A motor's file from a configuration (VESC, ODrive, moteus, SimpleFOC) and values of data sheets, converted.
+    """A motor's file from a configuration (VESC, ODrive, moteus, SimpleFOC) and values of data
+    sheets, converted.
 
     Parameters
     ----------
     stated
-        paths of configurations, and values with units: kv=300 resistance_ll=0.1ohm current='20 A rms'
+        paths of configurations, and values with units: kv=300 resistance_ll=0.1ohm current='20 A
+        rms'
     name
         the motor's name
     """
@@ -342,7 +413,8 @@ def export_drive(
     no_fmu: take.Flag = False,
     output: take.Tableless = take.Tableless(),
 ) -> None:
-    """Motor, inverter and effects as C99 and as FMUs (FMI 2.0 and 3.0), for a test rig or another simulator.
+    """Motor, inverter and effects as C99 and as FMUs (FMI 2.0 and 3.0), for a test rig or another
+    simulator.
 
     Parameters
     ----------
@@ -352,7 +424,9 @@ def export_drive(
         write the C files alone
     """
     folder = output.checked("export-drive")
-    output.finish(sandbox.export_drive(motor, effects, top_speed_rpm=top_speed, fmu=not no_fmu), folder)
+    output.finish(
+        sandbox.export_drive(motor, effects, top_speed_rpm=top_speed, fmu=not no_fmu), folder
+    )
 
 
 def include() -> None:

@@ -1,4 +1,5 @@
-"""The commands that read a campaign, and `plan`, which says what to record: arguments, progress, files."""
+"""The commands that read a campaign, and `plan`, which says what to record: arguments, progress,
+files."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ def identify(
     preset: take.Preset = None,
     output: take.Output = take.Output(),
 ) -> None:
-    """The motor from recordings with locked rotor, by the paper's least squares and by an exact fit."""
+    """The motor from recordings with locked rotor, by the paper's least squares and by an exact
+    fit."""
     folder = output.checked("identify")
     output.finish(sandbox.identify(campaign, columns, preset), folder)
 
@@ -31,10 +33,13 @@ def settings(
     /,
     *,
     config: Annotated[Path, Parameter(metavar="FILE")],
-    bandwidth: Annotated[take.Number | None, take.usual("what the configuration means", "HZ")] = None,
+    bandwidth: Annotated[
+        take.Number | None, take.usual("what the configuration means", "HZ")
+    ] = None,
     output: take.Tableless = take.Tableless(),
 ) -> None:
-    """A drive's settings (VESC, ODrive, moteus, SimpleFOC) beside what identify or diagnose found: values and gains.
+    """A drive's settings (VESC, ODrive, moteus, SimpleFOC) beside what identify or diagnose found:
+    values and gains.
 
     Parameters
     ----------
@@ -67,7 +72,9 @@ def check(
         do not work out which effects the recordings could show
     """
     folder = output.checked("check")
-    found = sandbox.check(campaign, columns=columns, preset=preset, effects=not mistakes_only, jobs=output.jobs)
+    found = sandbox.check(
+        campaign, columns=columns, preset=preset, effects=not mistakes_only, jobs=output.jobs
+    )
     output.finish(found, folder)
     if not found.ok:
         count = len([n for n in found.noticed if n.level == "refused"])
@@ -103,9 +110,15 @@ def plan(
     folder = output.checked("plan")
     with progress_bar("planning", output.quiet) as progress:
         found = sandbox.plan(
-            motor, current=current, speed_rpm=speed, voltage=voltage, can=can, fixed_link=fixed_link or None,
-            jobs=output.jobs, progress=progress,
-        )  # fmt: skip
+            motor,
+            current=current,
+            speed_rpm=speed,
+            voltage=voltage,
+            can=can,
+            fixed_link=fixed_link or None,
+            jobs=output.jobs,
+            progress=progress,
+        )
     output.finish(found, folder)
 
 
@@ -122,7 +135,9 @@ def replay(
 ) -> None:
     """Simulate with the voltages of a campaign, and compare the currents with the measured ones."""
     folder = output.checked("replay")
-    found = sandbox.replay(campaign, effects, motor=motor, columns=columns, preset=preset, jobs=output.jobs)
+    found = sandbox.replay(
+        campaign, effects, motor=motor, columns=columns, preset=preset, jobs=output.jobs
+    )
     output.finish(found, folder)
 
 
@@ -133,13 +148,17 @@ def diagnose(
     example: take.Flag = False,
     nominal: Literal["linear"] | None = None,
     exclude: Annotated[
-        take.Words, take.listed("effects"), take.several("EFFECT", "an effect that is no candidate (may be repeated)")
+        take.Words,
+        take.listed("effects"),
+        take.several("EFFECT", "an effect that is no candidate (may be repeated)"),
     ] = (),
     columns: take.Columns = None,
     preset: take.Preset = None,
     earlier: Annotated[Path | None, Parameter(name="--continue", metavar="RESULT")] = None,
     memory: Annotated[take.Number | None, take.usual("8", "GB")] = None,
-    samples: Annotated[take.Number | None, take.usual("all up to 250000, otherwise 100000", "N")] = None,
+    samples: Annotated[
+        take.Number | None, take.usual("all up to 250000, otherwise 100000", "N")
+    ] = None,
     effects_from: take.EffectsFrom = (),
     output: take.Parallel = take.Parallel(),
 ) -> None:
@@ -154,13 +173,17 @@ def diagnose(
     earlier
         folder of an earlier diagnosis, to go on from with further recordings in CAMPAIGN
     memory
-        most memory, at least 0.7 GB plus 0.7 kB a sample: what does not fit waits in a file in TMPDIR
+        most memory, at least 0.7 GB plus 0.7 kB a sample: what does not fit waits in a file in
+        TMPDIR
     samples
         use at most N samples, from the parts that differ most; inf for all
     """
     if example == (campaign is not None):
-        raise BadInput("CAMPAIGN and --example are two campaigns; give one of them" if example else
-                       "no campaign is given; give CAMPAIGN, or --example")  # fmt: skip
+        raise BadInput(
+            "CAMPAIGN and --example are two campaigns; give one of them"
+            if example
+            else "no campaign is given; give CAMPAIGN, or --example"
+        )
     from sandbox.gap.diagnose import NINE_IN_TEN
     from sandbox.gap.evidence.normal import counted
     from sandbox.recordings.campaign import EXAMPLE
@@ -169,9 +192,17 @@ def diagnose(
     names = [name for text in exclude for name in take.names_of(text)]
     with effort_bar("diagnosing", output.quiet, NINE_IN_TEN) as (progress, count), counted(count):
         found = sandbox.diagnose(
-            campaign or EXAMPLE, exclude=names, nominal=nominal, columns=columns, preset=preset, earlier=earlier,
-            jobs=output.jobs, memory=memory, samples=samples, progress=progress,
-        )  # fmt: skip
+            campaign or EXAMPLE,
+            exclude=names,
+            nominal=nominal,
+            columns=columns,
+            preset=preset,
+            earlier=earlier,
+            jobs=output.jobs,
+            memory=memory,
+            samples=samples,
+            progress=progress,
+        )
         progress("writing")
         found.save(folder, csv=output.csv)
     output.say(found, folder)

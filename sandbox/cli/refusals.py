@@ -5,7 +5,12 @@ from __future__ import annotations
 import difflib
 
 from cyclopts import App, CycloptsError
-from cyclopts.exceptions import MissingArgumentError, UnknownCommandError, UnknownOptionError, UnusedCliTokensError
+from cyclopts.exceptions import (
+    MissingArgumentError,
+    UnknownCommandError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 
 NEAR = 0.6  # of difflib's ratio: a name that was meant
 
@@ -19,19 +24,24 @@ def sentence_of(error: CycloptsError) -> str:
         word = (error.token.keyword or error.token.value or "").partition("=")[0]
         if word in known:  # behind `--`
             return f"unrecognized argument '{brief_text(word)}'; leave it away"
-        return unknown_word("option", word, known, f"`sensorless {' '.join(error.command_chain or ())} --help`")
+        return unknown_word(
+            "option", word, known, f"`sensorless {' '.join(error.command_chain or ())} --help`"
+        )
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return f"unrecognized argument '{brief_text(error.unused_tokens[0])}'; leave it away"
     if isinstance(error, MissingArgumentError) and error.argument:
         name = error.keyword or error.argument.name
         return f"{name} needs a value" if error.keyword else f"{name} is missing; give it"
     text = " ".join(str(error).split()).rstrip(".").replace('"', "'")
-    text = text.replace(". Choose from: ", "; choose from ").replace(". Did you mean ", "; did you mean ")
+    text = text.replace(". Choose from: ", "; choose from ").replace(
+        ". Did you mean ", "; did you mean "
+    )
     return text[:1].lower() + text[1:]
 
 
 def unknown_word(kind: str, word: str, known: list[str], where: str = "`sensorless --help`") -> str:
-    """Return the sentence for a command or option that is none; it ends in the nearest one, where one is near."""
+    """Return the sentence for a command or option that is none; it ends in the nearest one, where
+    one is near."""
     plain, bare = {name.lstrip("-"): name for name in known}, word.lstrip("-")
     near = [name for name in plain if bare and name.startswith(bare)]
     near = near or difflib.get_close_matches(bare, list(plain), n=1, cutoff=NEAR)

@@ -1,4 +1,5 @@
-"""The commands `withheld make` and `withheld score`: arguments, progress, files; light to import."""
+"""The commands `withheld make` and `withheld score`: arguments, progress, files; light to
+import."""
 
 from __future__ import annotations
 
@@ -17,7 +18,9 @@ from sandbox.output.tables import many, print_prose, print_table, progress_bar
 ROWS = "withheld.rows.jsonl"
 Folder = Annotated[Path, Parameter(name="DIR")]
 Kind = Literal["mixed", "controls", "pairs", "many", "outside"]
-MapShare = Annotated[take.Number | None, take.usual("0.5; 0 where its data set is missing", "SHARE")]
+MapShare = Annotated[
+    take.Number | None, take.usual("0.5; 0 where its data set is missing", "SHARE")
+]
 
 
 def make(
@@ -46,9 +49,10 @@ def make(
     seed
         seed of everything that is drawn
     kind
-        mixed: none to three effects, or a cause outside the library; controls: shorter, without any effect; pairs: one
-        operating point, where two effects look alike; many: four to ten effects at once; outside: a cause outside the
-        library each, in every third campaign with an effect of it
+        mixed: none to three effects, or a cause outside the library; controls: shorter, without any
+        effect; pairs: one operating point, where two effects look alike; many: four to ten effects
+        at once; outside: a cause outside the library each, in every third campaign with an effect
+        of it
     cycles
         what the drives do in the recordings: tune on practice, score on scored
     sizes
@@ -73,16 +77,29 @@ def make(
             if kind in ("mixed", "outside") and (reason := missing()):
                 print_prose(reason)
             if kind == "mixed" and maps is None and not map_families():
-                print_prose(f"{no_maps()}; all campaigns of this check have quartic ones, as with --maps 0")
+                print_prose(
+                    f"{no_maps()}; all campaigns of this check have quartic ones, as with --maps 0"
+                )
 
     with progress_bar("recording", quiet) as progress:
         made = record(
-            folder, count, seed, kind=kind, style=cycles, sizes=sizes,
-            maps=share, jobs=jobs or os.cpu_count() or 1, cluster=dask, announce=announce,
+            folder,
+            count,
+            seed,
+            kind=kind,
+            style=cycles,
+            sizes=sizes,
+            maps=share,
+            jobs=jobs or os.cpu_count() or 1,
+            cluster=dask,
+            announce=announce,
             progress=progress,
-        )  # fmt: skip
+        )
     if not quiet:
-        print_prose(f"{many(count, 'campaign')} in {made.folder / 'campaigns'}, {made.recorded} recorded now")
+        print_prose(
+            f"{many(count, 'campaign')} in {made.folder / 'campaigns'}, {made.recorded} "
+            "recorded now"
+        )
 
 
 def score(
@@ -109,7 +126,8 @@ def score(
     limit
         only the first so many campaigns
     leave_out
-        diagnose this share of the single effects once more, the true effect (and what holds all of it) excluded
+        diagnose this share of the single effects once more, the true effect (and what holds all of
+        it) excluded
     baselines
         score the simple methods on the same campaigns, too
     finished
@@ -136,32 +154,51 @@ def score(
     for method, diagnose in methods.items():
         with progress_bar(method, quiet) as progress:
             result = judge(
-                folder, diagnose, method=method, jobs=jobs or os.cpu_count() or 1,
-                limit=limit, leave_out=leave_out if method == "diagnosis" else 0.0,
-                again=again, finished=finished, allow_mixed=allow_mixed, cluster=dask,
+                folder,
+                diagnose,
+                method=method,
+                jobs=jobs or os.cpu_count() or 1,
+                limit=limit,
+                leave_out=leave_out if method == "diagnosis" else 0.0,
+                again=again,
+                finished=finished,
+                allow_mixed=allow_mixed,
+                cluster=dask,
                 progress=progress,
-            )  # fmt: skip
+            )
         scored.append(result)
     content = {**content_of(scored), "figure": "withheld.png", "rows": ROWS}
     with results(folder, "withheld") as out:
         write_rows(out / ROWS, (r for s in scored for r in s.rows))
         withheld_figure(content, out / "withheld.png")
         inputs = {name: digest_of(folder / name) for name in (SEAL, HASH)}
-        made = made_by(Call("withheld score", {}, inputs), (path for path in out.iterdir() if path.is_file()))
+        made = made_by(
+            Call("withheld score", {}, inputs), (path for path in out.iterdir() if path.is_file())
+        )
         write_json(out, "withheld", content, made=made)
     if not quiet:
         print_table(f"{folder}: {many(len(scored[0].judged), 'campaign')}", *table(scored))
         for s in scored:
             if len(s.code) > 1:
                 print_prose(
-                    f"reports of '{s.method}' come from {len(s.code)} versions of the code; see by_code of each"
+                    f"reports of '{s.method}' come from {len(s.code)} versions of the "
+                    "code; see by_code of each"
                 )
             failed = [j.name for j in s.judged if j.failed]
             more = [j.name for j in (*s.followed, *s.left_out) if j.failed]
             if more:
-                print_prose(f"'{s.method}' failed once more on {len(more)}, see their reports: {', '.join(more[:5])}")
+                print_prose(
+                    f"'{s.method}' failed once more on {len(more)}, see their reports: "
+                    f"{', '.join(more[:5])}"
+                )
             if leave_out and s is scored[0] and not s.left_out:
-                print_prose("no single effect of medium size or more among these campaigns: nothing was left out")
+                print_prose(
+                    "no single effect of medium size or more among these campaigns: "
+                    "nothing was left out"
+                )
             if failed:
-                print_prose(f"'{s.method}' failed on {len(failed)}, counted as missed: {', '.join(failed[:5])}")
+                print_prose(
+                    f"'{s.method}' failed on {len(failed)}, counted as missed: "
+                    f"{', '.join(failed[:5])}"
+                )
         print_prose(f"seal and hash agree; {ROWS}, withheld.json and withheld.png in {folder}")

@@ -1,1 +1,2 @@
-"""A drive in closed loop: scenario, control, gains, the loop around a plant, what a run leaves behind."""
+"""A drive in closed loop: scenario, control, gains, the loop around a plant, what a run leaves
+behind."""

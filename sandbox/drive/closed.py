@@ -20,15 +20,20 @@ from sandbox.plant.sets import batch_of, features_of, machine_rows, timing_of
 from sandbox.replay.walking import at_rest
 
 
-def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_omega: float) -> float:
+def longest_step(
+    motor: Motor, values: Mapping[str, float], features: int, top_omega: float
+) -> float:
     """Return the plant's longest step (s) for speeds up to top_omega (rad/s, electrical).
 
-    motor: the true one.  Where the machine changes with the angle, the sixth order is the least that is resolved.
+    motor: the true one.  Where the machine changes with the angle, the sixth order is the least
+    that is resolved.
     """
     energy = motor.energy
     if isinstance(energy, SplineEnergy):  # a map stays as it is; effects add to it
         added = machine_rows(motor, values)
-        energy = energy._replace(gamma_d=energy.gamma_d + added["gamma_d"], gamma_q=energy.gamma_q + added["gamma_q"])
+        energy = energy._replace(
+            gamma_d=energy.gamma_d + added["gamma_d"], gamma_q=energy.gamma_q + added["gamma_q"]
+        )
     step = min(step_for_winding(motor.resistance, energy), step_for_turn(top_omega))
     if features & add.ANGULAR:
         step = min(step, step_for_orders((), top_omega))
@@ -46,7 +51,8 @@ def closed_bench(
 ) -> LoopPlant:
     """Return the plant at rest without current at an electrical angle (rad).
 
-    motor: the nominal one; values: completed parameters; rotor: `locked`, `driven` or `free`; step: s, the longest;
+    motor: the nominal one; values: completed parameters; rotor: `locked`, `driven` or `free`; step:
+    s, the longest;
     truth: another magnetic model than the motor's.
     """
     library.check_inside(motor, converter, values)
@@ -73,7 +79,8 @@ def looked_into(bench: LoopPlant) -> LoopPlant:
 
 def turned_to(bench: LoopPlant, theta: float) -> LoopPlant:
     """Return a plant like a fresh one at rest without current at another electrical angle (rad)."""
-    w = np.frombuffer(bytearray(bench.w.tobytes()), bench.w.dtype)[0]  # a copy, twenty times as fast as .copy()
+    # a copy, twenty times as fast as .copy()
+    w = np.frombuffer(bytearray(bench.w.tobytes()), bench.w.dtype)[0]
     rest = np.zeros((2, 1))
     c, s = np.array([math.cos(theta)]), np.array([math.sin(theta)])
     at_rest(w, c, s, rest)
@@ -90,7 +97,15 @@ def _magnetics(w: Any, motor: Motor, truth: AnyEnergy | None) -> SplineEnergy | 
         return motor.energy if isinstance(motor.energy, SplineEnergy) else None
     if isinstance(truth, SplineEnergy):
         if not isinstance(motor.energy, SplineEnergy):
-            for row in ("gamma_d", "gamma_q", "cubic_d", "cubic_q", "quartic_d", "quartic_dq", "quartic_q"):
+            for row in (
+                "gamma_d",
+                "gamma_q",
+                "cubic_d",
+                "cubic_q",
+                "quartic_d",
+                "quartic_dq",
+                "quartic_q",
+            ):
                 w[row][:] = 0.0
         return truth
     w["gamma_d"][:], w["gamma_q"][:] = truth.gamma_d, truth.gamma_q

@@ -1,7 +1,7 @@
 """Current and speed control of the drive, compiled; gains come from `sandbox.drive.design`.
 
-The current controller sees the average over one injection period, so that it neither fights the injection nor
-is disturbed by it; its voltage leaves room for the injection.
+The current controller sees the average over one injection period, so that it neither fights the
+injection nor is disturbed by it; its voltage leaves room for the injection.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ RING_Q = RING_D + MAX_PERIOD
 SIZE = RING_Q + MAX_PERIOD
 
 
-ENCODER_BANDWIDTH = 500.0  # rad/s: a count of 2 pi p/4096 blurs the speed by 0.3 rad/s (p = 6), lag 11 degrees at 50
+# rad/s: a count of 2 pi p/4096 blurs the speed by 0.3 rad/s (p = 6), lag 11 degrees at 50
+ENCODER_BANDWIDTH = 500.0
 JUMP = 0.1  # sine of half the angle: 0.2 rad, more than tracking corrects in a sample
 
 
@@ -84,9 +85,11 @@ def speed_control(s, c, omega_ref, omega, feed_forward):
 
 @kernel
 def current_control(s, c, i_d, i_q, i_d_ref, i_q_ref, omega_ref):
-    """Return u_d, u_q (V) for averaged currents: PI with back-EMF feed-forward, limited in amplitude.
+    """Return u_d, u_q (V) for averaged currents: PI with back-EMF feed-forward, limited in
+    amplitude.
 
-    The feed-forward takes the speed asked for: the estimated one would close a loop through the magnet flux.
+    The feed-forward takes the speed asked for: the estimated one would close a loop through the
+    magnet flux.
     """
     e_d, e_q = i_d_ref - i_d, i_q_ref - i_q
     u_d = c.kp_d * e_d + s[INTEGRAL_D]
@@ -102,9 +105,11 @@ def current_control(s, c, i_d, i_q, i_d_ref, i_q_ref, omega_ref):
 
 @kernel
 def reorient(s, angle, turned):
-    """Keep the integrators' voltage and the averaged currents where they are when the control frame jumps.
+    """Keep the integrators' voltage and the averaged currents where they are when the control frame
+    jumps.
 
-    turned: rad that the frame should have turned by since the last sample; a jump is what goes beyond that.
+    turned: rad that the frame should have turned by since the last sample; a jump is what goes
+    beyond that.
     """
     change = angle - s[FRAME] - turned
     if abs(math.sin(0.5 * change)) > JUMP:
@@ -116,9 +121,11 @@ def reorient(s, angle, turned):
 
 @kernel
 def speed_from(memory, first, angle, slope, step, period):
-    """Return the speed (rad/s, electrical) that a drive makes of its encoder's angle; memory[first:first + 3] its own.
+    """Return the speed (rad/s, electrical) that a drive makes of its encoder's angle;
+    memory[first:first + 3] its own.
 
-    With counts (step, rad) by a critically damped tracking loop of ENCODER_BANDWIDTH, as drives do; without, the slope.
+    With counts (step, rad) by a critically damped tracking loop of ENCODER_BANDWIDTH, as drives do;
+    without, the slope.
     """
     if step == 0.0:
         return slope

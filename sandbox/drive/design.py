@@ -1,9 +1,10 @@
 """Gains from margins: current loop, tracking loop and speed loop, designed with python-control.
 
-Each loop is written down as the sampled loop that the kernel runs, averaged over the carrier's phase (one-period
-computing delay, held voltage, averages over the injection), and its one free bandwidth is the largest that keeps the
-phase margin asked for and stays below the injection.  `control` takes 1.5 s to import, so finished designs are kept
-on disk under a hash of everything they depend on.
+Each loop is written down as the sampled loop that the kernel runs, averaged over the carrier's
+phase (one-period computing delay, held voltage, averages over the injection), and its one free
+bandwidth is the largest that keeps the phase margin asked for and stays below the injection.
+`control` takes 1.5 s to import, so finished designs are kept on disk under a hash of everything
+they depend on.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ from sandbox.drive.control import Control
 from sandbox.recordings.injection import carrier, samples_per_period
 
 PHASE_MARGIN = 60.0  # degrees, of current and speed loop at their worst points
-TRACKING_MARGIN = 45.0  # degrees; a load step is lost at a slow tracking loop sooner than at a lively one
+# degrees; a load step is lost at a slow tracking loop sooner than at a lively one
+TRACKING_MARGIN = 45.0
 LEAST_MODULUS = 0.4  # distance of the current loop from -1 at the highest speed
 LOOPS = {"current", "tracking", "speed"}
 DAMPING = 1.0  # tracking loop: kp = 2 DAMPING w0, ki = w0^2
@@ -43,10 +45,12 @@ INTEGRAL_SPLIT = 5.0  # speed loop: integral action this far below the bandwidth
 SETTLE_TIMES = 8.0  # starting up waits this many time constants of the current loop
 AVERAGE_TIME = 0.016  # s of ripple averaged in each step of starting up
 VOLTAGE_UNCERTAINTY = 0.0025  # of the DC bus, one sigma: what a compensated inverter leaves (EKF)
-INJECTION_RATIO = 8.0  # current and tracking loop cross over this far below the injection they share the current with
+# current and tracking loop cross over this far below the injection they share the current with
+INJECTION_RATIO = 8.0
 
 Complex = NDArray[np.complex128]
-Response = Callable[[NDArray[np.float64], float], tuple[Complex, float, float]]  # (grid, bandwidth): loop, kp, ki
+# (grid, bandwidth): loop, kp, ki
+Response = Callable[[NDArray[np.float64], float], tuple[Complex, float, float]]
 
 
 class SampledMotor(NamedTuple):
@@ -64,7 +68,8 @@ class SampledMotor(NamedTuple):
 
 @dataclass(frozen=True)
 class Loop:
-    """One loop as designed: bandwidth (rad/s), gains, margins at its worst point, and the speed it is good for."""
+    """One loop as designed: bandwidth (rad/s), gains, margins at its worst point, and the speed it
+    is good for."""
 
     bandwidth: float
     kp: float
@@ -95,13 +100,17 @@ def belief_of(drive: Drive, name: str) -> Belief:
     """Return the saturated or the linear belief about a drive's motor."""
     motor = drive.motor
     energy: AnyEnergy = motor.energy if name == "saturated" else motor.linear_energy
-    return Belief(energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs), motor.inertia)
+    return Belief(
+        energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs), motor.inertia
+    )
 
 
 def extreme_inductances(m: AnyEnergy, radius: float) -> tuple[float, float]:
-    """Return the smallest and largest incremental inductance (H) in a disc of currents (A), as far as it is valid."""
+    """Return the smallest and largest incremental inductance (H) in a disc of currents (A), as far
+    as it is valid."""
     values = [1.0 / m.gamma_d, 1.0 / m.gamma_q]
-    for size, angle in product((0.5 * radius, radius), np.linspace(0.0, math.pi, 19)):  # symmetric in i_q
+    for size, angle in product((0.5 * radius, radius), np.linspace(0.0, math.pi, 19)):
+        # symmetric in i_q
         d, q, status = flux_newton(m, size * math.cos(angle), size * math.sin(angle), 0.0, 0.0)
         if not status:
             dd, dq, qq = hessian(m, d, q)
@@ -113,9 +122,9 @@ def extreme_inductances(m: AnyEnergy, radius: float) -> tuple[float, float]:
 def design(drive: Drive, start_up: bool = True, published: bool = False) -> Design:
     """Return gains for a drive; without starting up the estimator is told the first position.
 
-    published: whether the estimator's tracking loop takes the gains that `[injection] tracking` names
-    (`Estimator.takes_published`); the speed loop is then designed around them.  What a Kalman filter is told
-    (`speed_variance`) follows the designed bandwidth in any case.
+    published: whether the estimator's tracking loop takes the gains that `[injection] tracking`
+    names (`Estimator.takes_published`); the speed loop is then designed around them.  What a Kalman
+    filter is told (`speed_variance`) follows the designed bandwidth in any case.
     BadInput for a motor without magnets.
     """
     motor, converter, injection = drive.motor, drive.converter, drive.injection
@@ -123,7 +132,8 @@ def design(drive: Drive, start_up: bool = True, published: bool = False) -> Desi
     tracking_sign(motor.energy)
     if not motor.magnet_flux > 0.0:
         raise BadInput(
-            "[motor] magnet_flux = 0: with i_d = 0 such a motor has no torque to control; give a value > 0 Wb"
+            "[motor] magnet_flux = 0: with i_d = 0 such a motor has no torque to "
+            "control; give a value > 0 Wb"
         )
     wave = carrier(injection, converter)
     power = float(np.dot(wave.primitive, wave.primitive))
@@ -160,7 +170,8 @@ def design(drive: Drive, start_up: bool = True, published: bool = False) -> Desi
     )
     variance = 2.0 / 3.0 * (converter.current_noise**2 + converter.current_resolution**2 / 12.0)
     flux_variance = (VOLTAGE_UNCERTAINTY * converter.dc_bus_voltage * h) ** 2
-    seen = variance + flux_variance / motor.inductance_q**2  # what blurs a sample of the q ripple, A^2
+    # what blurs a sample of the q ripple, A^2
+    seen = variance + flux_variance / motor.inductance_q**2
     angle_variance = seen / (saliency**2 * power / n)  # rad^2 a sample
     tuning = Tuning(
         n,
@@ -192,7 +203,11 @@ def _remembered(plant: SampledMotor) -> dict[str, Loop]:
             known = {name: Loop(**loop) for name, loop in json.loads(stored).items()}
             numbers = [x for loop in known.values() for x in astuple(loop)]
             gains = [x for loop in known.values() for x in (loop.bandwidth, loop.kp, loop.ki)]
-            if set(known) == LOOPS and all(type(x) is float for x in numbers) and all(map(math.isfinite, gains)):
+            if (
+                set(known) == LOOPS
+                and all(type(x) is float for x in numbers)
+                and all(map(math.isfinite, gains))
+            ):
                 return known  # a gain margin may be infinite
         except (ValueError, TypeError, AttributeError, RecursionError):
             pass
@@ -213,7 +228,9 @@ def design_loops(plant: SampledMotor) -> dict[str, Loop]:
     else:
         tracking = published_loop(plant, plant.published)
     gains = Gains(tracking.kp, tracking.ki)
-    followed = [partial(_closed_current, plant, inner, inductance) for inductance in (plant.low, plant.high)]
+    followed = [
+        partial(_closed_current, plant, inner, inductance) for inductance in (plant.low, plant.high)
+    ]
     ends = [partial(speed_loop, plant, follow, gains) for follow in followed]
     speed = _tuned(ends, h, PHASE_MARGIN, highest)
     return {"current": inner, "tracking": tracking, "speed": speed}
@@ -228,30 +245,39 @@ def _window(n: int, z: Complex) -> Complex:
     return np.asarray(sum(z**-k for k in range(n)) / n)
 
 
-def current_loop(plant: SampledMotor, w: NDArray[np.float64], bandwidth: float) -> tuple[Complex, float, float]:
-    """Return open loop and PI gains: one period of delay, held voltage (together 1.5 periods), n-sample average.
+def current_loop(
+    plant: SampledMotor, w: NDArray[np.float64], bandwidth: float
+) -> tuple[Complex, float, float]:
+    """Return open loop and PI gains: one period of delay, held voltage (together 1.5 periods),
+    n-sample average.
 
-    Proportional gain for the smallest inductance, where the loop is fastest; zero at the slowest winding pole, so
-    that no inductance in between has less margin.
+    Proportional gain for the smallest inductance, where the loop is fastest; zero at the slowest
+    winding pole, so that no inductance in between has less margin.
     """
     kp, ki = bandwidth * plant.low, bandwidth * plant.low * plant.resistance / plant.high
     return _current_loop(plant, kp, ki, plant.low, w), kp, ki
 
 
-def _current_loop(plant: SampledMotor, kp: float, ki: float, inductance: float, w: NDArray[np.float64]) -> Complex:
+def _current_loop(
+    plant: SampledMotor, kp: float, ki: float, inductance: float, w: NDArray[np.float64]
+) -> Complex:
     import control
 
     h = plant.h
     z = np.exp(1j * w * h)
-    winding = control.sample_system(control.tf([1.0], [inductance, plant.resistance]), h, method="zoh")
+    winding = control.sample_system(
+        control.tf([1.0], [inductance, plant.resistance]), h, method="zoh"
+    )
     return np.asarray((kp + ki * h / (z - 1)) * np.asarray(winding(z)) / z * _window(plant.n, z))
 
 
 def top_speed(plant: SampledMotor, loop: Loop) -> float:
-    """Return the electrical speed (rad/s) up to which the current loop keeps a modulus margin of LEAST_MODULUS.
+    """Return the electrical speed (rad/s) up to which the current loop keeps a modulus margin of
+    LEAST_MODULUS.
 
-    At speed omega the winding's pole seen from the rotor frame is complex, R/L + j omega; with the delay and the
-    average in the loop, cross-coupling eats the margin: held voltage, all in the rotor frame, both senses.
+    At speed omega the winding's pole seen from the rotor frame is complex, R/L + j omega; with the
+    delay and the average in the loop, cross-coupling eats the margin: held voltage, all in the
+    rotor frame, both senses.
     """
     n, h, resistance = plant.n, plant.h, plant.resistance
     nu = np.concatenate([-_grid(h)[::-1], _grid(h)])[::8]
@@ -268,9 +294,11 @@ def top_speed(plant: SampledMotor, loop: Loop) -> float:
     return best
 
 
-def tracking_loop(plant: SampledMotor, w: NDArray[np.float64], bandwidth: float) -> tuple[Complex, float, float]:
-    """Return open loop and gains of the type-2 loop around demodulation; w: (n,) rad/s at which the loop is
-    returned."""
+def tracking_loop(
+    plant: SampledMotor, w: NDArray[np.float64], bandwidth: float
+) -> tuple[Complex, float, float]:
+    """Return open loop and gains of the type-2 loop around demodulation; w: (n,) rad/s at which the
+    loop is returned."""
     gains = Gains(2.0 * DAMPING * bandwidth, bandwidth**2)
     return tracking_response(plant, w, gains), *gains
 
@@ -285,8 +313,9 @@ def published_loop(plant: SampledMotor, gains: Gains) -> Loop:
     gain, phase, disk, crossover = _margins(response, w)
     if not (phase > 0.0 and gain > 1.0):
         raise BadInput(
-            f"[injection] tracking: published gains of {gains.kp:.4g} 1/s and {gains.ki:.4g} 1/s^2 leave this loop no "
-            f"margin at an injection of {1.0 / (plant.n * plant.h):.4g} Hz; inject faster, or leave tracking out"
+            f"[injection] tracking: published gains of {gains.kp:.4g} 1/s and {gains.ki:.4g} 1/s^2 "
+            f"leave this loop no margin at an injection of {1.0 / (plant.n * plant.h):.4g} Hz; "
+            "inject faster, or leave tracking out"
         )
     return Loop(crossover, *gains, phase, gain, disk, crossover)
 
@@ -294,11 +323,12 @@ def published_loop(plant: SampledMotor, gains: Gains) -> Loop:
 def tracking_response(plant: SampledMotor, w: NDArray[np.float64], gains: Gains) -> Complex:
     """Return the open loop of the type-2 loop around demodulation.
 
-    An error of the estimate makes q ripple in two ways, y_q = (Gamma_dd - Gamma_qq) e: the frame it is looked at
-    from is turned (`share` = Gamma_dd over the difference), and so is the axis of injection (1 - share).  The
-    second acts one sample later and through the window.  The first does, too, where each sample is looked at
-    from its own axis (share < 0, L_d > L_q); looked at from the present frame it acts at once, except that the
-    frame is turned back with the estimated speed, d samples on average.
+    An error of the estimate makes q ripple in two ways, y_q = (Gamma_dd - Gamma_qq) e: the frame it
+    is looked at from is turned (`share` = Gamma_dd over the difference), and so is the axis of
+    injection (1 - share).  The second acts one sample later and through the window.  The first
+    does, too, where each sample is looked at from its own axis (share < 0, L_d > L_q); looked at
+    from the present frame it acts at once, except that the frame is turned back with the estimated
+    speed, d samples on average.
     """
     n, h, share, (kp, ki) = plant.n, plant.h, plant.share, gains
     z, d = np.exp(1j * w * h), 0.75 * n - 0.5
@@ -313,18 +343,25 @@ def _demodulation(n: int, z: Complex) -> Complex:
     return np.asarray(0.5 * (1.0 + z ** (-n // 2)) * _window(n, z))
 
 
-def _closed_current(plant: SampledMotor, tuned: Loop, inductance: float, w: NDArray[np.float64]) -> Complex:
-    """Return actual current over its reference at an inductance: the average sits in the feedback path."""
+def _closed_current(
+    plant: SampledMotor, tuned: Loop, inductance: float, w: NDArray[np.float64]
+) -> Complex:
+    """Return actual current over its reference at an inductance: the average sits in the feedback
+    path."""
     z = np.exp(1j * w * plant.h)
     loop = _current_loop(plant, tuned.kp, tuned.ki, inductance, w)
     return loop / _window(plant.n, z) / (1.0 + loop)
 
 
 def speed_loop(
-    plant: SampledMotor, inner: Callable[..., Complex], tracking: Gains, w: NDArray[np.float64], bandwidth: float
+    plant: SampledMotor,
+    inner: Callable[..., Complex],
+    tracking: Gains,
+    w: NDArray[np.float64],
+    bandwidth: float,
 ) -> tuple[Complex, float, float]:
-    """Return open loop and PI gains of the speed controller around current loop and the tracking loop's speed; w: (n,)
-    rad/s at which the loop is returned."""
+    """Return open loop and PI gains of the speed controller around current loop and the tracking
+    loop's speed; w: (n,) rad/s at which the loop is returned."""
     n, h, torque_gain = plant.n, plant.h, plant.torque_gain
     z = np.exp(1j * w * h)
     loop = tracking_response(plant, w, tracking)
@@ -336,36 +373,45 @@ def speed_loop(
 
 
 def _tuned(loops: Sequence[Response], h: float, margin: float, highest: float) -> Loop:
-    """Return the largest bandwidth with which every variant of a loop keeps its phase margin and crossover.
+    """Return the largest bandwidth with which every variant of a loop keeps its phase margin and
+    crossover.
 
-    margin: degrees; highest: crossover, rad/s.  The margins returned are the smallest of the variants.
+    margin: degrees; highest: crossover, rad/s.  The margins returned are the smallest of the
+    variants.
     """
     from scipy.optimize import brentq
 
     w = _grid(h)
 
     def spare(log_bandwidth: float) -> float:
-        """Return how far (a share) the worst loop is inside both limits at a bandwidth (log of rad/s)."""
+        """Return how far (a share) the worst loop is inside both limits at a bandwidth (log of
+        rad/s)."""
         found = (_crossing(loop(w, math.exp(log_bandwidth))[0], w) for loop in loops)
-        return min(min(phase / margin - 1.0, 1.0 - crossover / highest) for phase, crossover in found)
+        return min(
+            min(phase / margin - 1.0, 1.0 - crossover / highest) for phase, crossover in found
+        )
 
     ends = math.log(0.1), math.log(1.5 / h)
     if not spare(ends[0]) > 0.0 > spare(ends[1]):
         raise BadInput(
-            f"no bandwidth gives a loop the margin of {margin:g} degrees at a sampling period of {h:.4g} s; check the "
+            f"no bandwidth gives a loop the margin of {margin:g} degrees at a sampling "
+            f"period of {h:.4g} s; check the "
             "motor's resistance, inductances and alphas (SI units), or sample faster"
         )
     bandwidth = math.exp(brentq(spare, *ends, xtol=1e-6))
     _, kp, ki = loops[0](w, bandwidth)
-    gains, phases, disks, crossovers = zip(*(_margins(loop(w, bandwidth)[0], w) for loop in loops), strict=True)
+    gains, phases, disks, crossovers = zip(
+        *(_margins(loop(w, bandwidth)[0], w) for loop in loops), strict=True
+    )
     return Loop(bandwidth, kp, ki, min(phases), min(gains), min(disks), max(crossovers))
 
 
 def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Return gain margin, phase margin (degrees), disk margin and crossover (rad/s) of an open loop.
+    """Return gain margin, phase margin (degrees), disk margin and crossover (rad/s) of an open
+    loop.
 
-    What `control.stability_margins` finds on splines through the grid; it asks them for one frequency at a time, five
-    times as long as all of a design takes now.
+    What `control.stability_margins` finds on splines through the grid; it asks them for one
+    frequency at a time, five times as long as all of a design takes now.
     """
     from scipy.interpolate import splev, splprep
     from scipy.optimize import brentq
@@ -378,8 +424,11 @@ def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float
         return real + 1.0j * imag
 
     def zeros(size: Callable[[Any], Any], on_grid: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where a function of the open loop changes its sign; after these places of the grid."""
-        return np.array([brentq(lambda x: size(at(x)), w[k], w[k + 1]) for k in np.flatnonzero(on_grid)])
+        """Return where a function of the open loop changes its sign; after these places of the
+        grid."""
+        return np.array(
+            [brentq(lambda x: size(at(x)), w[k], w[k + 1]) for k in np.flatnonzero(on_grid)]
+        )
 
     def turned(z: Any) -> Any:
         """Return the phase (rad) from 180 degrees."""
@@ -395,7 +444,8 @@ def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float
     crossovers = zeros(larger, np.diff(np.sign(larger(known))))
     phases = np.remainder(np.angle(at(crossovers), deg=True), 360.0) - 180.0
     least = int(np.argmin(np.abs(phases))) if len(phases) else -1
-    disk = 1.0 / float(np.max(np.abs((1.0 - loop) / (1.0 + loop) / 2.0)))  # balanced sensitivity (S - T) / 2
+    # balanced sensitivity (S - T) / 2
+    disk = 1.0 / float(np.max(np.abs((1.0 - loop) / (1.0 + loop) / 2.0)))
     return (
         float(gains[np.argmin(np.abs(np.log(gains)))]) if len(gains) else math.inf,
         float(phases[least]) if len(phases) else math.inf,
@@ -405,10 +455,12 @@ def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float
 
 
 def _crossing(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float]:
-    """Return phase margin (degrees) and frequency (rad/s) of the first crossover, phase unwrapped from below."""
+    """Return phase margin (degrees) and frequency (rad/s) of the first crossover, phase unwrapped
+    from below."""
     size, phase = np.abs(loop), np.unwrap(np.angle(loop))
     k = int(np.argmax(size < 1.0))
     if k == 0:
         return (180.0, 0.0) if size[0] < 1.0 else (-180.0, float(w[-1]))
-    lead = 2.0 * np.pi if phase[0] > 0.5 * np.pi else 0.0  # a double integrator starts at -180, not +180 degrees
+    # a double integrator starts at -180, not +180 degrees
+    lead = 2.0 * np.pi if phase[0] > 0.5 * np.pi else 0.0
     return float(np.degrees(phase[k] - lead)) + 180.0, float(w[k])

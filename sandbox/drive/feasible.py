@@ -24,34 +24,43 @@ from sandbox.recordings.injection import samples_per_period
 
 MOST_STEPS = 4_000_000_000  # of the plant in one run: three minutes and more
 LEAST_TURN = 4  # samples of a rotating injection's turn
-POLARITY_SIGMA = 6.0  # the two ripples of the polarity test must differ by this many standard deviations
+# the two ripples of the polarity test must differ by this many standard deviations
+POLARITY_SIGMA = 6.0
 
 
-def check_call(estimator: Estimator, belief: str, seed: int, stride: int, plant_step: float) -> None:
+def check_call(
+    estimator: Estimator, belief: str, seed: int, stride: int, plant_step: float
+) -> None:
     """Raise BadInput for arguments of `simulate` that cannot be meant."""
     if not isinstance(estimator, Estimator):
-        raise BadInput(f"estimator {estimator!r:.40} is no Estimator; see estimators.registry.load_estimator")
+        raise BadInput(
+            f"estimator {estimator!r:.40} is no Estimator; see estimators.registry.load_estimator"
+        )
     if estimator.compiled and not hasattr(estimator.step, "signatures"):
         raise BadInput(
-            f"estimator '{estimator.name}' says compiled, but its step is plain Python; give compiled=False, or "
-            "compile it with model.compiled.kernel_as(estimators.contract.STEP)"
+            f"estimator '{estimator.name}' says compiled, but its step is plain Python; give "
+            "compiled=False, or compile it with model.compiled.kernel_as(estimators.contract.STEP)"
         )
     if belief not in ("saturated", "linear"):
         raise BadInput(f"belief '{belief}' is neither 'saturated' nor 'linear'")
     if not isinstance(seed, int) or seed < 0:
         raise BadInput(f"seed {seed!r:.40} is no whole number of at least 0")
     if not isinstance(stride, int) or stride < 1:
-        raise BadInput(f"stride {stride!r:.40} is out of range; record every stride-th sample, at least 1")
+        raise BadInput(
+            f"stride {stride!r:.40} is out of range; record every stride-th sample, at least 1"
+        )
     if not 1e-9 <= plant_step <= 1e-2:
         raise BadInput(f"plant_step {plant_step} s is out of range; give a value in [1e-9, 0.01] s")
 
 
 def check_length(samples: int, steps: int, period: float) -> None:
-    """Raise BadInput for a run of more plant steps than anybody waits for (steps: in a sampling period, s)."""
+    """Raise BadInput for a run of more plant steps than anybody waits for (steps: in a sampling
+    period, s)."""
     if samples * steps > MOST_STEPS:
         raise BadInput(
-            f"{samples} samples of {steps} plant steps of {period / steps:.3g} s are more than {MOST_STEPS:.0e} steps; "
-            "shorten the run, or check resistance and inductances (L/R sets the step), speed and effects"
+            f"{samples} samples of {steps} plant steps of {period / steps:.3g} s are more than "
+            f"{MOST_STEPS:.0e} steps; shorten the run, or check resistance and inductances (L/R "
+            "sets the step), speed and effects"
         )
 
 
@@ -61,20 +70,23 @@ def check_injection(estimator: Estimator, drive: Drive) -> None:
     n = samples_per_period(injection, drive.converter)
     if estimator.injection == ROTATING and (injection.waveform != "square" or n < LEAST_TURN):
         raise BadInput(
-            f"estimator '{estimator.name}' turns a square wave from sample to sample, in at least {LEAST_TURN} samples "
-            f"a turn; '{drive.name}' injects a {injection.waveform} wave of {n} samples: inject a square wave of at "
-            f"most {1.0 / (LEAST_TURN * drive.converter.sampling_period):g} Hz"
+            f"estimator '{estimator.name}' turns a square wave from sample to sample, in at least "
+            f"{LEAST_TURN} samples a turn; '{drive.name}' injects a {injection.waveform} wave of "
+            f"{n} samples: inject a square wave of at most "
+            f"{1.0 / (LEAST_TURN * drive.converter.sampling_period):g} Hz"
         )
     if estimator.injection == RANDOM and (injection.waveform != "square" or n % 4):
         raise BadInput(
-            f"estimator '{estimator.name}' makes cycles of N and N/2 samples of a square wave, N a multiple of four; "
-            f"'{drive.name}' injects a {injection.waveform} wave of {n} samples: inject a square wave of "
+            f"estimator '{estimator.name}' makes cycles of N and N/2 samples of a square wave, N a "
+            f"multiple of four; '{drive.name}' injects a {injection.waveform} wave of {n} samples: "
+            "inject a square wave of "
             f"{1.0 / (4 * max(1, round(n / 4)) * drive.converter.sampling_period):g} Hz"
         )
 
 
 def step_of(estimator: Estimator, believed: Belief) -> Callable[..., Estimate]:
-    """Return the step that a loop calls: the compiled one for this belief, or a Python one that is watched."""
+    """Return the step that a loop calls: the compiled one for this belief, or a Python one that is
+    watched."""
     compiled: Callable[..., Estimate] = estimator.step_for(believed)
     return compiled if estimator.compiled else checked(estimator)
 
@@ -88,7 +100,10 @@ def first_state(estimator: Estimator, believed: Belief, tuning: Tuning, angle: f
     except (Exception, SystemExit) as error:
         raise told_of(estimator, "init", error) from error
     if estimator.compiled and not (
-        isinstance(state, np.ndarray) and state.dtype == np.float64 and state.ndim == 1 and state.flags.c_contiguous
+        isinstance(state, np.ndarray)
+        and state.dtype == np.float64
+        and state.ndim == 1
+        and state.flags.c_contiguous
     ):
         raise OwnCodeError(
             f"init of estimator '{estimator.name}' returned {brief(state)}; "
@@ -98,8 +113,8 @@ def first_state(estimator: Estimator, believed: Belief, tuning: Tuning, angle: f
 
 
 def checked(estimator: Estimator) -> Callable[..., Estimate]:
-    """Return a Python estimator's step that says so when it raises or returns something else than an Estimate;
-    BadInput, or OwnCodeError."""
+    """Return a Python estimator's step that says so when it raises or returns something else than
+    an Estimate; BadInput, or OwnCodeError."""
 
     def step(*arguments: object) -> Estimate:
         """Return the estimate, once it is seen to be one; BadInput where it is none."""
@@ -111,7 +126,8 @@ def checked(estimator: Estimator) -> Callable[..., Estimate]:
             raise told_of(estimator, "step", error) from error
         if not isinstance(estimate, Estimate):
             raise BadInput(
-                f"step of estimator '{estimator.name}' returned {type(estimate).__name__}; it must return an Estimate"
+                f"step of estimator '{estimator.name}' returned "
+                f"{type(estimate).__name__}; it must return an Estimate"
             )
         return estimate
 
@@ -119,19 +135,24 @@ def checked(estimator: Estimator) -> Callable[..., Estimate]:
 
 
 def told_of(estimator: Estimator, which: str, error: BaseException) -> OwnCodeError:
-    """Return what an estimator's `init` or `step` raised as one sentence: the error, and the line of its own file."""
-    frames = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)]
+    """Return what an estimator's `init` or `step` raised as one sentence: the error, and the line
+    of its own file."""
+    frames = [
+        (frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)
+    ]
     code = getattr(getattr(estimator, which), "__code__", None)
     own = [place for place in frames if code is not None and place[0] == code.co_filename]
-    file, line = (own or frames)[-1]  # the innermost of its own file: what it calls there is its to mend
+    # the innermost of its own file: what it calls there is its to mend
+    file, line = (own or frames)[-1]
     return OwnCodeError(
-        f"{which} of estimator '{estimator.name}' raised {raised(error)} ({Path(file).name}, line {line}); "
-        "mend it there"
+        f"{which} of estimator '{estimator.name}' raised {raised(error)} ({Path(file).name}, line "
+        f"{line}); mend it there"
     )
 
 
 def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
-    """Raise where a scenario cannot be run on a drive: saliency, domain, polarity, current, speed or voltage."""
+    """Raise where a scenario cannot be run on a drive: saliency, domain, polarity, current, speed
+    or voltage."""
     motor, m, converter = drive.motor, drive.motor.energy, drive.converter
     tracking_sign(m)
     able = attainable(converter)
@@ -153,19 +174,26 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
         i_q, omega = s.load * motor.rated_current, s.speed * motor.rated_omega
         if abs(omega) > gains.top_omega:
             raise BadInput(
-                f"speed {100 * s.speed:g} % ({abs(omega):.4g} rad/s electrical) is beyond {gains.top_omega:.4g} rad/s, "
-                "up to which the current loop behind the injection's average holds; lower it, or inject faster"
+                f"speed {100 * s.speed:g} % ({abs(omega):.4g} rad/s electrical) is beyond "
+                f"{gains.top_omega:.4g} rad/s, up to which the current loop behind the injection's "
+                "average holds; lower it, or inject faster"
             )
         try:
             d, q = (float(v) for v in flux_from_current(m, i_d, i_q))
         except PhysicsError as error:
-            raise PhysicsError(str(error).replace("use another parameter set", other_set(drive))) from None
-        u = math.hypot(motor.resistance * i_d - omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
+            raise PhysicsError(
+                str(error).replace("use another parameter set", other_set(drive))
+            ) from None
+        u = math.hypot(
+            motor.resistance * i_d - omega * q,
+            motor.resistance * i_q + omega * (d + motor.magnet_flux),
+        )
         if u > room and not s.blocked:
             raise PhysicsError(
-                f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but the bus of "
-                f"{converter.dc_bus_voltage:g} V leaves {room:.4g} V beside an injection of "
-                f"{drive.injection.amplitude:g} V; lower load, speed or injection, or raise dc_bus_voltage"
+                f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but the "
+                f"bus of {converter.dc_bus_voltage:g} V leaves {room:.4g} V beside an injection of "
+                f"{drive.injection.amplitude:g} V; lower load, speed or injection, or raise "
+                "dc_bus_voltage"
             )
 
 
@@ -189,7 +217,8 @@ def other_set(drive: Drive) -> str:
 
 
 def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = False) -> None:
-    """Raise where starting up cannot tell the magnet's ends: bias outside the domain, or ripples too alike.
+    """Raise where starting up cannot tell the magnet's ends: bias outside the domain, or ripples
+    too alike.
 
     carried: the scenario could be run without starting up.
     """
@@ -199,25 +228,34 @@ def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = Fal
     except PhysicsError as error:
         if not isinstance(motor.energy, Energy):
             raise PhysicsError(
-                f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}; a scenario with start_up = false "
-                "begins with the angle known, and needs no such current"
+                f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}; a scenario with "
+                "start_up = false begins with the angle known, and needs no such current"
             ) from None
         ends = [boundary_on_ray(motor.energy, sign * tuning.bias, 0.0)[0] for sign in (-1.0, 1.0)]
         end = min(ends, key=abs)
-        remedy = ", or set start_up = false in the scenario, whose own loads it can carry" if carried else ""
+        remedy = (
+            ", or set start_up = false in the scenario, whose own loads it can carry"
+            if carried
+            else ""
+        )
         raise PhysicsError(
-            f"starting up tests polarity at +-{tuning.bias:g} A on d, and the energy of '{drive.name}' stops being "
-            f"convex at i_d = {end:.4g} A; {other_set(drive)}{remedy}"
+            f"starting up tests polarity at +-{tuning.bias:g} A on d, and the energy of "
+            f"'{drive.name}' stops being convex at i_d = {end:.4g} A; {other_set(drive)}{remedy}"
         ) from None
     if motor.resistance * tuning.bias > room:
         raise PhysicsError(
-            f"starting up holds {tuning.bias:g} A, which needs {motor.resistance * tuning.bias:.4g} V of {room:.4g} V "
+            f"starting up holds {tuning.bias:g} A, which needs "
+            f"{motor.resistance * tuning.bias:.4g} V of {room:.4g} V "
             "beside the injection; lower the injection or raise dc_bus_voltage"
         )
     rise = abs(float(polarity_rise(motor.energy, tuning.bias)))
-    noise = math.sqrt(2.0 * tuning.current_variance / (tuning.average * tuning.power)) / tuning.amplitude
+    noise = (
+        math.sqrt(2.0 * tuning.current_variance / (tuning.average * tuning.power))
+        / tuning.amplitude
+    )
     if rise < POLARITY_SIGMA * noise:
         raise BadInput(
-            f"polarity cannot be found: at +-{tuning.bias:g} A on d the ripples differ by {rise:.3g} 1/H, noise is "
-            f"{noise:.3g} 1/H; give the motor its alphas (saturation), raise the injection, or set start_up = false"
+            f"polarity cannot be found: at +-{tuning.bias:g} A on d the ripples differ by "
+            f"{rise:.3g} 1/H, noise is {noise:.3g} 1/H; give the motor its alphas (saturation), "
+            "raise the injection, or set start_up = false"
         )

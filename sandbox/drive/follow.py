@@ -16,8 +16,11 @@ def _follow(step, state, samples, belief, tuning, out):
         out[k] = step(state, as_sample(samples[k]), belief, tuning).theta
 
 
-def follow(estimator: Estimator, state: Any, samples: Any, belief: Belief, tuning: Any, out: Any) -> None:
-    """Hand samples (n, 5), in the order of `Sample`, to a compiled estimator; write its angles (rad) to out (n,).
+def follow(
+    estimator: Estimator, state: Any, samples: Any, belief: Belief, tuning: Any, out: Any
+) -> None:
+    """Hand samples (n, 5), in the order of `Sample`, to a compiled estimator; write its angles
+    (rad) to out (n,).
 
     The kernel is compiled when a kind of belief (quartic, flux map) is first asked for.
     """

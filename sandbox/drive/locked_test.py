@@ -1,6 +1,8 @@
-"""The paper's test in software: a locked rotor, bias staircases, a pulsating voltage on top; makes a campaign.
+"""The paper's test in software: a locked rotor, bias staircases, a pulsating voltage on top; makes
+a campaign.
 
-Open-loop voltages on the plant (`sandbox.replay`, which is told commands and an angle and says what sensors read).
+Open-loop voltages on the plant (`sandbox.replay`, which is told commands and an angle and says what
+sensors read).
 """
 
 from __future__ import annotations
@@ -37,31 +39,50 @@ class LockedBench:
 
 
 def staircase(
-    drive: Drive, file: str, axis: str, currents: Array, dwell: int, bench: LockedBench | None = None
+    drive: Drive,
+    file: str,
+    axis: str,
+    currents: Array,
+    dwell: int,
+    bench: LockedBench | None = None,
 ) -> CampaignRecording:
-    """Return a recording that holds bias currents (n, 2) A, each for `dwell` injection periods; starts at the first."""
+    """Return a recording that holds bias currents (n, 2) A, each for `dwell` injection periods;
+    starts at the first."""
     bench = bench or LockedBench()
-    motor, h, shape = drive.motor, drive.converter.sampling_period, carrier(drive.injection, drive.converter).waveform
+    motor, h, shape = (
+        drive.motor,
+        drive.converter.sampling_period,
+        carrier(drive.injection, drive.converter).waveform,
+    )
     u = np.repeat(motor.resistance * np.asarray(currents, dtype=float), dwell * len(shape), axis=0)
     if axis != "none":
         u[:, "dq".index(axis)] += drive.injection.amplitude * np.tile(shape, dwell * len(currents))
     c, s = math.cos(bench.theta), math.sin(bench.theta)
     command = np.column_stack([c * u[:, 0] - s * u[:, 1], s * u[:, 0] + c * u[:, 1]])
-    first = phases.py_func(*(c * currents[0][0] - s * currents[0][1], s * currents[0][0] + c * currents[0][1]))
+    first = phases.py_func(
+        *(c * currents[0][0] - s * currents[0][1], s * currents[0][0] + c * currents[0][1])
+    )
     columns: dict[str, Array] = {
         "t": h * np.arange(len(u), dtype=float),
         "u_alpha": command[:, 0],
         "u_beta": command[:, 1],
     }
-    columns |= {"theta": np.full(len(u), bench.theta), "u_dc": np.full(len(u), drive.converter.dc_bus_voltage)}
-    columns |= {f"i_{x}": np.full(len(u), float(i)) for x, i in zip("abc", first, strict=True)}  # where it starts from
+    columns |= {
+        "theta": np.full(len(u), bench.theta),
+        "u_dc": np.full(len(u), drive.converter.dc_bus_voltage),
+    }
+    # where it starts from
+    columns |= {f"i_{x}": np.full(len(u), float(i)) for x, i in zip("abc", first, strict=True)}
     asked = CampaignRecording(file, "locked", axis, columns)
     values = {
         "encoder_offset.offset": -bench.angle_error,
         "device_drop.threshold": bench.threshold,
         "bench.soft_current": bench.width,
     }
-    sensing = replace(drive, converter=replace(drive.converter, current_noise=max(drive.converter.current_noise, 1e-6)))
+    sensing = replace(
+        drive,
+        converter=replace(drive.converter, current_noise=max(drive.converter.current_noise, 1e-6)),
+    )
     prepared = prepare(Campaign("staircase", sensing, (asked,), {}, {}, False), values, steps=STEPS)
     read = replay(prepared, [values]).currents[0][:, :, 0].T
     rng = np.random.default_rng(bench.seed)
@@ -72,15 +93,20 @@ def staircase(
 
 
 def paper_levels(drive: Drive) -> Array:
-    """Return the paper's bias currents (A) and zero: +-2 A by 0.3 A up to 2 A rated, else +-8 A by 0.5 A."""
+    """Return the paper's bias currents (A) and zero: +-2 A by 0.3 A up to 2 A rated, else +-8 A by
+    0.5 A."""
     top, step = (2.0, 0.3) if drive.motor.rated_current < 2.0 else (8.0, 0.5)
     return np.unique(np.round(np.append(np.arange(-top, top + 1e-9, step), 0.0), 9))
 
 
 def paper_campaign(
-    drive: Drive, levels: Sequence[float] | Array | None = None, dwell: int = 150, bench: LockedBench | None = None
+    drive: Drive,
+    levels: Sequence[float] | Array | None = None,
+    dwell: int = 150,
+    bench: LockedBench | None = None,
 ) -> Campaign:
-    """Return the three staircases of the paper's test on a drive: bias on d and q, injection on d and q."""
+    """Return the three staircases of the paper's test on a drive: bias on d and q, injection on d
+    and q."""
     i = paper_levels(drive) if levels is None else np.asarray(levels, dtype=float)
     zero = np.zeros_like(i)
     bench = bench or LockedBench()

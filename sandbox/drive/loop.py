@@ -1,10 +1,11 @@
 """The closed loop, one sample at a time: measure, estimate, control, record, advance the plant.
 
-`run_compiled` keeps all of it in one kernel and calls a compiled estimator through a function pointer;
-`run_python` is the same source interpreted: compiled pieces around an estimator written in Python.  The command
-computed at t_k acts over [t_{k+1}, t_{k+2}): the usual period of delay, so the plant can go on to the pattern's end
-before the sample it gave on its way is looked at.  The estimator is handed a Sample, nothing else; one that reads the
-current inside the period an Oversampled.
+`run_compiled` keeps all of it in one kernel and calls a compiled estimator through a function
+pointer; `run_python` is the same source interpreted: compiled pieces around an estimator written in
+Python.  The command computed at t_k acts over [t_{k+1}, t_{k+2}): the usual period of delay, so the
+plant can go on to the pattern's end before the sample it gave on its way is looked at.  The
+estimator is handed a Sample, nothing else; one that reads the current inside the period an
+Oversampled.
 """
 
 from __future__ import annotations
@@ -16,11 +17,30 @@ import numba
 import numpy as np
 from numba import types
 
-from estimators.contract import BELIEF, ESTIMATE, OVERSAMPLED, SAMPLE, STATE, TUNING, Belief, Sample, is_usual
+from estimators.contract import (
+    BELIEF,
+    ESTIMATE,
+    OVERSAMPLED,
+    SAMPLE,
+    STATE,
+    TUNING,
+    Belief,
+    Sample,
+    is_usual,
+)
 from model.compiled import compiled_as, kernel, kernel_as
 from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
-from sandbox.drive.control import CONTROL, SIZE, average, current_control, reorient, rest, speed_control, speed_from
+from sandbox.drive.control import (
+    CONTROL,
+    SIZE,
+    average,
+    current_control,
+    reorient,
+    rest,
+    speed_control,
+    speed_from,
+)
 from sandbox.drive.inside import ask, shift_pulses
 from sandbox.drive.recording import ROW
 from sandbox.drive.sensing import encoder, gather, instant, looked_at, read_link, read_phases
@@ -31,8 +51,8 @@ from sandbox.plant.gates.modulation import PLAIN, Modulation, given, is_plain, m
 from sandbox.plant.period import AppliedTorque, RotorTrajectory, Timing, travel
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
-# the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value; the last sample's
-# instant less t_k (s), the plant's last segment (s)
+# the loop's own memory: voltage now acting, and before; link voltage as read over its nominal
+# value; the last sample's instant less t_k (s), the plant's last segment (s)
 CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
 INSTANT, SPAN = 9, 10
 MEMORY = 11  # the encoder's speed has three places
@@ -67,7 +87,8 @@ TIMING, ROOM = numba.typeof(Timing(*5 * (0.0,))), numba.from_dtype(room_type(1))
 
 
 class LoopPlant(NamedTuple):
-    """The plant of a run: its batch of one lane, flux map (None: the quartic), timing, features, room."""
+    """The plant of a run: its batch of one lane, flux map (None: the quartic), timing, features,
+    room."""
 
     w: Any
     flux_map: Any
@@ -87,7 +108,8 @@ class Wanted(NamedTuple):
     blocked: float  # 1: gates are blocked
 
 
-# a profile's breakpoints, between them straight lines: s from the scenario's begin, then what is wanted
+# a profile's breakpoints, between them straight lines: s from the scenario's begin, then what is
+# wanted
 BREAKPOINT = np.dtype([("time", np.float64), *((name, np.float64) for name in Wanted._fields)])
 PROFILE = types.Array(numba.from_dtype(BREAKPOINT), 1, "C")
 
@@ -127,13 +149,15 @@ def rotor(w):
 
 @kernel
 def at_pattern(w):
-    """Return the rotor's speed (rad/s, electrical) at the pattern's start, and how much later than t_k that is (s)."""
+    """Return the rotor's speed (rad/s, electrical) at the pattern's start, and how much later than
+    t_k that is (s)."""
     return rotor(w)[1], w.delay[0]
 
 
 @kernel
 def at_sample(w, rig, applied):
-    """Return angle and speed at t_k, before the pattern's start: the rotor turned as its last acceleration made it."""
+    """Return angle and speed at t_k, before the pattern's start: the rotor turned as its last
+    acceleration made it."""
     theta, omega = rotor(w)
     gained = w.delay[0] * (applied.imposed if rig.rotor == DRIVEN else 2.0 * w.surge[0])
     return theta - w.delay[0] * (omega - 0.5 * gained), omega - gained
@@ -141,7 +165,8 @@ def at_sample(w, rig, applied):
 
 @kernel
 def at_start(w, theta):
-    """Return the terminal current i_d, i_q (A) at the pattern's start, of a rotor at theta (rad)."""
+    """Return the terminal current i_d, i_q (A) at the pattern's start, of a rotor at theta
+    (rad)."""
     return rotate(w.first_alpha[0], w.first_beta[0], -theta)
 
 
@@ -155,8 +180,9 @@ def shift(room, k, inside):
 def command(k, measured, sample, estimate, wanted, rig, control, controller, waveform, blocked):
     """Return the voltage (alpha, beta) for the next interval and the q current reference.
 
-    measured: angle and speed from the encoder, by which an open loop controls; blocked: whether gates are, the voltage
-    is then what the magnets induce at the speed known: no current will flow when they switch again.
+    measured: angle and speed from the encoder, by which an open loop controls; blocked: whether
+    gates are, the voltage is then what the magnets induce at the speed known: no current will flow
+    when they switch again.
     """
     h = control.sampling_period
     i_q_ref, i_d_ref = wanted.i_q, wanted.i_d
@@ -191,17 +217,22 @@ def record(row, t, motion, measured, reading, true, acting, estimate, wanted, i_
     row.theta_read, _ = measured
     row.theta_hat, row.omega_hat = estimate.theta, estimate.omega
     row.i_d, row.i_q = true
-    row.ripple_d, row.ripple_q, row.tracking = estimate.ripple_d, estimate.ripple_q, estimate.tracking
+    row.ripple_d, row.ripple_q, row.tracking = (
+        estimate.ripple_d,
+        estimate.ripple_q,
+        estimate.tracking,
+    )
     row.load, row.load_torque = wanted.load, wanted.torque
     row.omega_ref, row.i_q_ref = wanted.omega, i_q_ref
 
 
 @kernel
 def applied_in(k, wanted, omega, delay, rig, profile, memory):
-    """Return what moves the rotor over the pattern that starts `delay` (s) after t_k, omega (rad/s) its speed then.
+    """Return what moves the rotor over the pattern that starts `delay` (s) after t_k, omega (rad/s)
+    its speed then.
 
-    The load of a sample lasts from it to the next; the acceleration takes a driven rotor to its speed at t_{k+1}, and
-    in what is left of the pattern after it on towards that at t_{k+2}.
+    The load of a sample lasts from it to the next; the acceleration takes a driven rotor to its
+    speed at t_{k+1}, and in what is left of the pattern after it on towards that at t_{k+2}.
     """
     load, period = wanted.torque, rig.sampling_period
     imposed = imposed_after = 0.0
@@ -219,18 +250,20 @@ def applied_in(k, wanted, omega, delay, rig, profile, memory):
 
 @kernel
 def keep(memory, delivered, next_u):
-    """Remember the voltage that acted, as the drive knows it, as the last one and the command as the one to act."""
+    """Remember the voltage that acted, as the drive knows it, as the last one and the command as
+    the one to act."""
     memory[LAST_ALPHA], memory[LAST_BETA] = delivered
     memory[U_ALPHA], memory[U_BETA] = next_u
 
 
 @kernel
 def progress(k, bench, rig, applied, memory, looks, seen, rng, blocked):
-    """Move the plant on over the pattern that starts at t_k + its delay, and hold the current sampled for t_k; return
-    the voltage (V) that the drive knows to act: the command, what its modulator made of it, or with blocked gates what
-    it measures at the legs.
+    """Move the plant on over the pattern that starts at t_k + its delay, and hold the current
+    sampled for t_k; return the voltage (V) that the drive knows to act: the command, what its
+    modulator made of it, or with blocked gates what it measures at the legs.
 
-    looks, seen: instants (s) looked at and the currents there, see `sensing.looked_at`; the first two are set here.
+    looks, seen: instants (s) looked at and the currents there, see `sensing.looked_at`; the first
+    two are set here.
     """
     w, room, period = bench.w, bench.room, rig.sampling_period
     for m in range(3):
@@ -247,7 +280,9 @@ def progress(k, bench, rig, applied, memory, looks, seen, rng, blocked):
     write_edges(room, period)
     theta, omega = rotor(w)
     surge = 0.5 * applied.imposed if rig.rotor == DRIVEN else w.surge[0]
-    trajectory = RotorTrajectory(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, applied)
+    trajectory = RotorTrajectory(
+        math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, applied
+    )
     early = memory[INSTANT] < 0.0
     after = instant(w, rig, rng)
     looks[0] = -1.0 if early else memory[INSTANT]
@@ -275,17 +310,26 @@ def progress(k, bench, rig, applied, memory, looks, seen, rng, blocked):
 
 @kernel
 def judge(w, next_u):
-    """Return DONE, or what is wrong with the plant after a period: not finite, or no longer convex."""
-    if not math.isfinite(w.psi_alpha[0] + w.psi_beta[0] + w.speed[0] + w.angle[0] + next_u[0] + next_u[1]):
+    """Return DONE, or what is wrong with the plant after a period: not finite, or no longer
+    convex."""
+    if not math.isfinite(
+        w.psi_alpha[0] + w.psi_beta[0] + w.speed[0] + w.angle[0] + next_u[0] + next_u[1]
+    ):
         return NOT_FINITE
-    aa, ab, bb = w.stiff_aa[0] + w.stiffer_aa[0], w.stiff_ab[0] + w.stiffer_ab[0], w.stiff_bb[0] + w.stiffer_bb[0]
+    aa, ab, bb = (
+        w.stiff_aa[0] + w.stiffer_aa[0],
+        w.stiff_ab[0] + w.stiffer_ab[0],
+        w.stiff_bb[0] + w.stiffer_bb[0],
+    )
     return DONE if min_eigenvalue(aa, ab, bb) > 0.0 else OUTSIDE_DOMAIN
 
 
 def run_signature(flux_map: Any, belief: Any, inside: Any = ALONE) -> Any:
-    """Return the loop's signature for the numba types of a flux map (none: the quartic), of a belief and of what is
-    read inside the period (ALONE: nothing)."""
-    step = types.FunctionType(ESTIMATE(STATE, SAMPLE if inside == ALONE else OVERSAMPLED, belief, TUNING))
+    """Return the loop's signature for the numba types of a flux map (none: the quartic), of a
+    belief and of what is read inside the period (ALONE: nothing)."""
+    step = types.FunctionType(
+        ESTIMATE(STATE, SAMPLE if inside == ALONE else OVERSAMPLED, belief, TUNING)
+    )
     bench = types.NamedTuple((numba_type(1), flux_map, TIMING, types.int64, ROOM), LoopPlant)
     return types.UniTuple(types.int64, 2)(
         step, STATE, bench, inside, RIG, CONTROL, belief, TUNING, PROFILE, VECTOR, VECTOR, RNG, ROWS
@@ -293,7 +337,21 @@ def run_signature(flux_map: Any, belief: Any, inside: Any = ALONE) -> Any:
 
 
 @kernel_as(run_signature(types.none, BELIEF))
-def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profile, waveform, primitive, rng, rows):
+def run_compiled(
+    step,
+    state,
+    bench,
+    inside,
+    rig,
+    control,
+    belief,
+    tuning,
+    profile,
+    waveform,
+    primitive,
+    rng,
+    rows,
+):
     """Run the loop; fill `rows` (of ROW); return (status, sample at which it stopped).
 
     inside: None, or what is read inside a period (`Inside`), pulses then shifted.
@@ -310,7 +368,10 @@ def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profi
         applied = applied_in(k, wanted, speed, delay, rig, profile, memory)
         theta, omega = at_sample(w, rig, applied)
         angle, slope = encoder(w, bench.features, theta, omega, rig.encoder_step)
-        measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
+        measured = (
+            angle,
+            speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period),
+        )
         if inside is not None:
             shift(bench.room, k, inside)
         blocked = wanted.blocked > 0.0 and t >= rig.start_time
@@ -325,7 +386,9 @@ def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profi
         if k % rig.stride == 0:
             true, u_dc = at_start(w, theta), rig.link * memory[LINK]
             row = rows[k // rig.stride]
-            record(row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc)
+            record(
+                row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc
+            )
         if inside is not None:
             gather(w, bench.room, rig, inside, rig.link * memory[LINK], seen, rng)
         keep(memory, delivered, (u_alpha, u_beta))
@@ -339,9 +402,13 @@ run_python = run_compiled.py_func  # the same loop, interpreted, around an estim
 
 
 def run_for(flux_map: Any, belief: Belief, inside: Any) -> Any:
-    """Return the compiled loop for these kinds of energy and of readings inside the period: `run_compiled`, or another
-    compiled when first asked for."""
+    """Return the compiled loop for these kinds of energy and of readings inside the period:
+    `run_compiled`, or another compiled when first asked for."""
     if flux_map is None and inside is None and is_usual(belief):
         return run_compiled
     kinds = numba.typeof(flux_map), numba.typeof(belief), numba.typeof(inside)
-    return run_compiled if kinds == (types.none, BELIEF, ALONE) else compiled_as(run_signature(*kinds), run_python)
+    return (
+        run_compiled
+        if kinds == (types.none, BELIEF, ALONE)
+        else compiled_as(run_signature(*kinds), run_python)
+    )

@@ -68,7 +68,8 @@ UNITS = dict(
         strict=True,
     )
 )
-ROW = np.dtype([(name, np.float64) for name in CHANNELS], align=True)  # what a loop writes of a sample
+# what a loop writes of a sample
+ROW = np.dtype([(name, np.float64) for name in CHANNELS], align=True)
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,8 +78,8 @@ class Recording:
 
     Measured: i_a, i_b, i_c (A), commanded for the interval that starts there: u_alpha, u_beta (V);
     theta_read: angle as the encoder reads it (rad); u_dc: link as the controller reads it (V).
-    True: theta (rad, electrical, unwrapped), omega (rad/s), i_d, i_q (A).  Estimated: theta_hat, omega_hat,
-    ripple_d, ripple_q (A).  load is in fractions of rated current, load_torque in N m.
+    True: theta (rad, electrical, unwrapped), omega (rad/s), i_d, i_q (A).  Estimated: theta_hat,
+    omega_hat, ripple_d, ripple_q (A).  load is in fractions of rated current, load_torque in N m.
     """
 
     table: Array
@@ -109,10 +110,14 @@ class Recording:
 
     def __repr__(self) -> str:
         t = self.table[:, 0]
-        return f"<Recording: {t.size} samples, {t[0] if t.size else 0:g} to {t[-1] if t.size else 0:g} s>"
+        return (
+            f"<Recording: {t.size} samples, {t[0] if t.size else 0:g} to "
+            f"{t[-1] if t.size else 0:g} s>"
+        )
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return all channels as a data frame, units in `.attrs["units"]`; BadInput where pandas is missing."""
+        """Return all channels as a data frame, units in `.attrs["units"]`; BadInput where pandas is
+        missing."""
         from sandbox.output.columns import Column, frame_of, table_of
 
         return frame_of(table_of({name: Column(self[name], UNITS[name]) for name in CHANNELS}))

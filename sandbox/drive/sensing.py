@@ -1,7 +1,8 @@
-"""What the sensors of a closed loop read of the exact plant: currents at the sample and inside the period, the link,
-the encoder; and at which instants.
+"""What the sensors of a closed loop read of the exact plant: currents at the sample and inside the
+period, the link, the encoder; and at which instants.
 
-A current filter, a late sampler, gains, offsets, noise and counts act on readings inside the period as on the samples;
+A current filter, a late sampler, gains, offsets, noise and counts act on readings inside the period
+as on the samples;
 jitter does not: those instants are fixed.
 """
 
@@ -20,14 +21,18 @@ from sandbox.plant import ports
 from sandbox.plant.sampling import read
 
 SOONEST, LATEST = -0.45, 0.45  # of the period: instants of sampling, jitter included
-SAMPLES = 2  # places among the instants looked at: the sample for t_k and, where it is before its pattern, the next
+# places among the instants looked at: the sample for t_k and, where it is before its pattern, the
+# next
+SAMPLES = 2
 
 
 @kernel
 def read_current(value, rig, rng):
     """Return a phase current as its sensor reads it: noise, then quantisation."""
     value += rig.noise * rng.standard_normal()
-    return rig.resolution * math.floor(value / rig.resolution + 0.5) if rig.resolution > 0.0 else value
+    return (
+        rig.resolution * math.floor(value / rig.resolution + 0.5) if rig.resolution > 0.0 else value
+    )
 
 
 @kernel
@@ -40,12 +45,17 @@ def read_link(rig, rng):
 def read_phases(w, rig, rng):
     """Return the three phase currents (A) as their sensors read the current held."""
     read(w)
-    return read_current(w.read_a[0], rig, rng), read_current(w.read_b[0], rig, rng), read_current(w.read_c[0], rig, rng)
+    return (
+        read_current(w.read_a[0], rig, rng),
+        read_current(w.read_b[0], rig, rng),
+        read_current(w.read_c[0], rig, rng),
+    )
 
 
 @kernel
 def encoder(w, features, theta, omega, step):
-    """Return angle (rad) as the encoder reads it, and its slope (rad/s, electrical) without counts."""
+    """Return angle (rad) as the encoder reads it, and its slope (rad/s, electrical) without
+    counts."""
     off, slope = 0.0, 1.0
     if features & add.WOBBLE:
         pairs, turn, small = w.pairs[0], theta / w.pairs[0], 1e-6
@@ -57,7 +67,8 @@ def encoder(w, features, theta, omega, step):
 
 @kernel
 def instant(w, rig, rng):
-    """Return when the next sample is taken, s after its pattern's start (before it where negative)."""
+    """Return when the next sample is taken, s after its pattern's start (before it where
+    negative)."""
     if w.jitter[0] == 0.0:
         return w.sample[0]
     s = w.sample[0] + w.delay[0] + w.jitter[0] * rng.standard_normal()
@@ -66,9 +77,11 @@ def instant(w, rig, rng):
 
 @kernel
 def inside_at(w, period, j, n):
-    """Return when the j-th of n readings inside the period is taken, s after its pattern's start (before: negative).
+    """Return when the j-th of n readings inside the period is taken, s after its pattern's start
+    (before: negative).
 
-    In the middle of its n-th part, or as much later as samples are, but not beyond the period from t_k to t_k+1.
+    In the middle of its n-th part, or as much later as samples are, but not beyond the period from
+    t_k to t_k+1.
     """
     late = w.sample[0] + w.delay[0]
     return min(max((j + 0.5) * period / n + late, 0.0), period) - w.delay[0]
@@ -76,10 +89,11 @@ def inside_at(w, period, j, n):
 
 @kernel
 def looked_at(w, period, inside):
-    """Return instants (s after the pattern's start) at which the current is held in a period, and room for it (A).
+    """Return instants (s after the pattern's start) at which the current is held in a period, and
+    room for it (A).
 
-    The first SAMPLES are set period by period, the others are those of readings inside: where one comes before its
-    pattern starts, the next period's.
+    The first SAMPLES are set period by period, the others are those of readings inside: where one
+    comes before its pattern starts, the next period's.
     """
     n = 0
     if inside is not None:
@@ -93,9 +107,11 @@ def looked_at(w, period, inside):
 
 @kernel
 def gather(w, room, rig, inside, u_dc, seen, rng):
-    """Write the readings of the period just run: currents as the sensors read those seen, V s as commanded.
+    """Write the readings of the period just run: currents as the sensors read those seen, V s as
+    commanded.
 
-    u_dc: the link as read, by which duties were formed.  What was seen for the next period is kept until then.
+    u_dc: the link as read, by which duties were formed.  What was seen for the next period is kept
+    until then.
     """
     readings, ahead, period = inside.readings, inside.ahead, rig.sampling_period
     n = readings.shape[0]

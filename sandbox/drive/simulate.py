@@ -22,7 +22,14 @@ from model.parameters import Drive
 from sandbox.drive import loop
 from sandbox.drive.closed import closed_bench, longest_step, looked_into, rotor_flux
 from sandbox.drive.design import Design, belief_of, design
-from sandbox.drive.feasible import check_call, check_feasible, check_injection, check_length, first_state, step_of
+from sandbox.drive.feasible import (
+    check_call,
+    check_feasible,
+    check_injection,
+    check_length,
+    first_state,
+    step_of,
+)
 from sandbox.drive.inside import Inside, inside_of
 from sandbox.drive.recording import ROW, Recording
 from sandbox.drive.scenario import Scenario
@@ -56,7 +63,8 @@ def torque_at_load(drive: Drive, load: float) -> float:
 
 
 def profile_of(drive: Drive, scenario: Scenario) -> NDArray[np.void]:
-    """Return the breakpoints (of `loop.BREAKPOINT`) of load, speed and references, in order of time."""
+    """Return the breakpoints (of `loop.BREAKPOINT`) of load, speed and references, in order of
+    time."""
     rows: list[tuple[float, ...]] = []
     t = load = speed = i_d = 0.0  # starting up happens at rest without load
     for s in scenario.segments:
@@ -71,17 +79,22 @@ def profile_of(drive: Drive, scenario: Scenario) -> NDArray[np.void]:
     return np.array(rows, loop.BREAKPOINT)
 
 
-def _wanted(drive: Drive, scenario: Scenario, load: float, speed: float, i_d: float, blocked: bool) -> loop.Wanted:
+def _wanted(
+    drive: Drive, scenario: Scenario, load: float, speed: float, i_d: float, blocked: bool
+) -> loop.Wanted:
     """Return what is wanted at a breakpoint; load, i_d: of rated current, speed: of rated speed."""
     motor = drive.motor
     torque = 0.0 if scenario.rotor != "free" else torque_at_load(drive, load)
     i_q = load * motor.rated_current if scenario.reference == "current" else 0.0
-    return loop.Wanted(load, torque, i_q, speed * motor.rated_omega, i_d * motor.rated_current, float(blocked))
+    return loop.Wanted(
+        load, torque, i_q, speed * motor.rated_omega, i_d * motor.rated_current, float(blocked)
+    )
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What runs have in common that differ only in the plant's values, the belief's and the noise."""
+    """What runs have in common that differ only in the plant's values, the belief's and the
+    noise."""
 
     drive: Drive
     scenario: Scenario
@@ -95,7 +108,8 @@ class Setup:
 
     @cached_property
     def profile(self) -> NDArray[np.void]:
-        """The breakpoints of load and speed, see `profile_of`; asked for once the run is known to be feasible."""
+        """The breakpoints of load and speed, see `profile_of`; asked for once the run is known to
+        be feasible."""
         return profile_of(self.drive, self.scenario)
 
 
@@ -115,11 +129,12 @@ def simulate(
 ) -> Simulation:
     """Run a scenario and return its recording.
 
-    belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
-    every stride-th sample; plant_step: s, an upper bound (the plant chooses its own below); truth: another magnetic
-    model for the plant than the one the estimator's belief comes from; effects: what the plant has and the model lacks,
-    by public name such as {"dead_time.time": 2e-6}, on the exact plant `bench.*`, too; plant: `exact` (event by event)
-    or `switched` (the independent bench).  Raises BadInput or PhysicsError with one sentence.
+    belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls;
+    stride: record every stride-th sample; plant_step: s, an upper bound (the plant chooses its own
+    below); truth: another magnetic model for the plant than the one the estimator's belief comes
+    from; effects: what the plant has and the model lacks, by public name such as {"dead_time.time":
+    2e-6}, on the exact plant `bench.*`, too; plant: `exact` (event by event) or `switched` (the
+    independent bench).  Raises BadInput or PhysicsError with one sentence.
     """
     check_call(estimator, belief, seed, stride, plant_step)
     sets.complete(drive.motor, drive.converter, effects)  # before the design, which takes longer
@@ -134,13 +149,18 @@ def simulate(
     )
 
 
-def set_up(drive: Drive, scenario: Scenario, estimator: Estimator, belief: str, plant: str = EXACT) -> Setup:
-    """Return a run made ready: gains designed, the belief formed; arguments and errors as `simulate`."""
+def set_up(
+    drive: Drive, scenario: Scenario, estimator: Estimator, belief: str, plant: str = EXACT
+) -> Setup:
+    """Return a run made ready: gains designed, the belief formed; arguments and errors as
+    `simulate`."""
     plant = plant_named(plant)
     check_injection(estimator, drive)
     gains = design(drive, scenario.start_up, estimator.takes_published)
     tuning = gains.tuning
-    start_time = start_periods(tuning.settle, tuning.average) * tuning.period * tuning.sampling_period
+    start_time = (
+        start_periods(tuning.settle, tuning.average) * tuning.period * tuning.sampling_period
+    )
     return Setup(
         drive,
         scenario,
@@ -165,7 +185,12 @@ def run_once(
     truth: AnyEnergy | None = None,
 ) -> Simulation:
     """Run what was made ready on a plant with effects; arguments and errors as `simulate`."""
-    drive, scenario, estimator, believed = setup.drive, setup.scenario, setup.estimator, setup.believed
+    drive, scenario, estimator, believed = (
+        setup.drive,
+        setup.scenario,
+        setup.estimator,
+        setup.believed,
+    )
     gains, samples = setup.design, setup.samples
     values = sets.complete(drive.motor, drive.converter, effects)
     true = true_motor(drive.motor, values, keep_map=True)
@@ -173,14 +198,17 @@ def run_once(
     tuning, h = gains.tuning, gains.tuning.sampling_period
     if samples // stride > MOST_SAMPLES:
         raise BadInput(
-            f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
+            f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten "
+            "the run or raise the stride"
         )
     first_angle = None if scenario.start_up else scenario.start_angle + scenario.start_error
     state = first_state(estimator, believed, tuning, first_angle)
     rows = np.zeros(-(-samples // stride), ROW)
     inside = inside_for(estimator, drive)
     on = _switched if setup.plant == SWITCHED else exact_bench
-    run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None, inside)
+    run, *bench = on(
+        drive, scenario, values, plant_step, truth, believed if estimator.compiled else None, inside
+    )
     rig = rig_of(drive, scenario, closed_loop, samples, stride, setup.start_time)
     if setup.plant == EXACT:
         check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
@@ -217,7 +245,8 @@ def plant_named(plant: str) -> str:
 
 
 def inside_for(estimator: Estimator, drive: Drive) -> Inside | None:
-    """Return fresh room for what an estimator reads inside the period, None for one that does not."""
+    """Return fresh room for what an estimator reads inside the period, None for one that does
+    not."""
     return inside_of(drive.converter) if estimator.inside else None
 
 
@@ -237,7 +266,9 @@ def exact_bench(
     motor = true_motor(drive.motor, values, keep_map=True)
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
     step = min(plant_step, longest_step(motor, values, features_of(drive.motor, values), top))
-    bench = closed_bench(drive.motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
+    bench = closed_bench(
+        drive.motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth
+    )
     bench = looked_into(bench) if inside else bench
     return loop.run_for(bench.flux_map, believed, inside) if believed else loop.run_python, bench
 
@@ -251,22 +282,33 @@ def _switched(
     believed: Belief | None,
     inside: Inside | None,
 ) -> tuple[Any, ...]:
-    """Return the loop's kernel, the bench's state, the bench and the nominal link voltage; inside as `exact_bench`."""
+    """Return the loop's kernel, the bench's state, the bench and the nominal link voltage; inside
+    as `exact_bench`."""
     from sandbox.drive import switched_loop as switched
     from sandbox.switched import advance as bench_of
     from sandbox.switched.bench_numbers import bench
     from sandbox.switched.inverter import READINGS
 
     if truth is not None:
-        raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
+        raise BadInput(
+            "the switched plant takes no other magnetic model; give effects such as "
+            "saturation.alpha_30"
+        )
     of_bench = sets.complete(drive.motor, drive.converter)
     for name in sets.BENCH:
         if values[name] != of_bench[name]:
-            raise BadInput(f"the switched plant has no '{name}'; leave it away, or take --plant exact")
-    b = bench(drive.motor, drive.converter, {k: v for k, v in values.items() if k not in sets.BENCH})
-    if any(s.blocked for s in scenario.segments) and (inside or b.pwm_delay or b.sampling_delay or b.jitter):
+            raise BadInput(
+                f"the switched plant has no '{name}'; leave it away, or take --plant exact"
+            )
+    b = bench(
+        drive.motor, drive.converter, {k: v for k, v in values.items() if k not in sets.BENCH}
+    )
+    if any(s.blocked for s in scenario.segments) and (
+        inside or b.pwm_delay or b.sampling_delay or b.jitter
+    ):
         raise BadInput(
-            "the switched plant samples at t_k alone where gates are blocked; leave pwm_delay, current_sampling and "
+            "the switched plant samples at t_k alone where gates are blocked; leave "
+            "pwm_delay, current_sampling and "
             "estimators that read inside the period away, or take --plant exact"
         )
     b = b._replace(step=min(b.step, plant_step))
@@ -276,7 +318,9 @@ def _switched(
     return run, x, b, drive.converter.dc_bus_voltage
 
 
-def rig_of(drive: Drive, scenario: Scenario, closed: bool, n: int, stride: int, start: float) -> loop.Rig:
+def rig_of(
+    drive: Drive, scenario: Scenario, closed: bool, n: int, stride: int, start: float
+) -> loop.Rig:
     """Return sensors and converter for n samples, with the time of starting up in s."""
     c = drive.converter
     counts = math.tau * drive.motor.pole_pairs / c.encoder_counts if c.encoder_counts else 0.0
@@ -309,11 +353,12 @@ def _flux(plant: str, bench: Any) -> tuple[float, float]:
 def _failure(status: int, t: float, x: tuple[float, float], drive: Drive) -> Diverged:
     if status == loop.OUTSIDE_DOMAIN:
         return Diverged(
-            f"after {t:.4g} s the fluxes ({x[0]:.4g}, {x[1]:.4g}) Wb left the domain in which the energy of "
-            f"'{drive.name}', with what effects add, is convex; lower the load or those effects, or use another "
-            "parameter set (see `sensorless audit`)"
+            f"after {t:.4g} s the fluxes ({x[0]:.4g}, {x[1]:.4g}) Wb left the domain in which the "
+            f"energy of '{drive.name}', with what effects add, is convex; lower the load or those "
+            "effects, or use another parameter set (see `sensorless audit`)"
         )
     return Diverged(
-        f"after {t:.4g} s the simulation of '{drive.name}' is no longer finite, in the plant or in the estimate; check "
+        f"after {t:.4g} s the simulation of '{drive.name}' is no longer finite, in the "
+        "plant or in the estimate; check "
         "the motor's values (SI units) and that sampling_period is short against L/R"
     )

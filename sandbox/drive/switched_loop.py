@@ -1,4 +1,5 @@
-"""The closed loop around the switched bench: estimator, control and recording are those of `sandbox.drive.loop`."""
+"""The closed loop around the switched bench: estimator, control and recording are those of
+`sandbox.drive.loop`."""
 
 from __future__ import annotations
 
@@ -72,7 +73,8 @@ BENCH = numba.typeof(PLAIN)
 
 
 def run_signature(belief: Any, inside: Any, of_bench: Any = BENCH) -> Any:
-    """Return the loop's signature for the numba types of a belief, of the readings inside a period and of a bench."""
+    """Return the loop's signature for the numba types of a belief, of the readings inside a period
+    and of a bench."""
     sample = SAMPLE if inside == ALONE else OVERSAMPLED
     step = types.FunctionType(ESTIMATE(STATE, sample, belief, TUNING))
     return types.UniTuple(types.int64, 2)(
@@ -96,7 +98,8 @@ def run_signature(belief: Any, inside: Any, of_bench: Any = BENCH) -> Any:
 
 @kernel
 def encoder_slope(b, theta, speed):
-    """Return the slope (rad/s, electrical) of an encoder's angle with its errors, without counts."""
+    """Return the slope (rad/s, electrical) of an encoder's angle with its errors, without
+    counts."""
     slope = b.eccentricity / b.pole_pairs * math.cos(theta / b.pole_pairs + b.eccentricity_phase)
     if b.resolver != 0.0:
         slope += 2.0 * b.resolver * math.cos(2.0 * theta / b.pole_pairs + b.resolver_phase)
@@ -105,10 +108,11 @@ def encoder_slope(b, theta, speed):
 
 @kernel
 def gather(state, b, acting, u_dc, rng, inside):
-    """Write the readings of the period just advanced over: currents as the sensors read them, V s as commanded.
+    """Write the readings of the period just advanced over: currents as the sensors read them, V s
+    as commanded.
 
-    acting: the command (V); u_dc: the link as read, by which duties were formed.  A late sampler reads late here as
-    well; jitter does not act on these readings.
+    acting: the command (V); u_dc: the link as read, by which duties were formed.  A late sampler
+    reads late here as well; jitter does not act on these readings.
     """
     legs, readings = leg_duties(b, acting[0], acting[1], u_dc), inside.readings
     n = readings.shape[0]
@@ -127,7 +131,8 @@ def gather(state, b, acting, u_dc, rng, inside):
 
 @kernel
 def known(b, acting, u_dc):
-    """Return the voltage (V) that the drive knows to act: its command, or what its modulator makes of it."""
+    """Return the voltage (V) that the drive knows to act: its command, or what its modulator makes
+    of it."""
     if b.pattern == 0.0 and b.beyond == 0.0 and b.drive_least_pulse == 0.0:
         return acting
     d_a, d_b, d_c = leg_duties(b, acting[0], acting[1], u_dc)
@@ -137,8 +142,8 @@ def known(b, acting, u_dc):
 
 @kernel
 def progress(k, x, b, mode, acting, read, torque, imposed, inside, rng, blocked):
-    """Advance the bench over [t_k, t_k+1), its pulses shifted and the current read inside where that is asked for;
-    return the voltage (V) that the drive knows to act."""
+    """Advance the bench over [t_k, t_k+1), its pulses shifted and the current read inside where
+    that is asked for; return the voltage (V) that the drive knows to act."""
     if blocked:
         u = coast(x, b, mode, torque, imposed)
         return u.real, u.imag
@@ -152,7 +157,21 @@ def progress(k, x, b, mode, acting, read, torque, imposed, inside, rng, blocked)
 
 @kernel_as(run_signature(BELIEF, ALONE))
 def run_compiled(
-    step, state, x, b, u_dc, inside, rig, control, belief, tuning, profile, waveform, primitive, rng, rows
+    step,
+    state,
+    x,
+    b,
+    u_dc,
+    inside,
+    rig,
+    control,
+    belief,
+    tuning,
+    profile,
+    waveform,
+    primitive,
+    rng,
+    rows,
 ):
     """Run the loop; fill `rows` (of ROW); return (status, sample at which it stopped).
 
@@ -165,13 +184,19 @@ def run_compiled(
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR] = cursor
         read = u_dc * read_link(rig, rng)
-        imposed = applied_in(k, wanted, b.pole_pairs * x[SPEED], 0.0, rig, profile, memory).imposed / b.pole_pairs
+        imposed = (
+            applied_in(k, wanted, b.pole_pairs * x[SPEED], 0.0, rig, profile, memory).imposed
+            / b.pole_pairs
+        )
         acting = (memory[U_ALPHA], memory[U_BETA])
         held = measure(x, b, rig.rotor, acting[0], acting[1], read, wanted.torque, imposed, rng)
         reading = (held.i_a, held.i_b, held.i_c)
         motion = (x[THETA], b.pole_pairs * x[SPEED])
         slope = encoder_slope(b, x[THETA], x[SPEED])
-        measured = (held.theta, speed_from(memory, ENCODER, held.theta, slope, b.encoder_step, rig.sampling_period))
+        measured = (
+            held.theta,
+            speed_from(memory, ENCODER, held.theta, slope, b.encoder_step, rig.sampling_period),
+        )
         true = rotate(x[I_ALPHA], x[I_BETA], -x[THETA])
         sample = sample_of(k, reading, memory, primitive)
         estimate = ask(step, state, sample, inside, belief, tuning)
@@ -180,8 +205,22 @@ def run_compiled(
             k, measured, sample, estimate, wanted, rig, control, controller, waveform, blocked
         )
         if k % rig.stride == 0:
-            record(rows[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, read)
-        delivered = progress(k, x, b, rig.rotor, acting, read, wanted.torque, imposed, inside, rng, blocked)
+            record(
+                rows[k // rig.stride],
+                t,
+                motion,
+                measured,
+                reading,
+                true,
+                acting,
+                estimate,
+                wanted,
+                i_q,
+                read,
+            )
+        delivered = progress(
+            k, x, b, rig.rotor, acting, read, wanted.torque, imposed, inside, rng, blocked
+        )
         if blocked and k % rig.stride == 0:
             rows[k // rig.stride].u_alpha, rows[k // rig.stride].u_beta = delivered
         keep(memory, delivered, (u_alpha, u_beta))
@@ -206,8 +245,8 @@ def run_for(belief: Belief, inside: Any) -> Any:
         """Run the loop as `run_compiled`."""
         of_bench = numba.typeof(b)
         plain = (*kinds, of_bench) == (BELIEF, ALONE, BENCH)
-        return (run_compiled if plain else compiled_as(run_signature(*kinds, of_bench), run_python))(
-            step, state, x, b, *rest
-        )
+        return (
+            run_compiled if plain else compiled_as(run_signature(*kinds, of_bench), run_python)
+        )(step, state, x, b, *rest)
 
     return run

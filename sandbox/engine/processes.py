@@ -1,7 +1,9 @@
-"""Many tasks on several processes or on a dask cluster, none of which may take the others down with it.
+"""Many tasks on several processes or on a dask cluster, none of which may take the others down with
+it.
 
-The same engine runs sweeps, `withheld make` and `score`, and on a cluster the protocol.  A task is an importable
-function of one item that can be pickled: paths and numbers, so that nothing large travels.
+The same engine runs sweeps, `withheld make` and `score`, and on a cluster the protocol.  A task is
+an importable function of one item that can be pickled: paths and numbers, so that nothing large
+travels.
 """
 
 from __future__ import annotations
@@ -24,18 +26,24 @@ PATIENCE = 30.0  # s to wait for a scheduler and its first worker
 _ENDING = threading.Event()  # set once: no process is started any more
 
 Task = Callable[[Any], Any]
-Cluster = Any  # a dask scheduler's address such as "tcp://10.0.0.1:8786", or a dask.distributed.Client
+# a dask scheduler's address such as "tcp://10.0.0.1:8786", or a dask.distributed.Client
+Cluster = Any
 
 
 def spread(
-    task: Task, work: Sequence[Any], jobs: int, lost: Task | None = None, cluster: Cluster | None = None
+    task: Task,
+    work: Sequence[Any],
+    jobs: int,
+    lost: Task | None = None,
+    cluster: Cluster | None = None,
 ) -> Iterator[Any]:
-    """Yield task(item) for all items, as they finish, on so many processes, or on a cluster where one is given.
+    """Yield task(item) for all items, as they finish, on so many processes, or on a cluster where
+    one is given.
 
-    lost: what to do with an item whose process died (out of memory, a crash in compiled code) twice, the second time
-    alone, or on a cluster as often as its scheduler tries; without it that raises.  Only as many items are under way
-    as there are hands, so an interrupt leaves no queue behind.  One job, or a single item, needs no other process
-    unless one may be lost.
+    lost: what to do with an item whose process died (out of memory, a crash in compiled code)
+    twice, the second time alone, or on a cluster as often as its scheduler tries; without it that
+    raises.  Only as many items are under way as there are hands, so an interrupt leaves no queue
+    behind.  One job, or a single item, needs no other process unless one may be lost.
     """
     if cluster is not None:
         yield from _on_cluster(task, work, lost, cluster)
@@ -58,7 +66,8 @@ def spread(
 
 
 def _pooled(task: Task, left: list[Any], jobs: int) -> Generator[Any, None, list[Any]]:
-    """Yield results until nothing is left or a process dies; return the items that were under way then."""
+    """Yield results until nothing is left or a process dies; return the items that were under way
+    then."""
     with _pool(jobs) as pool:
         running: dict[Future[Any], Any] = {}
         while left or running:
@@ -77,9 +86,11 @@ def _pooled(task: Task, left: list[Any], jobs: int) -> Generator[Any, None, list
 
 
 def end_processes() -> None:
-    """Kill all processes started here and give their semaphores back, right before this one leaves by `os._exit`.
+    """Kill all processes started here and give their semaphores back, right before this one leaves
+    by `os._exit`.
 
-    That skips what multiprocessing does on the way out, and its resource tracker would complain of leaks.
+    That skips what multiprocessing does on the way out, and its resource tracker would complain of
+    leaks.
     """
     _ENDING.set()
     for child in active_children():
@@ -95,7 +106,8 @@ def _pool(jobs: int) -> ProcessPoolExecutor:
 
 
 def _begin() -> None:
-    """Leave Ctrl-C to the process that started this one, and end as soon as that one is gone, without a word."""
+    """Leave Ctrl-C to the process that started this one, and end as soon as that one is gone,
+    without a word."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_watch, daemon=True).start()
 
@@ -107,7 +119,9 @@ def _watch() -> None:
         os._exit(1)
 
 
-def _on_cluster(task: Task, work: Sequence[Any], lost: Task | None, cluster: Cluster) -> Iterator[Any]:
+def _on_cluster(
+    task: Task, work: Sequence[Any], lost: Task | None, cluster: Cluster
+) -> Iterator[Any]:
     """Yield results as a cluster finishes them; a worker that dies costs nothing but time."""
     with client_of(cluster) as client:
         from distributed import KilledWorker, as_completed
@@ -138,25 +152,37 @@ def _on_cluster(task: Task, work: Sequence[Any], lost: Task | None, cluster: Clu
                 elif error is not None and not isinstance(error, KilledWorker):
                     raise error
                 else:
-                    why = "a task killed its workers" if error is not None else "the cluster is gone"
-                    raise BadInput(f"dask: {why}; start it again and run the same command, which goes on")
+                    why = (
+                        "a task killed its workers" if error is not None else "the cluster is gone"
+                    )
+                    raise BadInput(
+                        f"dask: {why}; start it again and run the same command, which goes on"
+                    )
         finally:
             client.cancel(list(items))  # interrupted: what nobody waits for
 
 
 @contextmanager
 def client_of(cluster: Cluster) -> Iterator[Any]:
-    """Give the client of a scheduler's address, closed afterwards, or the client handed over; BadInput without one."""
+    """Give the client of a scheduler's address, closed afterwards, or the client handed over;
+    BadInput without one."""
     try:
         from distributed import Client
     except ImportError:
-        raise BadInput("a dask cluster needs dask.distributed; `pip install 'sensorless-sandbox[dask]'`") from None
+        raise BadInput(
+            "a dask cluster needs dask.distributed; `pip install 'sensorless-sandbox[dask]'`"
+        ) from None
     if not isinstance(cluster, (str, Client)):
-        raise BadInput(f"{cluster!r:.60} is no cluster; give a scheduler's address, tcp://..., or a dask Client")
+        raise BadInput(
+            f"{cluster!r:.60} is no cluster; give a scheduler's address, tcp://..., or a "
+            "dask Client"
+        )
     try:
         client = Client(cluster, timeout=PATIENCE) if isinstance(cluster, str) else cluster
     except (OSError, ValueError, TimeoutError) as error:
-        raise BadInput(f"no dask scheduler answers at '{cluster}' ({error}); give its address, tcp://...") from None
+        raise BadInput(
+            f"no dask scheduler answers at '{cluster}' ({error}); give its address, tcp://..."
+        ) from None
     try:
         _wait_for_workers(client)
         yield client
@@ -169,4 +195,6 @@ def _wait_for_workers(client: Any) -> None:
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
-        raise BadInput(f"the dask cluster has no worker after {PATIENCE:g} s; start some and run again") from None
+        raise BadInput(
+            f"the dask cluster has no worker after {PATIENCE:g} s; start some and run again"
+        ) from None

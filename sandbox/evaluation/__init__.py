@@ -1,1 +1,2 @@
-"""Runs judged: position errors, comparison of beliefs, the protocol for estimators, what they cost."""
+"""Runs judged: position errors, comparison of beliefs, the protocol for estimators, what they
+cost."""

@@ -50,11 +50,14 @@ def _many_periods(bench, rig, memory, rng, periods):
 
 
 def plant_second() -> float:
-    """Return the CPU seconds that the closed loop's plant takes for a second at 4 kHz, saturated, the rotor free."""
+    """Return the CPU seconds that the closed loop's plant takes for a second at 4 kHz, saturated,
+    the rotor free."""
     drive = load_drive("ipm")
     motor = dataclasses.replace(drive.motor, magnet_flux=0.2, inertia=1e-3)
     bench = closed_bench(motor, drive.converter, complete(motor, drive.converter), "free", 0.0, 1.0)
-    rig = loop.Rig(1, 1, 0, 0, loop.FREE, drive.converter.sampling_period, *3 * (0.0,), 400.0, 0.0, 0.0)
+    rig = loop.Rig(
+        1, 1, 0, 0, loop.FREE, drive.converter.sampling_period, *3 * (0.0,), 400.0, 0.0, 0.0
+    )
     memory, rng = np.zeros(loop.MEMORY), np.random.default_rng(0)
     memory[loop.LINK] = 1.0
     _many_periods(bench, rig, memory, rng, 10)
@@ -63,15 +66,19 @@ def plant_second() -> float:
 
 
 def c_reference(anchors: Path) -> float:
-    """Return the cost of one step of `reference_rk4.c` (mode 0, gcc -O3 -march=native) in ns; BadInput without source
-    or compiler."""
+    """Return the cost of one step of `reference_rk4.c` (mode 0, gcc -O3 -march=native) in ns;
+    BadInput without source or compiler."""
     source = anchors / "reference_rk4.c"
     if not source.is_file() or not shutil.which("gcc"):
         raise BadInput(f"the C reference needs gcc and '{source}'; give the folder with --anchors")
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "reference"
-        subprocess.run(["gcc", "-O3", "-march=native", str(source), "-o", str(program), "-lm"], check=True)
-        out = subprocess.run([str(program), "0", str(C_STEPS), "5"], check=True, capture_output=True, text=True)
+        subprocess.run(
+            ["gcc", "-O3", "-march=native", str(source), "-o", str(program), "-lm"], check=True
+        )
+        out = subprocess.run(
+            [str(program), "0", str(C_STEPS), "5"], check=True, capture_output=True, text=True
+        )
     return float(re.findall(r"([\d.]+) ns/RK4-step", out.stdout)[0])
 
 
@@ -105,7 +112,8 @@ def peer_case() -> tuple[Drive, Scenario]:
 
 
 def closed_loop(estimator: str) -> tuple[float, float]:
-    """Return CPU seconds per simulated second on the peer's case, and the error's rms in degrees after 1/8."""
+    """Return CPU seconds per simulated second on the peer's case, and the error's rms in degrees
+    after 1/8."""
     drive, scenario = peer_case()
     method = load_estimator(estimator)
     runs = [simulate(drive, scenario, method) for _ in range(9)]
@@ -115,7 +123,8 @@ def closed_loop(estimator: str) -> tuple[float, float]:
 
 
 def effects_cost() -> dict[str, float]:
-    """Return cost over that without effects on the peer's case: all neutral, one tiny effect, every effect.
+    """Return cost over that without effects on the peer's case: all neutral, one tiny effect, every
+    effect.
 
     The four kinds of run take turns, so that the machine's moods cancel in the ratios.
     """
@@ -135,21 +144,38 @@ def effects_cost() -> dict[str, float]:
         for name, on in cases.items():
             costs[name].append(simulate(drive, scenario, method, effects=on).cpu_seconds)
     middle = {name: statistics.median(times[1:]) for name, times in costs.items()}
-    return {f"{name}_to_none_cpu": middle[name] / middle["none"] for name in cases if name != "none"}
+    return {
+        f"{name}_to_none_cpu": middle[name] / middle["none"] for name in cases if name != "none"
+    }
 
 
-def peer(anchors: Path, python: str, case: str = "poly", seconds: float = 1.0) -> tuple[float, float]:
-    """Return motulator's CPU seconds per simulated second and error rms (degrees) on the same case of its script;
-    BadInput where it cannot be run."""
+def peer(
+    anchors: Path, python: str, case: str = "poly", seconds: float = 1.0
+) -> tuple[float, float]:
+    """Return motulator's CPU seconds per simulated second and error rms (degrees) on the same case
+    of its script; BadInput where it cannot be run."""
     script = anchors / "peer_motulator.py"
     if not script.is_file():
         raise BadInput(f"'{script}' does not exist; give the folder with --anchors")
-    call = [python, str(script), "--t", str(seconds), "--reps", str(PEER_REPETITIONS), "--only", case]
+    call = [
+        python,
+        str(script),
+        "--t",
+        str(seconds),
+        "--reps",
+        str(PEER_REPETITIONS),
+        "--only",
+        case,
+    ]
     pattern, said = re.compile(case + r"\s+0 .*?\|\s*([\d.]+) \(.*?\|.*?\|\s*([\d.]+) /"), []
     try:
-        running = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        running = subprocess.Popen(
+            call, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
     except OSError:
-        raise BadInput(f"'{python}' cannot be run; give a Python >= 3.12 with motulator 0.18") from None
+        raise BadInput(
+            f"'{python}' cannot be run; give a Python >= 3.12 with motulator 0.18"
+        ) from None
     with running as process:
         for line in process.stdout or ():
             found = pattern.search(line)
@@ -158,12 +184,24 @@ def peer(anchors: Path, python: str, case: str = "poly", seconds: float = 1.0) -
                 return float(found[1]), float(found[2])
             said.append(line.strip())
     last = next((line for line in reversed(said) if line), "no output")
-    raise BadInput(f"motulator did not run in '{python}' ({last}); give a Python >= 3.12 with motulator 0.18")
+    raise BadInput(
+        f"motulator did not run in '{python}' ({last}); give a Python >= 3.12 with motulator 0.18"
+    )
 
 
 def warm_start() -> float:
     """Return the wall seconds of a whole short command in a new process, everything compiled."""
-    call = [sys.executable, "-m", "sandbox.cli", "simulate", "--duration", "0.01", "--json-only", "--quiet", "--out"]
+    call = [
+        sys.executable,
+        "-m",
+        "sandbox.cli",
+        "simulate",
+        "--duration",
+        "0.01",
+        "--json-only",
+        "--quiet",
+        "--out",
+    ]
     with tempfile.TemporaryDirectory() as out:
         times = []
         for _ in range(4):
@@ -174,12 +212,16 @@ def warm_start() -> float:
 
 
 def bench(anchors: Path | None, python: str) -> dict[str, Any]:
-    """Return `measured` figures and, where the reference programs are given, `ratios` of ours to theirs."""
+    """Return `measured` figures and, where the reference programs are given, `ratios` of ours to
+    theirs."""
     measured = {PLANT: plant_second(), "warm_start_s": warm_start()}
     errors: dict[str, float] = {}
     for name in ("qnull", "inversion", "ekf"):
         cost, errors[name] = closed_loop(name)
-        measured[f"closed_loop_{name}_cpu_s_per_s"], measured[f"closed_loop_{name}_rms_deg"] = cost, errors[name]
+        measured[f"closed_loop_{name}_cpu_s_per_s"], measured[f"closed_loop_{name}_rms_deg"] = (
+            cost,
+            errors[name],
+        )
     ratios = effects_cost()
     if anchors:
         ratios["plant_to_c"] = measured[PLANT] / (c_reference(anchors) * 1e-9 / C_STEP)

@@ -1,4 +1,5 @@
-"""Which estimator for this motor: every one's worst figures, which are as good as the best, in sentences."""
+"""Which estimator for this motor: every one's worst figures, which are as good as the best, in
+sentences."""
 
 from __future__ import annotations
 
@@ -10,13 +11,15 @@ from typing import NamedTuple, Protocol
 from model.errors import BadInput
 from sandbox.evaluation.score import Row
 
-NEAR_DEG, NEAR = 0.2, 0.2  # degrees, share of the best's: nearer is no reason to choose (seeds differ by 0.09 degrees)
+# degrees, share of the best's: nearer is no reason to choose (seeds differ by 0.09 degrees)
+NEAR_DEG, NEAR = 0.2, 0.2
 MANY = 4  # names that a sentence holds
 SLIGHT = 0.2  # degrees of the worst mean error: less is no gain to speak of
 
 
 class Costed(Protocol):
-    """Whatever has the largest costs of an injection: dB of the proxy for its sound, W of loss; None: not known."""
+    """Whatever has the largest costs of an injection: dB of the proxy for its sound, W of loss;
+    None: not known."""
 
     @property
     def sound_db(self) -> float | None:
@@ -28,7 +31,8 @@ class Costed(Protocol):
 
 
 class Limits(NamedTuple):
-    """What an estimator may cost to be recommended: sound (dB of the proxy) and added loss (W); None: anything."""
+    """What an estimator may cost to be recommended: sound (dB of the proxy) and added loss (W);
+    None: anything."""
 
     quiet_below: float | None = None
     loss_below: float | None = None
@@ -36,7 +40,11 @@ class Limits(NamedTuple):
     def broken_by(self, s: Costed) -> str:
         """Return which of them an estimator breaks, in words; nothing where it keeps both."""
         parts = []
-        if self.quiet_below is not None and s.sound_db is not None and s.sound_db > self.quiet_below:
+        if (
+            self.quiet_below is not None
+            and s.sound_db is not None
+            and s.sound_db > self.quiet_below
+        ):
             parts.append(f"is louder ({s.sound_db:.3g} dB) than {self.quiet_below:g} dB")
         if self.loss_below is not None and s.loss_w is not None and s.loss_w > self.loss_below:
             parts.append(f"adds {s.loss_w:.3g} W, more than {self.loss_below:g} W")
@@ -49,7 +57,9 @@ ANY = Limits()
 def limits_of(quiet_below: float | None, loss_below: float | None) -> Limits:
     """Return limits (dB, W); BadInput for a number that is none."""
     if quiet_below is not None and not math.isfinite(quiet_below):
-        raise BadInput(f"quiet_below = {quiet_below:g} is not finite; give dB of the sound proxy, such as 30")
+        raise BadInput(
+            f"quiet_below = {quiet_below:g} is not finite; give dB of the sound proxy, such as 30"
+        )
     if loss_below is not None and not (math.isfinite(loss_below) and loss_below >= 0.0):
         raise BadInput(f"loss_below = {loss_below:g} is out of range; give W, at least 0")
     return Limits(quiet_below, loss_below)
@@ -59,8 +69,9 @@ def limits_of(quiet_below: float | None, loss_below: float | None) -> Limits:
 class Standing:
     """The worst of one estimator with one belief over its evaluated segments; degrees electrical.
 
-    worst_mean, worst_p95: None where no segment was in lock; at: the segment of the worst mean; then the largest costs
-    of the injection, see `injection_cost` (None where no segment could tell).
+    worst_mean, worst_p95: None where no segment was in lock; at: the segment of the worst mean;
+    then the largest costs of the injection, see `injection_cost` (None where no segment could
+    tell).
     """
 
     estimator: str
@@ -119,10 +130,11 @@ def _costs(rows: Iterable[Row]) -> dict[str, float | None]:
 
 
 def best(found: Iterable[Standing], limits: Limits = ANY) -> tuple[Standing, ...]:
-    """Return those that keep lock, speed and limits with the estimate in control and err as little as the best does.
+    """Return those that keep lock, speed and limits with the estimate in control and err as little
+    as the best does.
 
-    The measure is the worst 95th percentile of the error's size; the best is first, the others are within NEAR_DEG or
-    NEAR of it.
+    The measure is the worst 95th percentile of the error's size; the best is first, the others are
+    within NEAR_DEG or NEAR of it.
     """
     able = (s for s in found if s.closed_loop and s.kept and not limits.broken_by(s))
     kept = [(s.worst_p95, s) for s in able if s.worst_p95 is not None]
@@ -141,12 +153,21 @@ def which(found: Sequence[Standing], limits: Limits = ANY) -> str:
     if not chosen and dear:
         return f"None of these within the limits.{_out([*out, *dear], limits)}"
     if not chosen:
-        return "None of these: no estimator kept lock and speed in all of it with its estimate in control."
+        return (
+            "None of these: no estimator kept lock and speed in all of it with its estimate "
+            "in control."
+        )
     worst = max(s.worst_p95 or 0.0 for s in chosen)
-    text = f"{clause_of(chosen)}: in every segment within {worst:.2g}° of the true position 95 % of the time, "
+    text = (
+        f"{clause_of(chosen)}: in every segment within {worst:.2g}° of the true position 95 "
+        "% of the time, "
+    )
     text += "the estimate in control."
     if len(chosen) > 1:
-        text += " They are too near each other to choose by error: take the cheaper or the more robust one, which "
+        text += (
+            " They are too near each other to choose by error: take the cheaper or the more "
+            "robust one, which "
+        )
         text += "`sensorless protocol` measures."
     return text + _out([*out, *dear], limits)
 
@@ -162,12 +183,16 @@ def clause_of(chosen: Sequence[Standing]) -> str:
     groups: dict[str, list[str]] = {}
     for s in chosen:
         groups.setdefault(s.belief, []).append(s.estimator)
-    return either([f"{either(few(names))} with the {belief} belief" for belief, names in groups.items()])
+    return either(
+        [f"{either(few(names))} with the {belief} belief" for belief, names in groups.items()]
+    )
 
 
 def few(names: Sequence[str]) -> list[str]:
     """Return names, from the MANY-th on only how many."""
-    return [*names] if len(names) <= MANY else [*names[: MANY - 1], f"{len(names) - MANY + 1} others"]
+    return (
+        [*names] if len(names) <= MANY else [*names[: MANY - 1], f"{len(names) - MANY + 1} others"]
+    )
 
 
 def far_off(s: Standing) -> str:
@@ -175,11 +200,14 @@ def far_off(s: Standing) -> str:
     control = "the estimate" if s.closed_loop else "the encoder"
     if s.worst_p95 is None:
         return f"It {why_out(s)}, {control} in control."
-    missed = f", but the rotor's own speed was not the one asked for in {s.missed} of {s.stretches} stretches"
+    missed = (
+        f", but the rotor's own speed was not the one asked for in {s.missed} of "
+        f"{s.stretches} stretches"
+    )
     kept = f"It kept lock{missed * bool(s.missed)}" if not s.lost else f"It {why_out(s)}"
     return (
-        f"{kept}, {control} in control: the mean error is at most {_size(s)}, and in every stretch in lock 95 % of the "
-        f"time the position is within {s.worst_p95:.2g}°."
+        f"{kept}, {control} in control: the mean error is at most {_size(s)}, and in every stretch "
+        f"in lock 95 % of the time the position is within {s.worst_p95:.2g}°."
     )
 
 
@@ -196,7 +224,8 @@ def why_out(s: Standing) -> str:
 
 
 def gained(found: Sequence[Standing]) -> str:
-    """Return what believing the saturated model brings over the linear one, estimator by estimator."""
+    """Return what believing the saturated model brings over the linear one, estimator by
+    estimator."""
     own = {(s.estimator, s.belief): s for s in found if s.closed_loop}
     pairs = []
     for name in dict.fromkeys(s.estimator for s in found):
@@ -206,7 +235,11 @@ def gained(found: Sequence[Standing]) -> str:
         pairs.append((linear, saturated))
     if not pairs:
         return "Only one belief was run."
-    gains = [a.worst_mean - b.worst_mean for a, b in pairs if a.worst_mean is not None and b.worst_mean is not None]
+    gains = [
+        a.worst_mean - b.worst_mean
+        for a, b in pairs
+        if a.worst_mean is not None and b.worst_mean is not None
+    ]
     head = _heading(gains)
     if len(pairs) > MANY:
         linear_, saturated_ = (_range([pair[k] for pair in pairs]) for k in (0, 1))
@@ -222,7 +255,11 @@ def _heading(gains: Sequence[float]) -> str:
         return "The worst mean error falls for some and grows for others."
     if grows:
         return "The worst mean error grows."
-    return "The worst mean error falls." if falls or not gains else "Nothing to speak of on this motor here."
+    return (
+        "The worst mean error falls."
+        if falls or not gains
+        else "Nothing to speak of on this motor here."
+    )
 
 
 def _range(found: Sequence[Standing]) -> str:
@@ -239,7 +276,9 @@ def _size(s: Standing) -> str:
     """Return the worst mean error, and where it is."""
     if s.worst_mean is None or s.at is None:
         return "no lock"
-    return f"{s.worst_mean:.2f}°" if s.worst_mean < SLIGHT else f"{s.worst_mean:.2f}° at {place(s.at)}"
+    return (
+        f"{s.worst_mean:.2f}°" if s.worst_mean < SLIGHT else f"{s.worst_mean:.2f}° at {place(s.at)}"
+    )
 
 
 def _lost(s: Standing) -> str:
@@ -253,10 +292,17 @@ def place(row: Row) -> str:
 
 
 def theory_held(rows: Iterable[Row]) -> str:
-    """Return how near the linear belief's error is to what theory predicts; nothing where there is no theory."""
+    """Return how near the linear belief's error is to what theory predicts; nothing where there is
+    no theory."""
     apart = [
         abs(r.error_deg.mean - r.predicted_mean_deg)
         for r in rows
-        if r.belief == "linear" and r.error_deg.mean is not None and r.predicted_mean_deg is not None
+        if r.belief == "linear"
+        and r.error_deg.mean is not None
+        and r.predicted_mean_deg is not None
     ]
-    return f"Where theory predicts the linear belief's error, it is met within {max(apart):.2g}°." if apart else ""
+    return (
+        f"Where theory predicts the linear belief's error, it is met within {max(apart):.2g}°."
+        if apart
+        else ""
+    )

@@ -1,4 +1,5 @@
-"""The main job: the same runs with an estimator that believes the saturated model and one that believes the linear."""
+"""The main job: the same runs with an estimator that believes the saturated model and one that
+believes the linear."""
 
 from __future__ import annotations
 
@@ -81,7 +82,10 @@ class Comparison:
             "cautions": list(cautions(self.drive)),
             "rows": [asdict(row) for row in self.rows],
             "limits": self.limits._asdict(),
-            "chosen": [{"estimator": s.estimator, "belief": s.belief} for s in best(standings(self.rows), self.limits)],
+            "chosen": [
+                {"estimator": s.estimator, "belief": s.belief}
+                for s in best(standings(self.rows), self.limits)
+            ],
             "cpu_seconds": sum(run.cpu_seconds for run in self.runs),
         }
 
@@ -97,11 +101,12 @@ def compare(
     effects: Mapping[str, float] | None = None,
     limits: Limits = ANY,
 ) -> Comparison:
-    """Run every estimator (name, file or object) with both beliefs, closed and open, on up to `jobs` threads.
+    """Run every estimator (name, file or object) with both beliefs, closed and open, on up to
+    `jobs` threads.
 
-    The seed fixes the sensors' noise, the same in every run; very long runs are recorded thinned; `progress` is
-    told the fraction done; effects: as `simulate`, with any there is no theory; limits: of what is recommended.
-    Raises BadInput or PhysicsError.
+    The seed fixes the sensors' noise, the same in every run; very long runs are recorded thinned;
+    `progress` is told the fraction done; effects: as `simulate`, with any there is no theory;
+    limits: of what is recommended. Raises BadInput or PhysicsError.
     """
     loaded = distinct(estimators)
     if not loaded:
@@ -116,7 +121,14 @@ def compare(
         nonlocal done
         name, belief, closed = case
         run = simulate(
-            drive, scenario, loaded[name], belief, closed_loop=closed, seed=seed, stride=stride, effects=effects
+            drive,
+            scenario,
+            loaded[name],
+            belief,
+            closed_loop=closed,
+            seed=seed,
+            stride=stride,
+            effects=effects,
         )
         rows = judged(drive, scenario, run, loaded[name], belief, closed, effects)
         done += 1
@@ -127,7 +139,9 @@ def compare(
     first = one(cases[0])  # alone: compiles and designs what the others share
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         runs = (first, *pool.map(one, cases[1:]))
-    return Comparison(drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}), limits)
+    return Comparison(
+        drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}), limits
+    )
 
 
 def judged(
@@ -139,7 +153,8 @@ def judged(
     closed: bool,
     effects: Mapping[str, float] | None,
 ) -> tuple[Row, ...]:
-    """Return a row for each scored segment: the error, its theory where the plant has no effects, the cost."""
+    """Return a row for each scored segment: the error, its theory where the plant has no effects,
+    the cost."""
     rows = rows_of(drive, scenario, run.recording, run.start_time, estimator.name, belief, closed)
     values = complete(drive.motor, drive.converter, effects)
     true = true_motor(drive.motor, values, keep_map=True)
@@ -157,8 +172,11 @@ def judged(
 
 
 def stride_of(drive: Drive, scenario: Scenario, runs: int = 1) -> int:
-    """Return how many samples apart very long runs are recorded, so that all together stay within MOST_SAMPLES."""
-    return math.ceil((scenario.duration + STARTING) / drive.converter.sampling_period * runs / MOST_SAMPLES)
+    """Return how many samples apart very long runs are recorded, so that all together stay within
+    MOST_SAMPLES."""
+    return math.ceil(
+        (scenario.duration + STARTING) / drive.converter.sampling_period * runs / MOST_SAMPLES
+    )
 
 
 def distinct(estimators: Iterable[AnyEstimator]) -> dict[str, Estimator]:
@@ -181,11 +199,19 @@ def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str 
         "sampling_period_s": converter.sampling_period,
         "dc_bus_voltage_V": converter.dc_bus_voltage,
         "injection": f"{injection.waveform}, {injection.frequency:g} Hz, {injection.amplitude:g} V"
-        + ("" if injection.tracking == "designed" else f", tracking loop as {injection.tracking} publishes it"),
+        + (
+            ""
+            if injection.tracking == "designed"
+            else f", tracking loop as {injection.tracking} publishes it"
+        ),
         "source": drive.provenance.get("source", "user's file"),
     }
     motor = {f.name: getattr(drive.motor, f.name) for f in fields(drive.motor)}
-    return made | {f"motor.{k}": v for k, v in motor.items() if k != "description" and isinstance(v, (str, float, int))}
+    return made | {
+        f"motor.{k}": v
+        for k, v in motor.items()
+        if k != "description" and isinstance(v, (str, float, int))
+    }
 
 
 def single(
@@ -200,11 +226,20 @@ def single(
     plant: str = EXACT,
     stride: int = 1,
 ) -> tuple[Comparison, Design]:
-    """Return one run as a comparison of one, and the gains it used; effects, plant and stride as `simulate`."""
+    """Return one run as a comparison of one, and the gains it used; effects, plant and stride as
+    `simulate`."""
     loaded = load_estimator(estimator)
     plant = plant_named(plant)
     done = simulate(
-        drive, scenario, loaded, belief, closed_loop=closed_loop, seed=seed, stride=stride, effects=effects, plant=plant
+        drive,
+        scenario,
+        loaded,
+        belief,
+        closed_loop=closed_loop,
+        seed=seed,
+        stride=stride,
+        effects=effects,
+        plant=plant,
     )
     rows = judged(drive, scenario, done, loaded, belief, closed_loop, effects)
     run = Run(loaded.name, belief, closed_loop, done.recording, rows, done.cpu_seconds)

@@ -12,15 +12,18 @@ from sandbox.evaluation.score import WITH_THEORY, Row
 
 POINTS = 40  # currents up to the load's at which a place to stand is looked for
 SLOW = 0.1  # of rated speed: below it a back-EMF is a few per cent of the link
-BY_NULL = ("qnull", "table", "random_frequency")  # what they track is the null of the q ripple, whatever they believe
+# what they track is the null of the q ripple, whatever they believe
+BY_NULL = ("qnull", "table", "random_frequency")
 LITTLE = 0.1  # of the saliency at zero current: below it the protocol asks for no angle either
 
 
-def why_lost(row: Row, drive: Drive, true: Motor, estimator: Estimator, load_d: float = 0.0) -> str | None:
+def why_lost(
+    row: Row, drive: Drive, true: Motor, estimator: Estimator, load_d: float = 0.0
+) -> str | None:
     """Return why a row has lost lock, None where nothing simple says it.
 
-    true: the plant's motor; load_d: the row's current along d, of rated current.  Currents from zero up to the row's
-    are asked.
+    true: the plant's motor; load_d: the row's current along d, of rated current.  Currents from
+    zero up to the row's are asked.
     """
     rated = true.rated_current
     by_ripple = _of_null(row, true, load_d * rated, row.load * rated, drive.motor.rated_current)
@@ -30,19 +33,20 @@ def why_lost(row: Row, drive: Drive, true: Motor, estimator: Estimator, load_d: 
     if estimator.injection == "none" and speed < SLOW:
         back = true.magnet_flux * speed * drive.motor.rated_omega
         return (
-            f"nothing is injected, and at {row.speed_rpm:+.3g} rpm the back-EMF is {back:.2g} V: too little to find "
-            "the rotor; turn faster, or use an estimator with injection"
+            f"nothing is injected, and at {row.speed_rpm:+.3g} rpm the back-EMF is {back:.2g} V: "
+            "too little to find the rotor; turn faster, or use an estimator with injection"
         )
     return None
 
 
 def _of_null(row: Row, true: Motor, i_d: float, i_q: float, rated: float) -> str | None:
-    """Return what of the q ripple's null ends on the way to a row's current (A), None where nothing does."""
+    """Return what of the q ripple's null ends on the way to a row's current (A), None where nothing
+    does."""
 
     def beyond(end: float) -> str:
         return (
-            f"beyond {end:.3g} A ({100.0 * end / rated:.0f} % of rated current; asked for are i_d = {i_d:.3g} A and "
-            f"i_q = {i_q:.3g} A)"
+            f"beyond {end:.3g} A ({100.0 * end / rated:.0f} % of rated current; asked for are i_d "
+            f"= {i_d:.3g} A and i_q = {i_q:.3g} A)"
         )
 
     turned = null_turned(true.energy, i_d, i_q) if row.estimator in BY_NULL else None
@@ -50,27 +54,29 @@ def _of_null(row: Row, true: Motor, i_d: float, i_q: float, rated: float) -> str
         return f"{beyond(turned[0])} no saliency is left that turns the q ripple"
     if turned is not None and row.belief == "linear":
         return (
-            f"{beyond(turned[0])} the null of the q ripple stands 45 degrees or more beside d, where a linear belief "
-            f"takes it for d; {100.0 * turned[1]:.0f} % of the saliency is left: believe the saturated model"
+            f"{beyond(turned[0])} the null of the q ripple stands 45 degrees or more beside d, "
+            f"where a linear belief takes it for d; {100.0 * turned[1]:.0f} % of the saliency is "
+            "left: believe the saturated model"
         )
     if not row.closed_loop or row.estimator not in WITH_THEORY:
         return None
     if row.belief == "saturated" and (end := known_null_ends(true.energy, i_d, i_q)) is not None:
         return (
-            f"{beyond(end)} an error of the estimate turns the currents, and by them the saliency's axis further than "
-            "itself, so that the ripple leads away even with a saturated belief; keep the load below, or ask for "
-            "another i_d"
+            f"{beyond(end)} an error of the estimate turns the currents, and by them the "
+            "saliency's axis further than itself, so that the ripple leads away even with a "
+            "saturated belief; keep the load below, or ask for another i_d"
         )
     if row.belief == "linear" and (end := _no_null(true, i_d, i_q)) is not None:
         return (
-            f"{beyond(end)} cross-saturation leaves a linear belief no angle at which the ripple across it is zero; "
-            "believe the saturated model"
+            f"{beyond(end)} cross-saturation leaves a linear belief no angle at which the ripple "
+            "across it is zero; believe the saturated model"
         )
     return None
 
 
 def _no_null(motor: Motor, i_d: float, i_q: float) -> float | None:
-    """Return the current (A) on the way to an estimated (i_d, i_q) from which no self-consistent angle exists."""
+    """Return the current (A) on the way to an estimated (i_d, i_q) from which no self-consistent
+    angle exists."""
     for k in range(1, POINTS + 1):
         if math.isnan(self_consistent_angle(motor.energy, i_d * k / POINTS, i_q * k / POINTS)):
             return math.hypot(i_d, i_q) * k / POINTS
@@ -80,12 +86,15 @@ def _no_null(motor: Motor, i_d: float, i_q: float) -> float | None:
 def reasons(rows: Iterable[Row]) -> list[str]:
     """Return a sentence for each reason why rows have lost lock, with the runs it is of."""
     return grouped(
-        (r.why_lost, f"{r.estimator}, {r.belief}, {100.0 * r.load:+.0f} % load") for r in rows if r.lost_lock
+        (r.why_lost, f"{r.estimator}, {r.belief}, {100.0 * r.load:+.0f} % load")
+        for r in rows
+        if r.lost_lock
     )
 
 
 def grouped(told: Iterable[tuple[str | None, str]]) -> list[str]:
-    """Return a sentence for each reason, with the runs it is of; told: reason (None: nothing simple) and run."""
+    """Return a sentence for each reason, with the runs it is of; told: reason (None: nothing
+    simple) and run."""
     runs: dict[str, list[str]] = {}
     for why, run in told:
         if why:

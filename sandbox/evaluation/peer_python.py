@@ -1,4 +1,5 @@
-"""A Python that has motulator: given, this one, or one in an environment of its own, made once in the cache."""
+"""A Python that has motulator: given, this one, or one in an environment of its own, made once in
+the cache."""
 
 from __future__ import annotations
 
@@ -37,23 +38,37 @@ def peer_python(given: str | None) -> str:
 def _make(folder: Path, python: Path) -> None:
     """Make the environment; a part of one goes away again."""
     if os.environ.get(OFFLINE, "0") not in ("", "0"):
-        raise BadInput(f"{PEER} is not at hand and nothing is downloaded ({os.environ[OFFLINE]}); {REMEDY}")
+        raise BadInput(
+            f"{PEER} is not at hand and nothing is downloaded ({os.environ[OFFLINE]}); {REMEDY}"
+        )
     own = [sys.executable] if sys.version_info >= LEAST else []
     base = next((name for name in (*own, *NAMES) if _runs(name)), None)
     if base is None:
         raise BadInput(f"{PEER} needs Python >= 3.12, which is not found here; {REMEDY}")
     shutil.rmtree(folder, ignore_errors=True)
-    for call in ([base, "-m", "venv", str(folder)], [str(python), "-m", "pip", "install", "--quiet", PEER]):
+    for call in (
+        [base, "-m", "venv", str(folder)],
+        [str(python), "-m", "pip", "install", "--quiet", PEER],
+    ):
         done = subprocess.run(call, capture_output=True, text=True, check=False)
         if done.returncode:
             shutil.rmtree(folder, ignore_errors=True)
-            last = next((line for line in reversed((done.stdout + done.stderr).splitlines()) if line.strip()), "")
+            last = next(
+                (
+                    line
+                    for line in reversed((done.stdout + done.stderr).splitlines())
+                    if line.strip()
+                ),
+                "",
+            )
             raise BadInput(f"an environment with {PEER} cannot be made ({last.strip()}); {REMEDY}")
 
 
 def _runs(name: str) -> bool:
     """Tell whether a Python is there and can make environments."""
     try:
-        return not subprocess.run([name, "-c", "import venv"], capture_output=True, check=False).returncode
+        return not subprocess.run(
+            [name, "-c", "import venv"], capture_output=True, check=False
+        ).returncode
     except OSError:
         return False

@@ -1,9 +1,12 @@
-"""One protocol for every estimator, belief and motor: runs the tests, keeps what is finished, judges.
+"""One protocol for every estimator, belief and motor: runs the tests, keeps what is finished,
+judges.
 
-A unit is one test of one estimator with one belief on one motor.  Finished units are kept, a line each, in
-`.protocol-<key>.jsonl` beside the results until all are done, so that an interrupted protocol goes on where it
-stopped; the key changes with the code and with the seed.  Every line begins with the SHA-256 of the rest, and says
-which drive it is of: half a line, or one of a motor file that was changed meanwhile, counts as not run.
+A unit is one test of one estimator with one belief on one motor.  Finished units are kept, a line
+each, in `.protocol-<key>.jsonl` beside the results until all are done, so that an interrupted
+protocol goes on where it stopped; the key changes with the code and with the seed.  Every line
+begins with the SHA-256 of the rest, and says which drive it is of: half a line, or one of a motor
+file that was changed meanwhile, counts as not
+run.
 """
 
 from __future__ import annotations
@@ -27,7 +30,14 @@ from sandbox.engine.processes import Cluster, spread
 from sandbox.evaluation.choice import ANY, Limits
 from sandbox.evaluation.compare import distinct
 from sandbox.evaluation.protocol_modulation import modulation
-from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
+from sandbox.evaluation.protocol_motion import (
+    bandwidth,
+    beats_peer,
+    hand_over,
+    reversal,
+    reversal_case,
+    with_peer,
+)
 from sandbox.evaluation.protocol_names import BELIEFS, ESTIMATORS, usual_motors
 from sandbox.evaluation.protocol_tests import (
     Outcome,
@@ -84,7 +94,11 @@ class Row:
 
     def __repr__(self) -> str:
         unit, outcome = self.unit, self.outcome
-        said = f"{outcome.said()}, {len(outcome.points)} points" if self.failure is None else self.failure
+        said = (
+            f"{outcome.said()}, {len(outcome.points)} points"
+            if self.failure is None
+            else self.failure
+        )
         return f"<Row: {unit.test}, {unit.estimator} {unit.belief} on {unit.motor}: {said}>"
 
     def as_json(self) -> dict[str, Any]:
@@ -105,7 +119,8 @@ class Protocol:
 
     rows: tuple[Row, ...]
     seed: int
-    peer: tuple[float, float] | None = None  # CPU seconds a second and error rms (degrees) of motulator's reversal
+    # CPU seconds a second and error rms (degrees) of motulator's reversal
+    peer: tuple[float, float] | None = None
     limits: Limits = ANY  # of what is recommended
 
     def __repr__(self) -> str:
@@ -117,23 +132,35 @@ class Protocol:
         peer = {"cpu_s_per_s": self.peer[0], "rms_deg": self.peer[1]} if self.peer else None
         tests = [row.as_json() for row in self.rows]
         limits = self.limits._asdict()
-        return {"seed": self.seed, "cpu_seconds": cpu, "limits": limits, "peer": peer, "tests": tests}
+        return {
+            "seed": self.seed,
+            "cpu_seconds": cpu,
+            "limits": limits,
+            "peer": peer,
+            "tests": tests,
+        }
 
     def beside(self, cpu: float, rms: float) -> Protocol:
-        """Return the protocol with the peer's reversal beside ours: CPU seconds a second, error rms (degrees)."""
+        """Return the protocol with the peer's reversal beside ours: CPU seconds a second, error rms
+        (degrees)."""
         rows = []
         for row in self.rows:
             if row.unit.test == "reversal" and not row.failure:
                 ratios = with_peer(row.outcome.metrics, cpu, rms)
                 metrics = dict(row.outcome.metrics) | ratios
-                row = replace(row, outcome=replace(row.outcome, metrics=metrics, passed=beats_peer(ratios)))
+                row = replace(
+                    row, outcome=replace(row.outcome, metrics=metrics, passed=beats_peer(ratios))
+                )
             rows.append(row)
         return replace(self, rows=tuple(rows), peer=(cpu, rms))
 
 
 def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
-    """Return the units of a protocol in order, estimators by name; BadInput where there is none of a kind."""
-    motors, estimators, tests = (list(dict.fromkeys(names)) for names in (motors, estimators, tests))
+    """Return the units of a protocol in order, estimators by name; BadInput where there is none of
+    a kind."""
+    motors, estimators, tests = (
+        list(dict.fromkeys(names)) for names in (motors, estimators, tests)
+    )
     for kind, names in (("motor", motors), ("estimator", estimators), ("test", tests)):
         if not names:
             raise BadInput(f"no {kind} for the protocol; name at least one")
@@ -144,16 +171,23 @@ def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]
                 for test in tests:
                     if test == "reversal":
                         continue
-                    if (test in SHARED and number) or (test in ONE_MOTOR and not _is_chosen(motor, test, motors)):
+                    if (test in SHARED and number) or (
+                        test in ONE_MOTOR and not _is_chosen(motor, test, motors)
+                    ):
                         continue
                     found.append(Unit(motor, test, estimator, belief))
     if "reversal" in tests:
-        found += [Unit(PEER, "reversal", estimator, belief) for estimator in estimators for belief in BELIEFS[:1]]
+        found += [
+            Unit(PEER, "reversal", estimator, belief)
+            for estimator in estimators
+            for belief in BELIEFS[:1]
+        ]
     return found
 
 
 def _is_chosen(motor: str, test: str, motors: list[str]) -> bool:
-    """Tell whether a test meant for one motor runs on this one: its own, or the first where that is not asked for."""
+    """Tell whether a test meant for one motor runs on this one: its own, or the first where that is
+    not asked for."""
     own = ONE_MOTOR[test]
     return motor == (own if own in motors else motors[0])
 
@@ -166,7 +200,8 @@ def run_unit(unit: Unit, drive: Drive, estimator: AnyEstimator, seed: int) -> Ro
         outcome = TESTS[unit.test](drive, estimator, unit.belief, seed)
     except PhysicsError as error:
         outcome, failure = Outcome((), {}, False), str(error)
-    except BadInput as error:  # this estimator on this drive, such as rotating injection in two samples a turn
+    except BadInput as error:
+        # this estimator on this drive, such as rotating injection in two samples a turn
         outcome, failure = Outcome((), {"refused": 1.0}, None), str(error)
     return Row(unit, outcome, time.thread_time() - begun, failure)
 
@@ -183,12 +218,13 @@ def protocol(
     limits: Limits = ANY,
     progress: Callable[[float], None] | None = None,
 ) -> Protocol:
-    """Run every unit on up to `jobs` threads, or on a dask cluster where one is given (estimators by name or file);
-    `keep` is a folder in which finished units wait for the rest; limits: of what is recommended.
+    """Run every unit on up to `jobs` threads, or on a dask cluster where one is given (estimators
+    by name or file); `keep` is a folder in which finished units wait for the rest; limits: of what
+    is recommended.
 
-    Estimators and motors are names, files or objects; units of objects and of estimators from files are not kept, as
-    nobody knows whether they are still the same later.  Raises BadInput for what cannot be run (before anything runs,
-    as far as names and files go).
+    Estimators and motors are names, files or objects; units of objects and of estimators from files
+    are not kept, as nobody knows whether they are still the same later.  Raises BadInput for what
+    cannot be run (before anything runs, as far as names and files go).
     """
     tests, wanted = list(dict.fromkeys(tests)), usual_motors() if motors is None else motors
     for test in tests:
@@ -202,9 +238,15 @@ def protocol(
     asked = list(estimators)
     own = distinct(asked)
     todo = units(drives, own, tests)
-    files = sorted((m for m in drives.values() if not isinstance(m, Drive)), key=lambda m: fetched(str(m)))
-    read = {str(m): load_drive(m) for m in files}  # last: what is to be downloaded comes after all else is read
-    loaded = {name: motor if isinstance(motor, Drive) else read[str(motor)] for name, motor in drives.items()}
+    files = sorted(
+        (m for m in drives.values() if not isinstance(m, Drive)), key=lambda m: fetched(str(m))
+    )
+    # last: what is to be downloaded comes after all else is read
+    read = {str(m): load_drive(m) for m in files}
+    loaded = {
+        name: motor if isinstance(motor, Drive) else read[str(motor)]
+        for name, motor in drives.items()
+    }
     loaded[PEER] = reversal_case()[0]
     kept = Kept(keep, seed, {name: digest(_values_of(drive)) for name, drive in loaded.items()})
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
@@ -215,7 +257,10 @@ def protocol(
         nonlocal done
         unit = row.unit
         with lock:
-            kept.add(row, lasting=unit.estimator in MODULES and not isinstance(drives.get(unit.motor), Drive))
+            kept.add(
+                row,
+                lasting=unit.estimator in MODULES and not isinstance(drives.get(unit.motor), Drive),
+            )
             done += 1
             if progress:
                 progress(done / len(todo))
@@ -227,7 +272,12 @@ def protocol(
             keep_row(row)
     else:
         with ThreadPoolExecutor(jobs) as pool:
-            list(pool.map(lambda u: keep_row(run_unit(u, loaded[u.motor], own[u.estimator], seed)), missing))
+            list(
+                pool.map(
+                    lambda u: keep_row(run_unit(u, loaded[u.motor], own[u.estimator], seed)),
+                    missing,
+                )
+            )
     return Protocol(tuple(kept.rows[u] for u in todo), seed, limits=limits)
 
 
@@ -241,14 +291,18 @@ def _run_task(task: tuple[Unit, Drive, AnyEstimator, int]) -> Row:
 
 
 def place_of(which: AnyEstimator) -> str:
-    """Return an estimator's name or full path; BadInput for an object, which other processes cannot be told of."""
+    """Return an estimator's name or full path; BadInput for an object, which other processes cannot
+    be told of."""
     if not isinstance(which, (str, Path)):
-        raise BadInput("a cluster's workers are told estimators by name or file; keep yours in a file")
+        raise BadInput(
+            "a cluster's workers are told estimators by name or file; keep yours in a file"
+        )
     return str(which) if which in MODULES else str(Path(which).resolve())
 
 
 class Kept:
-    """Finished units, in memory and, where a folder is given, in a file that outlives an interruption."""
+    """Finished units, in memory and, where a folder is given, in a file that outlives an
+    interruption."""
 
     def __init__(self, folder: Path | None, seed: int, drives: Mapping[str, str]) -> None:
         """drives: a hash of each motor's drive by its name."""
@@ -311,7 +365,8 @@ def tidy(result: Protocol) -> list[dict[str, Any]]:
 
 
 def with_motulator(result: Protocol, anchors: Path, python: str | None) -> Protocol:
-    """Return the protocol with motulator's reversal beside ours, measured now; BadInput where it is not at hand.
+    """Return the protocol with motulator's reversal beside ours, measured now; BadInput where it is
+    not at hand.
 
     python: one that has motulator; None: this one, or one in an environment that is made for it.
     """

@@ -1,4 +1,5 @@
-"""The protocol's tests in motion: bandwidth by chirp, hand-over under load, and the reversal of a peer's example."""
+"""The protocol's tests in motion: bandwidth by chirp, hand-over under load, and the reversal of a
+peer's example."""
 
 from __future__ import annotations
 
@@ -27,12 +28,15 @@ HAND_OVER = (0.3, 0.2, 0.15, 0.1)  # of rated speed: the highest that drive and 
 
 
 def chirp_scenario(drive: Drive, load: float) -> Scenario:
-    """Return a driven rotor whose angle swings, by SWING or as speed allows, from SLOWEST to FASTEST."""
+    """Return a driven rotor whose angle swings, by SWING or as speed allows, from SLOWEST to
+    FASTEST."""
     rate = math.log(FASTEST / SLOWEST) / LENGTH
     t = np.arange(1, round(LENGTH / PIECE) + 1) * PIECE
     swing = min(SWING, FASTEST_SWING * drive.motor.rated_omega / (2.0 * math.pi * FASTEST))
     phase = 2.0 * math.pi * SLOWEST / rate * np.expm1(rate * t)
-    speed = swing * 2.0 * math.pi * SLOWEST * np.exp(rate * t) * np.cos(phase) / drive.motor.rated_omega
+    speed = (
+        swing * 2.0 * math.pi * SLOWEST * np.exp(rate * t) * np.cos(phase) / drive.motor.rated_omega
+    )
     first = Segment(0.3, load, ramp=0.1, score=False)
     pieces = [Segment(PIECE, load, float(v), ramp=PIECE, score=False) for v in speed]
     pieces[-1] = dataclasses.replace(pieces[-1], score=True)
@@ -40,17 +44,29 @@ def chirp_scenario(drive: Drive, load: float) -> Scenario:
 
 
 def bandwidth(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
-    """Bandwidth (-3 dB) and peak of the estimate's answer to the rotor's angle, half rated load, encoder in control.
+    """Bandwidth (-3 dB) and peak of the estimate's answer to the rotor's angle, half rated load,
+    encoder in control.
 
-    From the cross spectrum of both angles over a chirp; bandwidth_hz is FASTEST where the answer never falls.
+    From the cross spectrum of both angles over a chirp; bandwidth_hz is FASTEST where the answer
+    never falls.
     """
     from scipy.signal import csd, welch
 
-    run = simulate(drive, chirp_scenario(drive, 0.5), load_estimator(estimator), belief, closed_loop=False, seed=seed)
+    run = simulate(
+        drive,
+        chirp_scenario(drive, 0.5),
+        load_estimator(estimator),
+        belief,
+        closed_loop=False,
+        seed=seed,
+    )
     r = run.recording.between(run.start_time + 0.3, math.inf)
     if is_lost(r):
         return Outcome((), {"bandwidth_hz": None, "peak_gain": None}, False)
-    rate, block = 1.0 / drive.converter.sampling_period, round(BLOCK / drive.converter.sampling_period)
+    rate, block = (
+        1.0 / drive.converter.sampling_period,
+        round(BLOCK / drive.converter.sampling_period),
+    )
     f, both = csd(r.theta, r.theta_hat, rate, nperseg=block)
     gain = np.abs(both) / welch(r.theta, rate, nperseg=block)[1]
     inside = (f >= 2.0 * SLOWEST) & (f <= 0.9 * FASTEST)
@@ -61,7 +77,8 @@ def bandwidth(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> 
 
 
 def hand_over(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
-    """Free rotor under rated load from standstill to the highest speed allowed, up to 30 %, and back."""
+    """Free rotor under rated load from standstill to the highest speed allowed, up to 30 %, and
+    back."""
     top = design(drive).top_omega / drive.motor.rated_omega
     for speed in HAND_OVER:
         if 1.2 * speed > top:
@@ -86,7 +103,8 @@ def hand_over(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> 
 
 
 def reversal_case() -> tuple[Drive, Scenario]:
-    """Return motor, speed and load of motulator's 2.2 kW example, `peer_motulator.py --only lin --t 4.0`."""
+    """Return motor, speed and load of motulator's 2.2 kW example,
+    `peer_motulator.py --only lin --t 4.0`."""
     motor = Motor(
         "motulator 2.2 kW",
         3,
@@ -117,7 +135,8 @@ def reversal_case() -> tuple[Drive, Scenario]:
 
 
 def reversal(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
-    """The four-second reversal of motulator's example, on its own motor; see `with_peer` for the comparison."""
+    """The four-second reversal of motulator's example, on its own motor; see `with_peer` for the
+    comparison."""
     _, scenario = reversal_case()
     run = simulate(drive, scenario, load_estimator(estimator), belief, seed=seed)
     late = run.recording.between(scenario.duration / 8.0, scenario.duration)
@@ -135,13 +154,17 @@ def reversal(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> O
 
 
 def beats_peer(ratios: Mapping[str, float | None]) -> bool:
-    """Tell whether `with_peer`'s ratios meet the goals: half the error, a three-hundredth of the CPU."""
+    """Tell whether `with_peer`'s ratios meet the goals: half the error, a three-hundredth of the
+    CPU."""
     error, spent = ratios["rms_to_peer"], ratios["cpu_to_peer"]
     return error is not None and spent is not None and error <= 0.5 and spent <= 1.0 / 300.0
 
 
-def with_peer(metrics: Mapping[str, float | None], cpu: float, rms: float) -> dict[str, float | None]:
-    """Return a reversal's figures over the peer's: rms_to_peer (goal 1/2), cpu_to_peer (goal 1/300)."""
+def with_peer(
+    metrics: Mapping[str, float | None], cpu: float, rms: float
+) -> dict[str, float | None]:
+    """Return a reversal's figures over the peer's: rms_to_peer (goal 1/2), cpu_to_peer (goal
+    1/300)."""
     ours, spent = metrics.get("rms_deg"), metrics.get("cpu_s_per_s")
     return {
         "rms_to_peer": None if ours is None else ours / rms,

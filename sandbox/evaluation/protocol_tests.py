@@ -1,8 +1,9 @@
 """The tests of the protocol: what each runs, what it measures, and when it counts as passed.
 
-Goals (saturated belief): mean within 1 degree and 95th percentile within 3 up to 180 % of rated current, wherever the
-ripple carries information; the linear belief's mean within 0.3 degrees of theory, where there is one; polarity right
-in 99.9 % of starts.  Robustness and attraction have no goal but lock: passed there means that it was kept.
+Goals (saturated belief): mean within 1 degree and 95th percentile within 3 up to 180 % of rated
+current, wherever the ripple carries information; the linear belief's mean within 0.3 degrees of
+theory, where there is one; polarity right in 99.9 % of starts.  Robustness and attraction have no
+goal but lock: passed there means that it was kept.
 """
 
 from __future__ import annotations
@@ -33,12 +34,14 @@ INFORMATIVE = 0.1  # slope of the null over that at zero current
 DIRECTIONS, RADII = 12, (0.5, 1.0, 1.5, 2.0)
 FIRST_ANGLES = 24  # first positions told wrong, around the circle
 SAME = 15.0  # degrees: final errors nearer than this are one equilibrium
-TURNED = 35.0  # degrees: the wrong pole, where a saturated belief adds the wrong cross-saturation angle
+# degrees: the wrong pole, where a saturated belief adds the wrong cross-saturation angle
+TURNED = 35.0
 
 
 @dataclass(frozen=True)
 class Point:
-    """One evaluated segment: a row of the tidy table.  Degrees electrical; loads in fractions of rated current."""
+    """One evaluated segment: a row of the tidy table.  Degrees electrical; loads in fractions of
+    rated current."""
 
     case: str
     closed_loop: bool
@@ -59,7 +62,8 @@ class Point:
 
 @dataclass(frozen=True, repr=False)
 class Outcome:
-    """A finished test of one estimator with one belief on one motor; passed: None where no goal applies."""
+    """A finished test of one estimator with one belief on one motor; passed: None where no goal
+    applies."""
 
     points: tuple[Point, ...]
     metrics: Mapping[str, float | None]
@@ -70,8 +74,13 @@ class Outcome:
 
     @property
     def why_lost(self) -> str | None:
-        """Why lock was lost, at the smallest current at which something simple says it; None where nothing does."""
-        losses = [(math.hypot(p.load, p.load_d), p.why_lost) for p in self.points if p.lost_lock and p.why_lost]
+        """Why lock was lost, at the smallest current at which something simple says it; None where
+        nothing does."""
+        losses = [
+            (math.hypot(p.load, p.load_d), p.why_lost)
+            for p in self.points
+            if p.lost_lock and p.why_lost
+        ]
         return min(losses)[1] if losses else None
 
     def said(self) -> str:
@@ -81,7 +90,8 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a test: what its points are called, whether the estimate controls, what the plant has more."""
+    """One run of a test: what its points are called, whether the estimate controls, what the plant
+    has more."""
 
     scenario: Scenario
     name: str
@@ -90,7 +100,8 @@ class Case:
 
 
 def informative(drive: Drive, i_d: float, i_q: float) -> bool:
-    """Tell whether the saliency at a current (A) is at least INFORMATIVE of that at zero current."""
+    """Tell whether the saliency at a current (A) is at least INFORMATIVE of that at zero
+    current."""
     m = drive.motor.energy
     d, q, outside = flux_newton(m, i_d, i_q, 0.0, 0.0)
     if outside:
@@ -99,9 +110,17 @@ def informative(drive: Drive, i_d: float, i_q: float) -> bool:
     return bool(math.hypot(dd - qq, 2.0 * dq) >= INFORMATIVE * abs(m.gamma_d - m.gamma_q))
 
 
-def points_of(case: Case, drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> list[Point]:
-    """Run a case and return its scored segments as points; PhysicsError and BadInput as `simulate`."""
-    own, scenario, closed, effects = load_estimator(estimator), case.scenario, case.closed, case.effects
+def points_of(
+    case: Case, drive: Drive, estimator: AnyEstimator, belief: str, seed: int
+) -> list[Point]:
+    """Run a case and return its scored segments as points; PhysicsError and BadInput as
+    `simulate`."""
+    own, scenario, closed, effects = (
+        load_estimator(estimator),
+        case.scenario,
+        case.closed,
+        case.effects,
+    )
     run = simulate(
         drive,
         scenario,
@@ -143,8 +162,12 @@ def points_of(case: Case, drive: Drive, estimator: AnyEstimator, belief: str, se
 
 
 def torque_deficit(drive: Drive, part: Recording, s: Segment) -> float | None:
-    """Return 1 - torque / torque of the reference current, from the mean currents; None below a tenth of rated."""
-    motor, asked = drive.motor, (s.current_d * drive.motor.rated_current, s.load * drive.motor.rated_current)
+    """Return 1 - torque / torque of the reference current, from the mean currents; None below a
+    tenth of rated."""
+    motor, asked = (
+        drive.motor,
+        (s.current_d * drive.motor.rated_current, s.load * drive.motor.rated_current),
+    )
     if abs(s.load) < 0.1:
         return None
     values = []
@@ -159,16 +182,22 @@ def torque_deficit(drive: Drive, part: Recording, s: Segment) -> float | None:
 def summary(points: Iterable[Point]) -> dict[str, float | None]:
     """Return the worst figures over the informative points within GOAL_LOAD, and counts."""
     every = list(points)
-    judged = [p for p in every if p.informative and math.hypot(p.load, p.load_d) <= GOAL_LOAD + 1e-9]
+    judged = [
+        p for p in every if p.informative and math.hypot(p.load, p.load_d) <= GOAL_LOAD + 1e-9
+    ]
     known = [p for p in judged if not p.lost_lock]
     missed = [
-        abs(p.mean_deg - p.predicted_deg) for p in known if p.mean_deg is not None and p.predicted_deg is not None
+        abs(p.mean_deg - p.predicted_deg)
+        for p in known
+        if p.mean_deg is not None and p.predicted_deg is not None
     ]
     deficits = [p.torque_deficit for p in known if p.torque_deficit is not None and p.closed_loop]
 
     def worst(name: str) -> float | None:
         """Return the largest size of a figure over the points in lock, None where none has it."""
-        return max((abs(getattr(p, name)) for p in known if getattr(p, name) is not None), default=None)
+        return max(
+            (abs(getattr(p, name)) for p in known if getattr(p, name) is not None), default=None
+        )
 
     rms = [p.rms_deg for p in known if p.rms_deg is not None]
     return {
@@ -193,15 +222,23 @@ def verdict(points: Iterable[Point], belief: str) -> Outcome:
     mean, p95, miss = m["mean_deg"], m["p95_deg"], m["theory_miss_deg"]
     passed: bool | None = None
     if belief == "saturated":
-        passed = not m["lost"] and mean is not None and p95 is not None and mean <= MEAN_GOAL and p95 <= P95_GOAL
+        passed = (
+            not m["lost"]
+            and mean is not None
+            and p95 is not None
+            and mean <= MEAN_GOAL
+            and p95 <= P95_GOAL
+        )
     elif miss is not None:
         passed = not m["lost"] and miss <= THEORY_GOAL
     return Outcome(points, m, passed)
 
 
-def static_map(drive: Drive, estimator: AnyEstimator, belief: str, seed: int, seconds: float = 0.08) -> Outcome:
-    """Locked rotor, currents along rays to twice rated current, estimate and encoder in control; each current is looked
-    at for so many seconds."""
+def static_map(
+    drive: Drive, estimator: AnyEstimator, belief: str, seed: int, seconds: float = 0.08
+) -> Outcome:
+    """Locked rotor, currents along rays to twice rated current, estimate and encoder in control;
+    each current is looked at for so many seconds."""
     points = []
     for k in range(DIRECTIONS):
         beta = 2.0 * math.pi * k / DIRECTIONS
@@ -209,19 +246,29 @@ def static_map(drive: Drive, estimator: AnyEstimator, belief: str, seed: int, se
             radii = list(RADII)
             while radii:  # a ray ends where the motor's model does
                 segments = tuple(
-                    Segment(0.17 + seconds, r * math.sin(beta), ramp=0.1, settle=0.17, current_d=r * math.cos(beta))
+                    Segment(
+                        0.17 + seconds,
+                        r * math.sin(beta),
+                        ramp=0.1,
+                        settle=0.17,
+                        current_d=r * math.cos(beta),
+                    )
                     for r in radii
                 )
                 ray = Scenario("ray", segments, start_up=False, start_angle=0.3 + 0.1 * k)
                 try:
-                    points += points_of(Case(ray, f"{30 * k} degrees", closed), drive, estimator, belief, seed)
+                    points += points_of(
+                        Case(ray, f"{30 * k} degrees", closed), drive, estimator, belief, seed
+                    )
                     break
                 except PhysicsError:
                     radii.pop()
     return verdict(points, belief)
 
 
-def _both(drive: Drive, scenario: Scenario, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
+def _both(
+    drive: Drive, scenario: Scenario, estimator: AnyEstimator, belief: str, seed: int
+) -> Outcome:
     points = []
     for closed in (True, False):
         points += points_of(Case(scenario, scenario.name, closed), drive, estimator, belief, seed)
@@ -277,13 +324,18 @@ def mission_scenario() -> Scenario:
         (12.5, 1.5, 0.002, 1.0),
         (12.5, 1.5, -0.002, 2.0),
     ]
-    segments = (Segment(d, load, speed, ramp, settle=min(ramp + 1.0, 0.6 * d)) for d, load, speed, ramp in parts)
+    segments = (
+        Segment(d, load, speed, ramp, settle=min(ramp + 1.0, 0.6 * d))
+        for d, load, speed, ramp in parts
+    )
     return Scenario("mission", tuple(segments), "free", "speed")
 
 
 def mission(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """210 s at low speed, estimate in control: loads to 180 %, reversals, ramps, creeping."""
-    return verdict(points_of(Case(mission_scenario(), "mission"), drive, estimator, belief, seed), belief)
+    return verdict(
+        points_of(Case(mission_scenario(), "mission"), drive, estimator, belief, seed), belief
+    )
 
 
 ROBUST = Scenario(
@@ -302,7 +354,8 @@ ROBUST = Scenario(
 
 
 def perturbations(drive: Drive) -> dict[str, dict[str, float]]:
-    """Return by name what the plant has and the model lacks; alphas by the uncertainty their motor file prints."""
+    """Return by name what the plant has and the model lacks; alphas by the uncertainty their motor
+    file prints."""
     motor = drive.motor
     cases: dict[str, dict[str, float]] = {
         "nominal": {},
@@ -311,7 +364,11 @@ def perturbations(drive: Drive) -> dict[str, dict[str, float]]:
         "L -20 %": {"inductance.scale_d": 0.8, "inductance.scale_q": 0.8},
         "magnet -15 %": {"magnet_flux.magnet_flux": 0.85 * motor.magnet_flux},
         **{f"dead time {us} us": {"dead_time.time": 1e-6 * us} for us in (1, 2, 4)},
-        "gain 1 %": {"current_gain.gain_a": 1.01, "current_gain.gain_b": 0.99, "current_gain.gain_c": 1.0},
+        "gain 1 %": {
+            "current_gain.gain_a": 1.01,
+            "current_gain.gain_b": 0.99,
+            "current_gain.gain_c": 1.0,
+        },
         "delay 5 us": {"pwm_delay.delay": 5e-6},
     }
     for sign, name in ((1.0, "alphas +"), (-1.0, "alphas -")):
@@ -319,16 +376,23 @@ def perturbations(drive: Drive) -> dict[str, dict[str, float]]:
             a: re.search(r"\+- ([\d.]+)", drive.provenance.get(a, ""))
             for a in ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
         }
-        moved = {f"saturation.{a}": getattr(motor, a) + sign * float(m[1]) for a, m in printed.items() if m}
+        moved = {
+            f"saturation.{a}": getattr(motor, a) + sign * float(m[1])
+            for a, m in printed.items()
+            if m
+        }
         if moved:
             cases[name] = moved
     return cases
 
 
 def robustness(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
-    """Standstill and 5 % speed under load with one thing at a time other than believed; passed: lock kept."""
+    """Standstill and 5 % speed under load with one thing at a time other than believed; passed:
+    lock kept."""
     points = []
-    noisy = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, current_noise=0.01))
+    noisy = dataclasses.replace(
+        drive, converter=dataclasses.replace(drive.converter, current_noise=0.01)
+    )
     cases = [(name, drive, effects) for name, effects in perturbations(drive).items()]
     metrics: dict[str, float | None] = {}
     for name, plant, effects in [*cases, ("noise 10 mA", noisy, {})]:
@@ -338,7 +402,9 @@ def robustness(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
             continue
         except PhysicsError:
             found = [
-                Point(name, True, s.load, 0.0, s.speed, None, None, None, None, True, None, True, None)
+                Point(
+                    name, True, s.load, 0.0, s.speed, None, None, None, None, True, None, True, None
+                )
                 for s in ROBUST.segments
             ]
         points += found
@@ -349,10 +415,12 @@ def robustness(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
 
 
 def attraction(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
-    """The first position told wrong, around the circle, at 0, 100 and 180 % load, encoder in control.
+    """The first position told wrong, around the circle, at 0, 100 and 180 % load, encoder in
+    control.
 
-    Metrics: share that comes back to the right equilibrium, share that stays reversed, and the other angles
-    (degrees) at which an estimate came to rest: second stable equilibria; `elsewhere` counts what never rests, too.
+    Metrics: share that comes back to the right equilibrium, share that stays reversed, and the
+    other angles (degrees) at which an estimate came to rest: second stable equilibria; `elsewhere`
+    counts what never rests, too.
     """
     points: list[Point] = []
     strange: list[int] = []
@@ -362,8 +430,12 @@ def attraction(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
         for k in range(FIRST_ANGLES):
             wrong = 2.0 * math.pi * k / FIRST_ANGLES
             wrong = wrong - 2.0 * math.pi if wrong > math.pi else wrong
-            scene = Scenario("told", (Segment(0.3, load, settle=0.25),), start_up=False, start_error=wrong)
-            run = simulate(drive, scene, load_estimator(estimator), belief, closed_loop=False, seed=seed)
+            scene = Scenario(
+                "told", (Segment(0.3, load, settle=0.25),), start_up=False, start_error=wrong
+            )
+            run = simulate(
+                drive, scene, load_estimator(estimator), belief, closed_loop=False, seed=seed
+            )
             last = run.recording.between(run.start_time + 0.25, math.inf)
             e = np.degrees(np.unwrap(last.error))
             still = float(np.ptp(e)) < SAME
@@ -378,15 +450,33 @@ def attraction(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
                 restless += 1
             elif SAME <= abs(off) <= 180.0 - TURNED:
                 strange.append(round(off))
-        points.append(Point(f"load {load:g}", False, load, 0.0, 0.0, *(None,) * 4, math.isnan(own), None, True, None))
-    shares = {"back": back / total, "reversed": turned / total, "elsewhere": (len(strange) + restless) / total}
+        points.append(
+            Point(
+                f"load {load:g}",
+                False,
+                load,
+                0.0,
+                0.0,
+                *(None,) * 4,
+                math.isnan(own),
+                None,
+                True,
+                None,
+            )
+        )
+    shares = {
+        "back": back / total,
+        "reversed": turned / total,
+        "elsewhere": (len(strange) + restless) / total,
+    }
     others = {f"equilibrium_{n}_deg": float(v) for n, v in enumerate(sorted(set(strange))[:8])}
     metrics: dict[str, float | None] = {"starts": total, **shares, **others}
     return Outcome(tuple(points), metrics, not strange and not restless)
 
 
 def starting(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
-    """3024 starts over 36 angles, each with its own noise; the same start-up serves every estimator."""
+    """3024 starts over 36 angles, each with its own noise; the same start-up serves every
+    estimator."""
     from sandbox.evaluation.starts import starts
 
     found = starts(drive, load_estimator(estimator), belief, seed=seed)
@@ -404,7 +494,8 @@ def starting(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> O
 
 
 def costs(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
-    """CPU of a step, and what the injection costs the motor, see `sandbox.evaluation.step_cost.cost`."""
+    """CPU of a step, and what the injection costs the motor, see
+    `sandbox.evaluation.step_cost.cost`."""
     from sandbox.evaluation.step_cost import cost
 
     return Outcome((), cost(drive, estimator, belief, seed), None)

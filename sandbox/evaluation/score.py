@@ -20,13 +20,24 @@ from sandbox.evaluation.injection_cost import InjectionCost
 LOST_ANGLE = math.radians(45.0)
 LOST_TIME = 0.1  # s beyond LOST_ANGLE that count as lost lock
 SPEED_SHARE = 0.1  # of the speed asked for: how far the mean speed may be from it
-# Their linear belief has a stationary point where the q ripple vanishes; the filter's moves with its model of R.
-WITH_THEORY = ("qnull", "random_frequency", "inversion", "table", "arbitrary", "pwm_ripple", "pll3", "mechanical")
+# Their linear belief has a stationary point where the q ripple vanishes; the filter's moves with
+# its model of R.
+WITH_THEORY = (
+    "qnull",
+    "random_frequency",
+    "inversion",
+    "table",
+    "arbitrary",
+    "pwm_ripple",
+    "pll3",
+    "mechanical",
+)
 
 
 @dataclass(frozen=True)
 class ErrorDeg:
-    """Position error in electrical degrees; None where lock was lost (a mean over slipped poles says nothing)."""
+    """Position error in electrical degrees; None where lock was lost (a mean over slipped poles
+    says nothing)."""
 
     mean: float | None
     rms: float | None
@@ -38,10 +49,11 @@ class ErrorDeg:
 class Row:
     """One evaluated segment of one run.
 
-    speed_rpm: asked for, or imposed; true_speed_rpm: the rotor's own, the mean over the window's second half;
-    predicted_mean_deg: for small ripple, see `predicted_mean`; reference_held: whether a speed asked for was reached,
-    see `speed_held`; cost: of the injection, None where lock was lost or the samples cannot tell; why_lost: one
-    sentence where lock was lost and something simple says why.
+    speed_rpm: asked for, or imposed; true_speed_rpm: the rotor's own, the mean over the window's
+    second half;
+    predicted_mean_deg: for small ripple, see `predicted_mean`; reference_held: whether a speed
+    asked for was reached, see `speed_held`; cost: of the injection, None where lock was lost or the
+    samples cannot tell; why_lost: one sentence where lock was lost and something simple says why.
     """
 
     estimator: str
@@ -62,10 +74,11 @@ class Row:
 
 
 def is_lost(recording: Recording) -> bool:
-    """Tell whether lock is lost: a pole slipped, or the error was beyond 45 degrees for more than 100 ms in all.
+    """Tell whether lock is lost: a pole slipped, or the error was beyond 45 degrees for more than
+    100 ms in all.
 
-    A slip is a change of theta - theta_hat, not wrapped, by more than half a turn; of a stretch shorter than
-    100 ms all must lie beyond.
+    A slip is a change of theta - theta_hat, not wrapped, by more than half a turn; of a stretch
+    shorter than 100 ms all must lie beyond.
     """
     t, beyond = recording.t, np.abs(recording.error) > LOST_ANGLE
     if t.size < 2:
@@ -98,13 +111,18 @@ def _p95(size: NDArray[np.float64]) -> float:
 
 
 def speed_held(recording: Recording) -> bool:
-    """Tell whether the mean true speed of a window's second half, when a change has died away, is the one asked for.
+    """Tell whether the mean true speed of a window's second half, when a change has died away, is
+    the one asked for.
 
-    It may be off by SPEED_SHARE of what was asked for, or else by what leaves the rotor within LOST_ANGLE of where the
-    speed asked for would have taken it: an estimate in lock may wander so far, and so no drive without an encoder
-    can be asked to hold a mean any closer.  A creep that stands still, or goes the wrong way, is not held.
+    It may be off by SPEED_SHARE of what was asked for, or else by what leaves the rotor within
+    LOST_ANGLE of where the speed asked for would have taken it: an estimate in lock may wander so
+    far, and so no drive
+    without an encoder can be asked to hold a mean any closer.  A creep that stands still, or goes
+    the wrong way, is not held.
     """
-    t, true, wanted = (x[x.size // 2 :] for x in (recording.t, recording.omega, recording.omega_ref))
+    t, true, wanted = (
+        x[x.size // 2 :] for x in (recording.t, recording.omega, recording.omega_ref)
+    )
     if t.size < 2:
         return True
     span = float(t[-1] - t[0]) * t.size / (t.size - 1)
@@ -113,7 +131,8 @@ def speed_held(recording: Recording) -> bool:
 
 
 def true_rpm(drive: Drive, recording: Recording) -> float | None:
-    """Return the mean speed (rpm) of the rotor itself over a window's second half, None of an empty one."""
+    """Return the mean speed (rpm) of the rotor itself over a window's second half, None of an empty
+    one."""
     true = recording.omega[recording.t.size // 2 :]
     return float(true.mean()) * 30.0 / (math.pi * drive.motor.pole_pairs) if true.size else None
 
@@ -128,7 +147,13 @@ def settled_part(recording: Recording, rows: tuple[Row, ...]) -> Recording:
 
 
 def rows_of(
-    drive: Drive, scenario: Scenario, recording: Recording, start_time: float, estimator: str, belief: str, closed: bool
+    drive: Drive,
+    scenario: Scenario,
+    recording: Recording,
+    start_time: float,
+    estimator: str,
+    belief: str,
+    closed: bool,
 ) -> tuple[Row, ...]:
     """Return one row for each scored segment."""
     rows: list[Row] = []
@@ -138,7 +163,9 @@ def rows_of(
         if s.score:
             whole, settled = recording.between(t, end), recording.between(begin, end)
             lost = is_lost(whole)
-            predicted = predicted_mean(drive, scenario, s, closed) if estimator in WITH_THEORY else None
+            predicted = (
+                predicted_mean(drive, scenario, s, closed) if estimator in WITH_THEORY else None
+            )
             if belief == "saturated" and estimator in WITH_THEORY:
                 predicted = 0.0
             load, speed_rpm = s.load, s.speed * drive.motor.rated_speed_rpm
@@ -164,11 +191,14 @@ def rows_of(
     return tuple(rows)
 
 
-def predicted_mean(drive: Drive, scenario: Scenario, segment: Segment, closed: bool) -> float | None:
+def predicted_mean(
+    drive: Drive, scenario: Scenario, segment: Segment, closed: bool
+) -> float | None:
     """Return the theory's mean error (degrees) of a linear belief; None where no lock exists.
 
-    Open (encoder controls): local formula at the reference current.  Closed: self-consistent solution.  Under
-    speed control the current is the one that carries load and viscous friction at that error.
+    Open (encoder controls): local formula at the reference current.  Closed: self-consistent
+    solution.  Under speed control the current is the one that carries load and viscous friction at
+    that error.
     """
     angle = _predicted(
         drive.motor,
@@ -184,7 +214,13 @@ def predicted_mean(drive: Drive, scenario: Scenario, segment: Segment, closed: b
 
 @cache
 def _predicted(
-    motor: Motor, torque: float, load: float, load_d: float, speed: float, by_torque: bool, closed: bool
+    motor: Motor,
+    torque: float,
+    load: float,
+    load_d: float,
+    speed: float,
+    by_torque: bool,
+    closed: bool,
 ) -> float:
     if by_torque:
         torque += motor.viscous_friction * speed * motor.rated_omega / motor.pole_pairs

@@ -1,7 +1,9 @@
-"""A-weighting (IEC 61672-1): how loud a frequency is to the ear, and the weighted power of a signal.
+"""A-weighting (IEC 61672-1): how loud a frequency is to the ear, and the weighted power of a
+signal.
 
-The standard's constants follow in closed form from its four corner frequencies (annex E): f_1 and f_4 from the -3 dB
-points f_L, f_H of the C-weighting with f_r = 1 kHz, f_2 and f_3 from the A-weighting's own f_A.
+The standard's constants follow in closed form from its four corner frequencies (annex E): f_1 and
+f_4 from the -3 dB points f_L, f_H of the C-weighting with f_r = 1 kHz, f_2 and f_3 from the
+A-weighting's own f_A.
 """
 
 from __future__ import annotations
@@ -23,7 +25,12 @@ def _corners() -> tuple[float, float, float, float]:
     b = (F_R**2 + c / F_R**2 - d * (F_L**2 + F_H**2)) / (1.0 - d)
     root = math.sqrt(b * b - 4.0 * c)
     side = 0.5 * math.sqrt(5.0)
-    return math.sqrt(0.5 * (-b - root)), (1.5 - side) * F_A, (1.5 + side) * F_A, math.sqrt(0.5 * (-b + root))
+    return (
+        math.sqrt(0.5 * (-b - root)),
+        (1.5 - side) * F_A,
+        (1.5 + side) * F_A,
+        math.sqrt(0.5 * (-b + root)),
+    )
 
 
 CORNERS = _corners()
@@ -42,21 +49,23 @@ def a_weight(frequency: ArrayLike) -> Array:
 
 
 def weighted_power(signal: Array, rate: float) -> Array:
-    """Return the A-weighted power of each line of a signal (n,) sampled at `rate` (Hz), its mean left out.
+    """Return the A-weighted power of each line of a signal (n,) sampled at `rate` (Hz), its mean
+    left out.
 
-    Their sum is the weighted mean square.  By one periodogram with a Hann window, whose own power is taken out;
-    frequencies beyond HEARD do not count.
+    Their sum is the weighted mean square.  By one periodogram with a Hann window, whose own power
+    is taken out; frequencies beyond HEARD do not count.
     """
     n = signal.size
     window = 0.5 - 0.5 * np.cos(2.0 * math.pi * (np.arange(n) + 0.5) / n)
     lines = np.fft.rfft((signal - signal.mean()) * window)
     f = np.fft.rfftfreq(n, 1.0 / rate)
-    twice = np.where((f > 0.0) & (f < 0.5 * rate), 2.0, 1.0)  # negative frequencies, which rfft leaves out
+    # negative frequencies, which rfft leaves out
+    twice = np.where((f > 0.0) & (f < 0.5 * rate), 2.0, 1.0)
     weights = twice * np.where(f <= HEARD, a_weight(f), 0.0) ** 2
     return np.asarray(weights * np.abs(lines) ** 2 / (n * np.sum(window**2)))
 
 
 def loudest(power: Array) -> float:
-    """Return the power of the loudest tone: a tone lies in three lines of a Hann window; power: (lines,) of the
-    spectrum."""
+    """Return the power of the loudest tone: a tone lies in three lines of a Hann window; power:
+    (lines,) of the spectrum."""
     return float(np.max(np.convolve(power, np.ones(3), "same")))

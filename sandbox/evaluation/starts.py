@@ -1,4 +1,5 @@
-"""Thousands of initial positions: starting up alone, compiled, from every angle with its own noise."""
+"""Thousands of initial positions: starting up alone, compiled, from every angle with its own
+noise."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ REVERSED = 0.5 * math.pi
 
 @dataclass(frozen=True)
 class Starts:
-    """What starting up found: error (rad, in [-pi, pi)) of each start, by angle (rows) and seed (columns)."""
+    """What starting up found: error (rad, in [-pi, pi)) of each start, by angle (rows) and seed
+    (columns)."""
 
     errors: NDArray[np.float64]
 
@@ -45,8 +47,11 @@ class Starts:
         return np.degrees((self.errors + REVERSED) % math.pi - REVERSED)
 
 
-def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, seed: int = 0) -> Starts:
-    """Start `count` times from ANGLES equidistant angles, each start with noise of its own; BadInput, PhysicsError."""
+def starts(
+    drive: Drive, estimator: Estimator, belief: str, count: int = 3024, seed: int = 0
+) -> Starts:
+    """Start `count` times from ANGLES equidistant angles, each start with noise of its own;
+    BadInput, PhysicsError."""
     if count < ANGLES:
         raise BadInput(f"{count} starts do not cover {ANGLES} angles; give at least {ANGLES}")
     scenario = Scenario("starts", (Segment(AFTER),))
@@ -57,14 +62,17 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
     begin = start_periods(tuning.settle, tuning.average) * tuning.period * h
     samples = round((begin + AFTER) / h)
     values = complete(drive.motor, drive.converter, None)
-    run, bench = exact_bench(drive, scenario, values, LONGEST, None, believed, inside_for(estimator, drive))
+    run, bench = exact_bench(
+        drive, scenario, values, LONGEST, None, believed, inside_for(estimator, drive)
+    )
     rig = rig_of(drive, scenario, True, samples, 1, begin)
     step, rows = step_of(estimator, believed), np.zeros(samples, ROW)
     seeds = count // ANGLES
     errors = np.full((ANGLES, seeds), np.nan)
     for k, angle in enumerate(np.arange(ANGLES) * 2.0 * math.pi / ANGLES - math.pi):
         for n in range(seeds):
-            at = turned_to(bench, angle + 0.17 * n / seeds)  # fills the gap between two of the angles
+            # fills the gap between two of the angles
+            at = turned_to(bench, angle + 0.17 * n / seeds)
             rng = np.random.default_rng([seed, k, n])
             status, _ = run(
                 step,

@@ -9,7 +9,18 @@ from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
 from estimators.c import expressions as scalar
-from sandbox.export.kinds import INT, LANE, REAL, Absent, Kind, Lane, Record, Rows, Several, declared
+from sandbox.export.kinds import (
+    INT,
+    LANE,
+    REAL,
+    Absent,
+    Kind,
+    Lane,
+    Record,
+    Rows,
+    Several,
+    declared,
+)
 
 OPERATORS = scalar.OPERATORS | {
     ast.BitAnd: ("&", 3),
@@ -53,7 +64,8 @@ class Text(NamedTuple):
 
 
 class User(Protocol):
-    """The function that expressions stand in: what its names are, and the program that it belongs to."""
+    """The function that expressions stand in: what its names are, and the program that it belongs
+    to."""
 
     program: Any
     fresh: int  # temporary variables so far
@@ -63,7 +75,8 @@ class User(Protocol):
         """Return a variable or a constant."""
 
     def found(self, node: ast.expr) -> Any:
-        """Return the Python object that a name or a module's attribute is; None where it is a variable."""
+        """Return the Python object that a name or a module's attribute is; None where it is a
+        variable."""
 
 
 def known(truth: bool) -> Text:
@@ -119,7 +132,9 @@ class Expressions:
     def _attribute(self, node: ast.Attribute) -> Text:
         whole = ast.unparse(node)
         if whole in ("math.pi", "math.tau", "math.inf"):
-            return Text("INFINITY" if whole == "math.inf" else f"R({getattr(math, node.attr)!r})", REAL)
+            return Text(
+                "INFINITY" if whole == "math.inf" else f"R({getattr(math, node.attr)!r})", REAL
+            )
         owner = self.user.found(node.value)
         if isinstance(owner, ModuleType):
             return self.program.constant(owner.__name__, node.attr, getattr(owner, node.attr))
@@ -127,7 +142,9 @@ class Expressions:
         if isinstance(of.kind, Rows) and node.attr == "size":
             return Text("1", INT)  # lanes
         assert isinstance(of.kind, Record), whole
-        return Text(f"{of.text}{'->' if of.kind.pointed else '.'}{node.attr}", of.kind.field(node.attr))
+        return Text(
+            f"{of.text}{'->' if of.kind.pointed else '.'}{node.attr}", of.kind.field(node.attr)
+        )
 
     def _subscript(self, node: ast.Subscript) -> Text:
         if isinstance(node.value, ast.Attribute) and node.value.attr == "shape":
@@ -139,7 +156,9 @@ class Expressions:
             at = int(ast.literal_eval(node.slice))
             return Text(f"{of.text}._{at}", of.kind.parts[at])
         assert isinstance(of.kind, Rows), ast.unparse(node)
-        return self._indexed(of, node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice])
+        return self._indexed(
+            of, node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        )
 
     def _indexed(self, of: Text, indices: list[ast.expr]) -> Text:
         """Return numbers of rows at indices; an index of the lane is none."""
@@ -153,7 +172,11 @@ class Expressions:
         if not parts:
             return Text(of.text if _plain(of) else f"*{bound(of, 8)}", of.kind.of, 8)
         text = f"{of.text}[{' + '.join(parts)}]"
-        return Text(f"&{text}", Rows(shape, of.kind.whole, of.kind.fixed), 8) if shape else Text(text, of.kind.of)
+        return (
+            Text(f"&{text}", Rows(shape, of.kind.whole, of.kind.fixed), 8)
+            if shape
+            else Text(text, of.kind.of)
+        )
 
     def _unaryop(self, node: ast.UnaryOp) -> Text:
         found = self.write(node.operand)
@@ -178,7 +201,9 @@ class Expressions:
             a = self.as_kind(left, REAL) if left.kind == INT else a
             b = self.as_kind(right, REAL) if right.kind == INT else b
             if sign == "%":
-                return Text(f"drive_modulo({self.as_kind(left, REAL)}, {self.as_kind(right, REAL)})", REAL)
+                return Text(
+                    f"drive_modulo({self.as_kind(left, REAL)}, {self.as_kind(right, REAL)})", REAL
+                )
             assert not isinstance(node.op, ast.FloorDiv), ast.unparse(node)
         return Text(f"{a} {sign} {b}", kind, binds)
 
@@ -244,7 +269,9 @@ class Expressions:
         module, _, function = name.partition(".")
         if module in ("math", "np"):
             assert function in MATHS, f"{name} has no translation"
-            return Text(f"{function.upper()}({', '.join(self.as_kind(a, REAL) for a in given)})", REAL)
+            return Text(
+                f"{function.upper()}({', '.join(self.as_kind(a, REAL) for a in given)})", REAL
+            )
         if name in CHOSEN:
             return self._chosen(CHOSEN[name], given)
         if name == "abs":
@@ -282,7 +309,9 @@ class Expressions:
         assert found is not None, ast.unparse(node)
         if isinstance(found, type):
             record = self.program.records[found]
-            values = [self.as_kind(v, kind) for v, (_, kind) in zip(given, record.fields, strict=True)]
+            values = [
+                self.as_kind(v, kind) for v, (_, kind) in zip(given, record.fields, strict=True)
+            ]
             return Text(f"({record.name}){{{', '.join(values)}}}", record)
         if getattr(found, "__name__", "") == "borrowed":
             return given[0]
@@ -301,4 +330,9 @@ def _address(value: Text) -> str:
 
 def _plain(of: Text) -> bool:
     """Return whether a row of the only lane is a plain field."""
-    return isinstance(of.kind, Rows) and of.kind.shape == (LANE,) and "->" in of.text and "[" not in of.text
+    return (
+        isinstance(of.kind, Rows)
+        and of.kind.shape == (LANE,)
+        and "->" in of.text
+        and "[" not in of.text
+    )

@@ -1,4 +1,5 @@
-"""A drive as functional mock-up units: FMI 2.0 and 3.0 for co-simulation, with sources and a binary of this machine."""
+"""A drive as functional mock-up units: FMI 2.0 and 3.0 for co-simulation, with sources and a binary
+of this machine."""
 
 from __future__ import annotations
 
@@ -38,10 +39,16 @@ INPUTS = (
     Variable("duty_b", "", "of leg b"),
     Variable("duty_c", "", "of leg c"),
     Variable("load_torque", "N m", "asked of the load machine over the period"),
-    Variable("omega_driven", "rad/s", "speed that a driven rotor has at the end of the period, electrical"),
+    Variable(
+        "omega_driven",
+        "rad/s",
+        "speed that a driven rotor has at the end of the period, electrical",
+    ),
 )
 OUTPUTS = (
-    Variable("read_a", "A", "reading of the current sensor of phase a at the beginning of the period"),
+    Variable(
+        "read_a", "A", "reading of the current sensor of phase a at the beginning of the period"
+    ),
     Variable("read_b", "A", "of phase b"),
     Variable("read_c", "A", "of phase c"),
     Variable("theta_read", "rad", "of the encoder at the beginning of the period, electrical"),
@@ -50,7 +57,11 @@ OUTPUTS = (
     Variable("i_a", "A", "current at terminal a at the end of the step"),
     Variable("i_b", "A", "at terminal b"),
     Variable("i_c", "A", "at terminal c"),
-    Variable("theta", "rad", "angle of the rotor at the end of the step, electrical, within a turn of the shaft"),
+    Variable(
+        "theta",
+        "rad",
+        "angle of the rotor at the end of the step, electrical, within a turn of the shaft",
+    ),
     Variable("omega", "rad/s", "speed of the rotor there, electrical"),
     Variable("torque", "N m", "of the air gap there"),
     Variable("u_dc", "V", "of the link there"),
@@ -76,10 +87,15 @@ BASE = {  # exponents of SI base units: kg, m, s, A, rad
 
 
 def unit_of(source: Source, period: float, version: int) -> bytes:
-    """Return a drive's FMU (a ZIP file) for a version of FMI, 2 or 3; BadInput where there is no C compiler."""
+    """Return a drive's FMU (a ZIP file) for a version of FMI, 2 or 3; BadInput where there is no C
+    compiler."""
     model = f"{source.motor}_fmi{version}"
     token = hashlib.sha256(source.source.encode()).hexdigest()[:32]
-    code = {HEADER: source.header, SOURCE: source.source, "drive_fmu.c": _code(source, token, version)}
+    code = {
+        HEADER: source.header,
+        SOURCE: source.source,
+        "drive_fmu.c": _code(source, token, version),
+    }
     files = {f"sources/{name}": text.encode() for name, text in code.items()}
     files["modelDescription.xml"] = described(source, model, token, period, version)
     if version == 3:
@@ -89,7 +105,9 @@ def unit_of(source: Source, period: float, version: int) -> bytes:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as packed:
         for name, data in files.items():
-            packed.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data, zipfile.ZIP_DEFLATED)
+            packed.writestr(
+                zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data, zipfile.ZIP_DEFLATED
+            )
     return out.getvalue()
 
 
@@ -114,7 +132,11 @@ def _binary(code: dict[str, str]) -> bytes:
             (folder / file).write_text(text, encoding="utf-8")
         call = [cc, "-std=c99", "-O2", "-fPIC", "-shared", "-DSENSORLESS_FLOAT64", "-o", "unit.so"]
         done = subprocess.run(
-            [*call, SOURCE, "drive_fmu.c", "-lm"], cwd=folder, capture_output=True, text=True, check=False
+            [*call, SOURCE, "drive_fmu.c", "-lm"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
         )
         if done.returncode:
             raise BadInput(f"the FMU does not compile with '{cc}': {done.stderr.splitlines()[0]}")
@@ -143,7 +165,7 @@ def described(source: Source, model: str, token: str, period: float, version: in
         modelName=f"{source.motor} drive",
         generationTool="sensorless-sandbox",
         variableNamingConvention="flat",
-        description="a permanent-magnet motor with inverter, shaft and sensors, PWM edge by PWM edge",
+        description="a permanent-magnet motor with inverter, shaft and sensors, PWM edge by PWM edge",  # noqa: E501
         **identity,
     )
     ability = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
@@ -151,7 +173,13 @@ def described(source: Source, model: str, token: str, period: float, version: in
         ability = {k.replace("FMUstate", "FMUState"): v for k, v in ability.items()} | {
             "fixedInternalStepSize": repr(period)
         }
-    run = _child(root, "CoSimulation", modelIdentifier=model, canHandleVariableCommunicationStepSize="true", **ability)
+    run = _child(
+        root,
+        "CoSimulation",
+        modelIdentifier=model,
+        canHandleVariableCommunicationStepSize="true",
+        **ability,
+    )
     if version == 2:
         files = _child(run, "SourceFiles")
         for name in (SOURCE, "drive_fmu.c"):
@@ -181,7 +209,11 @@ def _units(element: Xml.Element, units: list[str]) -> None:
     for unit in units:
         entry = _child(element, "Unit", name=unit)
         if unit in BASE:
-            powers = {k: str(v) for k, v in zip(("kg", "m", "s", "A", "rad"), BASE[unit], strict=True) if v}
+            powers = {
+                k: str(v)
+                for k, v in zip(("kg", "m", "s", "A", "rad"), BASE[unit], strict=True)
+                if v
+            }
             _child(entry, "BaseUnit", **powers)
 
 
@@ -231,7 +263,12 @@ def _variables(element: Xml.Element, numbers: tuple[Number, ...], version: int) 
 
 
 def _real(
-    element: Xml.Element, version: int, reference: int, v: Variable, causality: str, more: dict[str, str]
+    element: Xml.Element,
+    version: int,
+    reference: int,
+    v: Variable,
+    causality: str,
+    more: dict[str, str],
 ) -> None:
     variability = "fixed" if causality == "parameter" else "discrete"
     shared = {

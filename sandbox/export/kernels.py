@@ -1,7 +1,10 @@
-"""The plant's kernels in C: each function translated for the kinds of values it is handed, callees first.
+"""The plant's kernels in C: each function translated for the kinds of values it is handed, callees
+first.
 
-As a compiler for numba does, one function is written for each list of kinds.  What these kernels do not use is not
-translated: an AssertionError names it.  Order and rounding of the arithmetic stay as they are in Python.
+As a compiler for numba does, one function is written for each list of kinds.  What these kernels do
+not use is not translated: an AssertionError names it.  Order and rounding of the arithmetic stay as
+they are in
+Python.
 """
 
 from __future__ import annotations
@@ -35,7 +38,19 @@ from sandbox.export.kinds import (
 from sandbox.export.layout import folded
 
 CALL = re.compile(r"\b[a-z]\w*\(")  # of a function: macros are in capitals
-WORDS = ("long", "short", "double", "register", "signed", "static", "auto", "const", "switch", "union", "volatile")
+WORDS = (
+    "long",
+    "short",
+    "double",
+    "register",
+    "signed",
+    "static",
+    "auto",
+    "const",
+    "switch",
+    "union",
+    "volatile",
+)
 
 
 @dataclass
@@ -68,7 +83,8 @@ class Program:
         return self.functions[key]
 
     def _named(self, plain: Callable[..., Any], key: Any) -> str:
-        """Return a name of its own: module and function, numbered where it is written for other kinds, too."""
+        """Return a name of its own: module and function, numbered where it is written for other
+        kinds, too."""
         bare = f"{tail(plain.__module__)}_{plain.__name__}"
         name, count = bare, 1
         while self.names.setdefault(name, key) != key:
@@ -120,7 +136,9 @@ def literal(value: float) -> str:
 class Function:
     """Writes one function."""
 
-    def __init__(self, program: Program, plain: Callable[..., Any], kinds: tuple[Kind, ...], name: str) -> None:
+    def __init__(
+        self, program: Program, plain: Callable[..., Any], kinds: tuple[Kind, ...], name: str
+    ) -> None:
         self.program, self.plain, self.name = program, plain, name
         tree = ast.parse(textwrap.dedent(inspect.getsource(plain))).body[0]
         assert isinstance(tree, ast.FunctionDef)
@@ -128,7 +146,8 @@ class Function:
         self.tree, self.parameters = tree, [a.arg for a in tree.args.args]
         self.kinds = dict(zip(self.parameters, kinds, strict=True))
         self.locals: dict[str, Kind] = {}
-        self.now: dict[str, str] = {}  # what a name is called at present, where it was of another kind before
+        # what a name is called at present, where it was of another kind before
+        self.now: dict[str, str] = {}
         self.read: set[str] = set()
         self.used: set[str] | None = None  # what an earlier pass has read
         self.fresh = 0
@@ -143,12 +162,18 @@ class Function:
             lines = self._block(body)
         while lines and lines[-1] == "return;":
             lines.pop()
-        given = [declared(k, n) for n, k in self.kinds.items() if n in self.parameters and passed(k)]
+        given = [
+            declared(k, n) for n, k in self.kinds.items() if n in self.parameters and passed(k)
+        ]
         kind = self.result
         head = f"static {declared(kind, '').strip()} {self.name}({', '.join(given) or 'void'}) {{"
         named = [n for n in self.parameters if passed(self.kinds[n])]
         idle = [f"(void){n};" for n in named if n not in self.used]
-        own = [f"{declared(k, n)} = {zero(k)};" for n, k in self.locals.items() if n in self.used and passed(k)]
+        own = [
+            f"{declared(k, n)} = {zero(k)};"
+            for n, k in self.locals.items()
+            if n in self.used and passed(k)
+        ]
         inside = [f"    {part}" for line in [*idle, *own, *lines] for part in folded(line)]
         return Written(self.name, kind, "\n".join([self._said(), *folded(head), *inside, "}"]))
 
@@ -156,7 +181,8 @@ class Function:
         text = ast.get_docstring(self.tree) or self.name
         return "/* " + "\n * ".join(line.rstrip() for line in text.splitlines()) + " */"
 
-    # what a name stands for -------------------------------------------------------------------------------------------
+    # what a name stands
+    # for ------------------------------------------------------------
     def named(self, name: str) -> Text:
         """Return a variable or a constant."""
         if name in self.kinds or name in self.locals:
@@ -168,18 +194,26 @@ class Function:
         return self.program.constant(module, name, value)
 
     def found(self, node: ast.expr) -> Any:
-        """Return the Python object that a name or a module's attribute is; None where it is a variable."""
+        """Return the Python object that a name or a module's attribute is; None where it is a
+        variable."""
         if isinstance(node, ast.Name):
-            return None if node.id in self.kinds or node.id in self.locals else self.plain.__globals__.get(node.id)
+            return (
+                None
+                if node.id in self.kinds or node.id in self.locals
+                else self.plain.__globals__.get(node.id)
+            )
         if isinstance(node, ast.Attribute):
             owner = self.found(node.value)
             return getattr(owner, node.attr) if isinstance(owner, ModuleType) else None
         return None
 
     def set_kind(self, name: str, kind: Kind) -> str:
-        """Note the kind of a variable; return what it is called: anew where it was of another kind before."""
+        """Note the kind of a variable; return what it is called: anew where it was of another kind
+        before."""
         if name in self.parameters and name not in self.locals:
-            assert self.kinds[name] == kind or {self.kinds[name], kind} == {REAL, INT}, f"{self.name}: {name}"
+            assert self.kinds[name] == kind or {self.kinds[name], kind} == {REAL, INT}, (
+                f"{self.name}: {name}"
+            )
             return name
         called = self.now.get(name, name)
         known = self.locals.get(called, kind)
@@ -188,13 +222,15 @@ class Function:
         self.locals[called] = joined(self.locals.get(called, kind), kind)
         return called
 
-    # statements -------------------------------------------------------------------------------------------------------
+    # statements ------------------------------------------------------------
     def _block(self, statements: list[ast.stmt]) -> list[str]:
         lines: list[str] = []
         for statement in statements:
             e = Expressions(self)
             method = getattr(self, f"_{type(statement).__name__.lower()}", None)
-            assert method is not None, f"{ast.unparse(statement)}: {type(statement).__name__} has no translation"
+            assert method is not None, (
+                f"{ast.unparse(statement)}: {type(statement).__name__} has no translation"
+            )
             written = method(statement, e)
             if written is None:  # nothing after it is reached
                 return lines
@@ -255,7 +291,9 @@ class Function:
             ]
         assert isinstance(node.iter, ast.Call)
         assert ast.unparse(node.iter.func) == "range"
-        if ast.unparse(node.iter.args[-1]) in ("w.psi_alpha.size", "n") and self._lanes(node.iter.args[-1]):
+        if ast.unparse(node.iter.args[-1]) in ("w.psi_alpha.size", "n") and self._lanes(
+            node.iter.args[-1]
+        ):
             self.kinds[name] = Lane()  # the only lane
             return self._block(node.body)
         bounds = [bound(e.write(a), 6) for a in node.iter.args]
@@ -272,7 +310,9 @@ class Function:
         """Return whether this is the number of lanes."""
         if isinstance(node, ast.Name):
             return any(
-                isinstance(s, ast.Assign) and _sets_lanes(s, node.id) for s in ast.walk(self.tree) if s is not node
+                isinstance(s, ast.Assign) and _sets_lanes(s, node.id)
+                for s in ast.walk(self.tree)
+                if s is not node
             )
         return True
 
@@ -290,15 +330,28 @@ class Function:
             return self._parallel(target.elts, node.value.elts, e)
         return self._set(target, e.write(node.value), e)
 
-    def _parallel(self, targets: list[ast.expr], values: list[ast.expr], e: Expressions) -> list[str]:
-        """Assign several at once; by way of new variables where a later value reads an earlier target."""
+    def _parallel(
+        self, targets: list[ast.expr], values: list[ast.expr], e: Expressions
+    ) -> list[str]:
+        """Assign several at once; by way of new variables where a later value reads an earlier
+        target."""
         texts = [e.write(v) for v in values]
-        touched = [{ast.unparse(n) for n in ast.walk(t) if isinstance(n, (ast.Name, ast.Subscript))} for t in targets]
+        touched = [
+            {ast.unparse(n) for n in ast.walk(t) if isinstance(n, (ast.Name, ast.Subscript))}
+            for t in targets
+        ]
         reads = [{ast.unparse(n) for n in ast.walk(v)} for v in values]
-        clash = any(_own(targets[n]) & reads[k] for k in range(len(values)) for n in range(k)) and touched
+        clash = (
+            any(_own(targets[n]) & reads[k] for k in range(len(values)) for n in range(k))
+            and touched
+        )
         if clash:
             texts = [e.kept(text) for text in texts]
-        return [line for target, text in zip(targets, texts, strict=True) for line in self._set(target, text, e)]
+        return [
+            line
+            for target, text in zip(targets, texts, strict=True)
+            for line in self._set(target, text, e)
+        ]
 
     def _set(self, target: ast.expr, value: Text, e: Expressions) -> list[str]:
         """Return the assignment of a value to a target; to a tuple's parts one by one."""
@@ -306,7 +359,11 @@ class Function:
             assert isinstance(value.kind, Several)
             held = value if value.text.isidentifier() else e.kept(value)
             parts = [Text(f"{held.text}._{k}", kind) for k, kind in enumerate(value.kind.parts)]
-            return [line for t, part in zip(target.elts, parts, strict=True) for line in self._set(t, part, e)]
+            return [
+                line
+                for t, part in zip(target.elts, parts, strict=True)
+                for line in self._set(t, part, e)
+            ]
         if not isinstance(target, ast.Name):
             place = e.write(target)
             return [f"{place.text} = {e.as_kind(value, place.kind)};"]
@@ -365,7 +422,8 @@ def zero(kind: Kind) -> str:
 
 
 def home_of(user: Callable[..., Any], name: str) -> str:
-    """Return the module whose constant a function names: that which defines it, where it is imported from."""
+    """Return the module whose constant a function names: that which defines it, where it is
+    imported from."""
     module = inspect.getmodule(user)
     return _imported(module).get(name, user.__module__) if module else user.__module__
 

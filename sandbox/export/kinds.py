@@ -1,6 +1,8 @@
-"""Kinds of values in the plant's kernels, and how C holds them: numbers, records, tuples, rows of numbers.
+"""Kinds of values in the plant's kernels, and how C holds them: numbers, records, tuples, rows of
+numbers.
 
-A batch has one lane here: a row of one number is a plain field of the record, and the lane's index is left out.
+A batch has one lane here: a row of one number is a plain field of the record, and the lane's index
+is left out.
 """
 
 from __future__ import annotations

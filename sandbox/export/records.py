@@ -1,4 +1,5 @@
-"""The plant's records as structures in C: the batch of one lane, its room, and the named tuples of a period."""
+"""The plant's records as structures in C: the batch of one lane, its room, and the named tuples of
+a period."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from sandbox.plant.period import AppliedTorque, RotorTrajectory, Timing
 
 APPLIED_TORQUE = Record("drive_applied_torque", tuple((f, REAL) for f in AppliedTorque._fields))
 ROTOR_TRAJECTORY = Record(
-    "drive_rotor_trajectory", tuple((f, APPLIED_TORQUE if f == "applied" else REAL) for f in RotorTrajectory._fields)
+    "drive_rotor_trajectory",
+    tuple((f, APPLIED_TORQUE if f == "applied" else REAL) for f in RotorTrajectory._fields),
 )
 TIMING = Record("drive_timing", tuple((f, REAL) for f in Timing._fields))
 TUPLES = {AppliedTorque: APPLIED_TORQUE, RotorTrajectory: ROTOR_TRAJECTORY, Timing: TIMING}
@@ -20,8 +22,14 @@ TABLE = {f"table_{name}": MOST_POINTS for name in ("current", "volts", "sum")}
 
 def plant() -> Record:
     """Return the batch's record, effects of one's own included."""
-    rows = {name: Rows((LANE,)) for name in (*batch.STATES, *batch.SCRATCH, *batch.PLANT, *batch.FIXED, *ports.NUMBERS)}
-    parts = {name: Rows((count, LANE)) for name, count in {**dict.fromkeys(batch.LAGS, 3), **ports.FURTHER}.items()}
+    rows = {
+        name: Rows((LANE,))
+        for name in (*batch.STATES, *batch.SCRATCH, *batch.PLANT, *batch.FIXED, *ports.NUMBERS)
+    }
+    parts = {
+        name: Rows((count, LANE))
+        for name, count in {**dict.fromkeys(batch.LAGS, 3), **ports.FURTHER}.items()
+    }
     counts: dict[str, Kind] = dict.fromkeys([*map(batch.more, REPEATED), "table_points"], INT)
     table = {name: Rows((count,)) for name, count in TABLE.items()}
     return Record("drive_plant", tuple({**rows, **parts, **counts, **table}.items()), pointed=True)
@@ -40,7 +48,8 @@ def room() -> Record:
 
 
 def flux_map(energy: SplineEnergy | None) -> Record | None:
-    """Return a flux map's record, its cells behind a pointer; None where the motor has a quartic."""
+    """Return a flux map's record, its cells behind a pointer; None where the motor has a
+    quartic."""
     if energy is None:
         return None
     kinds = {"cells": Rows(tuple(int(n) for n in energy.cells.shape), fixed=True)}
@@ -50,7 +59,10 @@ def flux_map(energy: SplineEnergy | None) -> Record | None:
 def definition(record: Record, said: dict[str, str] | None = None) -> str:
     """Return a structure's type definition, a field a line; said: words behind a field."""
     lines = [
-        f"    {_field(name, kind, record)};{f' /* {said[name]} */' if said and said.get(name) else ''}"
+        (
+            "    "
+            f"{_field(name, kind, record)};{f' /* {said[name]} */' if said and said.get(name) else ''}"  # noqa: E501
+        )
         for name, kind in record.fields
     ]
     return "\n".join(["typedef struct {", *lines, f"}} {record.name};"])

@@ -1,4 +1,5 @@
-"""A drive as C source: the plant's kernels translated, its parameters with their bounds, and how it is stepped."""
+"""A drive as C source: the plant's kernels translated, its parameters with their bounds, and how it
+is stepped."""
 
 from __future__ import annotations
 
@@ -61,7 +62,8 @@ def identifier(name: str) -> str:
 
 
 def own_numbers(drive: Drive, values: Mapping[str, float], top_speed: float) -> list[Number]:
-    """Return what belongs to the drive beside effects; top_speed: rad/s electrical, up to which steps are short."""
+    """Return what belongs to the drive beside effects; top_speed: rad/s electrical, up to which
+    steps are short."""
     motor, converter = drive.motor, drive.converter
     true = library.true_motor(motor, values, keep_map=True)
     step = min(longest_step(true, values, sets.features_of(motor, values), top_speed), MOST_STEP)
@@ -83,7 +85,14 @@ def own_numbers(drive: Drive, values: Mapping[str, float], top_speed: float) -> 
             "rad",
             "of a count of the encoder, electrical; 0: none",
         ),
-        Number("longest_step", step, 1e-9, MOST_STEP, "s", f"of the integration: up to {top_speed:.4g} rad/s"),
+        Number(
+            "longest_step",
+            step,
+            1e-9,
+            MOST_STEP,
+            "s",
+            f"of the integration: up to {top_speed:.4g} rad/s",
+        ),
     ]
     return [Number(f"drive.{n.name}", n.value, n.low, n.high, n.unit, n.said) for n in own]
 
@@ -94,14 +103,24 @@ def _of(thing: Motor | Converter, name: str, said: str) -> Number:
 
 
 def numbers_of(drive: Drive, values: Mapping[str, float], top_speed: float) -> list[Number]:
-    """Return every parameter of an exported drive: its own, then those of effects and bench; values: completed."""
+    """Return every parameter of an exported drive: its own, then those of effects and bench;
+    values: completed."""
     out, same = own_numbers(drive, values, top_speed), library.same_numbers()
     for name, p in library.parameters().items():
         if name not in same:
             out.append(Number(name, values[name], p.low, p.high, p.unit, library.title(name)))
     for name, b in sets.BENCH.items():
         if name not in UNUSED:
-            out.append(Number(name, values[name], b.low, b.high, b.unit, name.partition(".")[2].replace("_", " ")))
+            out.append(
+                Number(
+                    name,
+                    values[name],
+                    b.low,
+                    b.high,
+                    b.unit,
+                    name.partition(".")[2].replace("_", " "),
+                )
+            )
     return out
 
 
@@ -129,7 +148,11 @@ def source_of(drive: Drive, values: Mapping[str, float], top_speed: float) -> So
         travel_looking=looking,
     )
     head = HEAD.substitute(header=HEADER, motor=drive.name, macros=_macros())
-    constants = [*_bounds(name, numbers), *(_map(energy) if energy else []), *_table(drive.converter)]
+    constants = [
+        *_bounds(name, numbers),
+        *(_map(energy) if energy else []),
+        *_table(drive.converter),
+    ]
     whole = "\n\n".join([head, program.text(), *constants, text])
     return Source(_header(drive, numbers, name), whole, tuple(numbers), name)
 
@@ -156,7 +179,8 @@ static inline drive_real drive_modulo(drive_real x, drive_real y) { /* has the s
 
 
 def _macros() -> str:
-    """Return the functions of the mathematical library by names that are the same in double and float."""
+    """Return the functions of the mathematical library by names that are the same in double and
+    float."""
     of_two, names = ("atan2", "copysign", "fmod", "hypot"), sorted({*MATHS, "fabs"})
     wide, narrow = ["#define R(x) x"], ["#define R(x) x##f"]
     for name in names:
@@ -171,7 +195,8 @@ def _template(name: str) -> Template:
 
 
 def _translated(energy: SplineEnergy | None) -> tuple[Program, str]:
-    """Return the kernels that a step needs, and the name of the period that looks at the current inside it."""
+    """Return the kernels that a step needs, and the name of the period that looks at the current
+    inside it."""
     rig = Record("loop_rig", (("rotor", INT),))
     kinds: dict[Any, Record] = dict(records.TUPLES)
     the_map: Kind = records.flux_map(energy) or Absent()
@@ -187,7 +212,13 @@ def _translated(energy: SplineEnergy | None) -> tuple[Program, str]:
     p.constant("sandbox.plant.edges", "LEG_Y", edges.LEG_Y)
     for name in ("SOONEST", "LATEST"):
         p.constant("sandbox.drive.sensing", name, getattr(sensing, name))
-    for name in ("MOVED", "MOTION", "TWIST", "ANGULAR", *(n for n in vars(additions) if n.isupper())):
+    for name in (
+        "MOVED",
+        "MOTION",
+        "TWIST",
+        "ANGULAR",
+        *(n for n in vars(additions) if n.isupper()),
+    ):
         value = getattr(additions, name)
         if isinstance(value, int):
             p.constant("sandbox.plant.additions", name, value)
@@ -216,7 +247,8 @@ def _indented(lines: list[str]) -> str:
 
 
 def _is(name: str) -> str:
-    """Return a parameter in C by its public name: where two are the same number, the one that stands for both."""
+    """Return a parameter in C by its public name: where two are the same number, the one that
+    stands for both."""
     return f"is->{field_of(library.same_numbers().get(name, name))}"
 
 
@@ -251,7 +283,9 @@ def _rows(drive: Drive, energy: SplineEnergy | None) -> list[str]:
         f"w->load_offset = {_is('bench.load_torque_offset')};",
     ]
     lines += [f"w->{row} = {_is(name)};" for row, name in sets.numbers()]
-    shape = f"is->dead_time_zone_shape != R(0.0) ? is->dead_time_zone_shape : {_is('bench.soft_shape')}"
+    shape = (
+        f"is->dead_time_zone_shape != R(0.0) ? is->dead_time_zone_shape : {_is('bench.soft_shape')}"
+    )
     lines += ["if (is->dead_time_zone_width == R(0.0)) {"]  # as `sets.zone_of`
     lines += [
         f"    w->dead_time_zone_width = {_is('bench.soft_current')};",
@@ -263,17 +297,25 @@ def _rows(drive: Drive, energy: SplineEnergy | None) -> list[str]:
     if table:
         size = f"{len(table)} * sizeof(drive_real)"
         lines.append(f"w->table_points = {len(table)};")
-        lines += [f"memcpy(w->table_{n}, drive_table_{n}, {size});" for n in ("current", "volts", "sum")]
+        lines += [
+            f"memcpy(w->table_{n}, drive_table_{n}, {size});" for n in ("current", "volts", "sum")
+        ]
     return lines
 
 
 def _further(motor: Motor, card: Any) -> list[str]:
     """Return the assignments of an effect's further parts: those that are there come first."""
-    neutral, names = library.neutral(motor), sorted({n for at in card.part(2).at for n in at.numbers})
+    neutral, names = (
+        library.neutral(motor),
+        sorted({n for at in card.part(2).at for n in at.numbers}),
+    )
     lines = ["{", "    int32_t at = 0;"]
     for k in range(2, card.repeats + 1):
         lines.append(f"    if ({_moved(card.switched_by[k - 1], neutral)}) {{")
-        lines += [f"        w->{further_field(card.name, n)}[at] = {_is(card.public(k, n))};" for n in names]
+        lines += [
+            f"        w->{further_field(card.name, n)}[at] = {_is(card.public(k, n))};"
+            for n in names
+        ]
         lines += ["        at++;", "    }"]
     ports = sorted({at.port for at in card.part(2).at})
     return [*lines, *(f"    w->more_{p} = drive_most_whole(w->more_{p}, at);" for p in ports), "}"]
@@ -295,7 +337,9 @@ def _needs(motor: Motor) -> list[str]:
 
 def _sound() -> str:
     tests = [
-        f"isfinite(w->{row})" if math.isinf(least) else f"isfinite(w->{row}) && w->{row} >= {literal(least)}"
+        f"isfinite(w->{row})"
+        if math.isinf(least)
+        else f"isfinite(w->{row}) && w->{row} >= {literal(least)}"
         for rows in sets.SOUND.values()
         for row, least in rows.items()
     ]
@@ -316,7 +360,9 @@ def _bounds(name: str, numbers: list[Number]) -> list[str]:
 
 def _map(energy: SplineEnergy) -> list[str]:
     """Return a flux map's cells as constants."""
-    cells = ",\n    ".join(", ".join(literal(float(v)) for v in row) for row in energy.cells.reshape(-1, 5))
+    cells = ",\n    ".join(
+        ", ".join(literal(float(v)) for v in row) for row in energy.cells.reshape(-1, 5)
+    )
     rest = ", ".join(literal(float(v)) if math.isfinite(v) else "R(0.0)" for v in energy[1:])
     return [
         f"static const {REAL} drive_cells[{energy.cells.size}] = {{ /* J */\n    {cells}}};",
@@ -325,7 +371,8 @@ def _map(energy: SplineEnergy) -> list[str]:
 
 
 def _table(converter: Converter) -> list[str]:
-    """Return an inverter's measured table as constants: A, V, and the integral up to each point (A V)."""
+    """Return an inverter's measured table as constants: A, V, and the integral up to each point (A
+    V)."""
     points = converter.inverter_table
     if not points:
         return []
@@ -335,7 +382,10 @@ def _table(converter: Converter) -> list[str]:
         sums.append(total)
     columns = {"current": [p[0] for p in points], "volts": [p[1] for p in points], "sum": sums}
     return [
-        f"static const {REAL} drive_table_{name}[{len(points)}] = {{{', '.join(literal(float(v)) for v in column)}}};"
+        (
+            f"static const {REAL} drive_table_{name}[{len(points)}] = "
+            f"{{{', '.join(literal(float(v)) for v in column)}}};"
+        )
         for name, column in columns.items()
     ]
 

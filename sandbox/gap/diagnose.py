@@ -50,11 +50,13 @@ NINE_IN_TEN = 600  # simulations within which nine in ten diagnoses end: what a 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """All that a diagnosis found; `sandbox.gap.report.diagnosis_json.contract` puts it into `diagnosis.json`.
+    """All that a diagnosis found; `sandbox.gap.report.diagnosis_json.contract` puts it into
+    `diagnosis.json`.
 
-    nominal, before, after: the campaign at the nominal model, after refitting ordinary deviations only, and with the
-    best hypothesis.  hypotheses: the most probable first.  variance: that estimates meet in currents, in units of the
-    noise's, mean over readings; 1 where the best set leaves nothing beside noise.
+    nominal, before, after: the campaign at the nominal model, after refitting ordinary deviations
+    only, and with the best hypothesis.  hypotheses: the most probable first.  variance: that
+    estimates meet in currents, in units of the noise's, mean over readings; 1 where the best set
+    leaves nothing beside noise.
     """
 
     campaign: Campaign
@@ -73,11 +75,14 @@ class Diagnosis:
     seconds: float
     excluded: tuple[str, ...] = ()
     caution: str = ""  # about the stated noise
-    out_of_sight: tuple[str, ...] = ()  # effects that are no candidates as no recording can show them
+    # effects that are no candidates as no recording can show them
+    out_of_sight: tuple[str, ...] = ()
     noise: Noise | None = None  # stated, seen, used
     drifting: Drifting | None = None  # how offsets of current sensors differed, which was taken off
-    at_bound: tuple[Held, ...] = ()  # ordinary deviations of the best hypothesis that are as large as they may be
-    counted: Counted | None = None  # counts that duties are rounded to, which [drive] does not state
+    # ordinary deviations of the best hypothesis that are as large as they may be
+    at_bound: tuple[Held, ...] = ()
+    # counts that duties are rounded to, which [drive] does not state
+    counted: Counted | None = None
 
     @property
     def best(self) -> Hypothesis:
@@ -107,9 +112,9 @@ def diagnose(
 ) -> Diagnosis:
     """Return the diagnosis of a campaign (a folder, or read already).
 
-    exclude: effects that are no candidates; rivals: sets that are fitted and weighed whatever else is (those that an
-    earlier diagnosis left); workers: threads; memory: GB it may take, what slopes are beyond that wait
-    in a file; report: called with a few words before each stage.
+    exclude: effects that are no candidates; rivals: sets that are fitted and weighed whatever else
+    is (those that an earlier diagnosis left); workers: threads; memory: GB it may take, what slopes
+    are beyond that wait in a file; report: called with a few words before each stage.
     BadInput for a campaign that cannot be read or replayed, or that is too long for so much memory.
     """
     began = time.perf_counter()
@@ -129,8 +134,8 @@ def _diagnosed(
     memory: float,
     report: Callable[[str], None],
 ) -> Diagnosis:
-    """Return the diagnosis of a campaign, what it took left out.  What recordings' offsets differ by is looked for at
-    the nominal model already, where it misses little else."""
+    """Return the diagnosis of a campaign, what it took left out.  What recordings' offsets differ
+    by is looked for at the nominal model already, where it misses little else."""
     start, nominal = _nominal(own, memory, workers)
     drifts = Unstated(drifting=drifting(start, shown(start)))
     if drifts:
@@ -139,7 +144,9 @@ def _diagnosed(
     asked = tuple(s for s in rivals if not set(s) & set(hidden))
     start, short = _with_map(start, _excerpts(start))
     fitted, barred = weights_of(count), (*exclude, *hidden)
-    found = infer(Problem(start, fitted, barred, asked, USUAL_SETTINGS, workers, report, short, drifts))
+    found = infer(
+        Problem(start, fitted, barred, asked, USUAL_SETTINGS, workers, report, short, drifts)
+    )
     if found.known:
         own, start = found.known.in_campaign(own), found.start
         nominal = normal(start, (), workers=workers)
@@ -147,7 +154,9 @@ def _diagnosed(
     report("measuring the gap")
     left = held_out(found.linear)
     before = _without(found.null, start, left, workers)
-    told, after = _foretelling(hypotheses(found, misstated(noise), workers=workers), before, start, left, workers)
+    told, after = _foretelling(
+        hypotheses(found, misstated(noise), workers=workers), before, start, left, workers
+    )
     best = told[0].evaluated
     rest = remainder(found.null, best.fit, misstated(noise))
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
@@ -181,8 +190,9 @@ def _diagnosed(
 def _foretelling(
     told: list[Hypothesis], before: Fit, start: Point, left: Sequence[int], workers: int
 ) -> tuple[list[Hypothesis], Fit]:
-    """Return hypotheses whose first one predicts recordings that were not fitted at least as well as ordinary
-    deviations alone do, and its fit without these; each that does not passes its probability to `unknown` alone.
+    """Return hypotheses whose first one predicts recordings that were not fitted at least as well
+    as ordinary deviations alone do, and its fit without these; each that does not passes its
+    probability to `unknown` alone.
 
     A name that makes the prediction worse is not given: what it explains elsewhere it imitates.
     """
@@ -195,19 +205,24 @@ def _foretelling(
 
 
 def _passed(told: list[Hypothesis]) -> list[Hypothesis]:
-    """Return hypotheses without the first one's set, whose probability goes to something outside the library alone."""
+    """Return hypotheses without the first one's set, whose probability goes to something outside
+    the library alone."""
     gone = told[0].evaluated.effects
     lost = sum(h.probability for h in told if h.evaluated.effects == gone)
     rest = [h for h in told if h.evaluated.effects != gone]
     none = min(rest, key=lambda h: len(h.evaluated.effects)) if rest else told[0]
     kept = [h for h in rest if h.effects != (UNKNOWN,)]
     alone = lost + sum(h.probability for h in rest if h.effects == (UNKNOWN,))
-    return sorted([*kept, Hypothesis((UNKNOWN,), alone, none.evaluated)], key=lambda h: (-h.probability, h.effects))
+    return sorted(
+        [*kept, Hypothesis((UNKNOWN,), alone, none.evaluated)],
+        key=lambda h: (-h.probability, h.effects),
+    )
 
 
 def misstated(noise: Noise) -> float:
-    """Return by how much of itself the noise's square may be misstated: twice what the floor that is used differs from
-    the noise that readings show; nothing where the stated one stands alone; what is estimated for a slow log, all."""
+    """Return by how much of itself the noise's square may be misstated: twice what the floor that
+    is used differs from the noise that readings show; nothing where the stated one stands alone;
+    what is estimated for a slow log, all."""
     if noise.unseen:
         return (noise.unseen / noise.used) ** 2
     if noise.seen is None:
@@ -225,32 +240,40 @@ def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]
     nominal = normal(start, (), workers=workers)
     if not np.isfinite(rms(nominal, range(len(prepared.recordings)))):
         raise PhysicsError(
-            "the nominal model predicts no finite currents for these voltages; check [motor] (units, alphas: "
-            "`sensorless audit` shows where an energy stops being convex)"
+            "the nominal model predicts no finite currents for these voltages; check [motor] "
+            "(units, alphas: `sensorless audit` shows where an energy stops being convex)"
         )
     return start, nominal
 
 
 def _excerpts(start: Point) -> Point | None:
-    """Return the nominal point of a campaign cut to excerpts, on which the search for effects begins; None where that
-    would save little."""
+    """Return the nominal point of a campaign cut to excerpts, on which the search for effects
+    begins; None where that would save little."""
     if start.prepared.samples <= 2 * USUAL_SETTINGS.samples:
         return None
     own = start.prepared.campaign
-    short = prepare(in_order(begun(excerpted(own, USUAL_SETTINGS.samples))), steps=start.prepared.steps)
-    return replace(start, prepared=replace(short, noise_std=start.prepared.noise_std, spare=start.prepared.spare))
+    short = prepare(
+        in_order(begun(excerpted(own, USUAL_SETTINGS.samples))), steps=start.prepared.steps
+    )
+    return replace(
+        start,
+        prepared=replace(short, noise_std=start.prepared.noise_std, spare=start.prepared.spare),
+    )
 
 
 def _with_map(start: Point, short: Point | None) -> tuple[Point, Point | None]:
-    """Return a campaign's nominal point, and that of its excerpts, with what the motor's flux map may be off by."""
+    """Return a campaign's nominal point, and that of its excerpts, with what the motor's flux map
+    may be off by."""
     campaign = start.prepared.campaign
     seen = with_modes(short or start, map_error(campaign))
-    return replace(start, prepared=same_map(start.prepared, seen.prepared)), None if short is None else seen
+    return replace(
+        start, prepared=same_map(start.prepared, seen.prepared)
+    ), None if short is None else seen
 
 
 def in_order(campaign: Campaign) -> Campaign:
-    """Return a campaign with its recordings in an order that follows from what they hold, so that neither their names
-    nor their order in the file change a digit."""
+    """Return a campaign with its recordings in an order that follows from what they hold, so that
+    neither their names nor their order in the file change a digit."""
     return replace(campaign, recordings=tuple(sorted(campaign.recordings, key=content)))
 
 
@@ -263,8 +286,9 @@ def content(r: CampaignRecording) -> tuple[str, str]:
 
 
 def out_of_sight(campaign: Campaign) -> tuple[str, ...]:
-    """Return the effects that recordings cannot show however large they are: those of mechanics, where no rotor is
-    free (locked, or its speed imposed), and those of an encoder, where no angle was read."""
+    """Return the effects that recordings cannot show however large they are: those of mechanics,
+    where no rotor is free (locked, or its speed imposed), and those of an encoder, where no angle
+    was read."""
     gone = () if any(r.rotor == "free" for r in campaign.recordings) else ("mechanics",)
     own = [e for e in library.effect_names() if library.load_effect(e).subsystem in gone]
     if all(r.made is not None for r in campaign.recordings):
@@ -274,11 +298,13 @@ def out_of_sight(campaign: Campaign) -> tuple[str, ...]:
 
 
 def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit:
-    """Return a fit to all recordings made again without those that are held out; start: the nominal model.
+    """Return a fit to all recordings made again without those that are held out; start: the nominal
+    model.
 
-    With effects it begins where the whole fit ended, a few steps away: near the floor its end is the same (a test
-    spoils the recording held out).  Far from the floor it could keep some of what the whole fit saw: there the best of
-    two counts, the other begins at the nominal model with the effects alone, as one without effects does.
+    With effects it begins where the whole fit ended, a few steps away: near the floor its end is
+    the same (a test spoils the recording held out).  Far from the floor it could keep some of what
+    the whole fit saw: there the best of two counts, the other begins at the nominal model with the
+    effects alone, as one without effects does.
     """
     if not left:
         return whole
@@ -290,7 +316,9 @@ def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit
         return near
     own = {k: v for k, v in whole.point.values.items() if k.partition(".")[0] in whole.effects}
     begun = replace(start, values={**start.values, **own})
-    other = attempted(begun, whole.effects, weights, smooth=True, leader=near.objective, workers=workers)
+    other = attempted(
+        begun, whole.effects, weights, smooth=True, leader=near.objective, workers=workers
+    )
     return near if other is None or near.objective <= other.objective else other
 
 

@@ -1,18 +1,22 @@
-"""Parts chosen from long recordings: a diagnosis needs what differs in them, not minutes of the same.
+"""Parts chosen from long recordings: a diagnosis needs what differs in them, not minutes of the
+same.
 
-Each recording is cut into blocks of equal length.  A block is described by what its commands, currents and encoder say:
-mean and scatter of currents, speed, voltage, link voltage and load, and where a locked rotor stands.  Nothing simulated
-is looked at, so the choice favours no effect.  Taken are, in this order:
+Each recording is cut into blocks of equal length.  A block is described by what its commands,
+currents and encoder say: mean and scatter of currents, speed, voltage, link voltage and load, and
+where a locked rotor stands.  Nothing simulated is looked at, so the choice favours no effect.
+Taken are, in this order:
 
-1. of every recording (where there are many, of every kind of them: rotor, injection, link voltage) one block,
+1. of every recording (where there are many, of every kind of them: rotor, injection, link voltage)
+one block,
 2. as long as half of the samples are left, the block farthest from all that are taken
    (Gonzalez, Theor. Comput. Sci. 38 (1985) 293): what is rare,
 3. blocks spread evenly over the rest: what is usual.
 
-A block begins in mid-recording, where filters and iron are not at rest and the first reading is one noisy sample.  The
-replay goes through the rows before it, so that states settle; these rows are no part of the residual.  A free rotor's
-shaft may swing there, so a block of it has a block's length of such rows.  A whole recording that begins under current
-gives its own first rows to that (`begun`).
+A block begins in mid-recording, where filters and iron are not at rest and the first reading is one
+noisy sample.  The replay goes through the rows before it, so that states settle; these rows are no
+part of the residual.  A free rotor's shaft may swing there, so a block of it has a block's length
+of such rows.  A whole recording that begins under current gives its own first rows to that
+(`begun`).
 """
 
 from __future__ import annotations
@@ -31,22 +35,28 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording, Excerpt, Ex
 from sandbox.replay.inputs import AT_REST
 
 Array = NDArray[np.float64]
-MAX_SAMPLES = 250_000  # samples that are all used: the largest campaign of the blind checks holds 169 920
+# samples that are all used: the largest campaign of the blind checks holds 169 920
+MAX_SAMPLES = 250_000
 CUT_TO = 100_000  # samples of a longer one: the other campaigns of the blind checks hold 84 960
 PARTS = 24  # blocks of so many samples: twice the recordings that those campaigns hold
 FEWEST = 6  # blocks, where states take long to settle and blocks are longer for it
 LEAST = 20_000  # samples, below which a campaign is not cut: PARTS blocks of 80 ms at 10 kHz
 SETTLED = 5.0  # time constants L/R: of a wrong start 0.7 % is left
-APART = 0.1  # of rated values, that the campaign's whole length counts as: blocks that differ by less spread over it
+# of rated values, that the campaign's whole length counts as: blocks that differ by less spread
+# over it
+APART = 0.1
 FARTHEST = 3.0  # of rated values: what is beyond is a fault, not further away
-KINDS = 10.0  # of rated values that two kinds of rotor lie apart: each is chosen from before blocks of one are compared
+# of rated values that two kinds of rotor lie apart: each is chosen from before blocks of one are
+# compared
+KINDS = 10.0
 
 
 def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
-    """Return a campaign of blocks of its recordings, of at most so many samples in all (`Campaign.excerpts`).
+    """Return a campaign of blocks of its recordings, of at most so many samples in all
+    (`Campaign.excerpts`).
 
-    One that is not longer is returned as it is.  most: samples, math.inf for all; by default campaigns longer than
-    MAX_SAMPLES are cut to CUT_TO.  BadInput below LEAST.
+    One that is not longer is returned as it is.  most: samples, math.inf for all; by default
+    campaigns longer than MAX_SAMPLES are cut to CUT_TO.  BadInput below LEAST.
     """
     check_samples(most)
     n = [len(r.t) for r in campaign.recordings]
@@ -59,11 +69,15 @@ def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
     length = even(min(max(most / PARTS, settling), most / FEWEST))
     blocks = [(k, a, b) for k, rows in enumerate(n) for a, b in _blocks(rows, length)]
     marks = np.concatenate([_marks(campaign, k, length) for k in range(len(n))])
-    chosen = _chosen(marks, [b - a for _, a, b in blocks], _groups(campaign, [k for k, _, _ in blocks]), most)
+    chosen = _chosen(
+        marks, [b - a for _, a, b in blocks], _groups(campaign, [k for k, _, _ in blocks]), most
+    )
     recordings, told = [], []
     for k, first, last in (blocks[place] for place in chosen):
         whole = campaign.recordings[k]
-        own = whole if last - first == n[k] else excerpt(whole, slice(first, last), settling, period)
+        own = (
+            whole if last - first == n[k] else excerpt(whole, slice(first, last), settling, period)
+        )
         recordings.append(own)
         told.append(Excerpt(own.file, whole.file, first, last - first, n[k]))
     found = Excerpts(tuple(told), sum(n), tuple(r.file for r in campaign.recordings))
@@ -73,16 +87,23 @@ def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
 def check_samples(most: float | None) -> None:
     """Raise BadInput where so many samples are too few."""
     if most is not None and not most >= LEAST:
-        raise BadInput(f"samples = {most:g} is too few to tell effects apart; give {LEAST} or more, or inf for all")
+        raise BadInput(
+            f"samples = {most:g} is too few to tell effects apart; give {LEAST} or more, "
+            "or inf for all"
+        )
 
 
 def even(rows: float) -> int:
-    """Return the largest even number of rows that is not larger: halves of a PWM period (double update) stay whole."""
+    """Return the largest even number of rows that is not larger: halves of a PWM period (double
+    update) stay whole."""
     return 2 * int(rows // 2.0)
 
 
-def _chosen(marks: Array, sizes: Sequence[int], groups: Sequence[Sequence[int]], most: float) -> list[int]:
-    """Return the places of the blocks that are taken, in their order; groups: places of which one each comes first."""
+def _chosen(
+    marks: Array, sizes: Sequence[int], groups: Sequence[Sequence[int]], most: float
+) -> list[int]:
+    """Return the places of the blocks that are taken, in their order; groups: places of which one
+    each comes first."""
     middle = marks.mean(axis=0)
     out: list[int] = []
     for group in groups:  # of each the most unusual one
@@ -96,9 +117,11 @@ def _chosen(marks: Array, sizes: Sequence[int], groups: Sequence[Sequence[int]],
     return sorted({*out, *(left[round(x)] for x in spread)})
 
 
-def farthest_first(marks: Array, sizes: Sequence[int], taken: Sequence[int], most: float) -> list[int]:
-    """Return the places taken of marks (n, features), and each time the farthest from them, as long as the next size
-    stays within most."""
+def farthest_first(
+    marks: Array, sizes: Sequence[int], taken: Sequence[int], most: float
+) -> list[int]:
+    """Return the places taken of marks (n, features), and each time the farthest from them, as long
+    as the next size stays within most."""
     out = list(taken)
     away = np.min([np.sum((marks - marks[k]) ** 2, axis=1) for k in out], axis=0)
     left = most - sum(sizes[k] for k in out)
@@ -110,7 +133,8 @@ def farthest_first(marks: Array, sizes: Sequence[int], taken: Sequence[int], mos
 
 
 def _groups(campaign: Campaign, of: Sequence[int]) -> list[list[int]]:
-    """Return the places of blocks that belong together: of a recording, or of a kind where there are many recordings;
+    """Return the places of blocks that belong together: of a recording, or of a kind where there
+    are many recordings;
     of: the recording of each block."""
     r = campaign.recordings
     many = len(r) > PARTS // 2
@@ -119,7 +143,8 @@ def _groups(campaign: Campaign, of: Sequence[int]) -> list[list[int]]:
 
 
 def _blocks(rows: int, length: int) -> list[tuple[int, int]]:
-    """Return first and last row of a recording's blocks, of about that length where there are as many rows.
+    """Return first and last row of a recording's blocks, of about that length where there are as
+    many rows.
 
     They begin at even rows.
     """
@@ -129,7 +154,8 @@ def _blocks(rows: int, length: int) -> list[tuple[int, int]]:
 
 
 def _marks(campaign: Campaign, place: int, length: int) -> Array:
-    """Return what a recording's blocks are described by (blocks, features), in shares of rated values."""
+    """Return what a recording's blocks are described by (blocks, features), in shares of rated
+    values."""
     r, count = campaign.recordings[place], len(campaign.recordings)
     kind = KINDS * ("locked", "driven", "free").index(r.rotor)
     out = []
@@ -146,28 +172,52 @@ def _signals(campaign: Campaign, r: CampaignRecording, own: slice) -> Array:
     motor, converter = campaign.drive.motor, campaign.drive.converter
     theta = r.theta[own]
     a, b, c = (r.columns[name][own] for name in ("i_a", "i_b", "i_c"))
-    alpha, beta, cos, sin = (2.0 * a - b - c) / 3.0, (b - c) / math.sqrt(3.0), np.cos(theta), np.sin(theta)
+    alpha, beta, cos, sin = (
+        (2.0 * a - b - c) / 3.0,
+        (b - c) / math.sqrt(3.0),
+        np.cos(theta),
+        np.sin(theta),
+    )
     base = motor.pole_pairs * motor.rated_speed_rpm * math.pi / 30.0
-    speed = np.gradient(np.unwrap(theta), converter.sampling_period) / base if len(theta) > 1 else 0.0 * theta
-    load = r.columns["load_torque"][own] / motor.rated_torque if "load_torque" in r.columns else 0.0 * theta
+    speed = (
+        np.gradient(np.unwrap(theta), converter.sampling_period) / base
+        if len(theta) > 1
+        else 0.0 * theta
+    )
+    load = (
+        r.columns["load_torque"][own] / motor.rated_torque
+        if "load_torque" in r.columns
+        else 0.0 * theta
+    )
     stands = 1.0 if r.rotor == "locked" else 0.0
     link = converter.dc_bus_voltage
-    return np.stack([
-        (cos * alpha + sin * beta) / motor.rated_current, (cos * beta - sin * alpha) / motor.rated_current, speed,
-        math.sqrt(3.0) * np.hypot(r.u_alpha[own], r.u_beta[own]) / link, r.u_dc[own] / link, load, stands * cos,
-        stands * sin,
-    ])  # fmt: skip
+    return np.stack(
+        [
+            (cos * alpha + sin * beta) / motor.rated_current,
+            (cos * beta - sin * alpha) / motor.rated_current,
+            speed,
+            math.sqrt(3.0) * np.hypot(r.u_alpha[own], r.u_beta[own]) / link,
+            r.u_dc[own] / link,
+            load,
+            stands * cos,
+            stands * sin,
+        ]
+    )
 
 
 def begun(campaign: Campaign) -> Campaign:
-    """Return a campaign whose recordings that begin under current give their first rows to settling.
+    """Return a campaign whose recordings that begin under current give their first rows to
+    settling.
 
-    The first reading is one noisy sample; a start from it is wrong by that noise for L/R, alike to the last digit in
-    all effects that shift readings in time.  A recording keeps at least half of its rows.
+    The first reading is one noisy sample; a start from it is wrong by that noise for L/R, alike to
+    the last digit in all effects that shift readings in time.  A recording keeps at least half of
+    its rows.
     """
     motor, period = campaign.drive.motor, campaign.drive.converter.sampling_period
     settling = rows_to_settle(motor, period)
-    return replace(campaign, recordings=tuple(_begun(r, motor, settling, period) for r in campaign.recordings))
+    return replace(
+        campaign, recordings=tuple(_begun(r, motor, settling, period) for r in campaign.recordings)
+    )
 
 
 def _begun(r: CampaignRecording, motor: Motor, settling: int, period: float) -> CampaignRecording:
@@ -183,23 +233,29 @@ def _begun(r: CampaignRecording, motor: Motor, settling: int, period: float) -> 
 
 def rows_to_settle(motor: Motor, period: float) -> int:
     """Return in how many rows states settle, an even number."""
-    return 2 * math.ceil(0.5 * SETTLED * max(motor.inductance_d, motor.inductance_q) / motor.resistance / period)
+    return 2 * math.ceil(
+        0.5 * SETTLED * max(motor.inductance_d, motor.inductance_q) / motor.resistance / period
+    )
 
 
 def excerpt(r: CampaignRecording, rows: slice, settling: int, period: float) -> CampaignRecording:
     """Return some rows of a recording, after those in which states settle; its name tells its time.
 
-    These are `settling` rows, of a free rotor as many as the excerpt has, never more than that, and an even number
-    where the first row is even.
+    These are `settling` rows, of a free rotor as many as the excerpt has, never more than that, and
+    an even number where the first row is even.
     """
     first, length = rows.start, even(rows.stop - rows.start)
     before = min(first, length if r.rotor == "free" else min(settling, length))
     stem, dot, suffix = r.file.rpartition(".")
     name = f"{stem or suffix}-{first * period:.3f}s{dot if stem else ''}{suffix if stem else ''}"
-    columns = {key: x[first - before : rows.stop].copy() for key, x in r.columns.items()}  # the long ones can go
+    # the long ones can go
+    columns = {key: x[first - before : rows.stop].copy() for key, x in r.columns.items()}
     columns["t"] -= columns["t"][before]
     return replace(
-        r, file=name, of=r.origin, columns={key: x[before:] for key, x in columns.items()},
+        r,
+        file=name,
+        of=r.origin,
+        columns={key: x[before:] for key, x in columns.items()},
         settling={key: x[:before] for key, x in columns.items()} if before else {},
         starts_at=r.starts_at + first * period,
-    )  # fmt: skip
+    )

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from sandbox.gap.evidence.normal import Point, block_length
 
-SAMPLE = 14e3  # bytes: 198 regressors of two components, made from 99 and from their answers, and copied once
+# bytes: 198 regressors of two components, made from 99 and from their answers, and copied once
+SAMPLE = 14e3
 
 
 def share(point: Point) -> float:
@@ -16,8 +17,8 @@ def share(point: Point) -> float:
 
 
 def shortened(point: Point) -> Point:
-    """Return the point with that share of each recording: its middle, of a free rotor its beginning (a motion that is
-    foretold from sample to sample has to begin with it)."""
+    """Return the point with that share of each recording: its middle, of a free rotor its beginning
+    (a motion that is foretold from sample to sample has to begin with it)."""
     part, cut = share(point), block_length(point.prepared)
     if part == 1.0:
         return point

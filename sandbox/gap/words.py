@@ -1,4 +1,5 @@
-"""Parts of sentences about a diagnosis: effects, hypotheses, probabilities, shares and quantities in words."""
+"""Parts of sentences about a diagnosis: effects, hypotheses, probabilities, shares and quantities
+in words."""
 
 from __future__ import annotations
 
@@ -10,7 +11,14 @@ from sandbox.gap.posterior.estimates import Estimate
 
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H")  # not 1/H: nobody reads m1/H
-SIGNS = {"ohm": "Ω", "N m": "N·m", "kg m^2": "kg·m²", "A/Wb^2": "A/Wb²", "A/Wb^3": "A/Wb³", "N m s/rad": "N·m·s/rad"}
+SIGNS = {
+    "ohm": "Ω",
+    "N m": "N·m",
+    "kg m^2": "kg·m²",
+    "A/Wb^2": "A/Wb²",
+    "A/Wb^3": "A/Wb³",
+    "N m s/rad": "N·m·s/rad",
+}
 
 
 def likely(p: float) -> str:
@@ -26,9 +34,12 @@ def times(x: float) -> str:
 
 
 def amperes(x: float, *, sign: bool = False) -> str:
-    """Return a current with two digits and a unit a person uses: "17 mA", with its sign "+17 mA"."""
+    """Return a current with two digits and a unit a person uses: "17 mA", with its sign "+17
+    mA"."""
     size = abs(x)
-    scale, prefix = next(((s, p) for s, p in PREFIXES if size >= s), (1e-9, "n")) if size else (1.0, "")
+    scale, prefix = (
+        next(((s, p) for s, p in PREFIXES if size >= s), (1e-9, "n")) if size else (1.0, "")
+    )
     two = float(f"{size / scale:.2g}")
     return f"{('−' if x < 0.0 else '+') if sign else ''}{two:g} {prefix}A"
 
@@ -65,7 +76,10 @@ def listing(told: Sequence[str]) -> str:
 
 def sizes(parameters: dict[str, Estimate]) -> str:
     """Return the parameters of a hypothesis as one clause."""
-    return ", ".join(f"{library.title(name)} {quantity(e)}" for name, e in parameters.items()) or "no parameter"
+    return (
+        ", ".join(f"{library.title(name)} {quantity(e)}" for name, e in parameters.items())
+        or "no parameter"
+    )
 
 
 def quantity(e: Estimate) -> str:
@@ -76,11 +90,12 @@ def quantity(e: Estimate) -> str:
         scale, prefix = next(((s, p) for s, p in PREFIXES if max(sizes) >= s), PREFIXES[-1])
     exact = e.low == e.high  # told by a file, not estimated: as many digits as it has
     value, low, high = (
-        _exact(x / scale) if exact else _digits(x / scale, (e.high - e.low) / scale) for x in (e.value, e.low, e.high)
+        _exact(x / scale) if exact else _digits(x / scale, (e.high - e.low) / scale)
+        for x in (e.value, e.low, e.high)
     )
     unit = prefix + SIGNS.get(e.unit, e.unit)
     interval = "" if exact else f" [{low}, {high}]"
-    return f"{value}{' ' + unit if unit else ''}{interval}{' (at the bound of the search)' if e.at_bound else ''}"
+    return f"{value}{' ' + unit if unit else ''}{interval}{' (at the bound of the search)' if e.at_bound else ''}"  # noqa: E501
 
 
 def _exact(x: float) -> str:
@@ -100,9 +115,12 @@ def _digits(x: float, width: float) -> str:
 
 
 def interval(value: float, low: float, high: float) -> str:
-    """Return a share with its interval, to a tenth of a percent; "< 0.1 %" where that leaves nothing of it to see."""
+    """Return a share with its interval, to a tenth of a percent; "< 0.1 %" where that leaves
+    nothing of it to see."""
     told = [tenths(x) for x in (value, low, high)]
-    return "< 0.1 %" if value and set(told) == {tenths(0.0)} else f"{told[0]} [{told[1]}, {told[2]}]"
+    return (
+        "< 0.1 %" if value and set(told) == {tenths(0.0)} else f"{told[0]} [{told[1]}, {told[2]}]"
+    )
 
 
 def tenths(x: float) -> str:

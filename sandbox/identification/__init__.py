@@ -1,1 +1,2 @@
-"""Motors from ordinary recordings: R, inductances and magnet flux by least squares on replays of any commands."""
+"""Motors from ordinary recordings: R, inductances and magnet flux by least squares on replays of
+any commands."""

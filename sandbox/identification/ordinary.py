@@ -1,16 +1,19 @@
-"""R, L_d, L_q and magnet flux from ordinary recordings: a step at locked rotor, a sweep, a spin at any commands.
+"""R, L_d, L_q and magnet flux from ordinary recordings: a step at locked rotor, a sweep, a spin at
+any commands.
 
 Two steps over the same recordings:
 
-1. linear least squares on the flux balance over windows (`sandbox.recordings.checks.balance` writes it out),
-2. from there the exact replay, by Gauss and Newton: the parameters whose simulated currents miss the measured ones
-   least.  The first errs where readings are noisy, since noise stands on both sides of its equations; the second does
-   not.
+1. linear least squares on the flux balance over windows (`sandbox.recordings.checks.balance` writes
+it out),
+2. from there the exact replay, by Gauss and Newton: the parameters whose simulated currents miss
+   the measured ones least.  The first errs where readings are noisy, since noise stands on both
+   sides of its equations; the second does not.
 
-Beside the motor the voltage that each leg loses and the offsets of two sensors are fitted.  Deviations are those of
-blocks of time (the "sandwich" of White, Econometrica 48 (1980) 817, with blocks as its independent pieces): what the
-model lacks is alike over many samples, so single samples would promise too much.  A parameter that the recordings
-leave open by more than MAX_DEVIATION of itself is not told: its start stands, and a sentence says why.
+Beside the motor the voltage that each leg loses and the offsets of two sensors are fitted.
+Deviations are those of blocks of time (the "sandwich" of White, Econometrica 48 (1980) 817, with
+blocks as its independent pieces): what the model lacks is alike over many samples, so single
+samples would promise too much.  A parameter that the recordings leave open by more than
+MAX_DEVIATION of itself is not told: its start stands, and a sentence says why.
 """
 
 from __future__ import annotations
@@ -42,16 +45,21 @@ OF_EFFECT = {
 }
 THRESHOLD, DEAD = LOST = ("device_drop.threshold", "dead_time.time")
 OFFSETS = ("current_offset.offset_a", "current_offset.offset_b")
-OFFSET_OF, ANGLE = "encoder_offset.offset", "angles."  # of each angle that was made: its zero is nobody's reading
-MAX_DEVIATION = 0.3  # relative standard deviation: beyond it an interval holds a half and twice the value
+# of each angle that was made: its zero is nobody's reading
+OFFSET_OF, ANGLE = "encoder_offset.offset", "angles."
+# relative standard deviation: beyond it an interval holds a half and twice the value
+MAX_DEVIATION = 0.3
 BLOCKS = 40  # blocks of time that all recordings are cut into, for the scatter of what they say
 MAX_SAMPLES = 60_000  # samples used: at 10 kHz six seconds of motion
 STEPS, ENOUGH = 12, 1e-3  # of Gauss and Newton; in standard deviations
 SHARE = 1e-3  # of a parameter: the step of its slope
-OFFSET, DROP = 0.01, 0.02  # priors, one standard deviation: of rated current; of the link, as voltage or as time
+# priors, one standard deviation: of rated current; of the link, as voltage or as time
+OFFSET, DROP = 0.01, 0.02
 FARTHEST = math.log(3.0)  # of a parameter in one step
 CHANGES = 5.0  # noises: the least rms change of a current that tells an inductance
-WIDE = {  # logarithm of the factor from the start within which one is looked for; inductances: inside a scale's bounds
+# logarithm of the factor from the start within which one is looked for; inductances: inside a
+# scale's bounds
+WIDE = {
     "resistance": math.log(1e3),
     "magnet_flux": math.log(1e3),
     "inductance_d": math.log(4.0),
@@ -63,10 +71,10 @@ WIDE = {  # logarithm of the factor from the start within which one is looked fo
 class OrdinaryFit:
     """What ordinary recordings say of a motor.
 
-    values, deviations: of what was told, by name of [motor]; untold: why the others are not; start: by the linear
-    least squares (nominal where it says nothing); nuisance: by public name of effects, and angles.FILE (rad) of a
-    zero that was made; residual_rms: A; misfit: the residual's square over the noise's; files: of the recordings
-    used; samples: used, of `of_samples`.
+    values, deviations: of what was told, by name of [motor]; untold: why the others are not; start:
+    by the linear least squares (nominal where it says nothing); nuisance: by public name of
+    effects, and angles.FILE (rad) of a zero that was made; residual_rms: A; misfit: the residual's
+    square over the noise's; files: of the recordings used; samples: used, of `of_samples`.
     """
 
     motor: Motor
@@ -96,9 +104,16 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
     begin, why = linear(used)
     known = [n for n in NAMES if n not in why]
     if not known:
-        raise BadInput(f"{campaign.name}: {'; '.join(why.values())}: nothing to identify; record steps of the current")
+        raise BadInput(
+            f"{campaign.name}: {'; '.join(why.values())}: nothing to identify; record "
+            "steps of the current"
+        )
     nominal = {n: float(getattr(campaign.drive.motor, n)) for n in NAMES}
-    starts = [_Search(prepare(_begun_at(used, x)), known, x, workers) for x in (begin, nominal) if min(x.values()) > 0]
+    starts = [
+        _Search(prepare(_begun_at(used, x)), known, x, workers)
+        for x in (begin, nominal)
+        if min(x.values()) > 0
+    ]
     x = _of_both(min(starts, key=lambda s: s.square_at_start()), known)
     names = x.names
     inner, scatter = x.information()
@@ -131,25 +146,36 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
 
 
 def _of_both(start: _Search, known: Sequence[str]) -> _Search:
-    """Return the fit with both ways to lose voltage, from the better one of the fits with either: where the current
-    goes through zero they differ, and a fit of both may stick at the wrong one."""
-    zeros = list(dict.fromkeys(ANGLE + r.angle_name for r in start.prepared.recordings if r.zero > 0.0))
+    """Return the fit with both ways to lose voltage, from the better one of the fits with either:
+    where the current goes through zero they differ, and a fit of both may stick at the wrong
+    one."""
+    zeros = list(
+        dict.fromkeys(ANGLE + r.angle_name for r in start.prepared.recordings if r.zero > 0.0)
+    )
     either = [start.beside([*known, one, *OFFSETS, *zeros]).found() for one in LOST]
     best = min(either, key=lambda s: s.square())
     return best.beside([*known, *LOST, *OFFSETS, *zeros]).found()
 
 
 def _begun_at(campaign: Campaign, begin: Mapping[str, float]) -> Campaign:
-    """Return a campaign whose nominal motor has the values found first; one with a flux map keeps it."""
+    """Return a campaign whose nominal motor has the values found first; one with a flux map keeps
+    it."""
     drive = campaign.drive
-    own = dict(begin) if not isinstance(drive.motor, MappedMotor) else {"resistance": begin["resistance"]}
+    own = (
+        dict(begin)
+        if not isinstance(drive.motor, MappedMotor)
+        else {"resistance": begin["resistance"]}
+    )
     motor = replace(drive.motor, **own)  # type: ignore[arg-type]
     return replace(campaign, drive=replace(drive, motor=motor))
 
 
 def _with(motor: Motor, values: Mapping[str, float]) -> Motor:
     """Return a motor with values of its own replaced; one with a flux map keeps the map."""
-    effects = {OF_EFFECT[n]: v / (getattr(motor, n) if n.startswith("inductance") else 1.0) for n, v in values.items()}
+    effects = {
+        OF_EFFECT[n]: v / (getattr(motor, n) if n.startswith("inductance") else 1.0)
+        for n, v in values.items()
+    }
     return true_motor(motor, {**complete_neutral(motor), **effects}, keep_map=True)
 
 
@@ -161,8 +187,8 @@ def complete_neutral(motor: Motor) -> dict[str, float]:
 
 
 def _shortened(campaign: Campaign) -> Campaign:
-    """Return a campaign of at most MAX_SAMPLES samples, of each recording the same share from its beginning on, the
-    load's torque left out: it is not asked."""
+    """Return a campaign of at most MAX_SAMPLES samples, of each recording the same share from its
+    beginning on, the load's torque left out: it is not asked."""
     whole = sum(len(r.t) for r in campaign.recordings)
     share = min(1.0, MAX_SAMPLES / whole)
     return replace(campaign, recordings=tuple(_part(r, share) for r in campaign.recordings))
@@ -175,8 +201,8 @@ def _part(r: CampaignRecording, share: float) -> CampaignRecording:
 
 
 def linear(campaign: Campaign) -> tuple[dict[str, float], dict[str, str]]:
-    """Return R (ohm), L_d, L_q (H) and magnet flux (Wb) by least squares on the flux balance, nominal where recordings
-    are silent, and why they are, by name."""
+    """Return R (ohm), L_d, L_q (H) and magnet flux (Wb) by least squares on the flux balance,
+    nominal where recordings are silent, and why they are, by name."""
     drive = campaign.drive
     rows = [_equations(r, drive) for r in campaign.recordings]
     a = np.concatenate([a for a, _ in rows])
@@ -196,8 +222,8 @@ def linear(campaign: Campaign) -> tuple[dict[str, float], dict[str, str]]:
 
 
 def _equations(r: CampaignRecording, drive: Drive) -> tuple[Array, Array]:
-    """Return columns (rows, 5) for R, L_d, L_q, magnet flux and a leg's lost voltage, and the flux (rows,) that voltage
-    gives, over windows of a recording in its stator frame."""
+    """Return columns (rows, 5) for R, L_d, L_q, magnet flux and a leg's lost voltage, and the flux
+    (rows,) that voltage gives, over windows of a recording in its stator frame."""
     h = drive.converter.sampling_period
     i_alpha, i_beta = r.current
     i, u = i_alpha + 1j * i_beta, mean_command(r.u_alpha + 1j * r.u_beta, r.theta, drive.converter)
@@ -213,7 +239,9 @@ def _equations(r: CampaignRecording, drive: Drive) -> tuple[Array, Array]:
     drop, legs, flux = (np.diff(np.concatenate([[0j], np.cumsum(x)])[ends]) for x in over)
     steps = [np.diff(x[ends]) for x in (own.real * turn, 1j * own.imag * turn, turn)]
     columns = [drop, *steps, legs]
-    return np.column_stack([np.concatenate([x.real, x.imag]) for x in columns]), np.concatenate([flux.real, flux.imag])
+    return np.column_stack([np.concatenate([x.real, x.imag]) for x in columns]), np.concatenate(
+        [flux.real, flux.imag]
+    )
 
 
 def _silent(campaign: Campaign) -> dict[str, str]:
@@ -228,13 +256,18 @@ def _silent(campaign: Campaign) -> dict[str, str]:
     out = {}
     largest = max(float(np.sqrt(np.mean(np.abs(x) ** 2))) for x in frames)
     if largest < floor:
-        out["resistance"] = f"the current stays below {floor:.2g} A, {CHANGES:g} times the sensors' noise"
-    for name, part, axis, other in (("inductance_d", "real", "d", "q"), ("inductance_q", "imag", "q", "d")):
+        out["resistance"] = (
+            f"the current stays below {floor:.2g} A, {CHANGES:g} times the sensors' noise"
+        )
+    for name, part, axis, other in (
+        ("inductance_d", "real", "d", "q"),
+        ("inductance_q", "imag", "q", "d"),
+    ):
         change = max(float(np.std(getattr(x, part))) for x in frames)
         if change < floor:
             out[name] = (
-                f"the current on {axis} changes by {change:.2g} A rms, the sensors' noise is {noise:.2g} A; step or "
-                f"inject on {axis}, too (all changes lie on {other})"
+                f"the current on {axis} changes by {change:.2g} A rms, the sensors' noise is "
+                f"{noise:.2g} A; step or inject on {axis}, too (all changes lie on {other})"
             )
     if all(r.rotor == "locked" or np.ptp(r.theta) == 0.0 for r in campaign.recordings):
         out["magnet_flux"] = "no rotor turns (back-EMF alone tells it); record a spin"
@@ -249,21 +282,34 @@ def _why_open(name: str, k: int, names: Sequence[str], covariance: Array, deviat
     other = int(np.argmax(alike))
     spread = f"its standard deviation is {100.0 * deviation:.2g} % of it"
     if deviation < MAX_DEVIATION:
-        return "it goes to the bound of what is looked for; the model is another one (saturation? units?)"
+        return (
+            "it goes to the bound of what is looked for; the model is another one "
+            "(saturation? units?)"
+        )
     if alike[other] > 0.9:
         words = dict.fromkeys(LOST, "the voltage that the inverter loses")
         second = words.get(names[other], names[other])
-        return f"{spread}, since {second} looks alike on these data; record at several currents and both signs"
-    return f"{spread}; record larger steps of it" if name != "magnet_flux" else f"{spread}; spin faster"
+        return (
+            f"{spread}, since {second} looks alike on these data; record at several currents "
+            "and both signs"
+        )
+    return (
+        f"{spread}; record larger steps of it"
+        if name != "magnet_flux"
+        else f"{spread}; spin faster"
+    )
 
 
 class _Search:
-    """Gauss and Newton on the replayed currents: positions of parameters (logarithms) and of nuisances (as they are).
+    """Gauss and Newton on the replayed currents: positions of parameters (logarithms) and of
+    nuisances (as they are).
 
     Slopes are differences of replays that run together.
     """
 
-    def __init__(self, prepared: Prepared, names: Sequence[str], begin: Mapping[str, float], workers: int) -> None:
+    def __init__(
+        self, prepared: Prepared, names: Sequence[str], begin: Mapping[str, float], workers: int
+    ) -> None:
         self.prepared, self.names, self.workers = prepared, list(names), workers
         drive = prepared.campaign.drive
         self.motor, self.origin = drive.motor, begin
@@ -277,7 +323,10 @@ class _Search:
         self.prior = np.array([own.get(n, math.inf) for n in names])
         self.step = np.where(self.logs, SHARE, [SHARE * own.get(n, 1.0) for n in names])
         wide = [WIDE[n] if n in NAMES else math.inf for n in names]
-        lowest = [-w if n in NAMES else (0.0 if n in LOST else -math.inf) for n, w in zip(names, wide, strict=True)]
+        lowest = [
+            -w if n in NAMES else (0.0 if n in LOST else -math.inf)
+            for n, w in zip(names, wide, strict=True)
+        ]
         self.least, self.most = self.begin + np.array(lowest), self.begin + np.array(wide)
         self.r = np.empty(0)
 
@@ -291,7 +340,10 @@ class _Search:
     def values(self, x: Array | None = None) -> dict[str, float]:
         """Return parameters and nuisances at a place."""
         at = self.x if x is None else x
-        return {n: float(math.exp(v) if log else v) for n, v, log in zip(self.names, at, self.logs, strict=True)}
+        return {
+            n: float(math.exp(v) if log else v)
+            for n, v, log in zip(self.names, at, self.logs, strict=True)
+        }
 
     def as_set(self, x: Array, angle: str) -> dict[str, float]:
         """Return a place as the replay takes it for the recordings of one angle."""
@@ -309,11 +361,14 @@ class _Search:
         shown = []
         for angle, own in itertools.groupby(self.prepared.recordings, self._own_angle):
             part = replace(self.prepared, recordings=tuple(own))
-            shown += residuals(part, replay(part, [self.as_set(x, angle) for x in places], workers=self.workers))
+            shown += residuals(
+                part, replay(part, [self.as_set(x, angle) for x in places], workers=self.workers)
+            )
         return np.concatenate([t.current.reshape(-1, len(places)) for t in shown])
 
     def _own_angle(self, r: Inputs) -> str:
-        """Return the name of a recording's angle where its zero is fitted, empty where it was read."""
+        """Return the name of a recording's angle where its zero is fitted, empty where it was
+        read."""
         return r.angle_name if ANGLE + r.angle_name in self.names else ""
 
     def cost(self, r: Array, x: Array) -> float:
@@ -337,7 +392,8 @@ class _Search:
             move = np.clip(np.linalg.lstsq(inner, down, rcond=None)[0], -FARTHEST, FARTHEST)
             if not np.all(np.isfinite(move)):
                 raise PhysicsError(
-                    "these recordings and the nominal motor go nowhere together; check [motor] and units"
+                    "these recordings and the nominal motor go nowhere together; check "
+                    "[motor] and units"
                 )
             before, share = self.cost(self.r, self.x), 1.0
             while share > 1e-3:
@@ -360,15 +416,16 @@ class _Search:
         return np.asarray(np.clip(x, self.least, self.most))
 
     def information(self) -> tuple[Array, Array]:
-        """Return what the slopes say (p, p), over noise or what is left where that is more, and its scatter from block
-        to block."""
+        """Return what the slopes say (p, p), over noise or what is left where that is more, and its
+        scatter from block to block."""
         inner = self.j.T @ self.j / max(self.square(), 1.0) + np.diag(1.0 / self.prior**2)
         cuts = np.array_split(np.arange(len(self.r)), BLOCKS)
         g = np.stack([self.j[c].T @ self.r[c] for c in cuts]) / max(self.square(), 1.0)
         return inner, g.T @ g
 
     def square_at_start(self) -> float:
-        """Return the mean square of what the start leaves, over the noise's; infinite where it predicts nothing."""
+        """Return the mean square of what the start leaves, over the noise's; infinite where it
+        predicts nothing."""
         r = self.residuals([self.x])
         return float(np.mean(r**2)) if np.all(np.isfinite(r)) else math.inf
 

@@ -1,4 +1,5 @@
-"""Every check of a motion before it is fitted: the same levels as those of recordings with voltages."""
+"""Every check of a motion before it is fitted: the same levels as those of recordings with
+voltages."""
 
 from __future__ import annotations
 
@@ -27,14 +28,18 @@ def noticed_in_motion(campaign: MotionCampaign) -> list[Noticed]:
 
 
 def checked_motion(campaign: MotionCampaign) -> Sequence[Finding]:
-    """Return what is suspicious in a campaign of motions; BadInput for the first thing that cannot be right."""
+    """Return what is suspicious in a campaign of motions; BadInput for the first thing that cannot
+    be right."""
     return [f for check in CHECKS for f in check(campaign)]
 
 
 def shaft_contradicted(campaign: Campaign) -> list[Finding]:
-    """Return what the shaft of free rotors contradicts in a campaign whose currents, voltages and angle agree: load,
-    inertia and pole pairs; recordings of fewer than ROWS samples tell nothing of it."""
-    free = tuple(r for r in campaign.recordings if r.rotor == "free" and r.made is None and len(r.t) >= ROWS)
+    """Return what the shaft of free rotors contradicts in a campaign whose currents, voltages and
+    angle agree: load, inertia and pole pairs; recordings of fewer than ROWS samples tell nothing of
+    it."""
+    free = tuple(
+        r for r in campaign.recordings if r.rotor == "free" and r.made is None and len(r.t) >= ROWS
+    )
     if not free:
         return []
     motion = motion_of(replace(campaign, recordings=free), "")

@@ -1,7 +1,9 @@
-"""Which mechanical effects a motion shows: every set of those it can tell, weighed by what each explains.
+"""Which mechanical effects a motion shows: every set of those it can tell, weighed by what each
+explains.
 
-A set's evidence is its sum of squares over the scatter that the richest model leaves (autocorrelation counted), with
-the usual penalty for each number.  What a motion cannot tell is taken out before, with the reason and the remedy.
+A set's evidence is its sum of squares over the scatter that the richest model leaves
+(autocorrelation counted), with the usual penalty for each number.  What a motion cannot tell is
+taken out before, with the reason and the remedy.
 """
 
 from __future__ import annotations
@@ -31,7 +33,16 @@ from sandbox.motion.shaft import (
     reweighted,
     with_orders,
 )
-from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, numbers, unidentifiable, users
+from sandbox.motion.torques import (
+    COGGING,
+    DRY,
+    INERTIA,
+    LAG,
+    VISCOUS,
+    numbers,
+    unidentifiable,
+    users,
+)
 from sandbox.motion.windows import SAMPLES, STEP, averages, white
 from sandbox.recordings.motion_log import MotionCampaign
 
@@ -39,7 +50,8 @@ Array = NDArray[np.float64]
 ORDINARY = 0.05  # relative deviation of a stated inertia or friction where the campaign states none
 ALIKE = 0.05  # of a column's size: what nothing else can stand in for, least
 LARGEST = 1e12  # rad/s^2, N m, ...: beyond it a unit is wrong
-SURE, DOUBTFUL = 1.3, 3.0  # times the noise floor: left without a word, and left by something unknown
+# times the noise floor: left without a word, and left by something unknown
+SURE, DOUBTFUL = 1.3, 3.0
 WRONG = "a unit or a sign is wrong, angle and current are stamped apart, or something else acts"
 BY_STATES = "states that stand a little off their places repeat as it does; log an encoder's angle"
 HELD_OUT = 0.3  # of each recording, its end, where there are fewer than three
@@ -58,8 +70,10 @@ class Weighed:
 class Motion:
     """A judged motion.
 
-    raw, before, after: rms over the noise floor on rows held out; by_recording: file, before, after, held out;
-    cannot: effects that this motion cannot tell, why and what would; shares: of the gap's squares, each effect's.
+    raw, before, after: rms over the noise floor on rows held out; by_recording: file, before,
+    after, held out;
+    cannot: effects that this motion cannot tell, why and what would; shares: of the gap's squares,
+    each effect's.
     """
 
     campaign: MotionCampaign
@@ -97,11 +111,19 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     with np.errstate(all="ignore"):  # what is no number is refused below
         parts = [averages(r, campaign) for r in campaign.recordings]
     for a in parts:
-        if not all(np.all(np.abs(x) < LARGEST) for x in (a.acceleration, a.torque, a.slope, a.speed, a.kernel)):
-            raise BadInput(f"{a.file}: speeds or torques beyond {LARGEST:g} (SI); check the units of t, theta and i_q")
+        if not all(
+            np.all(np.abs(x) < LARGEST)
+            for x in (a.acceleration, a.torque, a.slope, a.speed, a.kernel)
+        ):
+            raise BadInput(
+                f"{a.file}: speeds or torques beyond {LARGEST:g} (SI); check the units "
+                "of t, theta and i_q"
+            )
     turned = max(float(np.ptp(a.angle)) for a in parts)
     if turned < 0.05:
-        raise BadInput(f"{campaign.name}: the rotor turns by {turned:.2g} rad at most; record it turning")
+        raise BadInput(
+            f"{campaign.name}: the rotor turns by {turned:.2g} rad at most; record it turning"
+        )
     nominal = Nominal(
         campaign.inertia,
         campaign.viscous_friction,
@@ -115,7 +137,9 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     able = [e for e in numbers() if e not in cannot and e not in exclude]
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     design = plain
-    for e, why in _driving(reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able).items():
+    for e, why in _driving(
+        reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able
+    ).items():
         cannot[e] = why
         able.remove(e)
     whole, design = _richest(plain, design, able, nominal)
@@ -126,7 +150,9 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     sets = _sets(design, able, whole, nominal)
     floor = _floor(design, sets[0].shaft)
     kept, out = design.only(~held), held if np.any(held) else np.ones(len(held), bool)
-    terms = {e: _terms(e, whole.dry or design.widths[0], whole.orders) for e in _subsets(sets[0].effects)}
+    terms = {
+        e: _terms(e, whole.dry or design.widths[0], whole.orders) for e in _subsets(sets[0].effects)
+    }
     terms |= {w.effects: w.shaft.terms for w in sets}
     sizes = {e: _rms(plain, fitted(kept, t, nominal), floor, out) for e, t in terms.items()}
     none, best = fitted(kept, Terms(), nominal), fitted(kept, sets[0].shaft.terms, nominal)
@@ -179,7 +205,8 @@ def _terms(effects: Sequence[str], width: float, orders: tuple[int, ...]) -> Ter
 
 
 def _held_out(parts: Sequence[object]) -> NDArray[np.bool_]:
-    """Return the rows that are not fitted: every third recording, or the end of each where there are fewer."""
+    """Return the rows that are not fitted: every third recording, or the end of each where there
+    are fewer."""
     lengths = [len(a.torque) for a in parts]  # type: ignore[attr-defined]
     if len(parts) >= 3:
         return np.concatenate([np.full(n, k % 3 == 2) for k, n in enumerate(lengths)])
@@ -187,7 +214,8 @@ def _held_out(parts: Sequence[object]) -> NDArray[np.bool_]:
 
 
 def _scaled(design: Design, whole: Terms, nominal: Nominal) -> Design:
-    """Return the equations weighted so that the richest model's squares count as independent rows of scatter one."""
+    """Return the equations weighted so that the richest model's squares count as independent rows
+    of scatter one."""
     richest = fitted(design, whole, nominal)
     scale = richest.chi2 / max(int(np.count_nonzero(design.weight)), 1) * richest.inflation
     return replace(design, weight=design.weight / math.sqrt(max(float(scale), 1e-300)))
@@ -205,11 +233,15 @@ def _width(design: Design, able: Sequence[str], nominal: Nominal, orders: tuple[
 
     best = min(range(len(widths)), key=lambda k: left(widths[k]))
     low, high = widths[max(best - 1, 0)], widths[min(best + 1, len(widths) - 1)]
-    between = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 0.01 * widths[best]})
+    between = minimize_scalar(
+        left, bounds=(low, high), method="bounded", options={"xatol": 0.01 * widths[best]}
+    )
     return float(between.x) if between.fun < left(widths[best]) else widths[best]
 
 
-def _richest(plain: Design, design: Design, able: Sequence[str], nominal: Nominal) -> tuple[Terms, Design]:
+def _richest(
+    plain: Design, design: Design, able: Sequence[str], nominal: Nominal
+) -> tuple[Terms, Design]:
     """Return the model that has every effect, and the equations weighted by what it leaves."""
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     for _ in range(2):
@@ -221,20 +253,22 @@ def _richest(plain: Design, design: Design, able: Sequence[str], nominal: Nomina
 
 
 def _driving(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:
-    """Return frictions that would drive the motion instead of braking it, each with the size that says so."""
+    """Return frictions that would drive the motion instead of braking it, each with the size that
+    says so."""
     out = {}
     shaft = fitted(design, whole, nominal)
     for effect, n in numbers().items():
         if n.brakes and effect in able and shaft.ci95(n.size)[1] < 0.0:
             out[effect] = (
-                f"it would drive the motion ({shaft.value(n.size):.3g} {n.unit}): the current's sign is reversed, or "
-                "something else acts"
+                f"it would drive the motion ({shaft.value(n.size):.3g} {n.unit}): the current's "
+                "sign is reversed, or something else acts"
             )
     return out
 
 
 def _beyond(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:
-    """Return effects whose sizes would lie outside their bounds, each with the size that says so."""
+    """Return effects whose sizes would lie outside their bounds, each with the size that says
+    so."""
     out = {}
     shaft = fitted(design, whole, nominal)
     for effect, n in numbers().items():
@@ -242,19 +276,27 @@ def _beyond(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str])
             continue
         (low, high), p = shaft.ci95(n.size), n.of_library
         if high < p.low or low > p.high:
-            side = f"below what can be ({p.low:g})" if high < p.low else f"beyond what can be ({p.high:g})"
+            side = (
+                f"below what can be ({p.low:g})"
+                if high < p.low
+                else f"beyond what can be ({p.high:g})"
+            )
             out[effect] = f"its size would be {shaft.value(n.size):.3g} {n.unit}, {side}: {WRONG}"
     return out
 
 
 def _possible(shaft: Shaft, effects: Sequence[str]) -> bool:
-    """Return whether the sizes of effects lie inside their bounds: at a bound an effect says nothing, or too much."""
+    """Return whether the sizes of effects lie inside their bounds: at a bound an effect says
+    nothing, or too much."""
     known = (numbers()[e] for e in effects)
-    return all(n.of_library.low <= shaft.value(n.size) <= n.of_library.high for n in known if n.size)
+    return all(
+        n.of_library.low <= shaft.value(n.size) <= n.of_library.high for n in known if n.size
+    )
 
 
 def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[str, str]:
-    """Return the effects that others could stand in for on this motion, each with why and what would tell it."""
+    """Return the effects that others could stand in for on this motion, each with why and what
+    would tell it."""
     base = [np.ones(len(design.torque))]
     if nominal.inertia is None:
         base.append(design.acceleration)
@@ -267,7 +309,9 @@ def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[st
     }
     known, found = numbers(), unidentifiable()
     if nominal.inertia is None:
-        found[INERTIA.effect] = "no inertia is stated, so there is none to differ from; its value is estimated"
+        found[INERTIA.effect] = (
+            "no inertia is stated, so there is none to differ from; its value is estimated"
+        )
     for name, column in columns.items():
         if name in found or name in exclude:
             continue
@@ -290,7 +334,9 @@ def _sets(design: Design, able: Sequence[str], whole: Terms, nominal: Nominal) -
     found = []
     for count in range(len(able) + 1):
         for effects in itertools.combinations(able, count):
-            shaft = fitted(design, _terms(effects, whole.dry or design.widths[0], whole.orders), nominal)
+            shaft = fitted(
+                design, _terms(effects, whole.dry or design.widths[0], whole.orders), nominal
+            )
             if not _possible(shaft, effects):
                 continue
             penalty = sum(size.get(e, 1) for e in effects) * math.log(effective)
@@ -304,7 +350,9 @@ def _sets(design: Design, able: Sequence[str], whole: Terms, nominal: Nominal) -
 
 def _as_stated(design: Design, nominal: Nominal) -> Shaft:
     """Return the model as stated, nothing fitted."""
-    exact = replace(nominal, inertia=nominal.inertia or 0.0, inertia_deviation=0.0, viscous_deviation=0.0)
+    exact = replace(
+        nominal, inertia=nominal.inertia or 0.0, inertia_deviation=0.0, viscous_deviation=0.0
+    )
     shaft = fitted(design, Terms(), exact)
     values = shaft.values.copy()
     values[shaft.names.index("offset")] = 0.0
@@ -312,18 +360,33 @@ def _as_stated(design: Design, nominal: Nominal) -> Shaft:
 
 
 def _floor(design: Design, shaft: Shaft) -> Array:
-    """Return each row's noise (N m rms): the stated current noise, and that of the angle times the inertia.
+    """Return each row's noise (N m rms): the stated current noise, and that of the angle times the
+    inertia.
 
-    Where no current noise is stated, what changes at random between windows that share no row counts: 1 is then a
-    residual without structure.  A recording too short to tell, or in which nothing changes, has the others' noise.
+    Where no current noise is stated, what changes at random between windows that share no row
+    counts: 1 is then a residual without structure.  A recording too short to tell, or in which
+    nothing changes, has the others' noise.
     """
     out = np.empty(len(design.torque))
-    seen = np.array([white(shaft.residual[design.owner == k][:: SAMPLES // STEP]) for k in range(len(design.averages))])
+    seen = np.array(
+        [
+            white(shaft.residual[design.owner == k][:: SAMPLES // STEP])
+            for k in range(len(design.averages))
+        ]
+    )
     positive = seen[seen > 0.0]
-    usual = float(np.median(positive)) if positive.size else float(np.sqrt(np.mean(shaft.residual**2)))
+    usual = (
+        float(np.median(positive)) if positive.size else float(np.sqrt(np.mean(shaft.residual**2)))
+    )
     for k, a in enumerate(design.averages):
         known = np.hypot(shaft.value(INERTIA.size) * a.noise_acceleration, a.noise_torque)
-        random = 0.0 if np.any(a.noise_torque) else max(seen[k], STEADIEST * usual) if seen[k] > 0.0 else usual
+        random = (
+            0.0
+            if np.any(a.noise_torque)
+            else max(seen[k], STEADIEST * usual)
+            if seen[k] > 0.0
+            else usual
+        )
         out[design.owner == k] = np.maximum(known, random)
     return out
 
@@ -336,7 +399,8 @@ def _rms(design: Design, shaft: Shaft, floor: Array, rows: NDArray[np.bool_]) ->
 
 
 def _shares(sizes: dict[tuple[str, ...], float], best: tuple[str, ...]) -> dict[str, float]:
-    """Return each effect's share of what the best set takes off the squares, mean over orders of adding (Shapley)."""
+    """Return each effect's share of what the best set takes off the squares, mean over orders of
+    adding (Shapley)."""
     gap = sizes[()] ** 2 - sizes[best] ** 2
     if not best or not gap > 0.0:
         return dict.fromkeys(best, 0.0)
@@ -344,7 +408,11 @@ def _shares(sizes: dict[tuple[str, ...], float], best: tuple[str, ...]) -> dict[
     for e in best:
         others, total = [x for x in best if x != e], 0.0
         for count in range(len(others) + 1):
-            weight = math.factorial(count) * math.factorial(len(others) - count) / math.factorial(len(best))
+            weight = (
+                math.factorial(count)
+                * math.factorial(len(others) - count)
+                / math.factorial(len(best))
+            )
             for some in itertools.combinations(others, count):
                 with_e = tuple(x for x in best if x in (*some, e))
                 without = tuple(x for x in best if x in some)

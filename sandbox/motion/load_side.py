@@ -1,9 +1,11 @@
-"""What a log's load says beside the air gap's torque: a wrong sign or unit of it, pole pairs counted as poles.
+"""What a log's load says beside the air gap's torque: a wrong sign or unit of it, pole pairs
+counted as poles.
 
     T = J theta'' + g load + frictions + offset,   g = 1 where all is read right
 
-Where the load varies beside the rest, g is fitted.  Where it does not, a friction could stand in for any part of it:
-then a mistake is believed only if its g leaves little of the torque without any friction, and 1 leaves much more.
+Where the load varies beside the rest, g is fitted.  Where it does not, a friction could stand in
+for any part of it: then a mistake is believed only if its g leaves little of the torque without any
+friction, and 1 leaves much more.
 """
 
 from __future__ import annotations
@@ -44,13 +46,16 @@ class Mistake:
 
 
 def load_contradicted(campaign: MotionCampaign) -> list[Finding]:
-    """Return a finding where a load's sign or unit, or pole pairs, contradict the torque that the currents make."""
+    """Return a finding where a load's sign or unit, or pole pairs, contradict the torque that the
+    currents make."""
     held = [r for r in campaign.recordings if np.any(r.load) and not r.sixth and len(r.t) >= ROWS]
     if not held:
         return []
     with np.errstate(all="ignore"):
         torque, load, rest = _equations(held, campaign)
-    if not (np.all(np.isfinite(torque)) and np.all(np.isfinite(load)) and np.all(np.isfinite(rest))):
+    if not (
+        np.all(np.isfinite(torque)) and np.all(np.isfinite(load)) and np.all(np.isfinite(rest))
+    ):
         return []
     mistakes = _mistakes(campaign, held[0])
     fitted = _fitted(torque, load, rest)
@@ -64,23 +69,36 @@ def load_contradicted(campaign: MotionCampaign) -> list[Finding]:
     k = int(np.argmax(np.abs(held[0].load)))
     name = held[0].source.get("load_torque", "load_torque")
     text = (
-        f"{held[0].file}: row {k} of column '{name}' is {held[0].load[k]:.4g} N m; currents, acceleration and it agree "
-        f"if {found.guess} ({found.remedy})"
+        f"{held[0].file}: row {k} of column '{name}' is {held[0].load[k]:.4g} N m; currents, "
+        f"acceleration and it agree if {found.guess} ({found.remedy})"
     )
     return [Doubt(held[0].file, "load_torque", k, text)]
 
 
-def _equations(recordings: Sequence[MotionRecording], campaign: MotionCampaign) -> tuple[Array, Array, Array]:
-    """Return the air gap's torque and the load (N m), (n,), and acceleration, speed, sign of the speed and one (n, 4).
+def _equations(
+    recordings: Sequence[MotionRecording], campaign: MotionCampaign
+) -> tuple[Array, Array, Array]:
+    """Return the air gap's torque and the load (N m), (n,), and acceleration, speed, sign of the
+    speed and one (n, 4).
 
-    Means over TOGETHER windows: from one to the next the encoder's counts take most of the acceleration.
+    Means over TOGETHER windows: from one to the next the encoder's counts take most of the
+    acceleration.
     """
     parts = [averages(r, campaign) for r in recordings]
     width = USUAL_WIDTH * design_of(parts).fastest
     rows = []
     for a, r in zip(parts, recordings, strict=True):
         load, one = a.mean(r.load), np.ones(len(a.torque))
-        own = np.stack([a.torque + load, load, a.acceleration, a.speed, a.mean(np.tanh(a.sample_speed / width)), one])
+        own = np.stack(
+            [
+                a.torque + load,
+                load,
+                a.acceleration,
+                a.speed,
+                a.mean(np.tanh(a.sample_speed / width)),
+                one,
+            ]
+        )
         size = max(min(TOGETHER, own.shape[1] // FEWEST), 1)
         whole = own.shape[1] // size * size
         rows.append(own[:, :whole].reshape(len(own), -1, size).mean(axis=2))
@@ -103,7 +121,8 @@ def _fitted(torque: Array, load: Array, rest: Array) -> float | None:
 
 
 def _by_size(net: Array, load: Array, told: Sequence[Mistake]) -> Mistake | None:
-    """Return the mistake without which much of the torque is left, and with which little; no friction fitted."""
+    """Return the mistake without which much of the torque is left, and with which little; no
+    friction fitted."""
     size = float(np.linalg.norm(net))
     if not size > 0.0:
         return None
@@ -117,9 +136,17 @@ def _mistakes(campaign: MotionCampaign, r: MotionRecording) -> Sequence[Mistake]
     """Return what a load and the constant of the torque may be mistaken for."""
     name = f"'{r.source.get('load_torque', 'load_torque')}'"
     out = [
-        Mistake(-1.0, f"{name} counts the other way", "positive is against positive speed: map it with scale = -1"),
+        Mistake(
+            -1.0,
+            f"{name} counts the other way",
+            "positive is against positive speed: map it with scale = -1",
+        ),
         Mistake(1e-3, f"{name} is in mN m", 'map it with unit = "mNm"'),
-        Mistake(-1e-3, f"{name} is in mN m and counts the other way", 'map it with unit = "mNm", scale = -1'),
+        Mistake(
+            -1e-3,
+            f"{name} is in mN m and counts the other way",
+            'map it with unit = "mNm", scale = -1',
+        ),
         Mistake(1e3, f"{name} is in kN m", "map it with scale = 1000"),
         Mistake(1e-2, f"{name} is in cN m", "map it with scale = 0.01"),
     ]

@@ -1,8 +1,8 @@
 """What a motion contradicts: units, signs and gears, found by undoing each known mistake on trial.
 
-Three things must agree: the inertia that torque and acceleration show and the stated one; the angle and the log's own
-speed; the angle and the back-EMF in the log's voltages.  Each mistake multiplies angle, time or current, so it moves
-the three by known factors.
+Three things must agree: the inertia that torque and acceleration show and the stated one; the angle
+and the log's own speed; the angle and the back-EMF in the log's voltages.  Each mistake multiplies
+angle, time or current, so it moves the three by known factors.
 """
 
 from __future__ import annotations
@@ -25,11 +25,14 @@ from sandbox.recordings.motion_log import MotionCampaign
 Array = NDArray[np.float64]
 USUAL = 4.0  # times the stated inertia, or a part of it: a load, or a rotor alone
 STRANGE = 30.0  # times: no load that anyone states an inertia for
-PACE, FAR = 1.25, 1.6  # factors between angle and speed or back-EMF: noticed, and beyond any magnet's tolerance
-SPREAD_INERTIA, SPREAD_PACE = 0.35, 0.1  # of the logarithm: stated inertia (a factor of 2 is two of it), pace
+# factors between angle and speed or back-EMF: noticed, and beyond any magnet's tolerance
+PACE, FAR = 1.25, 1.6
+# of the logarithm: stated inertia (a factor of 2 is two of it), pace
+SPREAD_INERTIA, SPREAD_PACE = 0.35, 0.1
 FITS = 9.0  # squared deviations up to which a mistake explains what was seen
 ALIKE = 4.0  # squared deviations within which another explains it as well
-MIN_RATIO = 4.0  # an estimate over half its 95 % interval, and the correlation below, from which it says anything
+# an estimate over half its 95 % interval, and the correlation below, from which it says anything
+MIN_RATIO = 4.0
 TOGETHER = 0.9
 SEEN = 0.1  # of the torque that the inertia takes, from which its size says anything
 FASTEST = 3e5 * math.tau / 60.0  # rad/s mechanical: beyond what machines turn
@@ -39,7 +42,8 @@ COUNTS = (64.0, 2.0**24)  # of an encoder, a turn
 
 @dataclass(frozen=True)
 class Look:
-    """What recordings show beside what is stated or read: ratios, NaN where it cannot be told; fastest in rad/s."""
+    """What recordings show beside what is stated or read: ratios, NaN where it cannot be told;
+    fastest in rad/s."""
 
     inertia: float
     speed: float
@@ -54,7 +58,8 @@ class Look:
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake: by which factor the angle, the time and the current are read too large, its words and remedy.
+    """A mistake: by which factor the angle, the time and the current are read too large, its words
+    and remedy.
 
     torque, emf, inertia: likewise of what [motor] states; speed: of the log's speed.
     """
@@ -75,11 +80,16 @@ class Mistake:
         """What it makes of the ratios of inertia, speed and back-EMF."""
         pace = self.angle / self.time
         torque = self.current * self.torque
-        return [torque * self.time**2 / self.angle / self.inertia, pace / self.speed, 1.0 / pace / self.emf]
+        return [
+            torque * self.time**2 / self.angle / self.inertia,
+            pace / self.speed,
+            1.0 / pace / self.emf,
+        ]
 
 
 def contradictions(campaign: MotionCampaign) -> list[Finding]:
-    """Return what is suspicious about units, signs and gears of a motion; BadInput for what cannot be right."""
+    """Return what is suspicious about units, signs and gears of a motion; BadInput for what cannot
+    be right."""
     with np.errstate(all="ignore"):
         parts = [averages(r, campaign) for r in campaign.recordings]
     seen = look(campaign, parts)
@@ -90,7 +100,9 @@ def contradictions(campaign: MotionCampaign) -> list[Finding]:
         return _loud(campaign)
     text = f"{r.file}: {said}"
     if found:
-        text += f"; it would be right if {', or if '.join(f'{m.guess} ({m.remedy})' for m in found)}"
+        text += (
+            f"; it would be right if {', or if '.join(f'{m.guess} ({m.remedy})' for m in found)}"
+        )
     column = "theta" if seen.inertia > 0.0 else "i_q"
     if _strange(seen) and (found or seen.inertia < 0.0 or seen.fastest > FASTEST):
         text += "" if found else "; check units and signs of t, theta and i_q"
@@ -102,8 +114,8 @@ def contradictions(campaign: MotionCampaign) -> list[Finding]:
 
 
 def inertia_contradicted(campaign: MotionCampaign) -> list[Finding]:
-    """Return a finding where the inertia of a motion whose angle, clock and currents are known to be right is far from
-    the stated one, or negative."""
+    """Return a finding where the inertia of a motion whose angle, clock and currents are known to
+    be right is far from the stated one, or negative."""
     with np.errstate(all="ignore"):
         inertia = _inertia(campaign, [averages(r, campaign) for r in campaign.recordings])
     seen = Look(inertia, math.nan, math.nan, 0.0)
@@ -111,7 +123,9 @@ def inertia_contradicted(campaign: MotionCampaign) -> list[Finding]:
     if not said:
         return []
     rows = [(_cost(campaign, seen, m), m) for m in _of_motor(campaign)]
-    found = [f"{m.guess} ({m.remedy})" for cost, m in sorted(rows, key=lambda x: x[0]) if cost < FITS][:2]
+    found = [
+        f"{m.guess} ({m.remedy})" for cost, m in sorted(rows, key=lambda x: x[0]) if cost < FITS
+    ][:2]
     more = f"; it would be right if {', or if '.join(found)}" if found else ""
     if inertia > USUAL:
         more += "; a load or a gear does that, too"
@@ -139,15 +153,26 @@ def look(campaign: MotionCampaign, parts: list[Averages]) -> Look:
     """Return what recordings show beside what is stated or read."""
     speeds = [np.abs(a.speed) for a in parts if np.all(np.isfinite(a.speed))]
     fastest = float(np.quantile(np.concatenate(speeds), 0.99)) if speeds else math.inf
-    stated = [(a, r.beside["speed"]) for a, r in zip(parts, campaign.recordings, strict=True) if "speed" in r.beside]
+    stated = [
+        (a, r.beside["speed"])
+        for a, r in zip(parts, campaign.recordings, strict=True)
+        if "speed" in r.beside
+    ]
     own = [a.mean(s) for a, s in stated]
-    pace = _pace(np.concatenate([a.speed for a, _ in stated]), np.concatenate(own)) if stated else math.nan
+    pace = (
+        _pace(np.concatenate([a.speed for a, _ in stated]), np.concatenate(own))
+        if stated
+        else math.nan
+    )
     return Look(_inertia(campaign, parts), pace, _emf(campaign, parts), fastest)
 
 
 def _inertia(campaign: MotionCampaign, parts: list[Averages]) -> float:
-    """Return the inertia of the motion over the stated one (1 kg m^2 where none is, so that only its sign counts)."""
-    if not all(np.all(np.isfinite(x)) for a in parts for x in (a.acceleration, a.torque, a.slope, a.speed)):
+    """Return the inertia of the motion over the stated one (1 kg m^2 where none is, so that only
+    its sign counts)."""
+    if not all(
+        np.all(np.isfinite(x)) for a in parts for x in (a.acceleration, a.torque, a.slope, a.speed)
+    ):
         return math.nan
     with np.errstate(all="ignore"):
         design = design_of(parts)
@@ -157,14 +182,17 @@ def _inertia(campaign: MotionCampaign, parts: list[Averages]) -> float:
             shaft = fitted(reweighted(design, shaft), terms, Nominal(None, 0.0, 0.0, 0.0))
     low, high = shaft.ci95("inertia")
     value = shaft.value("inertia")
-    speeding, driving = (float(np.sqrt(np.mean(x**2))) for x in (design.acceleration, design.torque))
+    speeding, driving = (
+        float(np.sqrt(np.mean(x**2))) for x in (design.acceleration, design.torque)
+    )
     if not abs(value) > MIN_RATIO * 0.5 * (high - low) or abs(value) * speeding < SEEN * driving:
         return math.nan
     return value / (campaign.inertia or abs(value))
 
 
 def _emf(campaign: MotionCampaign, parts: list[Averages]) -> float:
-    """Return back-EMF over what the angle's speed and the magnet flux give, NaN where the log does not hold it."""
+    """Return back-EMF over what the angle's speed and the magnet flux give, NaN where the log does
+    not hold it."""
     s = campaign.stated
     if not all(s.get(k, 0.0) > 0.0 for k in ("resistance", "magnet_flux", "pole_pairs")):
         return math.nan
@@ -180,7 +208,8 @@ def _emf(campaign: MotionCampaign, parts: list[Averages]) -> float:
 
 
 def _pace(read: Array, given: Array) -> float:
-    """Return how many times as large a signal is as another it should equal, NaN where they do not go together."""
+    """Return how many times as large a signal is as another it should equal, NaN where they do not
+    go together."""
     good = np.isfinite(read) & np.isfinite(given)
     a, b = read[good], given[good]
     energy, cross = math.sqrt(float(a @ a) * float(b @ b)), float(a @ b)
@@ -192,22 +221,28 @@ def _contradicted(campaign: MotionCampaign, seen: Look) -> str:
     out, own = [], campaign.recordings[0].source
     angle, speed = own.get("theta", "theta"), own.get("speed", "speed")
     if seen.fastest > FASTEST:
-        rpm = f"{seen.fastest * 60.0 / math.tau:.3g} rpm" if math.isfinite(seen.fastest) else "no finite speed"
+        rpm = (
+            f"{seen.fastest * 60.0 / math.tau:.3g} rpm"
+            if math.isfinite(seen.fastest)
+            else "no finite speed"
+        )
         out.append(f"'{angle}' turns at {rpm}")
     if _off(seen.speed, PACE):
         out.append(f"'{angle}' turns {plain(seen.speed)} times as fast as '{speed}' says")
     if _off(seen.emf, PACE):
         out.append(
-            f"the back-EMF in '{own.get('u_q', 'u_q')}' is {plain(seen.emf)} times what magnet_flux and the speed of "
-            f"'{angle}' give"
+            f"the back-EMF in '{own.get('u_q', 'u_q')}' is {plain(seen.emf)} times what "
+            f"magnet_flux and the speed of '{angle}' give"
         )
     if _is(seen.inertia) and seen.inertia < 0.0:
         value = f" ({seen.inertia * campaign.inertia:.3g} kg m^2)" if campaign.inertia else ""
-        out.append(f"the motion speeds up against its torque, which would be a negative inertia{value}")
+        out.append(
+            f"the motion speeds up against its torque, which would be a negative inertia{value}"
+        )
     elif _is(seen.inertia) and campaign.inertia and not 1.0 / USUAL < seen.inertia < USUAL:
         out.append(
-            f"the motion shows an inertia of {seen.inertia * campaign.inertia:.3g} kg m^2, {plain(seen.inertia)} "
-            f"times the stated {campaign.inertia:.3g}"
+            f"the motion shows an inertia of {seen.inertia * campaign.inertia:.3g} kg m^2, "
+            f"{plain(seen.inertia)} times the stated {campaign.inertia:.3g}"
         )
     return ", and ".join(out)
 
@@ -216,8 +251,16 @@ def _explained(campaign: MotionCampaign, seen: Look) -> list[Mistake]:
     """Return the likeliest mistakes that explain what was seen, the best first, three at most."""
     rows = [(_cost(campaign, seen, m), m) for m in mistakes(campaign, seen)]
     best = min((cost for cost, _ in rows), default=math.inf)
-    alike = [(m.rank, cost, k, m) for k, (cost, m) in enumerate(rows) if cost <= best + ALIKE and cost < FITS]
-    return [m for rank, _, _, m in sorted(alike, key=lambda x: x[:3]) if rank == min(x[0] for x in alike)][:3]
+    alike = [
+        (m.rank, cost, k, m)
+        for k, (cost, m) in enumerate(rows)
+        if cost <= best + ALIKE and cost < FITS
+    ]
+    return [
+        m
+        for rank, _, _, m in sorted(alike, key=lambda x: x[:3])
+        if rank == min(x[0] for x in alike)
+    ][:3]
 
 
 def _cost(campaign: MotionCampaign, seen: Look, m: Mistake) -> float:
@@ -237,27 +280,45 @@ def _cost(campaign: MotionCampaign, seen: Look, m: Mistake) -> float:
 
 
 def mistakes(campaign: MotionCampaign, seen: Look) -> Iterator[Mistake]:
-    """Yield the mistakes of an angle, a clock, currents, what [motor] states, and a gear, in the log's words."""
+    """Yield the mistakes of an angle, a clock, currents, what [motor] states, and a gear, in the
+    log's words."""
     own = campaign.recordings[0].source
-    angle, current, clock = own.get("theta", "theta"), own.get("i_q", "the currents"), own.get("t", "t")
+    angle, current, clock = (
+        own.get("theta", "theta"),
+        own.get("i_q", "the currents"),
+        own.get("t", "t"),
+    )
     reversed_ = f"'{angle}' is counted backwards"
     turned = [*_angles(campaign, angle)]
     yield Mistake(reversed_, "map it with scale = -1", angle=-1.0)
-    yield Mistake(f"'{current}' is counted out of the motor", "map it with scale = -1", current=-1.0)
+    yield Mistake(
+        f"'{current}' is counted out of the motor", "map it with scale = -1", current=-1.0
+    )
     for m in turned:
         yield m
-        yield Mistake(f"{m.guess} and counted backwards", f"{m.remedy}, and scale = -1", angle=-m.angle, rank=1.0)
+        yield Mistake(
+            f"{m.guess} and counted backwards",
+            f"{m.remedy}, and scale = -1",
+            angle=-m.angle,
+            rank=1.0,
+        )
     for unit, factor in _others(campaign, "t", "time"):
         yield Mistake(f"'{clock}' is in {unit}", f'map it with unit = "{unit}"', time=factor)
     for unit, factor in _others(campaign, "i_q", "current"):
         said, how = f"'{current}' is in {unit}", f'map it with unit = "{unit}"'
         yield Mistake(said, how, current=factor)
         yield Mistake(
-            f"{said} and {reversed_}", f"{how}, and '{angle}' with scale = -1", -1.0, current=factor, rank=1.0
+            f"{said} and {reversed_}",
+            f"{how}, and '{angle}' with scale = -1",
+            -1.0,
+            current=factor,
+            rank=1.0,
         )
     if (rated := campaign.stated.get("rated_current", 0.0)) > 0.0:
         yield Mistake(
-            f"'{current}' is per unit of rated_current", f"map it with scale = {rated:g}", current=1.0 / rated
+            f"'{current}' is per unit of rated_current",
+            f"map it with scale = {rated:g}",
+            current=1.0 / rated,
         )
     yield from _of_motor(campaign)
     yield from _gears(seen, angle)
@@ -269,19 +330,30 @@ def _of_motor(campaign: MotionCampaign) -> Iterator[Mistake]:
     s = campaign.stated
     by_flux = "torque_constant" not in s
     if not by_flux:
-        yield Mistake("torque_constant is in mN m/A", "divide it by 1000 in [motor]", torque=1e3, rank=0.5)
+        yield Mistake(
+            "torque_constant is in mN m/A", "divide it by 1000 in [motor]", torque=1e3, rank=0.5
+        )
     if (flux := s.get("magnet_flux", 0.0)) > 0.0:
         for factor, guess, remedy in fluxes(s.get("pole_pairs", 1.0), flux):
             off = 1.0 / factor
-            yield Mistake(guess, f"{remedy} in [motor]", torque=off if by_flux else 1.0, emf=off, rank=0.5)
+            yield Mistake(
+                guess, f"{remedy} in [motor]", torque=off if by_flux else 1.0, emf=off, rank=0.5
+            )
     for read, guess, remedy in (
         (2.0, "pole_pairs counts poles", "halve it in [motor]"),
         (0.5, "pole_pairs is half of what it is", "double it in [motor]"),
     ):
         angle, speed = (1.0 if _mechanical(campaign, n) else 1.0 / read for n in ("theta", "speed"))
-        yield Mistake(guess, remedy, angle, torque=read if by_flux else 1.0, emf=read, speed=speed, rank=0.5)
+        yield Mistake(
+            guess, remedy, angle, torque=read if by_flux else 1.0, emf=read, speed=speed, rank=0.5
+        )
     for unit, factor in (("kg cm^2", 1e-4), ("g cm^2", 1e-7)):
-        yield Mistake(f"inertia is in {unit}", f"multiply it by {factor:g} in [motor]", inertia=1.0 / factor, rank=0.5)
+        yield Mistake(
+            f"inertia is in {unit}",
+            f"multiply it by {factor:g} in [motor]",
+            inertia=1.0 / factor,
+            rank=0.5,
+        )
 
 
 def _mechanical(campaign: MotionCampaign, name: str) -> bool:
@@ -303,11 +375,16 @@ def _angles(campaign: MotionCampaign, angle: str) -> Iterator[Mistake]:
 
 
 def _others(campaign: MotionCampaign, name: str, kind: str) -> Iterator[tuple[str, float]]:
-    """Yield each other unit of a column and by how much it is read too large in the one that was taken."""
+    """Yield each other unit of a column and by how much it is read too large in the one that was
+    taken."""
     taken = campaign.units.get(name)
     units = UNITS[kind]
     now = units.get(taken or "", (1.0, 0.0))[0]
-    some = {"time": ("s", "ms", "us", "ns"), "current": ("A", "mA", "kA"), "angle": ("rad", "deg", "rev")}[kind]
+    some = {
+        "time": ("s", "ms", "us", "ns"),
+        "current": ("A", "mA", "kA"),
+        "angle": ("rad", "deg", "rev"),
+    }[kind]
     for unit in some:
         if not math.isclose(units[unit][0], now):
             yield unit, now / units[unit][0]
@@ -344,7 +421,8 @@ def _loud(campaign: MotionCampaign) -> list[Finding]:
         if size > LOUD * rated:
             name = r.source.get("i_q", "the current")
             text = (
-                f"{r.file}: row {k} of column '{name}' is {size:.4g} A, rated_current = {rated:g} A; is it in mA? map "
+                f"{r.file}: row {k} of column '{name}' is {size:.4g} A, rated_current = "
+                f"{rated:g} A; is it in mA? map "
                 'it with unit = "mA"'
             )
             return [Doubt(r.file, "i_q", k, text)]

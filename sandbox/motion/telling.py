@@ -21,7 +21,12 @@ from sandbox.output.refitted import Refitted
 
 UNKNOWN = "unknown"
 PAIRS = 100  # of the stand-in for a motor: its torque constant alone is asked for
-TITLES = {"no_gap": "No gap", "explained": "Explained", "ambiguous": "Ambiguous", "unknown": "Unknown"}
+TITLES = {
+    "no_gap": "No gap",
+    "explained": "Explained",
+    "ambiguous": "Ambiguous",
+    "unknown": "Unknown",
+}
 
 
 def verdict(m: Motion) -> str:
@@ -30,7 +35,11 @@ def verdict(m: Motion) -> str:
         return "unknown"
     if not m.best.effects:
         return "no_gap"
-    return "explained" if m.best.probability * (1.0 - m.unknown) > 0.5 and len(_set(m)) == 1 else "ambiguous"
+    return (
+        "explained"
+        if m.best.probability * (1.0 - m.unknown) > 0.5 and len(_set(m)) == 1
+        else "ambiguous"
+    )
 
 
 def _set(m: Motion) -> list[list[str]]:
@@ -44,14 +53,16 @@ def _set(m: Motion) -> list[list[str]]:
 
 
 def _hypotheses(m: Motion) -> list[tuple[list[str], float, Weighed]]:
-    """Return effects (with `unknown` where something is left), probability and fit, the most probable first."""
+    """Return effects (with `unknown` where something is left), probability and fit, the most
+    probable first."""
     rows = [(list(w.effects), w.probability * (1.0 - m.unknown), w) for w in m.weighed]
     rows += [([*w.effects, UNKNOWN], w.probability * m.unknown, w) for w in m.weighed]
     return sorted(rows, key=lambda r: -r[1])
 
 
 def parameters(m: Motion, w: Weighed) -> dict[str, dict[str, Any]]:
-    """Return the library's parameters of a set's effects, each with value, 95 % interval and unit."""
+    """Return the library's parameters of a set's effects, each with value, 95 % interval and
+    unit."""
     s, units = w.shaft, {name: p.unit for name, p in library_parameters().items()}
     out: dict[str, dict[str, Any]] = {
         n.parameter: {"value": s.value(n.size), "ci95": list(s.ci95(n.size)), "unit": n.unit}
@@ -61,15 +72,20 @@ def parameters(m: Motion, w: Weighed) -> dict[str, dict[str, Any]]:
     if COGGING.effect in w.effects:
         lead = orders(m, w)[0]
         order = {"value": lead["order"], "ci95": [lead["order"]] * 2}
-        for key, found in (("amplitude", lead["amplitude"]), ("phase", lead["phase"]), ("order_mech", order)):
+        for key, found in (
+            ("amplitude", lead["amplitude"]),
+            ("phase", lead["phase"]),
+            ("order_mech", order),
+        ):
             name = COGGING.card.public(1, key)
             out[name] = {**found, "unit": units[name]}
     return out
 
 
 def orders(m: Motion, w: Weighed) -> list[dict[str, Any]]:
-    """Return the orders of cogging, the largest first: amplitude (N m), as a current (A; None where nothing says which
-    makes a torque), phase of the torque on the rotor (rad), each with a 95 % interval."""
+    """Return the orders of cogging, the largest first: amplitude (N m), as a current (A; None where
+    nothing says which makes a torque), phase of the torque on the rotor (rad), each with a 95 %
+    interval."""
     rows, constant = [], m.campaign.torque_constant
     for n in w.shaft.terms.orders if COGGING.effect in w.effects else ():
         size, sd, phase, turn = w.shaft.amplitude(n)
@@ -80,7 +96,10 @@ def orders(m: Motion, w: Weighed) -> list[dict[str, Any]]:
                 "amplitude": {"value": size, "ci95": [size - half, size + half]},
                 "current": None
                 if constant is None
-                else {"value": size / constant, "ci95": [(size - half) / constant, (size + half) / constant]},
+                else {
+                    "value": size / constant,
+                    "ci95": [(size - half) / constant, (size + half) / constant],
+                },
                 "phase": {"value": phase, "ci95": [phase - around, phase + around]},
             }
         )
@@ -88,7 +107,8 @@ def orders(m: Motion, w: Weighed) -> list[dict[str, Any]]:
 
 
 def refitted(m: Motion) -> Refitted:
-    """Return the shaft's effects as a file for the simulator; the motor is not known, a late reading is the log's."""
+    """Return the shaft's effects as a file for the simulator; the motor is not known, a late
+    reading is the log's."""
     found, ci95 = dict[str, float](), dict[str, tuple[float, float]]()
     s, card = m.best.shaft, COGGING.card
     for n in (DRY, VISCOUS, INERTIA, *users()):
@@ -103,12 +123,16 @@ def refitted(m: Motion) -> Refitted:
             found[name], ci95[name] = row[key]["value"], (row[key]["ci95"][0], row[key]["ci95"][1])
     found[INERTIA.parameter], ci95[INERTIA.parameter] = s.value(INERTIA.size), s.ci95(INERTIA.size)
     units = {name: p.unit for name, p in library_parameters().items()}
-    said = f"Fitted to the motion of '{m.campaign.name}' by diagnose: the shaft alone, no voltages were recorded"
+    said = (
+        f"Fitted to the motion of '{m.campaign.name}' by diagnose: the shaft alone, no "
+        "voltages were recorded"
+    )
     return Refitted(None, found, {}, ci95, units, {}, said)
 
 
 def contract(m: Motion) -> dict[str, Any]:
-    """Return what `diagnosis.json` holds beyond its header; `motion` is more than other campaigns' have."""
+    """Return what `diagnosis.json` holds beyond its header; `motion` is more than other campaigns'
+    have."""
     s = m.best.shaft
     closed = _closed(m, m.after) if m.best.effects else None
     return {
@@ -121,7 +145,9 @@ def contract(m: Motion) -> dict[str, Any]:
             "floor": 1.0,
             "closed": closed,
             "closed_ci95": None,
-            "recordings": [{"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in m.by_recording],
+            "recordings": [
+                {"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in m.by_recording
+            ],
             "position_error_deg": None,
             "remains": None,
         },
@@ -140,11 +166,15 @@ def contract(m: Motion) -> dict[str, Any]:
                 "name": e,
                 "probability": m.inclusion(e),
                 "share": {"value": m.shares.get(e, 0.0), "ci95": None},
-                "parameters": {k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")},
+                "parameters": {
+                    k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")
+                },
                 "group": None,
                 "do": todo(m).get(e),
             }
-            for e in sorted((e for e in numbers() if m.looked_for(e)), key=m.inclusion, reverse=True)
+            for e in sorted(
+                (e for e in numbers() if m.looked_for(e)), key=m.inclusion, reverse=True
+            )
         ],
         "unknown": {"probability": m.unknown, "share": None, "where": "torque"},
         "ambiguity_set": _set(m),
@@ -193,8 +223,13 @@ def where(m: Motion) -> list[dict[str, Any]]:
 
 
 def following(m: Motion) -> dict[str, Any] | None:
-    """Return the recording that would tell what this motion cannot, None where nothing is missing."""
-    asked = [(e, why) for e, why in m.cannot.items() if ";" in why and e not in m.excluded and e != INERTIA.effect]
+    """Return the recording that would tell what this motion cannot, None where nothing is
+    missing."""
+    asked = [
+        (e, why)
+        for e, why in m.cannot.items()
+        if ";" in why and e not in m.excluded and e != INERTIA.effect
+    ]
     if not asked:
         return None
     effect, why = asked[0]
@@ -202,9 +237,12 @@ def following(m: Motion) -> dict[str, Any] | None:
 
 
 def todo(m: Motion) -> dict[str, str]:
-    """Return what to do about each effect of the best set, the largest share of the gap first, by its card."""
-    drive = load_drive("ipm_exchanged")  # stands in for what a motion does not say and no card of the shaft asks for
-    constant = m.campaign.torque_constant or 0.0  # a torque was recorded: which current makes it is unknown
+    """Return what to do about each effect of the best set, the largest share of the gap first, by
+    its card."""
+    # stands in for what a motion does not say and no card of the shaft asks for
+    drive = load_drive("ipm_exchanged")
+    # a torque was recorded: which current makes it is unknown
+    constant = m.campaign.torque_constant or 0.0
     found = {k: v["value"] for k, v in parameters(m, m.best).items()}
     found |= {k: x for k, x in refitted(m).effects.items() if k.startswith(f"{COGGING.effect}.")}
     motor = replace(
@@ -212,7 +250,9 @@ def todo(m: Motion) -> dict[str, str]:
         pole_pairs=PAIRS,
         magnet_flux=min(constant / (1.5 * PAIRS), 100.0),
         inertia=m.campaign.inertia or m.best.shaft.value(INERTIA.size),
-        rated_speed_rpm=max(float(np.max(np.abs(a.speed))) for a in m.design.averages) * 30.0 / math.pi,
+        rated_speed_rpm=max(float(np.max(np.abs(a.speed))) for a in m.design.averages)
+        * 30.0
+        / math.pi,
     )
     ranked = sorted(m.best.effects, key=lambda e: -m.shares.get(e, 0.0))
     return what_to_do(ranked, found, motor, drive.converter)
@@ -223,24 +263,28 @@ def sentences(m: Motion) -> list[tuple[str, str]]:
     w, p = m.best, parameters(m, m.best)
     named = " + ".join(e.replace("_", " ") for e in w.effects) or "no effect"
     left = m.unknown > 0.5
-    sizes = "; ".join(f"{title_of(k)} {v['value']:.4g} {v['unit']}".rstrip() + _interval(v) for k, v in p.items())
+    sizes = "; ".join(
+        f"{title_of(k)} {v['value']:.4g} {v['unit']}".rstrip() + _interval(v) for k, v in p.items()
+    )
     out = [
         ("Where?", "; ".join(r["text"] for r in where(m)[:3]) or "nowhere above the noise"),
         (
             "Which?",
-            f"{named}{' and something unknown' if left else ''} (set {100.0 * w.probability:.0f} % probable"
-            f" among mechanical effects). {sizes}",
+            f"{named}{' and something unknown' if left else ''} (set {100.0 * w.probability:.0f} % "
+            f"probable among mechanical effects). {sizes}",
         ),
         (
             "How far?",
-            f"residual torque: {m.before:.3g} times the noise floor (rms of the noise alone) before, "
-            f"{m.after:.3g} after, on rows held out",
+            f"residual torque: {m.before:.3g} times the noise floor (rms of the noise alone) "
+            f"before, {m.after:.3g} after, on rows held out",
         ),
         ("Electrical?", m.campaign.why),
     ]
     out += [("Do?", f"{e.replace('_', ' ')}: {text}") for e, text in todo(m).items()]
     if m.cannot:
-        out.append(("Not told?", "; ".join(f"{e.replace('_', ' ')}: {why}" for e, why in m.cannot.items())))
+        out.append(
+            ("Not told?", "; ".join(f"{e.replace('_', ' ')}: {why}" for e, why in m.cannot.items()))
+        )
     return out
 
 
@@ -250,7 +294,8 @@ def _interval(v: dict[str, Any]) -> str:
 
 
 def cogging_rows(m: Motion) -> list[list[str]]:
-    """Return a row of order, torque (N m), the same as i_q (A) and phase (rad) for each order of cogging found."""
+    """Return a row of order, torque (N m), the same as i_q (A) and phase (rad) for each order of
+    cogging found."""
     return [
         [
             str(r["order"]),
@@ -269,10 +314,13 @@ def page(m: Motion, title: str, picture: str) -> Iterator[str]:
         yield answer(question, text)
     rows = cogging_rows(m)
     if rows:
-        yield "<h2>Cogging</h2>" + table(["order per turn", "N m", "as i_q (A)", "phase (rad)"], rows)
+        yield "<h2>Cogging</h2>" + table(
+            ["order per turn", "N m", "as i_q (A)", "phase (rad)"], rows
+        )
     yield "<h2>Residual of each recording</h2>" + figure(
         picture,
-        "Torque left unexplained, in noise floors (1: rms of the noise alone). After: with the effects named above.",
+        "Torque left unexplained, in noise floors (1: rms of the noise alone). After: "
+        "with the effects named above.",
     )
     if m.campaign.findings:
         yield "<h2>Notes</h2>" + bullets(f.text for f in m.campaign.findings)

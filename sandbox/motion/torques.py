@@ -1,8 +1,9 @@
-"""What of the shaft's equation is an effect of the library: one number each, what it shows, what a motion has to have.
+"""What of the shaft's equation is an effect of the library: one number each, what it shows, what a
+motion has to have.
 
-Names, units and subsystems are those of the effects' cards.  The inertia and a late reading of the current stand in the
-equation itself; the others are torques beside it.  A user's effects are candidates, too, where they are torques at the
-plant's ports and proportional to one number.
+Names, units and subsystems are those of the effects' cards.  The inertia and a late reading of the
+current stand in the equation itself; the others are torques beside it.  A user's effects are
+candidates, too, where they are torques at the plant's ports and proportional to one number.
 """
 
 from __future__ import annotations
@@ -16,16 +17,19 @@ from model.effects import library, own
 from model.effects.card import Effect, Parameter
 
 Array = NDArray[np.float64]
-PORTS = {"friction": 1.0, "load": 1.0, "torque": -1.0}  # at which a torque enters, and its sign against the motion
-TRIED = np.array([0.1, -2.0, 3.0]), np.array([-30.0, 0.5, 200.0])  # rad, rad/s: where a torque has to be proportional
+# at which a torque enters, and its sign against the motion
+PORTS = {"friction": 1.0, "load": 1.0, "torque": -1.0}
+# rad, rad/s: where a torque has to be proportional
+TRIED = np.array([0.1, -2.0, 3.0]), np.array([-30.0, 0.5, 200.0])
 
 
 @dataclass(frozen=True)
 class Number:
     """One effect as a number of the shaft's equation.
 
-    size: what the fit calls it; parameter: the library's name for it; shows: what it does to the motion; hidden: why a
-    motion may not tell it, and after the semicolon what to record; brakes: it takes power from the motion.
+    size: what the fit calls it; parameter: the library's name for it; shows: what it does to the
+    motion; hidden: why a motion may not tell it, and after the semicolon what to record; brakes: it
+    takes power from the motion.
     """
 
     size: str
@@ -65,11 +69,12 @@ DRY = Number(
     "dry",
     "coulomb_friction.torque",
     "a torque against the motion, whatever the speed",
-    "the motion goes one way only, so dry friction and a constant torque (or an offset of the current) are one number; "
-    "record the same backwards",
+    "the motion goes one way only, so dry friction and a constant torque (or an offset of the "
+    "current) are one number; record the same backwards",
     brakes=True,
 )
-COGGING = Number("", "cogging_torque.amplitude", "a torque bound to the rotor's angle")  # two sizes for each order
+# two sizes for each order
+COGGING = Number("", "cogging_torque.amplitude", "a torque bound to the rotor's angle")
 VISCOUS = Number(
     "viscous",
     "viscous_friction.coefficient",
@@ -103,19 +108,24 @@ def users() -> tuple[Number, ...]:
 
 
 def unidentifiable() -> dict[str, str]:
-    """Return the user's effects that are torques of another kind, each with the reason why no motion tells them."""
+    """Return the user's effects that are torques of another kind, each with the reason why no
+    motion tells them."""
     why = "its torque is not proportional to one number; record voltages, too"
     return {card.name: why for card in _torques() if _of_card(card) is None}
 
 
 def against(n: Number, angle: Array, speed: Array, size: float = 1.0) -> Array:
-    """Return the torque against the motion (N m) of a user's effect of some size, at mechanical angles (rad) and speeds
-    (rad/s), what else it has being neutral."""
+    """Return the torque against the motion (N m) of a user's effect of some size, at mechanical
+    angles (rad) and speeds (rad/s), what else it has being neutral."""
     values = {p.name: p.neutral for p in n.card.parameters} | {n.of_library.name: size}
     total = np.zeros(len(speed))
     for at in n.card.at:
         fixed = [values[name] for name in at.numbers]
-        places = zip(angle.tolist(), speed.tolist(), strict=True) if at.port == "torque" else zip(speed.tolist())
+        places = (
+            zip(angle.tolist(), speed.tolist(), strict=True)
+            if at.port == "torque"
+            else zip(speed.tolist())
+        )
         total += PORTS[at.port] * np.array([at.equation(*fixed, *place) for place in places])
     return total
 

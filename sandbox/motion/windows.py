@@ -1,6 +1,8 @@
-"""The shaft's equation averaged over windows of samples, without differentiating anything and on uneven stamps.
+"""The shaft's equation averaged over windows of samples, without differentiating anything and on
+uneven stamps.
 
-In each window the quadratic fitted to the angle gives the mean acceleration sum(w theta).  Since sum(w) = sum(w t) = 0,
+In each window the quadratic fitted to the angle gives the mean acceleration sum(w theta).  Since
+sum(w) = sum(w t) = 0,
 
     sum_k w_k theta(t_k) = integral of K(t) theta''(t) dt,   K(t) = sum_k w_k max(t_k - t, 0),
 
@@ -29,8 +31,8 @@ STEP = 8  # samples from window to window
 
 @dataclass(frozen=True)
 class Averages:
-    """One recording window by window, n of them: mean acceleration (rad/s^2), driving torque less load (N m), speed
-    (rad/s), and what averages any function of the samples."""
+    """One recording window by window, n of them: mean acceleration (rad/s^2), driving torque less
+    load (N m), speed (rad/s), and what averages any function of the samples."""
 
     file: str
     acceleration: Array
@@ -62,7 +64,9 @@ def averages(r: MotionRecording, campaign: MotionCampaign) -> Averages:
     bump = (1.0 - np.minimum(np.abs(s), 1.0) ** 2 + 1e-3) ** 2
     basis = np.stack([np.ones_like(s), s, s * s], axis=2)
     weighted = basis * bump[:, :, None]
-    solved = np.linalg.solve(np.einsum("nki,nkj->nij", basis, weighted), weighted.transpose(0, 2, 1))
+    solved = np.linalg.solve(
+        np.einsum("nki,nkj->nij", basis, weighted), weighted.transpose(0, 2, 1)
+    )
     w = 2.0 * solved[:, 2, :] / half[:, None] ** 2
     theta = r.angle[place] - r.angle[place[:, :1]]
     speed = np.einsum("nk,nk->n", solved[:, 1, :], theta) / half
@@ -97,5 +101,6 @@ def averages(r: MotionRecording, campaign: MotionCampaign) -> Averages:
 
 
 def white(x: Array) -> float:
-    """Return the white part (rms) of a signal, of fourth differences (70 times its variance); 0 where it is short."""
+    """Return the white part (rms) of a signal, of fourth differences (70 times its variance); 0
+    where it is short."""
     return float(np.median(np.abs(np.diff(x, 4))) / 0.6745 / math.sqrt(70.0)) if len(x) > 8 else 0.0

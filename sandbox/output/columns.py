@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 
 class Column(NamedTuple):
-    """One column of a table: its values (numbers, texts, truth values; None where undefined) and their unit."""
+    """One column of a table: its values (numbers, texts, truth values; None where undefined) and
+    their unit."""
 
     values: Any
     unit: str = ""
@@ -49,11 +50,14 @@ def columns_of(rows: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> d
 
 
 def frame_of(table: pyarrow.Table) -> pandas.DataFrame:
-    """Return a table as a pandas data frame, units in `.attrs["units"]`; BadInput where pandas is missing."""
+    """Return a table as a pandas data frame, units in `.attrs["units"]`; BadInput where pandas is
+    missing."""
     try:
         import pandas  # noqa: F401 - pyarrow's own message is longer
     except ImportError:
-        raise BadInput("a data frame needs pandas; install it with `pip install pandas`, or take .to_table()") from None
+        raise BadInput(
+            "a data frame needs pandas; install it with `pip install pandas`, or take .to_table()"
+        ) from None
     frame = table.to_pandas()
     frame.attrs["units"] = {f.name: unit_of(f) for f in table.schema if unit_of(f)}
     return frame
@@ -63,9 +67,13 @@ def together(frames: Mapping[str, pandas.DataFrame]) -> pandas.DataFrame:
     """Return data frames below each other, a first column `file` telling them apart."""
     import pandas
 
-    whole = pandas.concat([frame.assign(file=name) for name, frame in frames.items()], ignore_index=True)
+    whole = pandas.concat(
+        [frame.assign(file=name) for name, frame in frames.items()], ignore_index=True
+    )
     whole.insert(0, "file", whole.pop("file"))
-    whole.attrs["units"] = {k: v for frame in frames.values() for k, v in frame.attrs["units"].items()}
+    whole.attrs["units"] = {
+        k: v for frame in frames.values() for k, v in frame.attrs["units"].items()
+    }
     return whole
 
 

@@ -1,4 +1,5 @@
-"""A result as one page: HTML with its figures inside, light and dark, on a telephone's width and on paper."""
+"""A result as one page: HTML with its figures inside, light and dark, on a telephone's width and on
+paper."""
 
 from __future__ import annotations
 
@@ -14,15 +15,24 @@ from sandbox.output.files import write_whole
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-ENLARGE = "Click to enlarge; then wheel, two fingers or + and − zoom, dragging moves, × or Escape closes."
+ENLARGE = (
+    "Click to enlarge; then wheel, two fingers or + and − zoom, dragging moves, × or Escape closes."
+)
 LONG = 36  # letters: a cell with more is broken between words
 COLUMNS = 7  # of verdicts that stand within the text's width; more use a desk's whole screen
 MARKS = {"✓": "good", "✗": "bad", "○": "none"}  # ○: as it should be, but not good
 
 
 def write_page(path: Path, title: str, parts: Iterable[str]) -> None:
-    """Write parts (HTML) as one self-contained page; the title is plain text.  BadInput without the page's folder."""
-    write_whole(path, _templates().get_template("page.html").render(title=html_text(title), parts=list(parts)).encode())
+    """Write parts (HTML) as one self-contained page; the title is plain text.  BadInput without the
+    page's folder."""
+    write_whole(
+        path,
+        _templates()
+        .get_template("page.html")
+        .render(title=html_text(title), parts=list(parts))
+        .encode(),
+    )
 
 
 @cache
@@ -31,9 +41,10 @@ def _templates() -> Environment:
     from jinja2 import Environment, PackageLoader
 
     return Environment(
-        loader=PackageLoader("sandbox.output"), autoescape=lambda name: str(name).endswith(".html"),
+        loader=PackageLoader("sandbox.output"),
+        autoescape=lambda name: str(name).endswith(".html"),
         keep_trailing_newline=True,
-    )  # fmt: skip
+    )
 
 
 def prose(text: str) -> str:
@@ -54,10 +65,12 @@ def bullets(texts: Iterable[str]) -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], stacked: bool = False) -> str:
-    """Return a table; the first column is text, the others numbers where there are more than two; long ones wrap.
+    """Return a table; the first column is text, the others numbers where there are more than two;
+    long ones wrap.
 
-    stacked: where the screen is narrow, a row's cells stand below each other, each behind its column's head; those that
-    hold nothing ("–") are left out there. So are all tables of more than two columns that have heads.
+    stacked: where the screen is narrow, a row's cells stand below each other, each behind its
+    column's head; those that hold nothing ("–") are left out there. So are all tables of more than
+    two columns that have heads.
     """
     stacked = stacked or (len(heads) > 2 and all(heads))
     kind = " class='n'" if len(heads) > 2 else ""
@@ -70,15 +83,20 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], stacked: bool = F
         return f"<td{'' if not k else wraps if len(x) > LONG else kind}{told}>{prose(x)}</td>"
 
     body = "".join(f"<tr>{''.join(cell(k, x) for k, x in enumerate(row))}</tr>" for row in rows)
-    return f"<div class='wide{' stacked' if stacked else ''}'><table><tr>{head}</tr>{body}</table></div>"
+    return (
+        "<div "
+        f"class='wide{' stacked' if stacked else ''}'><table><tr>{head}</tr>{body}</table></div>"
+    )
 
 
 def verdicts(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table of texts with a verdict in them, such as '0.1 (0.4) ✓ ≤ 1': coloured by MARKS, the goal below."""
+    """Return a table of texts with a verdict in them, such as '0.1 (0.4) ✓ ≤ 1': coloured by MARKS,
+    the goal below."""
     head = "".join(f"<th>{prose(h)}</th>" for h in heads)
     lines = (
-        f"<tr><td>{prose(row[0])}</td>{''.join(map(_verdict, row[1:], heads[1:]))}</tr>" for row in rows
-    )  # fmt: skip
+        f"<tr><td>{prose(row[0])}</td>{''.join(map(_verdict, row[1:], heads[1:]))}</tr>"
+        for row in rows
+    )
     body = "".join(lines)
     many = " many" if len(heads) > COLUMNS else ""
     return f"<div class='wide marks stacked{many}'><table><tr>{head}</tr>{body}</table></div>"
@@ -100,7 +118,10 @@ def fold(head: str, content: str) -> str:
 def figure(svg: str, caption: str) -> str:
     """Return a drawing (SVG) with a caption in plain text."""
     drawing = f"<div class='draw'>{svg}</div>"
-    return f"<figure role='img' title='{ENLARGE}'>{drawing}<figcaption>{prose(caption)}</figcaption></figure>"
+    return (
+        "<figure role='img' "
+        f"title='{ENLARGE}'>{drawing}<figcaption>{prose(caption)}</figcaption></figure>"
+    )
 
 
 def pairs(figures: Iterable[str]) -> Iterator[str]:

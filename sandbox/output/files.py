@@ -44,12 +44,14 @@ BESIDE = {  # files that commands write under names of their own
     "identify": ("motor.toml", "effects.toml"),
     "check": ("columns.toml",),
 }
-# Drafts that a user goes on with: they stay where no new one is written, and beside one that differs.
+# Drafts that a user goes on with: they stay where no new one is written, and beside one that
+# differs.
 CORRECTED = {"columns.toml": "columns.earlier.toml"}
 
 
 def rounded(value: Any, digits: int) -> Any:
-    """Return a value of JSON with all its numbers rounded to so many significant digits; whole numbers stay."""
+    """Return a value of JSON with all its numbers rounded to so many significant digits; whole
+    numbers stay."""
     if isinstance(value, Mapping):
         return {k: rounded(v, digits) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -59,7 +61,8 @@ def rounded(value: Any, digits: int) -> Any:
     return value
 
 
-NODE = f"{zlib.crc32(platform.node().encode()):x}"  # processes of another machine may write to the same disk
+# processes of another machine may write to the same disk
+NODE = f"{zlib.crc32(platform.node().encode()):x}"
 
 
 def _aside(place: Path, full: Path) -> Path:
@@ -67,7 +70,8 @@ def _aside(place: Path, full: Path) -> Path:
 
 
 def aside_of(full: Path, place: Path | None = None) -> Path:
-    """Return where this process prepares a file or folder (a full path): below `place`, by default beside it.
+    """Return where this process prepares a file or folder (a full path): below `place`, by default
+    beside it.
 
     What a process that was killed left of the same one is removed.
     """
@@ -96,11 +100,15 @@ def _is_running(pid: int) -> bool:
 def check_parent(path: Path) -> None:
     """Raise BadInput where the folder that a file is to stand in does not exist."""
     if not path.parent.is_dir():
-        raise BadInput(f"cannot write '{path}': there is no folder '{path.parent}'; make it, or give another place")
+        raise BadInput(
+            f"cannot write '{path}': there is no folder '{path.parent}'; make it, or "
+            "give another place"
+        )
 
 
 def write_whole(path: Path, content: bytes) -> Path:
-    """Write a file, whole or not at all; return its path.  BadInput where its folder does not exist."""
+    """Write a file, whole or not at all; return its path.  BadInput where its folder does not
+    exist."""
     check_parent(path)
     full = Path(os.path.realpath(path.parent)) / path.name
     aside = aside_of(full)
@@ -128,20 +136,28 @@ def check_free(folder: Path, names: Iterable[str]) -> None:
     """Raise BadInput where a folder stands in the place of a file that is to be written."""
     for path in (folder / name for name in names):
         if path.is_dir():
-            raise BadInput(f"'{path}' is a folder, where a file is to be written; move it, or give another --out")
+            raise BadInput(
+                f"'{path}' is a folder, where a file is to be written; move it, or give "
+                "another --out"
+            )
 
 
 def check_output(out: Path, command: str = "") -> None:
-    """Raise BadInput, before a run, where its results could not be written to a folder; nothing is left there.
+    """Raise BadInput, before a run, where its results could not be written to a folder; nothing is
+    left there.
 
     command: whose files they are (`audit.json`, ...).
     """
     if "\0" in str(out):
-        raise BadInput(f"cannot write to {brief(str(out))}: a name holds no NUL; give another --out")
+        raise BadInput(
+            f"cannot write to {brief(str(out))}: a name holds no NUL; give another --out"
+        )
     try:
         os.path.realpath(out).encode()
     except UnicodeEncodeError:
-        raise BadInput(f"cannot write to {brief(str(out))}: its path is no UTF-8; give another --out") from None
+        raise BadInput(
+            f"cannot write to {brief(str(out))}: its path is no UTF-8; give another --out"
+        ) from None
     if command:
         check_free(out, [*(f"{command}{kind}" for kind in KINDS), *BESIDE.get(command, ())])
     try:
@@ -159,10 +175,11 @@ def output_folder(out: Path) -> Path:
 
 @contextmanager
 def results(out: Path, command: str) -> Iterator[Path]:
-    """Give a folder for a command's files; they appear in `out` together, the JSON last, or not at all.
+    """Give a folder for a command's files; they appear in `out` together, the JSON last, or not at
+    all.
 
-    A folder that does not exist appears whole.  What an earlier call left there under the same names goes, so that
-    the files in a folder belong together.
+    A folder that does not exist appears whole.  What an earlier call left there under the same
+    names goes, so that the files in a folder belong together.
     """
     try:
         waiting = _waiting(out)
@@ -183,7 +200,9 @@ def _publish(waiting: Path, full: Path, command: str) -> None:
     check_free(full, [new.name for new in waiting.iterdir()])
     earlier = [old for old in full.glob(f"{command}.*") if old.suffix in KINDS]
     if (full / f"{command}.json").is_file():
-        earlier += [full / name for name in BESIDE.get(command, ()) if not _of_others(full, name, command)]
+        earlier += [
+            full / name for name in BESIDE.get(command, ()) if not _of_others(full, name, command)
+        ]
     for old in earlier:
         if old.is_file() and not (waiting / old.name).exists():
             old.unlink()
@@ -196,7 +215,8 @@ def _publish(waiting: Path, full: Path, command: str) -> None:
 
 
 def _of_others(folder: Path, name: str, command: str) -> bool:
-    """Return whether a file may be a user's, or of another command that has results in the folder."""
+    """Return whether a file may be a user's, or of another command that has results in the
+    folder."""
     others = [c for c, names in BESIDE.items() if name in names and c != command]
     return name in CORRECTED or any((folder / f"{c}.json").is_file() for c in others)
 
@@ -209,13 +229,24 @@ def discard(out: Path) -> None:
 
 
 def write_json(
-    out: Path, name: str, content: dict[str, Any], command: str = "", made: Mapping[str, Any] | None = None
+    out: Path,
+    name: str,
+    content: dict[str, Any],
+    command: str = "",
+    made: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write `<name>.json` with the common header into a folder, whole or not at all; return its path.
+    """Write `<name>.json` with the common header into a folder, whole or not at all; return its
+    path.
 
-    command: the header's, where the file is not named after it; made: what made it (`provenance.made_by`).
+    command: the header's, where the file is not named after it; made: what made it
+    (`provenance.made_by`).
     """
-    document = {"schema": SCHEMA, "command": command or name, "version": version(), **plain(content)}
+    document = {
+        "schema": SCHEMA,
+        "command": command or name,
+        "version": version(),
+        **plain(content),
+    }
     if made is not None:
         document["made_by"] = plain(made)
     return write_whole(out / f"{name}.json", json_bytes(document))

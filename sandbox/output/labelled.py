@@ -15,18 +15,25 @@ if TYPE_CHECKING:
     import xarray
 
 
-def dataset_of(table: pyarrow.Table, coordinates: Sequence[str], attributes: Mapping[str, str]) -> xarray.Dataset:
+def dataset_of(
+    table: pyarrow.Table, coordinates: Sequence[str], attributes: Mapping[str, str]
+) -> xarray.Dataset:
     """Return a table as a Dataset; BadInput where xarray is missing.
 
-    coordinates: columns that become dimensions.  One is the rows' own; several span a grid, whose rows run as those
-    of `numpy.meshgrid(..., indexing="ij")`.  None: the dimension is `row`.
+    coordinates: columns that become dimensions.  One is the rows' own; several span a grid, whose
+    rows run as those of `numpy.meshgrid(..., indexing="ij")`.  None: the dimension is `row`.
     """
     try:
         import xarray
     except ImportError:
-        raise BadInput("a Dataset needs xarray; install it with `pip install xarray`, or take .to_table()") from None
+        raise BadInput(
+            "a Dataset needs xarray; install it with `pip install xarray`, or take .to_table()"
+        ) from None
     columns = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
-    axes = {name: np.unique(columns[name]) if len(coordinates) > 1 else columns[name] for name in coordinates}
+    axes = {
+        name: np.unique(columns[name]) if len(coordinates) > 1 else columns[name]
+        for name in coordinates
+    }
     shape = tuple(map(len, axes.values())) or (table.num_rows,)
     units = {f.name: {"units": unit} if (unit := unit_of(f)) else {} for f in table.schema}
     dimensions = tuple(axes) or ("row",)

@@ -29,22 +29,27 @@ def colour_of(belief: str) -> tuple[float, float, float]:
     return red / 255, green / 255, blue / 255
 
 
-def page(size: tuple[float, float], rows: int, columns: int, ax: AnyAxes = None, **layout: Any) -> tuple[Figure, Any]:
-    """Return an empty figure (inches) and its panels, (rows, columns), or the figure of the axes that are given.
+def page(
+    size: tuple[float, float], rows: int, columns: int, ax: AnyAxes = None, **layout: Any
+) -> tuple[Figure, Any]:
+    """Return an empty figure (inches) and its panels, (rows, columns), or the figure of the axes
+    that are given.
 
-    ax: axes of the caller's own to draw in, one for each panel, row by row; BadInput where these are more or fewer.
+    ax: axes of the caller's own to draw in, one for each panel, row by row; BadInput where these
+    are more or fewer.
     """
     from matplotlib.figure import Figure
 
     if ax is None:
         figure = Figure(figsize=size, layout="constrained")
-        vars(figure)["_repr_png_"] = partial(png, figure)  # notebooks show it, though pyplot does not know it
+        # notebooks show it, though pyplot does not know it
+        vars(figure)["_repr_png_"] = partial(png, figure)
         return figure, figure.subplots(rows, columns, squeeze=False, **layout)
     own = np.array(ax, dtype=object).reshape(-1)
     if own.size != rows * columns or not all(hasattr(axes, "axhline") for axes in own):
         raise BadInput(
-            f"ax: this figure has {rows * columns} panel{'s' if rows * columns > 1 else ''}, and needs as many axes of "
-            f"matplotlib; make them by plt.subplots({rows}, {columns})"
+            f"ax: this figure has {rows * columns} panel{'s' if rows * columns > 1 else ''}, and "
+            f"needs as many axes of matplotlib; make them by plt.subplots({rows}, {columns})"
         )
     return own[0].figure.figure, own.reshape(rows, columns)  # of a part of a figure, the whole
 
@@ -57,7 +62,8 @@ def circle(axes: Axes, radius: float, **style: Any) -> Circle:
 
 
 def entitle(figure: Figure, title: str, ax: AnyAxes) -> None:
-    """Write a title above a figure, or above the one panel of the caller's own; several of these keep theirs."""
+    """Write a title above a figure, or above the one panel of the caller's own; several of these
+    keep theirs."""
     if ax is None:
         figure.suptitle(title, parse_math=False)
     elif np.size(ax) == 1:
@@ -72,19 +78,23 @@ def png(figure: Figure) -> bytes:
 
 
 def framed(axes: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
-    """Leave out a panel's upper and right frame, and draw a grid that is soft on light and on dark ground."""
+    """Leave out a panel's upper and right frame, and draw a grid that is soft on light and on dark
+    ground."""
     axes.grid(axis=grid, color="0.5", alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
 
 
 def plain_ticks(axes: Axes, which: str = "x") -> None:
-    """Write a logarithmic axis (x or y) as 1, 10, 100, without the powers whose letters other fonts hold."""
+    """Write a logarithmic axis (x or y) as 1, 10, 100, without the powers whose letters other fonts
+    hold."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     axis = axes.xaxis if which == "x" else axes.yaxis
     low, high = axis.get_view_interval()
     few, some, many = (1.0,), (1.0, 2.0, 5.0), (1.0, 2.0, 3.0, 4.0, 5.0, 7.0)
-    axis.set_major_locator(LogLocator(subs=few if high > 100.0 * low else some if high > 8.0 * low else many))
+    axis.set_major_locator(
+        LogLocator(subs=few if high > 100.0 * low else some if high > 8.0 * low else many)
+    )
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 
@@ -114,7 +124,8 @@ def drawn(figure: Figure, path: str | Path | None) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Save a figure under a temporary name beside its place, then move it there; BadInput where that cannot be."""
+    """Save a figure under a temporary name beside its place, then move it there; BadInput where
+    that cannot be."""
     kind = path.suffix.lstrip(".").lower()
     if kind not in figure.canvas.get_supported_filetypes():
         raise BadInput(f"cannot draw to '{path.name}': use a name that ends in .png, .svg or .pdf")

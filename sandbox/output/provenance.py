@@ -1,4 +1,5 @@
-"""What made a result: version, commit, code, libraries and machine; the call with the hashes of its inputs."""
+"""What made a result: version, commit, code, libraries and machine; the call with the hashes of its
+inputs."""
 
 from __future__ import annotations
 
@@ -16,7 +17,17 @@ from typing import Any
 from model.kernels.sources import ROOMS, ROOT, code_key
 
 PACKAGE = "sensorless-sandbox"
-LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "control", "filterpy", "matplotlib", "pyarrow", "rerun-sdk")
+LIBRARIES = (
+    "numpy",
+    "scipy",
+    "numba",
+    "llvmlite",
+    "control",
+    "filterpy",
+    "matplotlib",
+    "pyarrow",
+    "rerun-sdk",
+)
 PATIENCE = 10.0  # s for git
 CHUNK = 1 << 20  # bytes read at once
 
@@ -25,8 +36,9 @@ CHUNK = 1 << 20  # bytes read at once
 class Call:
     """How a function of the page `sandbox` was called.
 
-    arguments: names, paths and numbers as given, defaults included; inputs: SHA-256 by path of every file that was
-    read; objects: arguments that were Python objects, of which nobody else can be told.
+    arguments: names, paths and numbers as given, defaults included; inputs: SHA-256 by path of
+    every file that was read; objects: arguments that were Python objects, of which nobody else can
+    be told.
     """
 
     function: str
@@ -44,27 +56,40 @@ def version() -> str:
 
 
 def made_by(call: Call | None = None, files: Iterable[Path] = ()) -> dict[str, Any]:
-    """Return what a result says of its making; files: those written beside it, told with their hashes."""
+    """Return what a result says of its making; files: those written beside it, told with their
+    hashes."""
     return {
-        "commit": commit(), "code": code(), "python": platform.python_version(),
-        "machine": f"{platform.system()} {platform.machine()}", "libraries": libraries(),
-        "call": None if call is None else {
-            "function": call.function, "arguments": dict(call.arguments), "objects": list(call.objects),
+        "commit": commit(),
+        "code": code(),
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}",
+        "libraries": libraries(),
+        "call": None
+        if call is None
+        else {
+            "function": call.function,
+            "arguments": dict(call.arguments),
+            "objects": list(call.objects),
             "inputs": dict(call.inputs),
         },
         "files": {path.name: digest_of(path) for path in sorted(files)},
-    }  # fmt: skip
+    }
 
 
 @cache
 def commit() -> str | None:
-    """Return the commit of the checkout that runs, with `+` where its files were changed; None outside a checkout."""
+    """Return the commit of the checkout that runs, with `+` where its files were changed; None
+    outside a checkout."""
     if not (ROOT / ".git").exists():
         return None
     try:
         head, changed = (
             subprocess.run(
-                ["git", "-C", str(ROOT), *words], capture_output=True, check=True, text=True, timeout=PATIENCE
+                ["git", "-C", str(ROOT), *words],
+                capture_output=True,
+                check=True,
+                text=True,
+                timeout=PATIENCE,
             ).stdout.strip()
             for words in (("rev-parse", "HEAD"), ("status", "--porcelain", "--", *ROOMS))
         )

@@ -22,12 +22,13 @@ DIGITS = ".7g"  # of the line
 class Refitted:
     """A drive as recordings show it.
 
-    drive: with the motor's values refitted (None where recordings say nothing of it); effects: what the plant has
-    beside it, by public name, `bench.*` too; angles: rad by which recordings' angles are turned; ci95: 95 % intervals
-    of values in [motor] and of effects; units: of effects; residual: rms of each recording's currents, in noise
-    floors, that the two files leave; said: where they come from, one sentence; at_bound: of values that stand at a
-    bound, by name (`angles.<file>` of an angle), which bound that is; flux_map: what the motor's map file holds, where
-    it is a new one.
+    drive: with the motor's values refitted (None where recordings say nothing of it); effects: what
+    the plant has beside it, by public name, `bench.*` too; angles: rad by which recordings' angles
+    are turned; ci95: 95 % intervals of values in [motor] and of effects; units: of effects;
+    residual: rms of each recording's currents, in noise floors, that the two files leave; said:
+    where they come from, one sentence; at_bound: of values that stand at a bound, by name
+    (`angles.<file>` of an angle), which bound that is; flux_map: what the motor's map file holds,
+    where it is a new one.
     """
 
     drive: Drive | None
@@ -49,9 +50,11 @@ class Refitted:
     def as_json(self) -> dict[str, Any]:
         """Return what a result's JSON says of the files, under `simulator`."""
         return {
-            "motor": None if self.drive is None else MOTOR, "effects": EFFECTS, "line": self.line,
+            "motor": None if self.drive is None else MOTOR,
+            "effects": EFFECTS,
+            "line": self.line,
             "residual": [{"file": file, "rms": rms} for file, rms in self.residual.items()],
-        }  # fmt: skip
+        }
 
     def write(self, folder: Path) -> None:
         """Write motor.toml (and its flux map beside it) and effects.toml into a folder."""
@@ -60,7 +63,11 @@ class Refitted:
             motor = self.drive.motor
             if isinstance(motor, MappedMotor) and motor.origin and self.flux_map is not None:
                 (folder / FOUND).write_bytes(self.flux_map)
-            elif isinstance(motor, MappedMotor) and motor.origin and "dataset" not in motor.origin.table:
+            elif (
+                isinstance(motor, MappedMotor)
+                and motor.origin
+                and "dataset" not in motor.origin.table
+            ):
                 shutil.copyfile(motor.origin.path, folder / motor.origin.path.name)
         (folder / EFFECTS).write_text(self._effects(), encoding="utf-8")
 
@@ -68,10 +75,19 @@ class Refitted:
         motor, of_map = drive.motor, set[str]()
         if isinstance(motor, MappedMotor):
             of_map = {*OF_MAP, "map_hash", "origin", "spline"}
-        own = {f.name: getattr(motor, f.name) for f in dataclasses.fields(motor) if f.name not in of_map}
+        own = {
+            f.name: getattr(motor, f.name)
+            for f in dataclasses.fields(motor)
+            if f.name not in of_map
+        }
         ends = {k: list(v) for k, v in self.ci95.items() if k in own}
-        spread = {k: (b - a) / (2.0 * Z * abs(own[k])) for k, (a, b) in ends.items() if own[k] != 0.0}
-        head = f"# {self.said}\n# [ci95]: 95 % intervals; [uncertainty]: relative deviations, for a campaign.toml\n\n"
+        spread = {
+            k: (b - a) / (2.0 * Z * abs(own[k])) for k, (a, b) in ends.items() if own[k] != 0.0
+        }
+        head = (
+            f"# {self.said}\n# [ci95]: 95 % intervals; [uncertainty]: relative deviations, "
+            "for a campaign.toml\n\n"
+        )
         values = toml_text([("[motor]", {k: v for k, v in own.items() if v != ""})], self.at_bound)
         rest = toml_text(
             [
@@ -94,23 +110,29 @@ class Refitted:
             told = (unit, found, self.at_bound.get(name, ""))
             notes[name.removeprefix("bench.")] = ", ".join(filter(None, told))
         effects = {k: v for k, v in self.effects.items() if not k.startswith("bench.")}
-        bench = {k.removeprefix("bench."): v for k, v in self.effects.items() if k.startswith("bench.")}
+        bench = {
+            k.removeprefix("bench."): v for k, v in self.effects.items() if k.startswith("bench.")
+        }
         beside = f" beside {MOTOR}" if self.drive is not None else ""
         call = f"--motor {MOTOR} --effects {EFFECTS}"
         head = (
             f"# {self.said}\n# What the simulator has{beside}: sensorless simulate {call}\n"
             f"# With the recordings' own voltages: sensorless replay CAMPAIGN {call}\n\n"
         )
-        angles = {key(file): text for file in self.angles if (text := self.at_bound.get(f"angles.{file}"))}
+        angles = {
+            key(file): text for file in self.angles if (text := self.at_bound.get(f"angles.{file}"))
+        }
         parts = (
             toml_text([("[effects]", _nested(effects)), ("[bench]", bench)], notes),
-            toml_text([("[angles]", self.angles)], angles), toml_text([("[residual]", self.residual)]),
-        )  # fmt: skip
+            toml_text([("[angles]", self.angles)], angles),
+            toml_text([("[residual]", self.residual)]),
+        )
         return head + "\n".join(filter(None, parts))
 
 
 def _flux_map(motor: Motor) -> dict[str, Any]:
-    """Return [flux_map] of a motor that has one: the map lies beside the motor's file, unless it is a data set's."""
+    """Return [flux_map] of a motor that has one: the map lies beside the motor's file, unless it is
+    a data set's."""
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         return {}
     table = motor.origin.table

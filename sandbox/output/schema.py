@@ -20,12 +20,14 @@ def schema_names() -> list[str]:
 
 
 def shared_parts() -> dict[str, Any]:
-    """Return what files share: the `header` that every one begins with, and `$defs` that schemas refer to."""
+    """Return what files share: the `header` that every one begins with, and `$defs` that schemas
+    refer to."""
     return _read(SHARED)
 
 
 def json_schema(name: str) -> dict[str, Any]:
-    """Return the whole schema of `<name>.json`, its header and shared parts included; BadInput for an unknown name."""
+    """Return the whole schema of `<name>.json`, its header and shared parts included; BadInput for
+    an unknown name."""
     if name not in schema_names():
         raise unknown("JSON file", name, schema_names())
     shared, own = shared_parts(), _read(name)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
-Strips = tuple[Sequence[Array], Colour, Sequence[str]]  # lines (n, 2), their colour, a label each or none
+# lines (n, 2), their colour, a label each or none
+Strips = tuple[Sequence[Array], Colour, Sequence[str]]
 GREY: Colour = (170, 170, 170)
 # Readable on white paper and on the viewer's dark ground, and apart for colour-blind eyes.
 COLOURS: dict[str, Colour] = {"saturated": (46, 134, 222), "linear": (222, 98, 16)}
@@ -20,7 +21,8 @@ COLOURS: dict[str, Colour] = {"saturated": (46, 134, 222), "linear": (222, 98, 1
 class Plot:
     """Lines, or bars, over a common x (n,): s of lines, any number of bars; a colour each.
 
-    width: of bars that stand side by side from x on; without it all have width 1, one before the other.
+    width: of bars that stand side by side from x on; without it all have width 1, one before the
+    other.
     """
 
     title: str
@@ -33,7 +35,8 @@ class Plot:
 
 @dataclass(frozen=True)
 class Sheet:
-    """Lines in a plane, seen from above: x to the right, y downwards as a viewer of pictures has it."""
+    """Lines in a plane, seen from above: x to the right, y downwards as a viewer of pictures has
+    it."""
 
     title: str
     strips: Mapping[str, Strips]
@@ -46,7 +49,8 @@ def pale(colour: Colour) -> Colour:
 
 
 def upright(x: Array, y: Array) -> list[Array]:
-    """Return a line (n, 2) for a sheet on which y points upwards, broken where a point is undefined."""
+    """Return a line (n, 2) for a sheet on which y points upwards, broken where a point is
+    undefined."""
     points = np.column_stack([x, -y])
     known = np.isfinite(points).all(axis=1)
     parts = np.split(points, np.flatnonzero(np.diff(known)) + 1)

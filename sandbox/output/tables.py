@@ -18,8 +18,8 @@ BEAT = 5.0  # s between two looks at whether a line is due while nothing is repo
 
 
 class _Lines:
-    """Lines of progress on the standard error, with the seconds since it began: one in PAUSE, also while nothing is
-    reported, as one step takes long or is compiled."""
+    """Lines of progress on the standard error, with the seconds since it began: one in PAUSE, also
+    while nothing is reported, as one step takes long or is compiled."""
 
     def __init__(self, title: str, text: str) -> None:
         self.title, self.text, self.lock = title, text, threading.Lock()
@@ -36,12 +36,17 @@ class _Lines:
             now = time.monotonic()
             if now - self.last >= PAUSE:
                 self.last = now
-                print(f"{self.title}: {self.text}, {now - self.began:.0f} s", file=sys.stderr, flush=True)
+                print(
+                    f"{self.title}: {self.text}, {now - self.began:.0f} s",
+                    file=sys.stderr,
+                    flush=True,
+                )
 
 
 @contextmanager
 def _lines(title: str, text: str) -> Iterator[Callable[[str], None]]:
-    """Give a function that reports how far it is, as `_Lines` write it; text: what stands there before the first."""
+    """Give a function that reports how far it is, as `_Lines` write it; text: what stands there
+    before the first."""
     lines, over = _Lines(title, text), threading.Event()
 
     def watch() -> None:
@@ -77,8 +82,8 @@ def _effort_lines(title: str) -> Iterator[tuple[Callable[[str], None], Callable[
 
 @contextmanager
 def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
-    """Give a function that shows the fraction done, as lines where there is no terminal; None where it is not asked
-    for. Before there is a fraction the bar moves to and fro."""
+    """Give a function that shows the fraction done, as lines where there is no terminal; None where
+    it is not asked for. Before there is a fraction the bar moves to and fro."""
     if quiet:
         yield None
         return
@@ -97,17 +102,26 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | 
     )
 
     columns = (
-        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("left"),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
         TimeRemainingColumn(),
-    )  # fmt: skip
+    )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None)
-        yield lambda fraction: bar.update(task, completed=fraction, total=1.0 if fraction > 0.0 else None)
+        yield lambda fraction: bar.update(
+            task, completed=fraction, total=1.0 if fraction > 0.0 else None
+        )
 
 
 @contextmanager
-def rate_bar(title: str, quiet: bool, what: str = "runs") -> Iterator[Callable[[int, int], None] | None]:
-    """Give a function that shows how many of how many are done, their rate and the time left; lines, None as above."""
+def rate_bar(
+    title: str, quiet: bool, what: str = "runs"
+) -> Iterator[Callable[[int, int], None] | None]:
+    """Give a function that shows how many of how many are done, their rate and the time left;
+    lines, None as above."""
     if quiet:
         yield None
         return
@@ -116,13 +130,25 @@ def rate_bar(title: str, quiet: bool, what: str = "runs") -> Iterator[Callable[[
             yield lambda done, total: say(f"{done:,.0f} of {total:,.0f} {what}")
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     columns = (
-        TextColumn(f"{title} {{task.fields[count]}}"), BarColumn(),
-        TextColumn("{task.fields[rate]}"), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-    )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0) as bar:
+        TextColumn(f"{title} {{task.fields[count]}}"),
+        BarColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(
+        *columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0
+    ) as bar:
         task = bar.add_task(title, total=None, rate="", count="")
 
         def show(done: int, total: int) -> None:
@@ -142,8 +168,8 @@ def effort_bar(
 ) -> Iterator[tuple[Callable[[str], None], Callable[[float], None]]]:
     """Give a function that says what is being done, and one that counts simulations in.
 
-    Nobody knows how many there will be: the bar, and the time left, are those to `usual` of them, within which nine of
-    ten end; where it takes more, to half as many again.
+    Nobody knows how many there will be: the bar, and the time left, are those to `usual` of them,
+    within which nine of ten end; where it takes more, to half as many again.
     """
     if quiet:
         yield (lambda _: None), (lambda _: None)
@@ -153,13 +179,25 @@ def effort_bar(
             yield both
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     columns = (
-        TextColumn("{task.description}"), BarColumn(8), TextColumn("{task.completed:,.0f} simulations"),
-        TimeElapsedColumn(), TextColumn("most end in"), TimeRemainingColumn(compact=True),
-    )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0) as bar:
+        TextColumn("{task.description}"),
+        BarColumn(8),
+        TextColumn("{task.completed:,.0f} simulations"),
+        TimeElapsedColumn(),
+        TextColumn("most end in"),
+        TimeRemainingColumn(compact=True),
+    )
+    with Progress(
+        *columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0
+    ) as bar:
         task = bar.add_task(title, total=usual)
 
         def count(more: float) -> None:
@@ -172,17 +210,21 @@ def effort_bar(
 
 
 def further(total: float, reached: float) -> float:
-    """Return how many to expect once so many are reached: as before, or half as many again, as often as it takes."""
+    """Return how many to expect once so many are reached: as before, or half as many again, as
+    often as it takes."""
     while reached >= total:
         total *= 1.5
     return total
 
 
-def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int = 1, together: int = 1) -> None:
+def print_table(
+    title: str, heads: list[str], rows: list[list[str]], fixed: int = 1, together: int = 1
+) -> None:
     """Print a table; the first column to the left, numbers to the right, no number cut.
 
-    One that is wider than the terminal is folded: its columns follow in several tables that all begin with the first
-    `fixed` ones, so many `together` where they fit. In a pipe it stays whole, unless COLUMNS says how wide it may be.
+    One that is wider than the terminal is folded: its columns follow in several tables that all
+    begin with the first `fixed` ones, so many `together` where they fit. In a pipe it stays whole,
+    unless COLUMNS says how wide it may be.
     """
     from rich.console import Console
 
@@ -209,9 +251,11 @@ def print_list(lines: Mapping[str, str]) -> None:
 
 
 def print_prose(text: str, head: str = "") -> None:
-    """Print a text behind a head: in a terminal folded to its width, elsewhere one line, which `grep` finds whole.
+    """Print a text behind a head: in a terminal folded to its width, elsewhere one line, which
+    `grep` finds whole.
 
-    Later lines begin below the text's first word. A word that is longer than a line, such as a path, is kept whole.
+    Later lines begin below the text's first word. A word that is longer than a line, such as a
+    path, is kept whole.
     """
     print(_fitted(text, head), flush=True)
 
@@ -223,7 +267,12 @@ def _fitted(text: str, head: str = "") -> str:
     width, inner = max(shutil.get_terminal_size().columns, 40), " " * len(head)
     parts = [
         textwrap.wrap(
-            part, width, initial_indent=inner, subsequent_indent=inner, break_long_words=False, break_on_hyphens=False
+            part,
+            width,
+            initial_indent=inner,
+            subsequent_indent=inner,
+            break_long_words=False,
+            break_on_hyphens=False,
         )
         or [""]
         for part in text.split("\n")
@@ -235,15 +284,19 @@ LEAST = 24  # columns that a first column keeps where it has to be broken, its f
 
 
 def _width(rows: list[list[str]], k: int) -> int:
-    """Return the columns of a terminal that a table's column takes with its frame; a first one may be broken."""
+    """Return the columns of a terminal that a table's column takes with its frame; a first one may
+    be broken."""
     whole = 3 + max(len(line) for row in rows for line in row[k].split("\n"))
     return whole if k else min(whole, LEAST)
 
 
-def folded(heads: list[str], rows: list[list[str]], fixed: int, width: int, together: int = 1) -> list[list[int]]:
+def folded(
+    heads: list[str], rows: list[list[str]], fixed: int, width: int, together: int = 1
+) -> list[list[int]]:
     """Return the columns of each part of a table, every part within a width where that can be done.
 
-    together: how many columns after the fixed ones belong to each other; they are parted only where they do not fit.
+    together: how many columns after the fixed ones belong to each other; they are parted only where
+    they do not fit.
     """
     every = [heads, *rows]
     first, parts = list(range(fixed)), [list(range(fixed))]
@@ -267,7 +320,9 @@ def _grid(rows: list[list[str]]) -> Any:
 
     table = Table()
     for k, head in enumerate(rows[0]):
-        table.add_column(head, justify="left" if k == 0 else "right", no_wrap=k > 0, overflow="fold")
+        table.add_column(
+            head, justify="left" if k == 0 else "right", no_wrap=k > 0, overflow="fold"
+        )
     for row in rows[1:]:
         table.add_row(*row)
     return table

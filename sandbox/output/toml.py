@@ -8,10 +8,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 
-def toml_text(tables: Sequence[tuple[str, Mapping[str, Any]]], notes: Mapping[str, str] | None = None) -> str:
-    """Return tables (head such as "[motor]", entries) as text; empty tables and entries of None are left out.
+def toml_text(
+    tables: Sequence[tuple[str, Mapping[str, Any]]], notes: Mapping[str, str] | None = None
+) -> str:
+    """Return tables (head such as "[motor]", entries) as text; empty tables and entries of None are
+    left out.
 
-    A table inside a table becomes dotted keys (`dead_time.time = 2e-06`).  notes: comments, by the dotted key.
+    A table inside a table becomes dotted keys (`dead_time.time = 2e-06`).  notes: comments, by the
+    dotted key.
     """
     parts = [(head, list(_lines(table, "", notes or {}))) for head, table in tables]
     return "\n".join(head + "\n" + "".join(lines) for head, lines in parts if lines)

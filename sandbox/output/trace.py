@@ -1,4 +1,5 @@
-"""Traces for the viewer, one rerun recording (`.rrd`) each: write, lay out, read. Only this module imports rerun."""
+"""Traces for the viewer, one rerun recording (`.rrd`) each: write, lay out, read. Only this module
+imports rerun."""
 
 from __future__ import annotations
 
@@ -47,7 +48,9 @@ class Trace:
         """Send a text."""
         import rerun as rr
 
-        self._stream.log(entity, rr.TextDocument(markdown, media_type="text/markdown"), static=True, strict=True)
+        self._stream.log(
+            entity, rr.TextDocument(markdown, media_type="text/markdown"), static=True, strict=True
+        )
 
     def properties(self, facts: Mapping[str, Any]) -> dict[str, str]:
         """Send how the content was made; return it as it is kept, all as text.
@@ -60,7 +63,9 @@ class Trace:
         self._stream.send_property("made", rr.AnyValues(True, **made))
         return made
 
-    def lines(self, entity: str, t: Array, *lines: Line, width: float = 1.5, stepped: bool = False) -> None:
+    def lines(
+        self, entity: str, t: Array, *lines: Line, width: float = 1.5, stepped: bool = False
+    ) -> None:
         """Send lines of n values at times t (s), grouped in one entity."""
         import rerun as rr
 
@@ -75,10 +80,14 @@ class Trace:
         for start in range(0, t.size, CHUNK):
             part = values[start : start + CHUNK]
             time = rr.TimeColumn(TIMELINE, duration=_nanoseconds(t[start : start + CHUNK]))
-            scalars = rr.Scalars.columns(scalars=part.ravel()).partition(np.full(len(part), part.shape[1]))
+            scalars = rr.Scalars.columns(scalars=part.ravel()).partition(
+                np.full(len(part), part.shape[1])
+            )
             self._stream.send_columns(entity, [time], scalars, strict=True)
 
-    def states(self, entity: str, changes: Sequence[tuple[float, str]], colours: Mapping[str, Colour]) -> None:
+    def states(
+        self, entity: str, changes: Sequence[tuple[float, str]], colours: Mapping[str, Colour]
+    ) -> None:
         """Send changes of a state (time in s, its name from then on) as a lane."""
         import rerun as rr
 
@@ -106,17 +115,25 @@ class Trace:
 
         if isinstance(plot, Sheet):
             for name, (strips, colour, labels) in plot.strips.items():
-                drawn = rr.LineStrips2D(strips, colors=[colour], labels=labels or None, radii=rr.Radius.ui_points(1.0))
+                drawn = rr.LineStrips2D(
+                    strips, colors=[colour], labels=labels or None, radii=rr.Radius.ui_points(1.0)
+                )
                 self._stream.log(f"{entity}/{name}", drawn, static=True, strict=True)
             return rrb.Spatial2DView(name=plot.title, origin=f"/{entity}")
         if not plot.bars:
             named = zip(plot.lines.items(), plot.colours, strict=False)
-            self.lines(entity, plot.x, *(Line(name, values, colour) for (name, values), colour in named))
+            self.lines(
+                entity, plot.x, *(Line(name, values, colour) for (name, values), colour in named)
+            )
             return rrb.TimeSeriesView(name=plot.title, contents=[f"/{entity}"])
         own = None if plot.width is None else plot.width / len(plot.lines)
-        for k, ((line, values), colour) in enumerate(zip(plot.lines.items(), plot.colours, strict=False)):
+        for k, ((line, values), colour) in enumerate(
+            zip(plot.lines.items(), plot.colours, strict=False)
+        ):
             widths = None if own is None else np.full(len(values), own)
-            chart = rr.BarChart(values, color=colour, abscissa=plot.x + k * (own or 0.0), widths=widths)
+            chart = rr.BarChart(
+                values, color=colour, abscissa=plot.x + k * (own or 0.0), widths=widths
+            )
             self._stream.log(f"{entity}/{line}", chart, static=True, strict=True)
         return rrb.BarChartView(name=plot.title, contents=[f"/{entity}/**"])
 
@@ -151,7 +168,8 @@ def written(path: Path) -> Iterator[Trace]:
 
 
 def write_series(path: Path, title: str, text: str, tabs: Tabs) -> None:
-    """Write tabs {tab: {name: Plot}} after a summary in markdown; lines are one entity, bars one each under it."""
+    """Write tabs {tab: {name: Plot}} after a summary in markdown; lines are one entity, bars one
+    each under it."""
     with written(path) as trace:
         trace.name(title)
         trace.text("summary", text)
@@ -173,15 +191,22 @@ def state_view(name: str, contents: Sequence[str]) -> View:
 
 
 def time_view(
-    name: str, contents: list[str], low: float, high: float, window: tuple[float, float] | None = None
+    name: str,
+    contents: list[str],
+    low: float,
+    high: float,
+    window: tuple[float, float] | None = None,
 ) -> View:
-    """Return a view of lines over time with its range of values, and of times (s) if it stands alone."""
+    """Return a view of lines over time with its range of values, and of times (s) if it stands
+    alone."""
     import rerun as rr
     import rerun.blueprint as rrb
 
     axis = None
     if window:
-        start, end = (rrb.TimeRangeBoundary.absolute(time=t) for t in _nanoseconds(np.array(window)))
+        start, end = (
+            rrb.TimeRangeBoundary.absolute(time=t) for t in _nanoseconds(np.array(window))
+        )
         span = rr.TimeRange(start=start, end=end)
         axis = rrb.TimeAxis(link=rrb.components.LinkAxis.Independent, view_range=span)
     return rrb.TimeSeriesView(
@@ -193,14 +218,18 @@ def time_view(
     )
 
 
-def side_by_side(views: Sequence[View], shares: Sequence[float] | None = None, name: str | None = None) -> View:
+def side_by_side(
+    views: Sequence[View], shares: Sequence[float] | None = None, name: str | None = None
+) -> View:
     """Return views from left to right."""
     import rerun.blueprint as rrb
 
     return rrb.Horizontal(*views, column_shares=shares, name=name)
 
 
-def stacked(views: Sequence[View], shares: Sequence[float] | None = None, name: str | None = None) -> View:
+def stacked(
+    views: Sequence[View], shares: Sequence[float] | None = None, name: str | None = None
+) -> View:
     """Return views from top to bottom."""
     import rerun.blueprint as rrb
 

@@ -1,4 +1,5 @@
-"""What effects add to the electrical plant, each in a loop of its own that runs only where the effect is on.
+"""What effects add to the electrical plant, each in a loop of its own that runs only where the
+effect is on.
 
 Lags stand in `lags`, what windings and legs lose in `losses`.
 """
@@ -12,17 +13,22 @@ from sandbox.plant.electrical import THIRD, facing, pull, seen
 
 # what a batch may need beside the bare plant (bits)
 LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
-SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND, CURVE = (1 << k for k in range(7, 18))
+SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND, CURVE = (
+    1 << k for k in range(7, 18)
+)
 LAGS = IRON | SKIN | FILTER
 ANGULAR = MAGNETS | ENERGY
-DIFFERENCE, LEAST_DIFFERENCE = 1e-4, 1e-12  # of the flux, and Wb: by which the energy's further currents are compared
+# of the flux, and Wb: by which the energy's further currents are compared
+DIFFERENCE, LEAST_DIFFERENCE = 1e-4, 1e-12
 
 
 @kernel
 def orient(w, share, speed):
-    """Write what the rotor stands behind the angle handed in: offset, deviation, and the pattern's delay.
+    """Write what the rotor stands behind the angle handed in: offset, deviation, and the pattern's
+    delay.
 
-    share: of the period, at which the deviation is taken between the samples; speed: rad/s electrical.
+    share: of the period, at which the deviation is taken between the samples; speed: rad/s
+    electrical.
     """
     for j in range(w.psi_alpha.size):
         orient_lane(w, j, share, speed)
@@ -32,12 +38,15 @@ def orient(w, share, speed):
 def orient_lane(w, j, share, speed):
     """Do so for lane j."""
     d = w.deviation[j]
-    w.off_s[j], w.off_c[j] = sine_cosine(w.offset[j] + d + share * (w.next_deviation[j] - d) - speed * w.delay[j])
+    w.off_s[j], w.off_c[j] = sine_cosine(
+        w.offset[j] + d + share * (w.next_deviation[j] - d) - speed * w.delay[j]
+    )
 
 
 @kernel
 def supply(w, early, late):
-    """Write the link's voltage, mean of two instants of the recording (s), later by each lane's delay."""
+    """Write the link's voltage, mean of two instants of the recording (s), later by each lane's
+    delay."""
     for j in range(w.psi_alpha.size):
         more = ports.link(w, j, early + w.delay[j]) + ports.link(w, j, late + w.delay[j])
         w.link[j] = w.supply[j] - w.link_sag[j] + 0.5 * more
@@ -66,8 +75,8 @@ def magnets(w, c_0, s_0):
 
 @inlined
 def looked_at(w, j, c_0, s_0, a, b):
-    """Return the current (A), stationary frame, of the energy's terms beside the motor's own at a flux (Wb), first
-    parts of effects.  The flux stays in z_d, z_q for `further`."""
+    """Return the current (A), stationary frame, of the energy's terms beside the motor's own at a
+    flux (Wb), first parts of effects.  The flux stays in z_d, z_q for `further`."""
     c, s = facing(w, j, c_0, s_0)
     d, q = seen(w, j, c, s, a, b)
     w.z_d[j], w.z_q[j] = d, q
@@ -77,9 +86,11 @@ def looked_at(w, j, c_0, s_0, a, b):
 
 @kernel
 def further(w, c_0, s_0):
-    """Write the same (extra_alpha, extra_beta) of further parts at the fluxes z_d, z_q; return whether there are any.
+    """Write the same (extra_alpha, extra_beta) of further parts at the fluxes z_d, z_q; return
+    whether there are any.
 
-    What is done with these currents is linear in them, so they come in a second pass that mostly is none.
+    What is done with these currents is linear in them, so they come in a second pass that mostly is
+    none.
     """
     if w.more_energy == 0:
         return False
@@ -96,7 +107,8 @@ def further(w, c_0, s_0):
 
 @inlined
 def more_current(w, j, c_0, s_0, a, b):
-    """Return the current (A), stationary frame, of all of the energy's terms beside the motor's own at a flux (Wb)."""
+    """Return the current (A), stationary frame, of all of the energy's terms beside the motor's own
+    at a flux (Wb)."""
     i_alpha, i_beta = looked_at(w, j, c_0, s_0, a, b)
     c, s = facing(w, j, c_0, s_0)
     for k in range(w.more_energy):
@@ -107,8 +119,9 @@ def more_current(w, j, c_0, s_0, a, b):
 
 @kernel
 def stiffen_further(w, c_0, s_0):
-    """Write what these terms add to the inverse incremental inductance (1/H), stationary frame, at the flux of a
-    period's start: central differences of their current, exact where it has no third degree."""
+    """Write what these terms add to the inverse incremental inductance (1/H), stationary frame, at
+    the flux of a period's start: central differences of their current, exact where it has no third
+    degree."""
     for j in range(w.psi_alpha.size):
         a, b = w.psi_alpha[j], w.psi_beta[j]
         h = DIFFERENCE * (abs(a) + abs(b)) + LEAST_DIFFERENCE
@@ -132,7 +145,8 @@ def entered(w, j, i_alpha, i_beta):
 
 @kernel
 def energy_at_start(w, c_0, s_0):
-    """Add to the current at the segment's start what the energy's further terms say; the drop follows."""
+    """Add to the current at the segment's start what the energy's further terms say; the drop
+    follows."""
     for j in range(w.psi_alpha.size):
         w.more_alpha[j] = w.more_beta[j] = 0.0
         i_alpha, i_beta = looked_at(w, j, c_0, s_0, w.psi_alpha[j], w.psi_beta[j])
@@ -144,8 +158,8 @@ def energy_at_start(w, c_0, s_0):
 
 @inlined
 def passed(w, j, i_alpha, i_beta, span):
-    """Add a current (A) to that in the segment's middle, and what it changes in the terms of `electrical.settle`: the
-    way to the middle has all of the current's change."""
+    """Add a current (A) to that in the segment's middle, and what it changes in the terms of
+    `electrical.settle`: the way to the middle has all of the current's change."""
     k = 0.25 * span * (w.resistance[j] + w.skin_r[j])
     x, y = (
         k * (w.stiff_aa[j] * i_alpha + w.stiff_ab[j] * i_beta),
@@ -158,7 +172,8 @@ def passed(w, j, i_alpha, i_beta, span):
 
 @kernel
 def energy_in_middle(w, c_0, s_0, span, turned):
-    """Add the same in the segment's middle; the line that turns by `turned` (rad) has none of these terms' change."""
+    """Add the same in the segment's middle; the line that turns by `turned` (rad) has none of these
+    terms' change."""
     across = turned * (1.0 / 6.0)
     for j in range(w.psi_alpha.size):
         i_alpha, i_beta = looked_at(w, j, c_0, s_0, w.mid_alpha[j], w.mid_beta[j])
@@ -172,9 +187,11 @@ def energy_in_middle(w, c_0, s_0, span, turned):
 
 @kernel
 def energy_at(w, c_0, s_0, share):
-    """Add to the mean drop half of what further currents take at a share of the way from the middle to either end.
+    """Add to the mean drop half of what further currents take at a share of the way from the middle
+    to either end.
 
-    Harmonics turn many times as fast as the rotor: their mean is taken at two places (Gauss), the flux on its line.
+    Harmonics turn many times as fast as the rotor: their mean is taken at two places (Gauss), the
+    flux on its line.
     """
     for j in range(w.psi_alpha.size):
         a = w.mid_alpha[j] + share * (w.mid_alpha[j] - w.psi_alpha[j])
@@ -190,7 +207,8 @@ def energy_at(w, c_0, s_0, share):
 
 @kernel
 def turning(w, c_0, s_0):
-    """Write dH/dtheta in the middle: of the energy's further terms, and of the magnets' harmonics."""
+    """Write dH/dtheta in the middle: of the energy's further terms, and of the magnets'
+    harmonics."""
     for j in range(w.psi_alpha.size):
         c, s = facing(w, j, c_0, s_0)
         d, q = seen(w, j, c, s, w.mid_alpha[j], w.mid_beta[j])
@@ -214,9 +232,11 @@ def turning(w, c_0, s_0):
 
 @kernel
 def air_gap(w, span):
-    """Write the mean torque of a segment (N m; flux and current straight through it), and add its integral (s).
+    """Write the mean torque of a segment (N m; flux and current straight through it), and add its
+    integral (s).
 
-    The mean flux is that of a drop that goes from its start through its mean, not that of the prediction.
+    The mean flux is that of a drop that goes from its start through its mean, not that of the
+    prediction.
     """
     part = THIRD * span
     for j in range(w.psi_alpha.size):

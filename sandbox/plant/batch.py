@@ -1,7 +1,9 @@
-"""The batch: many parameter sets side by side in one record, a row of `lanes` numbers for each quantity.
+"""The batch: many parameter sets side by side in one record, a row of `lanes` numbers for each
+quantity.
 
-A record with one small array a field is what lets a compiler see that rows do not overlap, so that loops over lanes
-become vector code; fields have names, not positions.  One state is a batch of one lane.
+A record with one small array a field is what lets a compiler see that rows do not overlap, so that
+loops over lanes become vector code; fields have names, not positions.  One state is a batch of one
+lane.
 """
 
 from __future__ import annotations
@@ -113,15 +115,19 @@ SCRATCH = {  # within a period
     "net": "torque on the rotor's side, N m",
     "taken": "by the load, N m",
 }
-LAGS = {  # of each lag over the segment under way, a row each for `CORE`, `SKIN`, `FILTER`; see `sandbox.plant.lags`
+# of each lag over the segment under way, a row each for `CORE`, `SKIN`, `FILTER`; see
+# `sandbox.plant.lags`
+LAGS = {
     "zeroth": "moments of its answer, see `model.lanes.lag_moments`",
     "first": "likewise",
     "second": "likewise",
-    "kink_alpha": "what the kinks that late edges make in the flux add to the lag's flux at the end, Wb",
+    "kink_alpha": "what the kinks that late edges make in the flux add to the lag's flux at the end, Wb",  # noqa: E501
     "kink_beta": "likewise, Wb",
 }
 CORE, SKIN, FILTER = range(3)
-PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` writes them; a mapped motor adds them to its map
+# numbers of motor and bench, as `sandbox.plant.sets` writes them; a mapped motor adds them to its
+# map
+PLANT = {
     "gamma_d": "1/H",
     "gamma_q": "1/H",
     "cubic_d": "3 alpha_30, A/Wb^2",
@@ -144,7 +150,7 @@ FIXED = {  # what effects fix once a batch, as `sandbox.plant.fixed` writes it
     "supply": "mean voltage of the DC link, V",
     "delay": "of the pattern, s",
     "sample": "instant of sampling less t_k and less the pattern's delay, s",
-    "max_edge_delay": "latest that an edge acts after its command, s; written by `commutation.latest`",
+    "max_edge_delay": "latest that an edge acts after its command, s; written by `commutation.latest`",  # noqa: E501
     "jitter": "of the instant of sampling, s rms: in a closed loop, noise elsewhere",
     "core_g": "conductance across the flux slope, 1/ohm",
     "core_rate": "1/s of the iron's lag",
@@ -165,11 +171,15 @@ FIXED = {  # what effects fix once a batch, as `sandbox.plant.fixed` writes it
 def batch_type(lanes: int) -> np.dtype[Any]:
     """Return the record's type for so many lanes.
 
-    Beside the rows: those of effects' further parts (parts, lanes), how many of them any lane has at a port, and the
-    inverter's measured table, the same for all lanes: points (A, V) and the integral up to each (A V).
+    Beside the rows: those of effects' further parts (parts, lanes), how many of them any lane has
+    at a port, and the inverter's measured table, the same for all lanes: points (A, V) and the
+    integral up to each (A V).
     """
     rows = [(name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *FIXED, *NUMBERS)]
-    parts = [(name, np.float64, (count, lanes)) for name, count in {**dict.fromkeys(LAGS, 3), **FURTHER}.items()]
+    parts = [
+        (name, np.float64, (count, lanes))
+        for name, count in {**dict.fromkeys(LAGS, 3), **FURTHER}.items()
+    ]
     counts = [(name, np.int64) for name in (*map(more, REPEATED), "table_points")]
     table = [(f"table_{name}", np.float64, (MOST_POINTS,)) for name in ("current", "volts", "sum")]
     return np.dtype([*rows, *parts, *counts, *table], align=True)
@@ -195,12 +205,14 @@ def blank(lanes: int) -> Any:
 def room_type(lanes: int) -> np.dtype[Any]:
     """Return the type of the record in which a run keeps a period's pulses and the edges that wait.
 
-    The edges of a period in order of time: instant (s), unit vector of the leg, side (1 rises, -1 falls), whether one
-    is switched (1 or 0), the leg, the place of the same leg's rising edge before it (-1: none).  duty, before: three
-    legs', of this period and the last; shift: how late each leg's pulse is moved (s); half: of a PWM period
-    (`edges.write_edges`).  blocked: 1 with the gates of all switches off; level: of each leg then, of the link; given:
-    V s by the legs (`gates.blocked`).  Waiting: six edges of this period, then one of each leg left by the last:
-    when they act in each lane (s), when all have (s; last: the latest of all), what they change of the legs' vector.
+    The edges of a period in order of time: instant (s), unit vector of the leg, side (1 rises, -1
+    falls), whether one is switched (1 or 0), the leg, the place of the same leg's rising edge
+    before it (-1: none).  duty, before: three legs', of this period and the last; shift: how late
+    each leg's pulse is moved (s); half: of a PWM period (`edges.write_edges`).  blocked: 1 with the
+    gates of all switches off; level: of each leg then, of the link; given: V s by the legs
+    (`gates.blocked`).  Waiting: six edges of this period, then one of each leg left by the last:
+    when they act in each lane (s), when all have (s; last: the latest of all), what they change of
+    the legs' vector.
     """
     edge = [(name, np.float64, (EDGES,)) for name in ("time", "x", "y", "side", "real")]
     place = [(name, np.int64, (EDGES,)) for name in ("leg", "mate")]

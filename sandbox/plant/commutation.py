@@ -1,8 +1,10 @@
-"""When edges act: late, by the current of their leg and by how that changes behind the edge (`model.commutation`).
+"""When edges act: late, by the current of their leg and by how that changes behind the edge
+(`model.commutation`).
 
-Most edges find their current far from zero: one short loop over all lanes (`far`).  Nearer, how fast the current
-changes counts; where it may come to zero, so do other legs' edges, taken before or soon to come: the voltage is then
-the mean over the dead time.  What of this a lane takes depends on that lane alone.
+Most edges find their current far from zero: one short loop over all lanes (`far`).  Nearer, how
+fast the current changes counts; where it may come to zero, so do other legs' edges, taken before or
+soon to come: the voltage is then the mean over the dead time.  What of this a lane takes depends on
+that lane alone.
 """
 
 from __future__ import annotations
@@ -15,33 +17,41 @@ from sandbox.plant.electrical import dropped
 TWO_THIRDS = 2.0 / 3.0
 FAR = 1e12  # A: a current that keeps its leg
 BENDS = (
-    1e-4  # of the latest edge: by how much a changing current may alter an edge unseen; 1e-4 of dead time's own size
+    # of the latest edge: by how much a changing current may alter an edge unseen; 1e-4 of dead
+    # time's own size
+    1e-4
 )
 INSTANT = 1e-12  # s: in place of no time, where a share of it is asked for
 
 
 @inlined
 def slopes(w, j, rate, u_alpha, u_beta, x, y, side):
-    """Return of leg (x, y) the current (A) that keeps it where it is, and its slopes (A/s): the leg there, gone over.
+    """Return of leg (x, y) the current (A) that keeps it where it is, and its slopes (A/s): the leg
+    there, gone over.
 
-    di/dt = G (u - drop - j omega psi) + j omega i; rate: omega, rad/s electrical; u_alpha, u_beta: of the legs.
+    di/dt = G (u - drop - j omega psi) + j omega i; rate: omega, rad/s electrical; u_alpha, u_beta:
+    of the legs.
     """
     v, i_alpha, i_beta = w.link[j], w.i_alpha[j], w.i_beta[j]
     p = v * u_alpha - w.drop_alpha[j] + rate * w.psi_beta[j]
     q = v * u_beta - w.drop_beta[j] - rate * w.psi_alpha[j]
     g_alpha, g_beta = x * w.stiff_aa[j] + y * w.stiff_ab[j], x * w.stiff_ab[j] + y * w.stiff_bb[j]
     slope = side * (g_alpha * p + g_beta * q + rate * (y * i_alpha - x * i_beta))
-    return side * (x * i_alpha + y * i_beta), slope, slope + TWO_THIRDS * v * (g_alpha * x + g_beta * y)
+    return (
+        side * (x * i_alpha + y * i_beta),
+        slope,
+        slope + TWO_THIRDS * v * (g_alpha * x + g_beta * y),
+    )
 
 
 @inlined
 def at_constant_current(w, j, x, y, side):
-    """Return how late (s) lane j's edge acts for a constant current, whether that is right, and whether it is once
-    `ports.commutation` is added.
+    """Return how late (s) lane j's edge acts for a constant current, whether that is right, and
+    whether it is once `ports.commutation` is added.
 
     The current's slope stays below the link's voltage over the inductance,
-    twice over as two legs may go with it: V trace G.  A leg that slews for 2 late is off by a third of the slope's
-    share of the current, times late.
+    twice over as two legs may go with it: V trace G.  A leg that slews for 2 late is off by a third
+    of the slope's share of the current, times late.
     """
     hold = side * (x * w.i_alpha[j] + y * w.i_beta[j])
     late, who = ports.edge(w, j, hold, 0.0, 0.0, w.link[j])
@@ -56,7 +66,8 @@ def at_constant_current(w, j, x, y, side):
 
 @kernel
 def far(w, x, y, side):
-    """Write how late the edge acts for a constant current; return whether that is right in all lanes."""
+    """Write how late the edge acts for a constant current; return whether that is right in all
+    lanes."""
     wrong = asking = 0  # counts: a sum of floats in order would keep this from being a vector loop
     for j in range(w.psi_alpha.size):
         w.late[j], right, asked = at_constant_current(w, j, x, y, side)
@@ -72,21 +83,26 @@ def far(w, x, y, side):
 
 @inlined
 def zero_in_reach(max_edge_delay, hold, before, after):
-    """Return whether a current (A) may come to zero within the latest edge (s), slopes of two more legs added."""
+    """Return whether a current (A) may come to zero within the latest edge (s), slopes of two more
+    legs added."""
     return abs(hold) < (abs(before) + 2.0 * (after - before)) * max_edge_delay
 
 
 @kernel
 def nearer(w, rate, u_alpha, u_beta, x, y, side):
-    """Write how late the edge acts for a current that changes as the legs command; return whether any may pass zero, or
-    is to be asked alone."""
+    """Write how late the edge acts for a current that changes as the legs command; return whether
+    any may pass zero, or is to be asked alone."""
     near = 0
     for j in range(w.psi_alpha.size):
         right = at_constant_current(w, j, x, y, side)[1]
         hold, before, after = slopes(w, j, rate, u_alpha, u_beta, x, y, side)
         late, who = ports.edge(w, j, hold, before, after, w.link[j])
         w.late[j] = w.late[j] if right else late
-        near += 1 if (not right) & ((who > 1.0) | zero_in_reach(w.max_edge_delay[j], hold, before, after)) else 0
+        near += (
+            1
+            if (not right) & ((who > 1.0) | zero_in_reach(w.max_edge_delay[j], hold, before, after))
+            else 0
+        )
     return near > 0
 
 
@@ -94,7 +110,8 @@ def nearer(w, rate, u_alpha, u_beta, x, y, side):
 def commutate(w, room, t, max_edge_delay, rate, u_alpha, u_beta, edge, plain):
     """Write how late (s) the edge of leg (x, y) acts that is taken at t.
 
-    edge: x, y, side (1 rises, -1 falls), real (0: none is switched); plain: steps leave the drop out.
+    edge: x, y, side (1 rises, -1 falls), real (0: none is switched); plain: steps leave the drop
+    out.
     """
     x, y, side, real = edge
     if real == 0.0:
@@ -112,7 +129,8 @@ def commutate(w, room, t, max_edge_delay, rate, u_alpha, u_beta, edge, plain):
 
 @kernel
 def passing_zero(w, rate, u_alpha, u_beta, x, y, side):
-    """Write how late the edge acts where its current may pass zero: other legs as in the mean (`others`)."""
+    """Write how late the edge acts where its current may pass zero: other legs as in the mean
+    (`others`)."""
     asking = 0
     for j in range(w.psi_alpha.size):
         hold, before, after = slopes(w, j, rate, u_alpha, u_beta, x, y, side)
@@ -127,7 +145,9 @@ def passing_zero(w, rate, u_alpha, u_beta, x, y, side):
         asking += 0 if right | (who <= 1.0) else 1
     if asking > 0:
         for j in range(w.psi_alpha.size):
-            hold, mean, gone = slopes(w, j, rate, u_alpha + w.extra_alpha[j], u_beta + w.extra_beta[j], x, y, side)
+            hold, mean, gone = slopes(
+                w, j, rate, u_alpha + w.extra_alpha[j], u_beta + w.extra_beta[j], x, y, side
+            )
             right = at_constant_current(w, j, x, y, side)[1]
             if not right and ports.edge(w, j, hold, mean, gone, w.link[j])[1] > 1.0:
                 w.late[j] += ports.commutation(w, j, hold, mean, gone, w.link[j])
@@ -135,8 +155,9 @@ def passing_zero(w, rate, u_alpha, u_beta, x, y, side):
 
 @kernel
 def others(w, room, t, max_edge_delay, x, y):
-    """Write (extra_alpha, extra_beta) by how much the vector of the legs, mean of a lane's latest edge from t on,
-    differs from that commanded at t, the leg (x, y) left out: edges that still wait, and edges to come."""
+    """Write (extra_alpha, extra_beta) by how much the vector of the legs, mean of a lane's latest
+    edge from t on, differs from that commanded at t, the leg (x, y) left out: edges that still
+    wait, and edges to come."""
     for j in range(w.psi_alpha.size):
         w.extra_alpha[j] = w.extra_beta[j] = 0.0
     for m in range(EDGES + 3 if room.until[EDGES + 3] > t else 0):
@@ -146,17 +167,26 @@ def others(w, room, t, max_edge_delay, x, y):
             for j in range(w.psi_alpha.size):
                 span = max(w.max_edge_delay[j], INSTANT)
                 share = min(max(acts[j] - t, 0.0), span) / span
-                w.extra_alpha[j], w.extra_beta[j] = w.extra_alpha[j] - share * c_x, w.extra_beta[j] - share * c_y
+                w.extra_alpha[j], w.extra_beta[j] = (
+                    w.extra_alpha[j] - share * c_x,
+                    w.extra_beta[j] - share * c_y,
+                )
     for m in range(EDGES):
         z, side = room.time[m] - t, room.side[m]
         own = room.x[m] == x and room.y[m] == y
         if 0.0 <= z < max_edge_delay and room.until[m] < 0.0 and room.real[m] > 0.0 and not own:
             r_x, r_y = room.x[m], room.y[m]
             for j in range(w.psi_alpha.size):
-                span, hold = max(w.max_edge_delay[j], INSTANT), side * (r_x * w.i_alpha[j] + r_y * w.i_beta[j])
+                span, hold = (
+                    max(w.max_edge_delay[j], INSTANT),
+                    side * (r_x * w.i_alpha[j] + r_y * w.i_beta[j]),
+                )
                 acts = z + ports.edge(w, j, hold, 0.0, 0.0, w.link[j])[0]
                 share = TWO_THIRDS * side * max(span - acts, 0.0) / span
-                w.extra_alpha[j], w.extra_beta[j] = w.extra_alpha[j] + share * r_x, w.extra_beta[j] + share * r_y
+                w.extra_alpha[j], w.extra_beta[j] = (
+                    w.extra_alpha[j] + share * r_x,
+                    w.extra_beta[j] + share * r_y,
+                )
 
 
 @kernel
@@ -164,7 +194,10 @@ def latest(w):
     """Write the latest (s) that any edge of each lane can act; return that of all."""
     most = 0.0
     for j in range(w.psi_alpha.size):
-        kept, gone = ports.edge(w, j, FAR, 0.0, 0.0, w.link[j])[0], ports.edge(w, j, -FAR, 0.0, 0.0, w.link[j])[0]
+        kept, gone = (
+            ports.edge(w, j, FAR, 0.0, 0.0, w.link[j])[0],
+            ports.edge(w, j, -FAR, 0.0, 0.0, w.link[j])[0],
+        )
         w.max_edge_delay[j] = max(kept, gone, 0.0)
         most = max(most, w.max_edge_delay[j])
     return most

@@ -1,6 +1,8 @@
-"""The plant's ports from the effects' cards: Python source that adds up what all effects do at each port.
+"""The plant's ports from the effects' cards: Python source that adds up what all effects do at each
+port.
 
-`python -m sandbox.plant.compose` writes `sandbox/plant/ports.py` for the library; a test keeps it up to date.
+`python -m sandbox.plant.compose` writes `sandbox/plant/ports.py` for the library; a test keeps it
+up to date.
 """
 
 from __future__ import annotations
@@ -8,6 +10,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -16,7 +19,7 @@ from model.effects.card import PORTS, REPEATED, At, Effect, Port
 from model.effects.library import effect_names, load_effect
 from model.kernels.folders import kernel_folder
 
-HEAD = '''"""Where effects enter the plant: what their equations add at each port, for lane j of a batch.
+HEAD = '''"""Where effects enter the plant: what their equations add at each port, for lane j.
 
 Written by `python -m sandbox.plant.compose` from the effects' cards; do not edit.
 """
@@ -40,7 +43,8 @@ def field(effect: str, number: str) -> str:
 
 
 def further_field(effect: str, number: str) -> str:
-    """Return the name of the batch's rows that hold a number of an effect's second part, third part, ..."""
+    """Return the name of the batch's rows that hold a number of an effect's second part, third
+    part, ..."""
     return f"{effect}_further_{number}"
 
 
@@ -51,7 +55,12 @@ def source(cards: Iterable[Effect], modules: dict[str, str]) -> str:
     numbers = {field(c.name, n): _unit(c, 1, n) for c in chosen for at in c.at for n in at.numbers}
     rows = "\n".join(f'    "{name}": "{unit}",' for name, unit in numbers.items())
     several = [c for c in chosen if c.repeats > 1]
-    more = {further_field(c.name, n): c.repeats - 1 for c in several for at in c.part(2).at for n in at.numbers}
+    more = {
+        further_field(c.name, n): c.repeats - 1
+        for c in several
+        for at in c.part(2).at
+        for n in at.numbers
+    }
     counts = "\n".join(f'    "{name}": {count},' for name, count in more.items())
     parts = [
         HEAD.format(imports=imports),
@@ -65,7 +74,9 @@ def source(cards: Iterable[Effect], modules: dict[str, str]) -> str:
 def _imports(modules: dict[str, str]) -> str:
     """Return the lines that make effects' modules known by the effects' names."""
     library = "".join(f"    {effect},\n" for effect, module in modules.items() if module == LIBRARY)
-    others = [f"import {module} as {effect}" for effect, module in modules.items() if module != LIBRARY]
+    others = [
+        f"import {module} as {effect}" for effect, module in modules.items() if module != LIBRARY
+    ]
     return "\n".join([*others, f"from {LIBRARY} import (\n{library})"])
 
 
@@ -82,7 +93,13 @@ def _port(name: str, cards: list[Effect]) -> str:
         for at in c.at
         if at.port == name
     ]
-    return f'\n@inlined\ndef {name}({args}):\n    """Return {port.what}."""\n' + _body(name, calls)
+    return f"\n@inlined\ndef {name}({args}):\n{_said(port.what)}" + _body(name, calls)
+
+
+def _said(what: str) -> str:
+    """Return a function's docstring, of lines that fit."""
+    lines = textwrap.wrap(f'"""Return {what}."""', 96, break_on_hyphens=False)
+    return textwrap.indent("\n".join(lines), "    ") + "\n"
 
 
 def _further(name: str, cards: list[Effect]) -> str:
@@ -94,10 +111,8 @@ def _further(name: str, cards: list[Effect]) -> str:
         if at.port == name
     ]
     args = ", ".join(("w", "k", "j", *port.quantities))
-    head = (
-        f'\n@inlined\ndef further_{name}({args}):\n    """Return the same of the k-th further part of each effect."""\n'
-    )
-    return head + _body(name, calls)
+    said = _said("the same of the k-th further part of each effect")
+    return f"\n@inlined\ndef further_{name}({args}):\n{said}" + _body(name, calls)
 
 
 def _call(card: Effect, at: At, numbers: list[str], quantities: tuple[str, ...]) -> str:
@@ -117,13 +132,15 @@ def _body(name: str, calls: list[str]) -> str:
         return f"    return {calls[0]}"
     places = [f"{r}_{k}" for k in range(len(calls)) for r in RESULTS[: port.returns]]
     lines = [
-        f"    {', '.join(places[k * port.returns : (k + 1) * port.returns])} = {call}\n" for k, call in enumerate(calls)
+        f"    {', '.join(places[k * port.returns : (k + 1) * port.returns])} = {call}\n"
+        for k, call in enumerate(calls)
     ]
     return "".join(lines) + f"    return {_joined(port, len(calls))}"
 
 
 def _joined(port: Port, count: int) -> str:
-    """Return in words of Python what several equations at a port make together, of their results x_0, x_1, ..."""
+    """Return in words of Python what several equations at a port make together, of their results
+    x_0, x_1, ..."""
     each = [", ".join(f"{r}_{k}" for r in RESULTS[: port.returns]) for k in range(count)]
     if port.joined in ("lags", "branches"):
         together, function = each[0], "one_lag" if port.joined == "lags" else "one_branch"
@@ -131,7 +148,10 @@ def _joined(port: Port, count: int) -> str:
             together = f"{function}({'*' * (together != each[0])}{together}, {more})"
         return together
     if port.joined == "last":
-        return " ".join(f"({each[k]}) if x_{k} > 0.0 else" for k in range(count - 1, 0, -1)) + f" ({each[0]})"
+        return (
+            " ".join(f"({each[k]}) if x_{k} > 0.0 else" for k in range(count - 1, 0, -1))
+            + f" ({each[0]})"
+        )
     return ", ".join(" + ".join(f"{r}_{k}" for k in range(count)) for r in RESULTS[: port.returns])
 
 
@@ -142,10 +162,13 @@ def library_source() -> str:
 
 
 def with_own_effects() -> None:
-    """Put ports that hold the effects taken over (`model.effects.own`) in place of the library's."""
+    """Put ports that hold the effects taken over (`model.effects.own`) in place of the
+    library's."""
     extra = own.cards()
     cards = [load_effect(name) for name in effect_names()]
-    modules = dict.fromkeys((c.name for c in cards), LIBRARY) | {card.name: module for card, module in extra}
+    modules = dict.fromkeys((c.name for c in cards), LIBRARY) | {
+        card.name: module for card, module in extra
+    }
     text = source(cards, modules)
     folder = kernel_folder()
     file = folder / "ports.py"

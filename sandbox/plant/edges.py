@@ -1,4 +1,5 @@
-"""The edges of one PWM period in order of time: centred pulses, as commanded; or of half a period, at double update.
+"""The edges of one PWM period in order of time: centred pulses, as commanded; or of half a period,
+at double update.
 
 Time runs from the start of the pattern, which is later than the sample t_k by the pattern's delay.
 """
@@ -13,12 +14,17 @@ LEG_X, LEG_Y = (1.0, -0.5, -0.5), (0.0, 0.8660254037844386, -0.8660254037844386)
 
 @inlined
 def duties(u_alpha, u_beta, u_dc):
-    """Return the duties of three legs for a voltage (V): common part centred, limited to what a leg can do."""
+    """Return the duties of three legs for a voltage (V): common part centred, limited to what a leg
+    can do."""
     side = 0.8660254037844386 * u_beta
     b, c = -0.5 * u_alpha + side, -0.5 * u_alpha - side
     middle = 0.5 * (max(u_alpha, b, c) + min(u_alpha, b, c))
     scale = 1.0 / u_dc
-    d_a, d_b, d_c = 0.5 + scale * (u_alpha - middle), 0.5 + scale * (b - middle), 0.5 + scale * (c - middle)
+    d_a, d_b, d_c = (
+        0.5 + scale * (u_alpha - middle),
+        0.5 + scale * (b - middle),
+        0.5 + scale * (c - middle),
+    )
     return min(max(d_a, 0.0), 1.0), min(max(d_b, 0.0), 1.0), min(max(d_c, 0.0), 1.0)
 
 
@@ -51,7 +57,8 @@ def pulse(room, n, leg, period):
 
 @inlined
 def half_pulse(room, n, leg, period, half):
-    """Sort in a leg's edge of half a PWM period (s): it rises (half 1) or falls (-1); an edge that is none is last."""
+    """Sort in a leg's edge of half a PWM period (s): it rises (half 1) or falls (-1); an edge that
+    is none is last."""
     duty = room.duty[leg]
     time = (1.0 - duty) * period if half > 0 else duty * period
     if half > 0:
@@ -64,9 +71,11 @@ def half_pulse(room, n, leg, period, half):
 
 @kernel
 def write_edges(room, period):
-    """Write the edges of a period (s) from its duties, the last period's, and how late pulses are moved.
+    """Write the edges of a period (s) from its duties, the last period's, and how late pulses are
+    moved.
 
-    room.half: 0, or with double update 1 (legs rise, all are on at the end) and -1 (all are on at first, they fall).
+    room.half: 0, or with double update 1 (legs rise, all are on at the end) and -1 (all are on at
+    first, they fall).
     """
     n, half = 0, room.half
     for leg in range(3):

@@ -1,25 +1,31 @@
-"""The electrical plant between two events: one explicit step of second order, exact in the applied voltage.
+"""The electrical plant between two events: one explicit step of second order, exact in the applied
+voltage.
 
 Stationary frame, psi the whole flux linkage, z what currents make of it in the rotor's frame:
 
-    dpsi/dt = u - drop(i),  i = exp(j theta) dH/dz(z, theta) + i_c,  z = exp(-j theta) psi - magnets' flux
+    dpsi/dt = u - drop(i),  i = exp(j theta) dH/dz(z, theta) + i_c,  z = exp(-j theta)
+    psi - magnets' flux
 
-A segment is the time between two edges.  Over it u is constant but for edges that act late, so its volt-seconds and
-their mean are known exactly; the drop is taken in the middle of the segment, at the mean flux.  Two terms make the
-step one of third order or nearly so, e the current's change from start to middle, omega the rotor's speed, G the
-inverse inductance at the period's start: the drop on the way to the middle (the flux there is off by R S/4 e), and the
-current's curvature, of whose S^2/24 the middle knows nothing.  From i = exp(j theta) dH/dz, psi'' = -R i' and
-z' = exp(-j theta) (psi' - j omega psi):
+A segment is the time between two edges.  Over it u is constant but for edges that act late, so its
+volt-seconds and their mean are known exactly; the drop is taken in the middle of the segment, at
+the mean flux.  Two terms make the step one of third order or nearly so, e the current's change from
+start to middle, omega the rotor's speed, G the inverse inductance at the period's start: the drop
+on the way to the middle (the flux there is off by R S/4 e), and the current's curvature, of whose
+S^2/24 the middle knows nothing.  From i = exp(j theta) dH/dz, psi'' = -R i' and z' = exp(-j theta)
+(psi' - j omega psi):
 
-    i'' = -R G i' + omega^2 i + 2 j omega i' - G (omega^2 psi + 2 j omega psi') + exp(j theta) H'''[z', z']
+    i'' = -R G i' + omega^2 i + 2 j omega i' - G (omega^2 psi + 2 j omega psi') + exp(j theta)
+    H'''[z', z']
 
-An edge that acts the share rho of the segment late bends the current there: its change is no line, but has come about
-sooner.  With v (x, y) what the edge changes and K = v (x, y) rho (1 - rho)^2 S^2/6 (`early`), the drop has let the flux
-rise by R G K on average beside what the line's drop has, by three halves of it in the middle (rho small).
+An edge that acts the share rho of the segment late bends the current there: its change is no line,
+but has come about sooner.  With v (x, y) what the edge changes and K = v (x, y) rho (1 - rho)^2
+S^2/6 (`early`), the drop has let the flux rise by R G K on average beside what the line's drop has,
+by three halves of it in the middle (rho small).
 
-`begin` ends the last segment and gives the current at the edge; `middle` goes on to the segment's middle; `bend` adds
-the last term (not of flux maps: their step stays of second order).  What an effect adds comes between, in a loop of its
-own (`additions`, `commutation`): what is neutral costs nothing.
+`begin` ends the last segment and gives the current at the edge; `middle` goes on to the segment's
+middle; `bend` adds the last term (not of flux maps: their step stays of second order).  What an
+effect adds comes between, in a loop of its own (`additions`, `commutation`): what is neutral costs
+nothing.
 """
 
 from __future__ import annotations
@@ -101,16 +107,19 @@ def begin(w, flux_map, c_0, s_0, span):
 
 @inlined
 def early(late, span, inverse):
-    """Return what K (s^2, see above) is for a volt of an edge that acts so late (s) in a segment; inverse: 1/span."""
+    """Return what K (s^2, see above) is for a volt of an edge that acts so late (s) in a segment;
+    inverse: 1/span."""
     left = 1.0 - late * inverse
     return late * span * left * left * (1.0 / 6.0)
 
 
 @inlined
 def halfway(w, j, span, inverse, u_alpha, u_beta, x, y):
-    """Return the mean flux (Wb) over the segment, predicted with the drop at its start; write its volt-seconds.
+    """Return the mean flux (Wb) over the segment, predicted with the drop at its start; write its
+    volt-seconds.
 
-    inverse: 1/span; (u_alpha, u_beta): vector of the legs' levels; (x, y): what of it the edge just taken changes.
+    inverse: 1/span; (u_alpha, u_beta): vector of the legs' levels; (x, y): what of it the edge just
+    taken changes.
     """
     v, half = w.link[j], 0.5 * span
     r = min(w.late[j], span)
@@ -128,19 +137,39 @@ def halfway(w, j, span, inverse, u_alpha, u_beta, x, y):
 
 @inlined
 def settled(
-    i_alpha, i_beta, e_alpha, e_beta, mid_alpha, mid_beta, p_alpha, p_beta, r, decay, turned, stiff, kink, core
+    i_alpha,
+    i_beta,
+    e_alpha,
+    e_beta,
+    mid_alpha,
+    mid_beta,
+    p_alpha,
+    p_beta,
+    r,
+    decay,
+    turned,
+    stiff,
+    kink,
+    core,
 ):
     """Return the current in a segment's middle, corrected, and its mean drop (V).
 
-    i: current at the flux predicted; e, p: its and the flux' change from start to middle; r: ohm; decay: R S/4, with
-    the skin effect's part; turned: rad by which the rotor turns in the segment; stiff: inverse inductance, 1/H; kink:
-    4/S times K of late edges (Wb); core: 1/H, of the iron-loss current's kink beside the magnetising current's.
+    i: current at the flux predicted; e, p: its and the flux' change from start to middle; r: ohm;
+    decay: R S/4, with the skin effect's part; turned: rad by which the rotor turns in the segment;
+    stiff: inverse inductance, 1/H; kink: 4/S times K of late edges (Wb); core: 1/H, of the
+    iron-loss current's kink beside the magnetising current's.
     """
     (stiff_aa, stiff_ab, stiff_bb), (k_alpha, k_beta) = stiff, kink
-    x, y = decay * (stiff_aa * e_alpha + stiff_ab * e_beta), decay * (stiff_ab * e_alpha + stiff_bb * e_beta)
+    x, y = (
+        decay * (stiff_aa * e_alpha + stiff_ab * e_beta),
+        decay * (stiff_ab * e_alpha + stiff_bb * e_beta),
+    )
     z_alpha = decay * ((stiff_aa + core) * k_alpha + stiff_ab * k_beta)
     z_beta = decay * (stiff_ab * k_alpha + (stiff_bb + core) * k_beta)
-    k_alpha, k_beta = 0.5 * (stiff_aa * z_alpha + stiff_ab * z_beta), 0.5 * (stiff_ab * z_alpha + stiff_bb * z_beta)
+    k_alpha, k_beta = (
+        0.5 * (stiff_aa * z_alpha + stiff_ab * z_beta),
+        0.5 * (stiff_ab * z_alpha + stiff_bb * z_beta),
+    )
     i_alpha, i_beta = i_alpha - x + 3.0 * k_alpha, i_beta - y + 3.0 * k_beta
     x, y = x * THIRD + k_alpha, y * THIRD + k_beta
     square, across = turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
@@ -156,7 +185,8 @@ def settled(
 
 @inlined
 def settle(w, j, i_alpha, i_beta, span, turned):
-    """Write lane j's current in the segment's middle and its mean drop; turned: rad by which the rotor turns in it."""
+    """Write lane j's current in the segment's middle and its mean drop; turned: rad by which the
+    rotor turns in it."""
     r, k = w.resistance[j], 4.0 / span
     w.j_alpha[j], w.j_beta[j], w.fall_alpha[j], w.fall_beta[j] = settled(
         i_alpha,
@@ -178,7 +208,8 @@ def settle(w, j, i_alpha, i_beta, span, turned):
 
 @kernel
 def middle(w, flux_map, c_0, s_0, span, turned, u_alpha, u_beta, x, y):
-    """Write volt-seconds, mean flux, and the current and drop at it, of a segment of length span (s)."""
+    """Write volt-seconds, mean flux, and the current and drop at it, of a segment of length span
+    (s)."""
     n, inverse = w.psi_alpha.size, 1.0 / span
     if flux_map is None:
         for j in range(n):
@@ -202,9 +233,11 @@ def middle(w, flux_map, c_0, s_0, span, turned, u_alpha, u_beta, x, y):
 
 @inlined
 def curved(w, j, c, s, d, q, mid_alpha, mid_beta, p_alpha, p_beta, turned):
-    """Return what the quartic's curvature adds to a segment's mean drop (V): H'''/24 of its straight line's square.
+    """Return what the quartic's curvature adds to a segment's mean drop (V): H'''/24 of its
+    straight line's square.
 
-    d, q: flux due to currents in the middle; mid: all of it, stationary frame; p: its change from the start.
+    d, q: flux due to currents in the middle; mid: all of it, stationary frame; p: its change from
+    the start.
     """
     p_alpha, p_beta = 2.0 * p_alpha + turned * mid_beta, 2.0 * p_beta - turned * mid_alpha
     x, y = c * p_alpha + s * p_beta, c * p_beta - s * p_alpha
@@ -229,10 +262,11 @@ def bend(w, c_0, s_0, turned):
 
 @kernel
 def plain_step(w, here, there, span, turned, long, pulled, u_alpha, u_beta, x, y):
-    """Take a whole segment of a plant that nothing is added to, up to the next edge: `middle`, then `begin`, in one.
+    """Take a whole segment of a plant that nothing is added to, up to the next edge: `middle`, then
+    `begin`, in one.
 
-    here, there: cos and sin of the angle handed in, in the middle and at the end; long, pulled: whether curvature, and
-    torque, count.
+    here, there: cos and sin of the angle handed in, in the middle and at the end; long, pulled:
+    whether curvature, and torque, count.
     """
     half, inverse = 0.5 * span, 1.0 / span
     for j in range(w.psi_alpha.size):
@@ -295,23 +329,32 @@ def plain_step(w, here, there, span, turned, long, pulled, u_alpha, u_beta, x, y
         psi_beta += v * (span * u_beta - y * late) - span * f_beta
         w.psi_alpha[j], w.psi_beta[j] = psi_alpha, psi_beta
         c, s = facing(w, j, there[0], there[1])
-        i_d, i_q = quartic(w, j, c * psi_alpha + s * psi_beta - w.magnet[j], c * psi_beta - s * psi_alpha)
+        i_d, i_q = quartic(
+            w, j, c * psi_alpha + s * psi_beta - w.magnet[j], c * psi_beta - s * psi_alpha
+        )
         i_alpha, i_beta = c * i_d - s * i_q, s * i_d + c * i_q
         w.i_alpha[j], w.i_beta[j] = i_alpha, i_beta
 
 
 @inlined
 def pull(pairs, mid_alpha, mid_beta, m_alpha, m_beta, p_alpha, p_beta, e_alpha, e_beta):
-    """Return the mean torque of a segment (N m) less what turns with the angle: flux and magnetising current go
-    straight through (mid, m), having changed by (p, e) since the start."""
-    return 1.5 * pairs * (mid_alpha * m_beta - mid_beta * m_alpha + THIRD * (p_alpha * e_beta - p_beta * e_alpha))
+    """Return the mean torque of a segment (N m) less what turns with the angle: flux and
+    magnetising current go straight through (mid, m), having changed by (p, e) since the start."""
+    return (
+        1.5
+        * pairs
+        * (mid_alpha * m_beta - mid_beta * m_alpha + THIRD * (p_alpha * e_beta - p_beta * e_alpha))
+    )
 
 
 @kernel
 def dropped(w):
     """Write the drop at a segment's start, which plain steps leave out."""
     for j in range(w.psi_alpha.size):
-        w.drop_alpha[j], w.drop_beta[j] = w.resistance[j] * w.i_alpha[j], w.resistance[j] * w.i_beta[j]
+        w.drop_alpha[j], w.drop_beta[j] = (
+            w.resistance[j] * w.i_alpha[j],
+            w.resistance[j] * w.i_beta[j],
+        )
 
 
 @inlined
@@ -332,13 +375,15 @@ def shared_cell(w, m):
 
 @inlined
 def place(w, j, m, i, k):
-    """Return how far, in cells, lane j's flux z_d, z_q lies from the corner of cell (i, k) of the map."""
+    """Return how far, in cells, lane j's flux z_d, z_q lies from the corner of cell (i, k) of the
+    map."""
     return (w.z_d[j] - m.low_d) * m.per_d - i, (w.z_q[j] - m.low_q) * m.per_q - k
 
 
 @kernel
 def mapped(w, m):
-    """Write i_d, i_q (A) at the fluxes z_d, z_q: those of the map and each lane's own addition to it."""
+    """Write i_d, i_q (A) at the fluxes z_d, z_q: those of the map and each lane's own addition to
+    it."""
     n = w.psi_alpha.size
     i, k, alike = shared_cell(w, m)
     if alike:
@@ -356,7 +401,8 @@ def mapped(w, m):
 
 @kernel
 def stiffen(w, flux_map, c_0, s_0):
-    """Write the inverse incremental inductance (1/H), stationary frame, at the flux of a period's start.
+    """Write the inverse incremental inductance (1/H), stationary frame, at the flux of a period's
+    start.
 
     On a flux map z_d, z_q are overwritten by that flux.
     """
@@ -385,21 +431,32 @@ def stiffen(w, flux_map, c_0, s_0):
 
 @inlined
 def stiff(w, j, c, s, d, q, more):
-    """Write lane j's inverse incremental inductance (1/H) at a flux due to currents (Wb); more: dd, dq, qq of the map
-    beside those of the quartic, 1/H."""
-    dd = w.gamma_d[j] + d * (2.0 * w.cubic_d[j] + 3.0 * w.quartic_d[j] * d) + 2.0 * w.quartic_dq[j] * q * q
-    qq = w.gamma_q[j] + 2.0 * d * (w.cubic_q[j] + w.quartic_dq[j] * d) + 3.0 * w.quartic_q[j] * q * q
+    """Write lane j's inverse incremental inductance (1/H) at a flux due to currents (Wb); more: dd,
+    dq, qq of the map beside those of the quartic, 1/H."""
+    dd = (
+        w.gamma_d[j]
+        + d * (2.0 * w.cubic_d[j] + 3.0 * w.quartic_d[j] * d)
+        + 2.0 * w.quartic_dq[j] * q * q
+    )
+    qq = (
+        w.gamma_q[j] + 2.0 * d * (w.cubic_q[j] + w.quartic_dq[j] * d) + 3.0 * w.quartic_q[j] * q * q
+    )
     dq = 2.0 * q * (w.cubic_q[j] + 2.0 * w.quartic_dq[j] * d)
     dd, dq, qq = dd + more[0], dq + more[1], qq + more[2]
     mean, half = 0.5 * (dd + qq), 0.5 * (dd - qq)
     c_2, s_2 = c * c - s * s, 2.0 * c * s
     across = half * c_2 - dq * s_2
-    w.stiff_aa[j], w.stiff_bb[j], w.stiff_ab[j] = mean + across, mean - across, half * s_2 + dq * c_2
+    w.stiff_aa[j], w.stiff_bb[j], w.stiff_ab[j] = (
+        mean + across,
+        mean - across,
+        half * s_2 + dq * c_2,
+    )
 
 
 @kernel
 def lose(w, acts, t, span, x, y):
-    """Add what an earlier edge of leg vector (x, y), acting at acts (lanes,) s, takes from a segment begun at t (s)."""
+    """Add what an earlier edge of leg vector (x, y), acting at acts (lanes,) s, takes from a
+    segment begun at t (s)."""
     inverse = 1.0 / span
     for j in range(w.psi_alpha.size):
         r = min(max(acts[j] - t, 0.0), span)
@@ -414,4 +471,6 @@ def lose(w, acts, t, span, x, y):
 def nothing_lost(w):
     """Clear what earlier edges took."""
     for j in range(w.psi_alpha.size):
-        w.lost_alpha[j] = w.lost_beta[j] = w.lose_alpha[j] = w.lose_beta[j] = w.wait_alpha[j] = w.wait_beta[j] = 0.0
+        w.lost_alpha[j] = w.lost_beta[j] = w.lose_alpha[j] = w.lose_beta[j] = w.wait_alpha[
+            j
+        ] = w.wait_beta[j] = 0.0

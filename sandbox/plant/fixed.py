@@ -1,9 +1,11 @@
 """What effects fix once for a batch: resistance, link, lags, delays, and the two masses of a shaft.
 
-Each has a port whose equations say it in a few numbers, asked for when a batch is made.  A lag of first order is fully
-given by its gain and its time constant, two masses by their inertias and the swing between them: the plant solves both
-exactly (`lags`, `mechanics`), so nothing else of such an equation could enter while it runs.  But for
-one: a swing that is damped more than MOST_DAMPED says is taken as damped so much (the library's has at most 1).
+Each has a port whose equations say it in a few numbers, asked for when a batch is made.  A lag of
+first order is fully given by its gain and its time constant, two masses by their inertias and the
+swing between them: the plant solves both exactly (`lags`, `mechanics`), so nothing else of such an
+equation could enter while it runs.  But for one: a swing that is damped more than MOST_DAMPED says
+is taken as damped so much (the library's has
+at most 1).
 """
 
 from __future__ import annotations
@@ -19,8 +21,8 @@ MOST_DAMPED = 0.999  # of critical damping: the plant's solution is that of a sh
 
 @inlined
 def rate_of(time_constant):
-    """Return a lag's rate (1/s); one without time constant (s) has forgotten everything at once.  Of what is no time
-    constant, less than 0."""
+    """Return a lag's rate (1/s); one without time constant (s) has forgotten everything at once.
+    Of what is no time constant, less than 0."""
     if time_constant > 0.0:
         return min(1.0 / time_constant, FASTEST)
     return FASTEST if time_constant == 0.0 else -1.0
@@ -28,7 +30,8 @@ def rate_of(time_constant):
 
 @kernel
 def fix(w, nominal):
-    """Write a batch's rows `FIXED`, its effects' parameters and the rows `PLANT` known; nominal: the link's voltage."""
+    """Write a batch's rows `FIXED`, its effects' parameters and the rows `PLANT` known; nominal:
+    the link's voltage."""
     for j in range(w.psi_alpha.size):
         w.resistance[j] = w.winding[j] + ports.resistance(w, j)
         w.supply[j] = (1.0 + ports.supply(w, j)) * nominal

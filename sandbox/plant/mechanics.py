@@ -1,6 +1,7 @@
 """The shaft over a step: rigid, or two masses; exact for torques that are constant in it.
 
-Rotor and load together turn like one mass; beside it, twist and slip of a compliant shaft swing about their rest.
+Rotor and load together turn like one mass; beside it, twist and slip of a compliant shaft swing
+about their rest.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ from sandbox.plant import ports
 
 @kernel
 def step_shaft(w, features, h, load, imposed):
-    """Move angle, speed and twist on by h (s) under the torque in w; load: asked of the load machine, N m.
+    """Move angle, speed and twist on by h (s) under the torque in w; load: asked of the load
+    machine, N m.
 
-    w.turn, w.omega: mechanical angle (rad) and speed (rad/s) of the rotor in the middle of the step, for friction and
-    torques bound to position; imposed: rad/s^2 electrical.
+    w.turn, w.omega: mechanical angle (rad) and speed (rad/s) of the rotor in the middle of the
+    step, for friction and torques bound to position; imposed: rad/s^2 electrical.
     """
     if features & add.RUB:
         for j in range(w.psi_alpha.size):
@@ -42,7 +44,8 @@ def step_shaft(w, features, h, load, imposed):
 
 @kernel
 def swing(w, h):
-    """Move twist and slip (difference of both speeds) on by h: a damped swing about the twist at rest.
+    """Move twist and slip (difference of both speeds) on by h: a damped swing about the twist at
+    rest.
 
     A lane whose shaft is rigid (swing_rate 0) has neither.
     """
@@ -61,7 +64,8 @@ def swing(w, h):
 
 @kernel
 def turned_by(w, features, torque, period, parts, angle):
-    """Write how the first lane's rotor moves from rest: angle (n,) rad electrical of torque (n,), held for a period.
+    """Write how the first lane's rotor moves from rest: angle (n,) rad electrical of torque (n,),
+    held for a period.
 
     parts: steps a period, for friction that changes within it.
     """

@@ -1,9 +1,11 @@
-"""One period of the plant, event by event: three legs rise and fall, samplers hold, nothing is averaged.
+"""One period of the plant, event by event: three legs rise and fall, samplers hold, nothing is
+averaged.
 
-Time in a period runs from its pattern's start, t_k + delay: the edges then come in one order and at one instant for
-all sets side by side, whatever their delays.  What differs from set to set is when a commanded edge acts: late by what
-the effects at the port `edge` say of the current there.  Volt-seconds of late edges are exact wherever they fall:
-before the next edge, beyond it, or in the next period (`wait`).  A pulse cannot be negative.
+Time in a period runs from its pattern's start, t_k + delay: the edges then come in one order and at
+one instant for all sets side by side, whatever their delays.  What differs from set to set is when
+a commanded edge acts: late by what the effects at the port `edge` say of the current there.
+Volt-seconds of late edges are exact wherever they fall: before the next edge, beyond it, or in the
+next period (`wait`).  A pulse cannot be negative.
 """
 
 from __future__ import annotations
@@ -19,23 +21,34 @@ from sandbox.plant import lags, losses
 from sandbox.plant.batch import CORE, FILTER, NEVER, SKIN
 from sandbox.plant.commutation import commutate
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y
-from sandbox.plant.electrical import begin, bend, dropped, lose, middle, nothing_lost, plain_step, stiffen
+from sandbox.plant.electrical import (
+    begin,
+    bend,
+    dropped,
+    lose,
+    middle,
+    nothing_lost,
+    plain_step,
+    stiffen,
+)
 from sandbox.plant.gates.blocked import PARTS, float_legs
 from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.sampling import SHORTEST, hold_start, peek
 
 TWO_THIRDS = 2.0 / 3.0
 NO_TIME = 1e-11  # s: speed over a shorter one is rounding
-BENDING = 1e-3  # of the period: what curvature makes of shorter segments is far below 1e-9 of the current
+# of the period: what curvature makes of shorter segments is far below 1e-9 of the current
+BENDING = 1e-3
 # what a plain step knows nothing of
 ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED | add.RUB | add.COMMUTE)
-GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
+# of the way from a segment's middle to its ends: two places give means of third degree
+GAUSS = 0.5773502691896258
 LAST = EDGES + 3
 
 
 class Timing(NamedTuple):
-    """How a batch's periods run: period and longest step (s), the latest that any edge acts (s), and the first and
-    last instant of sampling of all lanes, less t_k and each lane's delay (s)."""
+    """How a batch's periods run: period and longest step (s), the latest that any edge acts (s),
+    and the first and last instant of sampling of all lanes, less t_k and each lane's delay (s)."""
 
     period: float
     longest: float
@@ -45,8 +58,9 @@ class Timing(NamedTuple):
 
 
 class AppliedTorque(NamedTuple):
-    """What moves a rotor beside its own torque, over a period: load asked for (N m) and acceleration imposed (rad/s^2,
-    electrical), as they are up to an instant (s after the pattern's start) and from there on."""
+    """What moves a rotor beside its own torque, over a period: load asked for (N m) and
+    acceleration imposed (rad/s^2, electrical), as they are up to an instant (s after the pattern's
+    start) and from there on."""
 
     load: float
     imposed: float
@@ -59,8 +73,9 @@ STILL = AppliedTorque(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class RotorTrajectory(NamedTuple):
-    """The rotor's angle handed in, over a period: theta = that of (cos, sin) + lead + rate z + bend z^2 + jerk z^3, z
-    the time from `origin` (s after the pattern's start); speed at the start, rad/s electrical."""
+    """The rotor's angle handed in, over a period: theta = that of (cos, sin) + lead + rate z + bend
+    z^2 + jerk z^3, z the time from `origin` (s after the pattern's start); speed at the start,
+    rad/s electrical."""
 
     cos: float
     sin: float
@@ -85,8 +100,8 @@ def facing_at(trajectory, t):
 
 @kernel
 def open_period(w, room, max_edge_delay, rate):
-    """Begin a period: legs that were on to the end fall now, late by what the current says; with double update those
-    rise that were off to the end of the half before."""
+    """Begin a period: legs that were on to the end fall now, late by what the current says; with
+    double update those rise that were off to the end of the half before."""
     u_alpha = u_beta = 0.0
     for leg in range(3):
         if room.before[leg] >= 1.0 or (room.half < 0 and room.before[leg] > 0.0):
@@ -139,7 +154,8 @@ def take_turn(w, room, g, t, max_edge_delay):
 
 @kernel
 def lose_waiting(w, room, t, span, but):
-    """Take what edges that still wait lose in a segment from t on, of all but one; return whether any did."""
+    """Take what edges that still wait lose in a segment from t on, of all but one; return whether
+    any did."""
     any_lost = False
     for m in range(EDGES + 3):
         if m != but and room.until[m] > t:
@@ -157,7 +173,11 @@ def close_period(w, room, period):
     room.until[LAST] = NEVER
     for g in range(EDGES if over else 0):
         if room.until[g] > period:
-            leg = 0 if room.change_y[g] == 0.0 else (1 if room.change_y[g] * room.change_x[g] < 0.0 else 2)
+            leg = (
+                0
+                if room.change_y[g] == 0.0
+                else (1 if room.change_y[g] * room.change_x[g] < 0.0 else 2)
+            )
             acts, left = room.acts[g], room.acts[EDGES + leg]
             latest = 0.0
             for j in range(w.psi_alpha.size):
@@ -165,7 +185,10 @@ def close_period(w, room, period):
                 latest = max(latest, left[j])
             if latest > 0.0:
                 room.until[EDGES + leg], room.until[LAST] = latest, max(latest, room.until[LAST])
-                room.change_x[EDGES + leg], room.change_y[EDGES + leg] = room.change_x[g], room.change_y[g]
+                room.change_x[EDGES + leg], room.change_y[EDGES + leg] = (
+                    room.change_x[g],
+                    room.change_y[g],
+                )
     for g in range(EDGES):
         room.until[g] = NEVER
 
@@ -199,8 +222,11 @@ def at_start(w, flux_map, features, c, s, share, trajectory, span):
 
 
 @inlined
-def in_middle(w, flux_map, features, c, s, share, trajectory, span, long, u_alpha, u_beta, x, y, any_late):
-    """Write all that holds in the middle of a segment; long, any_late: whether its curvature counts, and late edges."""
+def in_middle(
+    w, flux_map, features, c, s, share, trajectory, span, long, u_alpha, u_beta, x, y, any_late
+):
+    """Write all that holds in the middle of a segment; long, any_late: whether its curvature
+    counts, and late edges."""
     if features & add.WOBBLE:
         add.orient(w, share, trajectory.rate)
     if features & add.MAGNETS:
@@ -239,8 +265,8 @@ def in_middle(w, flux_map, features, c, s, share, trajectory, span, long, u_alph
 
 @inlined
 def lag_through(w, room, lag, rates, max_edge_delay, but, t, span, x, y):
-    """Write what a lag (rates: (lanes,) 1/s) makes of a segment begun at t (s): its moments, and the kinks of the edge
-    just taken (place `but`, -1: none) and of those that still wait."""
+    """Write what a lag (rates: (lanes,) 1/s) makes of a segment begun at t (s): its moments, and
+    the kinks of the edge just taken (place `but`, -1: none) and of those that still wait."""
     lags.weigh(w, lag, rates, span)
     if max_edge_delay > 0.0:
         if but >= 0:
@@ -252,15 +278,21 @@ def lag_through(w, room, lag, rates, max_edge_delay, but, t, span, x, y):
 
 @inlined
 def enter(w, room, g, t, span, max_edge_delay):
-    """Take edge g at t; return whether edges before it that still wait take volt-seconds from its segment."""
-    if room.real[g] > 0.0 and max_edge_delay > 0.0 and (span < max_edge_delay or room.until[LAST] > t):
+    """Take edge g at t; return whether edges before it that still wait take volt-seconds from its
+    segment."""
+    if (
+        room.real[g] > 0.0
+        and max_edge_delay > 0.0
+        and (span < max_edge_delay or room.until[LAST] > t)
+    ):
         take_turn(w, room, g, t, max_edge_delay)
     return room.until[LAST] > t and lose_waiting(w, room, t, span, g)
 
 
 @inlined
 def first_instant(w, features, timing, room, rate):
-    """Do what belongs to the pattern's start, its current known: sag of the link, legs that fall now, sampling."""
+    """Do what belongs to the pattern's start, its current known: sag of the link, legs that fall
+    now, sampling."""
     if features & add.DRAWN:
         add.draw(w, room.duty[0], room.duty[1], room.duty[2])
     if timing.max_edge_delay > 0.0:
@@ -276,8 +308,8 @@ def first_instant(w, features, timing, room, rate):
 
 @inlined
 def acting_in(applied, t, span):
-    """Return load (N m) and imposed acceleration (rad/s^2, electrical), means of a segment (s) from t on, and by how
-    much more load it ends."""
+    """Return load (N m) and imposed acceleration (rad/s^2, electrical), means of a segment (s) from
+    t on, and by how much more load it ends."""
     after = min(max((t + span - applied.until) / span, 0.0), 1.0)
     load = applied.load + after * (applied.load_after - applied.load)
     rest = applied.load_after - load if after > 0.0 else 0.0
@@ -289,13 +321,26 @@ def moved(w, features, trajectory, t, span):
     """Move the rotor itself on by a segment (s) from t and return its trajectory from there."""
     load, imposed, rest = acting_in(trajectory.applied, t, span)
     if not features & add.MOTION:  # held, or driven by the acceleration imposed
-        on, omega = span * (trajectory.rate + 0.5 * span * imposed), trajectory.rate + span * imposed
+        on, omega = (
+            span * (trajectory.rate + 0.5 * span * imposed),
+            trajectory.rate + span * imposed,
+        )
         w.angle[0], w.speed[0] = w.angle[0] + on, omega
         lead, bend = trajectory.lead + on, 0.5 * imposed
         return RotorTrajectory(
-            trajectory.cos, trajectory.sin, t + span, lead, omega, bend, 0.0, trajectory.speed, trajectory.applied
+            trajectory.cos,
+            trajectory.sin,
+            t + span,
+            lead,
+            omega,
+            bend,
+            0.0,
+            trajectory.speed,
+            trajectory.applied,
         )
-    w.turn[0] = (w.angle[0] + w.pairs[0] * w.load_share[0] * w.twist[0] + 0.5 * span * trajectory.rate) / w.pairs[0]
+    w.turn[0] = (
+        w.angle[0] + w.pairs[0] * w.load_share[0] * w.twist[0] + 0.5 * span * trajectory.rate
+    ) / w.pairs[0]
     w.omega[0] = (trajectory.rate + span * trajectory.bend) / w.pairs[0]
     swing = w.pairs[0] * w.load_share[0]
     before = w.angle[0] + swing * w.twist[0]
@@ -307,25 +352,40 @@ def moved(w, features, trajectory, t, span):
             w.surge[0] -= 0.5 * rest * (1.0 + w.load_gain[0]) * w.pairs[0] * w.inertia_inv[0]
     lead, bend = trajectory.lead + on, w.surge[0]
     return RotorTrajectory(
-        trajectory.cos, trajectory.sin, t + span, lead, omega, bend, 0.0, trajectory.speed, trajectory.applied
+        trajectory.cos,
+        trajectory.sin,
+        t + span,
+        lead,
+        omega,
+        bend,
+        0.0,
+        trajectory.speed,
+        trajectory.applied,
     )
 
 
 @inlined
 def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, seen):
-    """Move a batch on by one period of its room's edges along a trajectory of the rotor; return its last segment (s).
+    """Move a batch on by one period of its room's edges along a trajectory of the rotor; return its
+    last segment (s).
 
     clock: of the pattern less its delay, s after the recording began; span: the last period's last
     segment, whose end is still to be taken (0 at the beginning); looks: (m,)
-    instants (s) at which the first lane's current is held besides, seen (m, 2); features with MOVED: the plant moves
-    the rotor.
+    instants (s) at which the first lane's current is held besides, seen (m, 2); features with
+    MOVED: the plant moves the rotor.
     """
     period, magnetics = timing.period, borrowed(flux_map)
     t, u_alpha, u_beta, begun = 0.0, 0.0, 0.0, False
     c_0, s_0 = facing_at(trajectory, 0.0)
     peeking = timing.first != 0.0 or timing.last != 0.0
     looking = peeking or len(looks) > 0
-    plain = flux_map is None and features & ADDED == 0 and not looking and w.table_points == 0 and room.blocked == 0
+    plain = (
+        flux_map is None
+        and features & ADDED == 0
+        and not looking
+        and w.table_points == 0
+        and room.blocked == 0
+    )
     longest = timing.longest if room.blocked == 0 else min(timing.longest, period / PARTS)
     for g in range(EDGES + 1):
         x = y = side = real = 0.0
@@ -347,7 +407,15 @@ def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, 
                     first_instant(w, features, timing, room, trajectory.rate)
                 if features & add.COMMUTE:
                     commutate(
-                        w, room, t, timing.max_edge_delay, trajectory.rate, u_alpha, u_beta, (x, y, side, real), False
+                        w,
+                        room,
+                        t,
+                        timing.max_edge_delay,
+                        trajectory.rate,
+                        u_alpha,
+                        u_beta,
+                        (x, y, side, real),
+                        False,
                     )
             span = left if left <= longest else left / math.ceil(left / longest)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
@@ -372,29 +440,106 @@ def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, 
             c, s = facing_at(trajectory, t + 0.5 * span)
             if begun:
                 k, turn = (g if whole else -1), span * trajectory.rate
-                edge = (room.x[k], room.y[k], room.side[k], room.real[k]) if whole else (0.0, 0.0, 0.0, 0.0)
+                edge = (
+                    (room.x[k], room.y[k], room.side[k], room.real[k])
+                    if whole
+                    else (0.0, 0.0, 0.0, 0.0)
+                )
                 pulled = features & add.MOTION != 0
-                plain_step(w, (c, s), facing_at(trajectory, t + span), span, turn, long, pulled, u_alpha, u_beta, x, y)
+                plain_step(
+                    w,
+                    (c, s),
+                    facing_at(trajectory, t + span),
+                    span,
+                    turn,
+                    long,
+                    pulled,
+                    u_alpha,
+                    u_beta,
+                    x,
+                    y,
+                )
                 if features & add.COMMUTE:
-                    commutate(w, room, t + span, timing.max_edge_delay, trajectory.rate, u_alpha, u_beta, edge, True)
+                    commutate(
+                        w,
+                        room,
+                        t + span,
+                        timing.max_edge_delay,
+                        trajectory.rate,
+                        u_alpha,
+                        u_beta,
+                        edge,
+                        True,
+                    )
             else:
                 if features & add.LAGS or looking:
                     lags.face(w, c * c_0 + s * s_0, s * c_0 - c * s_0)
                 if features & add.IRON:
-                    lag_through(w, room, CORE, w.core_rate, timing.max_edge_delay, taken, t, span, x, y)
+                    lag_through(
+                        w, room, CORE, w.core_rate, timing.max_edge_delay, taken, t, span, x, y
+                    )
                 if features & add.SKIN:
-                    lag_through(w, room, SKIN, w.skin_rate, timing.max_edge_delay, taken, t, span, x, y)
+                    lag_through(
+                        w, room, SKIN, w.skin_rate, timing.max_edge_delay, taken, t, span, x, y
+                    )
                 if features & add.FILTER:
-                    lag_through(w, room, FILTER, w.filter_rate, timing.max_edge_delay, taken, t, span, x, y)
+                    lag_through(
+                        w, room, FILTER, w.filter_rate, timing.max_edge_delay, taken, t, span, x, y
+                    )
                 share, any_late = (t + 0.5 * span) / period, timing.max_edge_delay > 0.0
-                in_middle(w, magnetics, features, c, s, share, trajectory, span, long, u_alpha, u_beta, x, y, any_late)
+                in_middle(
+                    w,
+                    magnetics,
+                    features,
+                    c,
+                    s,
+                    share,
+                    trajectory,
+                    span,
+                    long,
+                    u_alpha,
+                    u_beta,
+                    x,
+                    y,
+                    any_late,
+                )
             until = 2.0 * period if g == EDGES and whole else t + span
             if peeking and len(looks) == 0:
-                peek(w, magnetics, features, room, taken, trajectory, t, span, until, u_alpha, u_beta, x, y, period)
+                peek(
+                    w,
+                    magnetics,
+                    features,
+                    room,
+                    taken,
+                    trajectory,
+                    t,
+                    span,
+                    until,
+                    u_alpha,
+                    u_beta,
+                    x,
+                    y,
+                    period,
+                )
             for m in range(len(looks)):
                 if t <= looks[m] < until:
                     w.when[0] = looks[m]
-                    peek(w, magnetics, features, room, taken, trajectory, t, span, until, u_alpha, u_beta, x, y, period)
+                    peek(
+                        w,
+                        magnetics,
+                        features,
+                        room,
+                        taken,
+                        trajectory,
+                        t,
+                        span,
+                        until,
+                        u_alpha,
+                        u_beta,
+                        x,
+                        y,
+                        period,
+                    )
                     seen[m, 0], seen[m, 1] = w.held_alpha[0], w.held_beta[0]
             if features & add.MOVED:
                 trajectory = moved(w, features, trajectory, t, span)

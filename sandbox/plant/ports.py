@@ -1,4 +1,4 @@
-"""Where effects enter the plant: what their equations add at each port, for lane j of a batch.
+"""Where effects enter the plant: what their equations add at each port, for lane j.
 
 Written by `python -m sandbox.plant.compose` from the effects' cards; do not edit.
 """
@@ -117,7 +117,10 @@ FURTHER = {  # those of further parts, so many rows each
 def link(w, j, time):
     """Return V added to the link's voltage at an instant of the recording (s)."""
     return dc_link_ripple.ripple(
-        w.dc_link_ripple_amplitude[j], w.dc_link_ripple_frequency[j], w.dc_link_ripple_phase[j], time
+        w.dc_link_ripple_amplitude[j],
+        w.dc_link_ripple_frequency[j],
+        w.dc_link_ripple_phase[j],
+        time,
     )
 
 
@@ -129,7 +132,8 @@ def drawn(w, j, d_a, d_b, d_c, i_alpha, i_beta):
 
 @inlined
 def edge(w, j, hold, before, after, link):
-    """Return s that an edge acts late; right at slopes 0 any, 1 these, else with `commutation` (< 1 any); hold: A."""
+    """Return s that an edge acts late; right at slopes 0 any, 1 these, else with `commutation` (< 1
+    any); hold: A."""
     return dead_time.late(
         w.dead_time_time[j],
         w.dead_time_capacitance[j],
@@ -159,7 +163,8 @@ def commutation(w, j, hold, before, after, link):
 
 @inlined
 def leg(w, j, before, after, shape):
-    """Return V a leg loses on average while its current over its sign's width changes; shape: 0 linear, 1 tanh."""
+    """Return V a leg loses on average while its current over its sign's width changes; shape: 0
+    linear, 1 tanh."""
     return device_drop.lost(w.device_drop_threshold[j], before, after, shape)
 
 
@@ -188,7 +193,9 @@ def leg_curve(w, j, before, after):
 @inlined
 def winding(w, j, i_alpha, i_beta):
     """Return V lost in the windings, stationary frame, at a current (A)."""
-    return winding_asymmetry.drop(w.winding_asymmetry_delta_a[j], w.winding_asymmetry_delta_b[j], i_alpha, i_beta)
+    return winding_asymmetry.drop(
+        w.winding_asymmetry_delta_a[j], w.winding_asymmetry_delta_b[j], i_alpha, i_beta
+    )
 
 
 @inlined
@@ -207,7 +214,11 @@ def energy(w, j, c, s, d, q):
 def torque(w, j, turn, omega):
     """Return N m on the rotor at its mechanical angle (rad) and speed (rad/s)."""
     return cogging_torque.helping(
-        w.cogging_torque_amplitude[j], w.cogging_torque_order_mech[j], w.cogging_torque_phase[j], turn, omega
+        w.cogging_torque_amplitude[j],
+        w.cogging_torque_order_mech[j],
+        w.cogging_torque_phase[j],
+        turn,
+        omega,
     )
 
 
@@ -232,8 +243,12 @@ def load(w, j, omega):
 @inlined
 def reading(w, j, a, b, c):
     """Return what the sensors make of three phase currents (A)."""
-    a, b, c = current_gain.scaled(w.current_gain_gain_a[j], w.current_gain_gain_b[j], w.current_gain_gain_c[j], a, b, c)
-    a, b, c = current_offset.shifted(w.current_offset_offset_a[j], w.current_offset_offset_b[j], a, b, c)
+    a, b, c = current_gain.scaled(
+        w.current_gain_gain_a[j], w.current_gain_gain_b[j], w.current_gain_gain_c[j], a, b, c
+    )
+    a, b, c = current_offset.shifted(
+        w.current_offset_offset_a[j], w.current_offset_offset_b[j], a, b, c
+    )
     return a, b, c
 
 
@@ -295,7 +310,8 @@ def offset(w, j):
 
 @inlined
 def shaft(w, j, inertia):
-    """Return of the inertia (kg m^2) what a shaft that twists drives, rate (rad/s) and damping ratio of its swing."""
+    """Return of the inertia (kg m^2) what a shaft that twists drives, rate (rad/s) and damping
+    ratio of its swing."""
     return shaft_compliance.two_masses(
         w.shaft_compliance_stiffness[j],
         w.shaft_compliance_load_inertia[j],

@@ -15,8 +15,9 @@ SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
 
 @inlined
 def sooner(late, h, inverse):
-    """Return the integral to h (s) of min(t, late) less that of a line with its mean over the segment (s^2): how much
-    sooner than a line's the drop changes behind an edge that acts so late (s); inverse: 1/s of the segment."""
+    """Return the integral to h (s) of min(t, late) less that of a line with its mean over the
+    segment (s^2): how much sooner than a line's the drop changes behind an edge that acts so late
+    (s); inverse: 1/s of the segment."""
     r = min(late, h)
     late = min(late * inverse, 1.0)
     return r * (h - 0.5 * r) - h * h * late * (1.0 - 0.5 * late)
@@ -24,7 +25,8 @@ def sooner(late, h, inverse):
 
 @inlined
 def kinks(w, j, room, but, t, h, steps, gone, x, y):
-    """Return of lane j, h (s) into the segment that began at t, what a lag answers to the kinks of late edges (Wb);
+    """Return of lane j, h (s) into the segment that began at t, what a lag answers to the kinks of
+    late edges (Wb);
     steps: h over the lag's time constant; gone: one minus its decay.  See `lags`."""
     inverse, v = 1.0 / max(h, SHORTEST), w.link[j] * h
     answered = v * answer(min(w.late[j], h) * inverse, steps, gone)
@@ -38,10 +40,11 @@ def kinks(w, j, room, but, t, h, steps, gone, x, y):
 
 @inlined
 def glimpse(w, j, flux_map, features, room, but, trajectory, t, h, u_alpha, u_beta, x, y):
-    """Return lane j's terminal current (A) h (s) into the segment that began at t, and of it the iron-loss current; see
-    `sandbox.plant.electrical`.
+    """Return lane j's terminal current (A) h (s) into the segment that began at t, and of it the
+    iron-loss current; see `sandbox.plant.electrical`.
 
-    but: the edge just taken, whose lateness is the lane's own; what others that wait take until then comes off.
+    but: the edge just taken, whose lateness is the lane's own; what others that wait take until
+    then comes off.
     """
     v, n = w.link[j], h * w.span_inv[j]
     r = min(w.late[j], h)
@@ -92,9 +95,14 @@ def glimpse(w, j, flux_map, features, room, but, trajectory, t, h, u_alpha, u_be
     if features & add.IRON:
         gone, first, second = lag_moments(h * w.core_rate[j])
         k_alpha, k_beta = kinks(w, j, room, but, t, h, h * w.core_rate[j], gone, x, y)
-        g, bent = w.core_g[j] * w.core_rate[j], h * n * (first - second)  # the flux bends as the drop grows, evenly
-        y_alpha = (gone - first) * w.psi_alpha[j] + first * a + bent * (w.fall_alpha[j] - w.drop_alpha[j])
-        y_beta = (gone - first) * w.psi_beta[j] + first * b + bent * (w.fall_beta[j] - w.drop_beta[j])
+        # the flux bends as the drop grows, evenly
+        g, bent = w.core_g[j] * w.core_rate[j], h * n * (first - second)
+        y_alpha = (
+            (gone - first) * w.psi_alpha[j] + first * a + bent * (w.fall_alpha[j] - w.drop_alpha[j])
+        )
+        y_beta = (
+            (gone - first) * w.psi_beta[j] + first * b + bent * (w.fall_beta[j] - w.drop_beta[j])
+        )
         c_alpha = g * (a - ((1.0 - gone) * w.eddy_alpha[j] + y_alpha + k_alpha))
         c_beta = g * (b - ((1.0 - gone) * w.eddy_beta[j] + y_beta + k_beta))
         return i_alpha + c_alpha, i_beta + c_beta, c_alpha, c_beta
@@ -103,8 +111,9 @@ def glimpse(w, j, flux_map, features, room, but, trajectory, t, h, u_alpha, u_be
 
 @inlined
 def curving(w, j, span, e_alpha, e_beta, c_alpha, c_beta):
-    """Return by how much the middle of the current's parabola over a segment (s), kinks apart, lies beside the line
-    from its start to its end (e; c: iron-loss current there), A: the one that `lags.behind` moves a filter by."""
+    """Return by how much the middle of the current's parabola over a segment (s), kinks apart, lies
+    beside the line from its start to its end (e; c: iron-loss current there), A: the one that
+    `lags.behind` moves a filter by."""
     p, q = bend(w, j, 0.5 * span)
     k_alpha, k_beta = stiff(w, j, 2.0 * p, 2.0 * q)
     g = w.core_g[j] * w.core_rate[j]
@@ -116,8 +125,11 @@ def curving(w, j, span, e_alpha, e_beta, c_alpha, c_beta):
 
 
 @kernel
-def peek(w, flux_map, features, room, but, trajectory, t, span, until, u_alpha, u_beta, x, y, period):
-    """Hold the current (behind the filter) of every lane whose reading `when` falls between t and until (s)."""
+def peek(
+    w, flux_map, features, room, but, trajectory, t, span, until, u_alpha, u_beta, x, y, period
+):
+    """Hold the current (behind the filter) of every lane whose reading `when` falls between t and
+    until (s)."""
     n = w.psi_alpha.size
     hit = False
     for j in range(n):
@@ -131,7 +143,9 @@ def peek(w, flux_map, features, room, but, trajectory, t, span, until, u_alpha, 
         h = min(max(w.when[j] - t, 0.0), span)
         if features & add.WOBBLE:
             add.orient_lane(w, j, (t + h) / period, trajectory.rate)
-        i_alpha, i_beta, _, _ = glimpse(w, j, flux_map, features, room, but, trajectory, t, h, u_alpha, u_beta, x, y)
+        i_alpha, i_beta, _, _ = glimpse(
+            w, j, flux_map, features, room, but, trajectory, t, h, u_alpha, u_beta, x, y
+        )
         if features & add.FILTER:
             if features & add.WOBBLE:
                 add.orient_lane(w, j, (t + span) / period, trajectory.rate)
@@ -183,7 +197,8 @@ def read(w):
 
 @kernel
 def deviate(w, turn):
-    """Write by how much the angle's reading will be off where the encoder's mechanical angle is `turn` (rad)."""
+    """Write by how much the angle's reading will be off where the encoder's mechanical angle is
+    `turn` (rad)."""
     for j in range(w.psi_alpha.size):
         true = turn - (w.offset[j] + w.next_deviation[j]) / w.pairs[j]
         w.next_deviation[j] = ports.angle(w, j, true, w.pairs[j])

@@ -51,7 +51,8 @@ PORT_BITS = {
 
 
 ANY, NONE_BELOW = -math.inf, 0.0
-SOUND = {  # rows by the port whose equations make them, and their least values; all have to be finite
+# rows by the port whose equations make them, and their least values; all have to be finite
+SOUND = {
     "supply": {"supply": ANY},
     "resistance": {"resistance": ANY},
     "delay": {"delay": ANY},
@@ -60,7 +61,12 @@ SOUND = {  # rows by the port whose equations make them, and their least values;
     "filter": {"filter_rate": NONE_BELOW},
     "instant": {"sample": ANY, "jitter": NONE_BELOW},
     "offset": {"offset": ANY},
-    "shaft": {"motor_inv": NONE_BELOW, "load_share": NONE_BELOW, "swing_rate": NONE_BELOW, "swing_ratio": NONE_BELOW},
+    "shaft": {
+        "motor_inv": NONE_BELOW,
+        "load_share": NONE_BELOW,
+        "swing_rate": NONE_BELOW,
+        "swing_ratio": NONE_BELOW,
+    },
 }
 PASSIVE = dict.fromkeys(SOUND, "finite numbers") | {
     "iron": "a conductance, a time constant, both at least 0",
@@ -84,15 +90,22 @@ class BenchParameter:
 
 ANGLE_OFFSET = "encoder_offset.offset"  # what turns every angle that is read
 BENCH = {
-    "bench.lock_angle": BenchParameter("rad", 0.0, -math.pi, math.pi),  # added to a locked rotor's angle
-    "bench.load_torque_gain": BenchParameter("", 0.0, -1.0, 1.0),  # relative error of the load machine's torque
+    # added to a locked rotor's angle
+    "bench.lock_angle": BenchParameter("rad", 0.0, -math.pi, math.pi),
+    # relative error of the load machine's torque
+    "bench.load_torque_gain": BenchParameter("", 0.0, -1.0, 1.0),
     "bench.load_torque_offset": BenchParameter(
         "N m", 0.0, -1e5, 1e5, Ordinary("load_torque_offset", 0.002, "rated torque")
     ),
     "bench.common_offset": BenchParameter(  # in all three current readings alike
-        "A", 0.0, -1e4, 1e4, Ordinary("current_offset", 0.001, "rated current", math.sqrt(1.0 / 3.0))
+        "A",
+        0.0,
+        -1e4,
+        1e4,
+        Ordinary("current_offset", 0.001, "rated current", math.sqrt(1.0 / 3.0)),
     ),
-    "bench.soft_current": BenchParameter("A", None, 1e-9, 1e5),  # half the width in which sign(i) goes through zero
+    # half the width in which sign(i) goes through zero
+    "bench.soft_current": BenchParameter("A", None, 1e-9, 1e5),
     "bench.soft_shape": BenchParameter("", 0.0, 0.0, 1.0),  # of it there: 0 linear, 1 tanh
 }
 
@@ -108,7 +121,8 @@ def soft_current(motor: Motor) -> float:
 
 
 def complete(motor: Motor, converter: Converter, values: Set | None = None) -> dict[str, float]:
-    """Return every parameter of a set, checked; BadInput for an unknown name (with the nearest) or a wrong value."""
+    """Return every parameter of a set, checked; BadInput for an unknown name (with the nearest) or
+    a wrong value."""
     given = dict(values or {})
     for name in given:
         if name not in BENCH and name not in library.parameters():
@@ -117,16 +131,22 @@ def complete(motor: Motor, converter: Converter, values: Set | None = None) -> d
     out = library.complete(motor, converter, effects)
     for name, p in BENCH.items():
         value = given.get(name, soft_current(motor) if p.neutral is None else p.neutral)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not p.low <= value <= p.high:
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, (int, float))
+            or not p.low <= value <= p.high
+        ):
             raise BadInput(
-                f"{name} = {value!r} is out of range; give a number in [{p.low:g}, {p.high:g}] {p.unit}".rstrip()
+                f"{name} = {value!r} is out of range; give a number in [{p.low:g}, "
+                f"{p.high:g}] {p.unit}".rstrip()
             )
         out[name] = float(value)
     return out
 
 
 def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
-    """Return the batch's rows (fields of `PLANT` and of the ports' NUMBERS and FURTHER) of one completed set."""
+    """Return the batch's rows (fields of `PLANT` and of the ports' NUMBERS and FURTHER) of one
+    completed set."""
     neutral = library.neutral(motor)
     rows: dict[str, Any] = {**machine_rows(motor, v), **{own: v[name] for own, name in numbers()}}
     for card in several():
@@ -136,19 +156,24 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
     rows["dead_time_zone_width"], rows["dead_time_zone_shape"] = zone_of(v)
     rows["leg_voltage_reference"] = v["leg_voltage.reference"] or motor.rated_current
     rows["common"] = v["bench.common_offset"]
-    rows["load_gain"], rows["load_offset"] = v["bench.load_torque_gain"], v["bench.load_torque_offset"]
+    rows["load_gain"], rows["load_offset"] = (
+        v["bench.load_torque_gain"],
+        v["bench.load_torque_offset"],
+    )
     return rows
 
 
 def zone_of(v: Set) -> tuple[float, float]:
-    """Return half-width (A) and shape of the zone in which dead time's sign goes through zero, no capacitance given."""
+    """Return half-width (A) and shape of the zone in which dead time's sign goes through zero, no
+    capacitance given."""
     width, shape = v["dead_time.zone_width"], v["dead_time.zone_shape"]
     return (width, shape) if width else (v["bench.soft_current"], shape or v["bench.soft_shape"])
 
 
 def machine_rows(motor: Motor, v: Set) -> dict[str, float]:
-    """Return the rows of the motor's own numbers, as effects replace or scale them: of the energy each term's
-    derivative, of a flux map what scales of its inductances add to it as seen at zero current."""
+    """Return the rows of the motor's own numbers, as effects replace or scale them: of the energy
+    each term's derivative, of a flux map what scales of its inductances add to it as seen at zero
+    current."""
     own = SimpleNamespace(**{value: v[name] for name, value in library.replaced().items()})
     scale = SimpleNamespace(**{value: v[name] for name, value in library.scaled().items()})
     gamma_d = 1.0 / (scale.inductance_d * motor.inductance_d)
@@ -173,13 +198,17 @@ def machine_rows(motor: Motor, v: Set) -> dict[str, float]:
 def numbers() -> tuple[tuple[str, str], ...]:
     """Return the rows that hold effects' parameters, each with the parameter's name."""
     cards = [library.load_effect(name) for name in library.effect_names()]
-    return tuple((field(c.name, n), c.public(1, n)) for c in cards for at in c.at for n in at.numbers)
+    return tuple(
+        (field(c.name, n), c.public(1, n)) for c in cards for at in c.at for n in at.numbers
+    )
 
 
 @cache
 def several() -> tuple[Effect, ...]:
     """Return the cards of effects that can be there several times."""
-    return tuple(card for card in map(library.load_effect, library.effect_names()) if card.repeats > 1)
+    return tuple(
+        card for card in map(library.load_effect, library.effect_names()) if card.repeats > 1
+    )
 
 
 def further_parts(card: Effect, v: Set, neutral: Set) -> list[int]:
@@ -188,7 +217,8 @@ def further_parts(card: Effect, v: Set, neutral: Set) -> list[int]:
 
 
 def further_rows(card: Effect, v: Set, neutral: Set) -> dict[str, list[float]]:
-    """Return the rows of an effect's further parts: those that are there first, neutral ones behind."""
+    """Return the rows of an effect's further parts: those that are there first, neutral ones
+    behind."""
     there = further_parts(card, v, neutral)
     order = [*there, *(k for k in range(2, card.repeats + 1) if k not in there)]
     names = {n for at in card.part(2).at for n in at.numbers}
@@ -196,7 +226,8 @@ def further_rows(card: Effect, v: Set, neutral: Set) -> dict[str, list[float]]:
 
 
 class Need(NamedTuple):
-    """What the plant needs (bits) while one of some parameters is other than neutral, or than 0 where zero says so."""
+    """What the plant needs (bits) while one of some parameters is other than neutral, or than 0
+    where zero says so."""
 
     bits: int
     names: tuple[str, ...]
@@ -209,11 +240,17 @@ def needs() -> tuple[Need, ...]:
     out = []
     for card in map(library.load_effect, library.effect_names()):
         parts = range(1, card.repeats + 1)
-        out += [Need(PORT_BITS[at.port], _switches(card, at)) for at in card.at if at.port in PORT_BITS]
-        rubbing = [card.switches or at.numbers for at in card.at if at.port in RUBBING]
-        out += [Need(add.RUB, tuple(card.public(1, n) for n in names), zero=True) for names in rubbing]
         out += [
-            Need(PORT_BITS.get(at.port, add.RUB), card.switched_by[k - 1]) for k in parts[1:] for at in card.part(k).at
+            Need(PORT_BITS[at.port], _switches(card, at)) for at in card.at if at.port in PORT_BITS
+        ]
+        rubbing = [card.switches or at.numbers for at in card.at if at.port in RUBBING]
+        out += [
+            Need(add.RUB, tuple(card.public(1, n) for n in names), zero=True) for names in rubbing
+        ]
+        out += [
+            Need(PORT_BITS.get(at.port, add.RUB), card.switched_by[k - 1])
+            for k in parts[1:]
+            for at in card.part(k).at
         ]
     return tuple(out)
 
@@ -225,7 +262,8 @@ def _switches(card: Effect, at: At) -> tuple[str, ...]:
 
 
 def features_of(motor: Motor, v: Set) -> int:
-    """Return what a completed set needs beside the bare plant (bits of `sandbox.plant.additions`)."""
+    """Return what a completed set needs beside the bare plant (bits of
+    `sandbox.plant.additions`)."""
     neutral, out = library.neutral(motor), add.ROUND if v["bench.soft_shape"] else 0
     for bits, names, zero in needs():
         for name in names:
@@ -236,12 +274,15 @@ def features_of(motor: Motor, v: Set) -> int:
 
 
 def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int) -> Any:
-    """Return the batch of completed sets at rest without flux; lanes beyond them repeat the first."""
+    """Return the batch of completed sets at rest without flux; lanes beyond them repeat the
+    first."""
     w = np.zeros(1, batch_type(lanes))[0]
     compiled = [rows_of(motor, v) for v in sets]
     compiled += [compiled[0]] * (lanes - len(compiled))
     plain = [name for name in compiled[0] if name not in FURTHER]
-    for name, values in zip(plain, np.array([[rows[name] for name in plain] for rows in compiled]).T, strict=True):
+    for name, values in zip(
+        plain, np.array([[rows[name] for name in plain] for rows in compiled]).T, strict=True
+    ):
         w[name] = values
     for name in FURTHER:
         w[name] = np.array([rows[name] for rows in compiled]).T
@@ -252,7 +293,10 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
             w[more(at.port)] = max(w[more(at.port)], count)
     if converter.inverter_table:
         i, u = np.array(converter.inverter_table).T
-        w["table_points"], area = len(i), np.append(0.0, np.cumsum(0.5 * (u[1:] + u[:-1]) * np.diff(i)))
+        w["table_points"], area = (
+            len(i),
+            np.append(0.0, np.cumsum(0.5 * (u[1:] + u[:-1]) * np.diff(i))),
+        )
         for name, values in (("current", i), ("volts", u), ("sum", area)):
             w[f"table_{name}"][: len(i)] = values
     fix(w, converter.dc_bus_voltage)
@@ -264,17 +308,27 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
 
 
 def _check_fixed(w: Any, motor: Motor, sets: Sequence[Set]) -> None:
-    """Raise BadInput where equations that are asked once made what no passive part of a drive has."""
+    """Raise BadInput where equations that are asked once made what no passive part of a drive
+    has."""
     for port, rows in SOUND.items():
         for name, least in rows.items():
             wrong = ~(np.isfinite(w[name]) & (w[name] >= least))
             if wrong.any():
                 lane = int(np.flatnonzero(wrong)[0])
                 cards = [library.load_effect(n) for n in library.effect_names()]
-                hosted = {c.public(1, n) for c in cards for at in c.at if at.port == port for n in at.numbers}
+                hosted = {
+                    c.public(1, n)
+                    for c in cards
+                    for at in c.at
+                    if at.port == port
+                    for n in at.numbers
+                }
                 v, neutral = sets[lane if lane < len(sets) else 0], library.neutral(motor)
                 given = ", ".join(f"{n} = {v[n]:g}" for n in sorted(hosted) if v[n] != neutral[n])
-                raise BadInput(f"what effects say at '{port}' is no part of a drive ({PASSIVE[port]}): correct {given}")
+                raise BadInput(
+                    f"what effects say at '{port}' is no part of a drive "
+                    f"({PASSIVE[port]}): correct {given}"
+                )
 
 
 def sampled_at(motor: Motor, converter: Converter, v: Set) -> float:
@@ -289,15 +343,24 @@ def sampled_at(motor: Motor, converter: Converter, v: Set) -> float:
 def _timing() -> tuple[str, ...]:
     """Return the parameters that say when pulses come and samples are taken."""
     cards = [library.load_effect(name) for name in library.effect_names()]
-    return tuple(c.public(1, n) for c in cards for at in c.at if at.port in ("delay", "instant") for n in at.numbers)
+    return tuple(
+        c.public(1, n)
+        for c in cards
+        for at in c.at
+        if at.port in ("delay", "instant")
+        for n in at.numbers
+    )
 
 
 def readings_at(sample: Array, period: float) -> Array:
-    """Return at which instants of a pattern (s) samples lie that are taken so much later than it begins."""
+    """Return at which instants of a pattern (s) samples lie that are taken so much later than it
+    begins."""
     return np.where(sample >= 0.0, sample, period + sample)
 
 
 def timing_of(w: Any, period: float, parts: int) -> Timing:
     """Return how a batch's periods run; parts: no step is longer than half a period over it."""
     sample = w["sample"]
-    return Timing(period, 0.5 * period / parts, float(latest(w)), float(sample.min()), float(sample.max()))
+    return Timing(
+        period, 0.5 * period / parts, float(latest(w)), float(sample.min()), float(sample.max())
+    )

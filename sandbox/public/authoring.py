@@ -1,4 +1,5 @@
-"""What an estimator of one's own is written with, beside the types of the page: compiled functions, the C header."""
+"""What an estimator of one's own is written with, beside the types of the page: compiled functions,
+the C header."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     Returns
     -------
     callable
-        The compiled function; its machine code is kept on disk, and made anew when its file changes.
+        The compiled function; its machine code is kept on disk, and made anew when its file
+        changes.
 
     Raises
     ------
@@ -39,13 +41,14 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def compiled_step(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile an estimator's step for the closed loop, which then calls it at full speed; a decorator.
+    """Compile an estimator's step for the closed loop, which then calls it at full speed; a
+    decorator.
 
     Parameters
     ----------
     function : callable
-        ``step(state, sample, belief, tuning)``: the state is an array of floats, which it changes; it returns an
-        `Estimate`. Functions that it calls are `compiled`.
+        ``step(state, sample, belief, tuning)``: the state is an array of floats, which it changes;
+        it returns an `Estimate`. Functions that it calls are `compiled`.
 
     Returns
     -------
@@ -55,7 +58,8 @@ def compiled_step(function: Callable[..., Any]) -> Callable[..., Any]:
     Raises
     ------
     numba.core.errors.NumbaError
-        For what numba cannot compile, or a step that returns anything but an `Estimate` of eight floats.
+        For what numba cannot compile, or a step that returns anything but an `Estimate` of eight
+        floats.
 
     Examples
     --------

@@ -1,4 +1,5 @@
-"""A result says how it was called: `told` keeps a function's arguments, and the hashes of the files they name."""
+"""A result says how it was called: `told` keeps a function's arguments, and the hashes of the files
+they name."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ from sandbox.recordings.foreign import SUFFIXES
 
 P = ParamSpec("P")
 R = TypeVar("R")
-LEFT_OUT = ("jobs", "cluster", "progress", "keep", "folder", "yes", "again")  # results do not depend on them
+# results do not depend on them
+LEFT_OUT = ("jobs", "cluster", "progress", "keep", "folder", "yes", "again")
 EFFECTS = "effects_from"  # beside the arguments: files of effects that were taken over before
 
 
@@ -31,8 +33,8 @@ class _Object(Exception):
 
 
 def records_call(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function's result (a dataclass with a field `call`) say how it was called, and its refusal what about the
-    motor's ratings cannot be meant (as notes)."""
+    """Let a function's result (a dataclass with a field `call`) say how it was called, and its
+    refusal what about the motor's ratings cannot be meant (as notes)."""
     signature = inspect.signature(function)
 
     @wraps(function)
@@ -54,7 +56,8 @@ def records_call(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _doubts(motor: Any) -> tuple[str, ...]:
-    """Return what about a motor's ratings cannot be meant, nothing of one that cannot be read here."""
+    """Return what about a motor's ratings cannot be meant, nothing of one that cannot be read
+    here."""
     try:
         if isinstance(motor, (str, Path)) and not fetched(motor):
             motor = load_drive(motor)
@@ -64,7 +67,8 @@ def _doubts(motor: Any) -> tuple[str, ...]:
 
 
 def _check_numbers(signature: inspect.Signature, given: Mapping[str, Any]) -> None:
-    """Raise BadInput for an argument that should be a number and is none; its range is the function's own to check."""
+    """Raise BadInput for an argument that should be a number and is none; its range is the
+    function's own to check."""
     for name, value in given.items():
         kinds = str(signature.parameters[name].annotation).split(" | ")
         if not {"int", "float"} & set(kinds) or (value is None and "None" in kinds):
@@ -75,7 +79,8 @@ def _check_numbers(signature: inspect.Signature, given: Mapping[str, Any]) -> No
 
 
 def call_of(function: str, given: Mapping[str, Any]) -> Call:
-    """Return a call that went well as a result tells it; the files are read once more, for their hashes."""
+    """Return a call that went well as a result tells it; the files are read once more, for their
+    hashes."""
     arguments: dict[str, Any] = {}
     objects = []
     for name, value in given.items():
@@ -91,12 +96,17 @@ def call_of(function: str, given: Mapping[str, Any]) -> Call:
 
 
 def hashes(arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Return the SHA-256 of every file that arguments name, and of those that these name, as far as they are there."""
+    """Return the SHA-256 of every file that arguments name, and of those that these name, as far as
+    they are there."""
     found = dict[str, str]()
     for name, value in arguments.items():
         for one in value if isinstance(value, list) else [value]:
             if isinstance(one, str) and one:
-                found |= {said: digest_of(path) for said, path in _files(name, one, arguments) if is_file(path)}
+                found |= {
+                    said: digest_of(path)
+                    for said, path in _files(name, one, arguments)
+                    if is_file(path)
+                }
     return dict(sorted(found.items()))
 
 
@@ -119,13 +129,15 @@ def _files(name: str, text: str, arguments: Mapping[str, Any]) -> Iterator[tuple
         yield from ((p.as_posix(), p) for p in _campaign(path, arguments.get("columns")))
     elif name in ("motor", "motors"):
         yield from _motor(text)
-    elif path.suffix or len(path.parts) > 1:  # a name is not taken for a file that happens to lie here
+    elif path.suffix or len(path.parts) > 1:
+        # a name is not taken for a file that happens to lie here
         yield path.as_posix(), path
         yield from ((p.as_posix(), p) for p in named_by(path, path.parent))
 
 
 def _motor(text: str) -> Iterator[tuple[str, Path]]:
-    """Yield a motor's own file, its flux map, its inverter's table; a built-in motor has at most a data set."""
+    """Yield a motor's own file, its flux map, its inverter's table; a built-in motor has at most a
+    data set."""
     try:
         path = motor_file(text)
         table = read_toml(path).get("flux_map")

@@ -1,4 +1,5 @@
-"""What there is, by name: listed from the files themselves, so that nothing is compiled to list it."""
+"""What there is, by name: listed from the files themselves, so that nothing is compiled to list
+it."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ def list_scenarios() -> dict[str, str]:
 
 
 def list_estimators() -> dict[str, str]:
-    """Return the estimators that come with the package, the usual one first: name and one line each.
+    """Return the estimators that come with the package, the usual one first: name and one line
+    each.
 
     Returns
     -------
@@ -66,7 +68,8 @@ def list_estimators() -> dict[str, str]:
 
 
 def list_effects() -> dict[str, str]:
-    """Return the effects that a plant may have and the model lacks: name, subsystem and one line each.
+    """Return the effects that a plant may have and the model lacks: name, subsystem and one line
+    each.
 
     Returns
     -------
@@ -105,7 +108,8 @@ def list_datasets() -> dict[str, str]:
 
 
 def list_presets() -> dict[str, str]:
-    """Return the programs whose logs are known by name, for `preset` of `diagnose`, `check` and `identify`.
+    """Return the programs whose logs are known by name, for `preset` of `diagnose`, `check` and
+    `identify`.
 
     Returns
     -------
@@ -146,9 +150,9 @@ def describe(name: str) -> str:
     Parameters
     ----------
     name : str
-        Of an effect: equation, source, parameters with units and bounds, what it is confused with. Of an estimator:
-        injection, delay, speeds, source, and the cost of a step in ns, measured now. Of a motor or a scenario: the
-        numbers of its file.
+        Of an effect: equation, source, parameters with units and bounds, what it is confused with.
+        Of an estimator: injection, delay, speeds, source, and the cost of a step in ns, measured
+        now. Of a motor or a scenario: the numbers of its file.
 
     Returns
     -------
@@ -186,8 +190,8 @@ def describe(name: str) -> str:
 
 
 def card_of(kind: str, name: str) -> str:
-    """Return a card of one kind: 'effects', 'estimators', 'motors' or 'scenarios'; BadInput where the name is not of
-    that kind."""
+    """Return a card of one kind: 'effects', 'estimators', 'motors' or 'scenarios'; BadInput where
+    the name is not of that kind."""
     from estimators.registry import estimator_names
     from model.drive_files import mapped_names, motor_names
     from model.effects.adopt import inherit
@@ -205,14 +209,17 @@ def card_of(kind: str, name: str) -> str:
     }
     known = kinds.get(kind)
     if known is None:
-        raise BadInput(f"'{kind}' have no cards; {', '.join(f'`list {k} NAME`' for k in kinds)} print one")
+        raise BadInput(
+            f"'{kind}' have no cards; {', '.join(f'`list {k} NAME`' for k in kinds)} print one"
+        )
     if name not in known:
         raise unknown(kind.removesuffix("s"), name, known)
     return describe(name)
 
 
 def motor_card(name: str) -> str:
-    """Return what the file of a motor of the package states, as lines a person can read; nothing is downloaded."""
+    """Return what the file of a motor of the package states, as lines a person can read; nothing is
+    downloaded."""
     from dataclasses import fields
 
     from model.drive_files import motor_file
@@ -228,7 +235,11 @@ def motor_card(name: str) -> str:
         rows += [entry(k, f"{v} {units.get(k, '')}".rstrip(), 22) for k, v in stated.items()]
     if "flux_map" in data:
         rows.append(
-            entry("flux map", f"data set '{data['flux_map'].get('dataset', data['flux_map'].get('file'))}'", 22)
+            entry(
+                "flux map",
+                f"data set '{data['flux_map'].get('dataset', data['flux_map'].get('file'))}'",
+                22,
+            )
         )
     if source := data.get("provenance", {}).get("source"):
         rows.append(entry("source", str(source), 22))
@@ -236,20 +247,29 @@ def motor_card(name: str) -> str:
 
 
 def scenario_card(name: str) -> str:
-    """Return what a scenario of the package asks for, stretch by stretch, as lines a person can read."""
+    """Return what a scenario of the package asks for, stretch by stretch, as lines a person can
+    read."""
     from model.effects.library import entry
     from sandbox.drive.scenario import load_scenario
 
     s = load_scenario(name)
     rows = [entry(f"{name}:", s.description, 2), ""]
     rows += [entry("rotor", f"{s.rotor}, {s.reference} controlled", 22)]
-    rows += [entry("lasts", f"{s.duration:g} s, and starting up before" if s.start_up else f"{s.duration:g} s", 22)]
+    rows += [
+        entry(
+            "lasts",
+            f"{s.duration:g} s, and starting up before" if s.start_up else f"{s.duration:g} s",
+            22,
+        )
+    ]
     for k, x in enumerate(s.segments, 1):
         told = [f"{x.duration:g} s", f"load {100.0 * x.load:g} %"]
         told += [f"i_d {100.0 * x.current_d:g} %"] * bool(x.current_d)
         told += [f"speed {100.0 * x.speed:g} % of rated"] * (s.rotor != "locked")
         told += [f"reached in {x.ramp:g} s"] * bool(x.ramp)
-        told += [f"the last {x.duration - s.settle_of(x):.3g} s count" if x.score else "not evaluated"]
+        told += [
+            f"the last {x.duration - s.settle_of(x):.3g} s count" if x.score else "not evaluated"
+        ]
         rows.append(entry(f"stretch {k}", ", ".join(told), 22))
     return "\n".join(rows)
 
@@ -262,8 +282,13 @@ def _estimator_card(name: str) -> str:
     from sandbox.evaluation.step_cost import cost
 
     e, motor = load_estimator(name), "ipm_exchanged"
-    prices = [f"{belief} {cost(load_drive(motor), name, belief, 0)['step_ns']:.0f}" for belief in BELIEFS]
-    said = f"{', '.join(prices)} ns a step, measured now on {motor}{'' if e.compiled else ' (in Python)'}"
+    prices = [
+        f"{belief} {cost(load_drive(motor), name, belief, 0)['step_ns']:.0f}" for belief in BELIEFS
+    ]
+    said = (
+        f"{', '.join(prices)} ns a step, measured now on "
+        f"{motor}{'' if e.compiled else ' (in Python)'}"
+    )
     return estimator_card_text(e, said)
 
 
@@ -271,5 +296,13 @@ def estimator_card_text(e: Estimator, cost: str) -> str:
     """Return an estimator's card as lines a person can read; cost: what a step costs, in words."""
     from model.effects.library import entry
 
-    rows = [("injection", e.injection), ("delay", e.delay), ("speeds", e.speeds), ("cost", cost), ("source", e.source)]
-    return "\n".join([entry(f"{e.name}:", e.summary, 2), "", *(entry(head, text, 11) for head, text in rows)])
+    rows = [
+        ("injection", e.injection),
+        ("delay", e.delay),
+        ("speeds", e.speeds),
+        ("cost", cost),
+        ("source", e.source),
+    ]
+    return "\n".join(
+        [entry(f"{e.name}:", e.summary, 2), "", *(entry(head, text, 11) for head, text in rows)]
+    )

@@ -33,21 +33,33 @@ class ConvertedMotor(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `motor.json` holds beyond its header."""
-        values = [{"table": s.table, "key": s.key, "value": s.value, "from": s.said} for s in self.stated.steps]
+        values = [
+            {"table": s.table, "key": s.key, "value": s.value, "from": s.said}
+            for s in self.stated.steps
+        ]
         drive = self.stated.drive
         return {
-            "motor": drive.name, "program": self.stated.program or None, "values": values,
-            "cautions": list(cautions(drive)), "file": FILE,
-        }  # fmt: skip
+            "motor": drive.name,
+            "program": self.stated.program or None,
+            "values": values,
+            "cautions": list(cautions(drive)),
+            "file": FILE,
+        }
 
     def text(self) -> str:
         """Return `motor.toml`."""
         drive = self.stated.drive
-        motor = {k: v for k, v in dataclasses.asdict(drive.motor).items() if v not in ("", 0.0) or k == "magnet_flux"}
+        motor = {
+            k: v
+            for k, v in dataclasses.asdict(drive.motor).items()
+            if v not in ("", 0.0) or k == "magnet_flux"
+        }
         tables = [
-            ("[motor]", motor), ("[drive]", dataclasses.asdict(drive.converter)),
-            ("[injection]", dataclasses.asdict(drive.injection)), ("[provenance]", drive.provenance),
-        ]  # fmt: skip
+            ("[motor]", motor),
+            ("[drive]", dataclasses.asdict(drive.converter)),
+            ("[injection]", dataclasses.asdict(drive.injection)),
+            ("[provenance]", drive.provenance),
+        ]
         return toml_text(tables)
 
     def report(self) -> None:
@@ -66,25 +78,28 @@ class ConvertedMotor(Result):
 
 @records_call
 def convert_motor(stated: Sequence[str | Path], name: str = "motor") -> ConvertedMotor:
-    """Return a motor's file from configurations of VESC, ODrive, moteus or SimpleFOC, and from values of data sheets.
+    """Return a motor's file from configurations of VESC, ODrive, moteus or SimpleFOC, and from
+    values of data sheets.
 
     Parameters
     ----------
     stated : sequence of str or Path
-        Paths of configurations, and `KEY=VALUE` with units, e.g. 'kv=300', 'resistance_ll=0.1ohm', 'current=20 A rms',
-        'inductance=30uH'; these come before what a file says.
+        Paths of configurations, and `KEY=VALUE` with units, e.g. 'kv=300', 'resistance_ll=0.1ohm',
+        'current=20 A rms', 'inductance=30uH'; these come before what a file says.
     name : str
         The motor's name.
 
     Returns
     -------
     ConvertedMotor
-        `.stated.drive`, `.stated.steps` (each value with where it comes from), `.save(folder)` writes `motor.toml`.
+        `.stated.drive`, `.stated.steps` (each value with where it comes from), `.save(folder)`
+        writes `motor.toml`.
 
     Raises
     ------
     BadInput
-        For a file of none of these tools, an unknown key or unit, contradictions, or a value that is missing.
+        For a file of none of these tools, an unknown key or unit, contradictions, or a value that
+        is missing.
 
     Examples
     --------
@@ -93,5 +108,5 @@ def convert_motor(stated: Sequence[str | Path], name: str = "motor") -> Converte
     >>> found = convert_motor(words)
     >>> round(found.stated.drive.motor.magnet_flux, 5)  # Wb
     0.00263
-    """
+    """  # noqa: E501
     return ConvertedMotor(stated_motor([str(word) for word in stated], name))

@@ -32,7 +32,8 @@ def use_effects(file: str | Path) -> tuple[str, ...]:
     Parameters
     ----------
     file : str or Path
-        A Python file whose tuple `EFFECTS` holds cards with equations at ports of the plant (`model.effects.card`).
+        A Python file whose tuple `EFFECTS` holds cards with equations at ports of the plant
+        (`model.effects.card`).
 
     Returns
     -------
@@ -42,8 +43,8 @@ def use_effects(file: str | Path) -> tuple[str, ...]:
     Raises
     ------
     BadInput
-        For a file that cannot be read, a card without an equation, a name that is taken, or if the plant has been
-        compiled already.
+        For a file that cannot be read, a card without an equation, a name that is taken, or if the
+        plant has been compiled already.
 
     Examples
     --------
@@ -60,13 +61,14 @@ def load_motor(motor: str | Path | Drive = "ipm_exchanged") -> Drive:
     Parameters
     ----------
     motor : str, Path or Drive
-        A name of `list_motors`, a TOML file (`[motor]`, `[drive]`, `[injection]`), a flux map with a TOML file of
-        the same name beside it, or a drive, which is returned as it is.
+        A name of `list_motors`, a TOML file (`[motor]`, `[drive]`, `[injection]`), a flux map with
+        a TOML file of the same name beside it, or a drive, which is returned as it is.
 
     Returns
     -------
     Drive
-        `.motor` (ohm, H, Wb, A peak, N m, rpm), `.converter` (s, V, A), `.injection` (Hz, V), `.provenance`.
+        `.motor` (ohm, H, Wb, A peak, N m, rpm), `.converter` (s, V, A), `.injection` (Hz, V),
+        `.provenance`.
 
     Raises
     ------
@@ -95,7 +97,8 @@ def load_scenario(scenario: str | Path | Scenario = "staircase") -> Scenario:
     Returns
     -------
     Scenario
-        `.segments` (durations and ramps in s, load as a share of rated current, speed as a share of rated speed).
+        `.segments` (durations and ramps in s, load as a share of rated current, speed as a share of
+        rated speed).
 
     Raises
     ------
@@ -122,8 +125,8 @@ def load_estimator(estimator: AnyEstimator = "qnull") -> Estimator:
     ----------
     estimator : str, Path or Estimator
         A name of `list_estimators`, a Python file that defines `ESTIMATOR`, a shared library (see
-        `load_estimator_library`), or an estimator, which is returned as it is. A file is run: only take one that you
-        trust.
+        `load_estimator_library`), or an estimator, which is returned as it is. A file is run: only
+        take one that you trust.
 
     Returns
     -------
@@ -133,8 +136,8 @@ def load_estimator(estimator: AnyEstimator = "qnull") -> Estimator:
     Raises
     ------
     BadInput
-        For an unknown name (with the nearest one), a file that cannot be run or defines no `ESTIMATOR`, and an
-        estimator of one's own that bears a built-in one's name.
+        For an unknown name (with the nearest one), a file that cannot be run or defines no
+        `ESTIMATOR`, and an estimator of one's own that bears a built-in one's name.
 
     Examples
     --------
@@ -151,13 +154,14 @@ def load_estimator(estimator: AnyEstimator = "qnull") -> Estimator:
 
 
 def load_estimator_library(path: str | Path) -> Estimator:
-    """Return an estimator written in C (or anything that calls like it), run in the compiled loop at full speed.
+    """Return an estimator written in C (or anything that calls like it), run in the compiled loop
+    at full speed.
 
     Parameters
     ----------
     path : str or Path
-        A shared library with the functions of `estimators/c/sensorless_estimator.h`, in float or double
-        (estimators/c/README.md). Its code is run: only take one that you trust.
+        A shared library with the functions of `estimators/c/sensorless_estimator.h`, in float or
+        double (estimators/c/README.md). Its code is run: only take one that you trust.
 
     Returns
     -------
@@ -167,8 +171,8 @@ def load_estimator_library(path: str | Path) -> Estimator:
     Raises
     ------
     BadInput
-        For a file that does not exist or is no library, a function that is missing, a library for another version of
-        the interface, or a state of an impossible size.
+        For a file that does not exist or is no library, a function that is missing, a library for
+        another version of the interface, or a state of an impossible size.
 
     Examples
     --------
@@ -193,20 +197,23 @@ def read_campaign(
     Parameters
     ----------
     folder : str, Path or Campaign
-        A folder with `campaign.toml` and its tables (Parquet, CSV and others, see sandbox/recordings/IMPORTING.md),
-        one table in it, or a campaign, which is returned as it is.
+        A folder with `campaign.toml` and its tables (Parquet, CSV and others, see
+        sandbox/recordings/IMPORTING.md), one table in it, or a campaign, which is returned as it
+        is.
     columns : str or Path, optional
         A TOML file that maps names and units of another program (sandbox/recordings/IMPORTING.md).
     rotors : sequence of str
         Which recordings to read: 'locked', 'driven', 'free'.
     preset : str, optional
-        A program whose column names and units are known (`list_presets`), beside or instead of `columns`.
+        A program whose column names and units are known (`list_presets`), beside or instead of
+        `columns`.
 
     Returns
     -------
     Campaign
-        `campaign["file"]` is a recording, `campaign["file"]["i_a"]` a column (n,), `.to_pandas()` a data frame.
-        Times in s, currents in A, voltages in V, angles in electrical rad, torques in N m.
+        `campaign["file"]` is a recording, `campaign["file"]["i_a"]` a column (n,), `.to_pandas()` a
+        data frame. Times in s, currents in A, voltages in V, angles in electrical rad, torques in N
+        m.
 
     Raises
     ------
@@ -226,15 +233,24 @@ def read_campaign(
     """
     if isinstance(folder, Campaign):
         return folder
-    place, mapped = Path(_text(folder, "campaign", "a Campaign")), None if columns is None else Path(columns)
+    place, mapped = (
+        Path(_text(folder, "campaign", "a Campaign")),
+        None if columns is None else Path(columns),
+    )
     return importing.read_recordings(place, mapped, tuple(rotors), preset)
 
 
-def motion_only(folder: str | Path | Campaign, columns: str | Path | None, preset: str | None) -> MotionCampaign | None:
-    """Return the motion of a folder that can be judged by its motion alone, None for any other campaign."""
+def motion_only(
+    folder: str | Path | Campaign, columns: str | Path | None, preset: str | None
+) -> MotionCampaign | None:
+    """Return the motion of a folder that can be judged by its motion alone, None for any other
+    campaign."""
     if isinstance(folder, Campaign):
         return None
-    place, mapped = Path(_text(folder, "campaign", "a Campaign")), None if columns is None else Path(columns)
+    place, mapped = (
+        Path(_text(folder, "campaign", "a Campaign")),
+        None if columns is None else Path(columns),
+    )
     source = importing.source_of(place, mapped, preset)
     why = motion_log.motion_only(source)
     if why is None:
@@ -246,12 +262,14 @@ def motion_only(folder: str | Path | Campaign, columns: str | Path | None, prese
 
 
 def ready(
-    motor: str | Path | Drive, estimators: Iterable[AnyEstimator], effects: Mapping[str, float],
+    motor: str | Path | Drive,
+    estimators: Iterable[AnyEstimator],
+    effects: Mapping[str, float],
     scenario: Scenario | None = None,
-) -> tuple[Drive, list[Estimator]]:  # fmt: skip
-    """Return a motor and estimators; what is wrong with names, a motor's file or effects, and whether the motor's model
-    can start up and carry a scenario's loads, is told before anything is compiled, and a flux map is downloaded after
-    all else is read."""
+) -> tuple[Drive, list[Estimator]]:
+    """Return a motor and estimators; what is wrong with names, a motor's file or effects, and
+    whether the motor's model can start up and carry a scenario's loads, is told before anything is
+    compiled, and a flux map is downloaded after all else is read."""
     asked = list(estimators)
     for one in asked:
         check_known(one)
@@ -261,7 +279,8 @@ def ready(
         from sandbox.plant.sets import complete
 
         complete(drive.motor, drive.converter, effects)
-    if drive is not None and scenario is not None and not effects:  # what effects do to the motor is looked at later
+    if drive is not None and scenario is not None and not effects:
+        # what effects do to the motor is looked at later
         from sandbox.drive.design import design
         from sandbox.drive.feasible import check_feasible
 
@@ -272,11 +291,17 @@ def ready(
 
 def several(given: Any) -> list[Any]:
     """Return one thing (a name, path or object) or several of them as a list."""
-    return list(given) if isinstance(given, Iterable) and not isinstance(given, (str, Path)) else [given]
+    return (
+        list(given)
+        if isinstance(given, Iterable) and not isinstance(given, (str, Path))
+        else [given]
+    )
 
 
 def _text(given: object, kind: str, thing: str) -> str | Path:
     """Return a name or path; BadInput for anything else."""
     if not isinstance(given, (str, Path)):
-        raise BadInput(f"{kind} = {given!r:.60} is neither a name nor a file nor {thing}; give one of them")
+        raise BadInput(
+            f"{kind} = {given!r:.60} is neither a name nor a file nor {thing}; give one of them"
+        )
     return given

@@ -1,4 +1,5 @@
-"""What a motor's model says without a run: where it is valid, and its maps over the plane of currents."""
+"""What a motor's model says without a run: where it is valid, and its maps over the plane of
+currents."""
 
 from __future__ import annotations
 
@@ -62,7 +63,8 @@ class AuditResult(Result):
         }
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return the plane of currents and the cross-saturation angle; a path (.png, .svg, .pdf) is written as well.
+        """Return the plane of currents and the cross-saturation angle; a path (.png, .svg, .pdf) is
+        written as well.
 
         ax: two axes of your own to draw in; see `Result.plot`.
         """
@@ -82,7 +84,8 @@ class AuditResult(Result):
 
 @dataclass(frozen=True, repr=False)
 class MapsResult(Result):
-    """A motor's incremental inductances, cross-saturation angle and gain over the plane of currents."""
+    """A motor's incremental inductances, cross-saturation angle and gain over the plane of
+    currents."""
 
     command: ClassVar[str] = "maps"
     kinds: ClassVar[tuple[str, ...]] = ("figure",)
@@ -92,7 +95,8 @@ class MapsResult(Result):
     def summary(self) -> str:
         """Return the motor and the plane."""
         return (
-            f"{self.maps.motor}, {self.maps.i_d.size} x {self.maps.i_q.size} currents up to {self.maps.i_d[-1]:.4g} A"
+            f"{self.maps.motor}, {self.maps.i_d.size} x {self.maps.i_q.size} currents up to "
+            f"{self.maps.i_d[-1]:.4g} A"
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -103,9 +107,18 @@ class MapsResult(Result):
         """Return the maps, one row a current: i_d, i_q (A), inductances (H), angle (rad), gain."""
         m = self.maps
         i_d, i_q = np.meshgrid(m.i_d, m.i_q, indexing="ij")
-        units = {"l_dd": "H", "l_dq": "H", "l_qq": "H", "angle": "rad", "gain": "of that at zero current"}
+        units = {
+            "l_dd": "H",
+            "l_dq": "H",
+            "l_qq": "H",
+            "angle": "rad",
+            "gain": "of that at zero current",
+        }
         arrays = {name: values for name, values in m.arrays().items() if name not in ("i_d", "i_q")}
-        named = {name: Column(v.ravel(), units[name.removeprefix("first_")]) for name, v in arrays.items()}
+        named = {
+            name: Column(v.ravel(), units[name.removeprefix("first_")])
+            for name, v in arrays.items()
+        }
         return {"i_d": Column(i_d.ravel(), "A"), "i_q": Column(i_q.ravel(), "A"), **named}
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
@@ -144,7 +157,8 @@ def audit(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = No
     Returns
     -------
     AuditResult
-        `.passed`, `.audit.valid_radius` (A), `.audit.angle_closed` (rad, over `.audit.load` of rated current).
+        `.passed`, `.audit.valid_radius` (A), `.audit.angle_closed` (rad, over `.audit.load` of
+        rated current).
 
     Raises
     ------
@@ -165,7 +179,8 @@ def audit(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = No
 
 
 def _map_of(motor: str | Path | Drive) -> Quality | None:
-    """Return how far the flux map of a motor's file can be believed, None for a motor without one."""
+    """Return how far the flux map of a motor's file can be believed, None for a motor without
+    one."""
     from model.drive_files import motor_file
     from model.given import read_toml
     from model.mapped import map_quality
@@ -178,7 +193,9 @@ def _map_of(motor: str | Path | Drive) -> Quality | None:
 
 
 @records_call
-def maps(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = None, points: int = 61) -> MapsResult:
+def maps(
+    motor: str | Path | Drive = "ipm_exchanged", radius: float | None = None, points: int = 61
+) -> MapsResult:
     """Return a motor's maps over the plane of currents: inductances, cross-saturation angle, gain.
 
     Parameters
@@ -193,7 +210,8 @@ def maps(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = Non
     Returns
     -------
     MapsResult
-        `.maps.l_dd` and others: arrays (points, points) over i_d (first axis) and i_q, H, NaN where not valid.
+        `.maps.l_dd` and others: arrays (points, points) over i_d (first axis) and i_q, H, NaN where
+        not valid.
 
     Raises
     ------
@@ -217,4 +235,6 @@ def _check_radius(drive: Drive, radius: float | None) -> None:
     """Raise BadInput for a radius (A) beyond what a motor's model is made for."""
     most = LARGEST * drive.motor.rated_current
     if radius is not None and not 0.0 < radius <= most:
-        raise BadInput(f"radius {radius} A must lie in (0, {most:g}] A ({LARGEST:g} x rated current)")
+        raise BadInput(
+            f"radius {radius} A must lie in (0, {most:g}] A ({LARGEST:g} x rated current)"
+        )

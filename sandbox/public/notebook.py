@@ -38,7 +38,10 @@ def _table(result: Any) -> str:
     table: pyarrow.Table = result.to_table()
     first = table.slice(0, ROWS).select(table.column_names[:COLUMNS])
     heads = [f"{f.name} ({unit})" if (unit := unit_of(f)) else f.name for f in first.schema]
-    lines = [_row("th", heads), *(_row("td", [_text(v) for v in row.values()]) for row in first.to_pylist())]
+    lines = [
+        _row("th", heads),
+        *(_row("td", [_text(v) for v in row.values()]) for row in first.to_pylist()),
+    ]
     left = f"<p>{table.num_rows} rows × {table.num_columns} columns</p>"
     return "<table>\n" + "\n".join(lines) + "\n</table>\n" + left
 

@@ -13,7 +13,13 @@ from model.ratings import assumed, cautions
 from sandbox.evaluation.choice import ANY, standings, which
 from sandbox.evaluation.lost import reasons
 from sandbox.evaluation.pages.compare_figure import NO_THEORY
-from sandbox.evaluation.pages.compare_tables import THEORY, comparison_tables, number_text, rpm_text, theory_of
+from sandbox.evaluation.pages.compare_tables import (
+    THEORY,
+    comparison_tables,
+    number_text,
+    rpm_text,
+    theory_of,
+)
 from sandbox.evaluation.pages.cost_figure import cost_table
 from sandbox.evaluation.protocol_names import BELIEFS
 from sandbox.output.tables import print_prose, print_table
@@ -38,20 +44,32 @@ def print_comparison(c: Comparison) -> None:
     for title, heads, rows in comparison_tables(c):
         print_table(title, heads, rows, fixed=3 if heads[2] == THEORY else 2, together=len(BELIEFS))
     theory = "theory: the cross-saturation angle that a linear belief cannot see, for small ripple."
-    known = {row.estimator: row.predicted_mean_deg is not None for row in c.rows if row.belief == "linear"}
+    known = {
+        row.estimator: row.predicted_mean_deg is not None
+        for row in c.rows
+        if row.belief == "linear"
+    }
     if without := [name for name, held in known.items() if not held]:
         theory += f" It is not made for {', '.join(without)}, {NO_THEORY}."
     if all(row.predicted_mean_deg is None for row in c.rows):
-        theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
+        theory = (
+            "theory: none, as it knows the motor alone, not the effects of this plant or "
+            "these estimators."
+        )
     for text in reasons(c.rows):
         print_prose(text)
     found = standings(c.rows)
     if any(s.loss_w is not None for s in found):
-        print_table("what the injection costs (largest of all segments, the estimate in control)", *cost_table(found))
+        print_table(
+            "what the injection costs (largest of all segments, the estimate in control)",
+            *cost_table(found),
+        )
     if c.limits != ANY:
         print_prose(f"Within the limits: {which(found, c.limits)}")
     print_cautions(c.drive)
-    print_prose(f"Position error in electrical degrees, mean (95th percentile of its size); {theory}")
+    print_prose(
+        f"Position error in electrical degrees, mean (95th percentile of its size); {theory}"
+    )
 
 
 def print_run(c: Comparison, gains: Design) -> None:
@@ -63,7 +81,11 @@ def print_run(c: Comparison, gains: Design) -> None:
     lines = []
     for k, row in enumerate(run.rows):
         e = row.error_deg
-        values = ["lost lock", "", "", ""] if row.lost_lock else [number_text(e.mean), *(f"{v:.2f}" for v in _sizes(e))]
+        values = (
+            ["lost lock", "", "", ""]
+            if row.lost_lock
+            else [number_text(e.mean), *(f"{v:.2f}" for v in _sizes(e))]
+        )
         values[0] += "" if row.reference_held else " (speed missed)"
         rpm = [f"{row.speed_rpm:+.4g}", rpm_text(row.true_speed_rpm)][: len(speeds)]
         lines.append([f"{100 * row.load:+.0f}", *rpm, *theory[k : k + 1], *values])
@@ -73,26 +95,40 @@ def print_run(c: Comparison, gains: Design) -> None:
     print_cautions(c.drive)
     heads = ["loop", "bandwidth\nrad/s", "phase margin\n°", "gain\nmargin", "disk\nmargin"]
     loops = [
-        [name, f"{v.bandwidth:.1f}", f"{v.phase_margin_deg:.1f}", f"{v.gain_margin:.2f}", f"{v.disk_margin:.2f}"]
+        [
+            name,
+            f"{v.bandwidth:.1f}",
+            f"{v.phase_margin_deg:.1f}",
+            f"{v.gain_margin:.2f}",
+            f"{v.disk_margin:.2f}",
+        ]
         for name, v in gains.loops.items()
     ]
     own = run.estimator
     if own in KALMAN:
         loops = [row for row in loops if row[0] != "tracking"]
-    said = "" if own in KALMAN else f"; tracking loop: at zero load{', ' + TRIPLE if own in TYPE_3 else ''}"
+    said = (
+        ""
+        if own in KALMAN
+        else f"; tracking loop: at zero load{', ' + TRIPLE if own in TYPE_3 else ''}"
+    )
     print_table(f"designed loops{said}", heads, loops)
     law, track = c.drive.injection.tracking, gains.loops.get("tracking")
     if gains.published and track:
         print_prose(
-            f"The tracking loop has the gains that '{law}' publishes, with an integral time of kp/ki = "
-            f"{track.kp / track.ki:.3g} s; its bandwidth here is its crossover. The speed loop is designed around it."
+            f"The tracking loop has the gains that '{law}' publishes, with an integral time of "
+            f"kp/ki = {track.kp / track.ki:.3g} s; its bandwidth here is its crossover. The speed "
+            "loop is designed around it."
         )
     elif law != "designed":
-        print_prose(f"tracking = '{law}' is for type 2 loops around the ripple: `{own}` keeps its designed gains.")
+        print_prose(
+            f"tracking = '{law}' is for type 2 loops around the ripple: `{own}` keeps "
+            "its designed gains."
+        )
     if own in KALMAN:
         print_prose(
-            f"`{own}` has no tracking loop: its gain follows at each sample from the noise that it assumes, so it has "
-            "no fixed bandwidth and no margins."
+            f"`{own}` has no tracking loop: its gain follows at each sample from the noise that it "
+            "assumes, so it has no fixed bandwidth and no margins."
         )
 
 
@@ -120,16 +156,27 @@ def audit_content(drive: Drive, a: Audit) -> dict[str, Any]:
 
     primitive = carrier(drive.injection, drive.converter).primitive
     ripple = drive.injection.amplitude * float(np.max(np.abs(primitive)))  # Wb
-    saliency = a.slope * abs(drive.motor.energy.gamma_d - drive.motor.energy.gamma_q) * ripple  # A/rad
+    # A/rad
+    saliency = a.slope * abs(drive.motor.energy.gamma_d - drive.motor.energy.gamma_q) * ripple
     return {
-        "motor": a.motor, "passed": a.passed, "radius": a.radius, "valid_radius": a.valid_radius,
-        "min_eigenvalue": a.min_eigenvalue, "worst_current": a.worst_current, "violations": a.violations,
+        "motor": a.motor,
+        "passed": a.passed,
+        "radius": a.radius,
+        "valid_radius": a.valid_radius,
+        "min_eigenvalue": a.min_eigenvalue,
+        "worst_current": a.worst_current,
+        "violations": a.violations,
         "saliency_radius": a.saliency_radius,
-        "torque_at_rated_current": _torque(drive), "rated_torque": drive.motor.rated_torque, "load": a.load,
-        "angle_local_deg": np.degrees(a.angle_local), "angle_closed_deg": np.degrees(a.angle_closed),
-        "relative_slope": a.slope, "error_per_10mA_deg": np.degrees(0.01 / saliency),
-        "cautions": list(cautions(drive)), "provenance": drive.provenance,
-    }  # fmt: skip
+        "torque_at_rated_current": _torque(drive),
+        "rated_torque": drive.motor.rated_torque,
+        "load": a.load,
+        "angle_local_deg": np.degrees(a.angle_local),
+        "angle_closed_deg": np.degrees(a.angle_closed),
+        "relative_slope": a.slope,
+        "error_per_10mA_deg": np.degrees(0.01 / saliency),
+        "cautions": list(cautions(drive)),
+        "provenance": drive.provenance,
+    }
 
 
 def _torque(drive: Drive) -> float:
@@ -146,27 +193,38 @@ def print_audit(drive: Drive, a: Audit) -> None:
     """Print an audit: validity in sentences, then the cross-saturation angle against load."""
     if a.passed:
         print_prose(
-            f"{a.motor}: valid up to {a.radius:.4g} A ({a.radius / a.rated_current:.0%} of rated current); smallest "
-            f"eigenvalue of the Hessian {a.min_eigenvalue:.4g} 1/H "
-            f"at i = ({a.worst_current[0]:.3f}, {a.worst_current[1]:.3f}) A"
+            f"{a.motor}: valid up to {a.radius:.4g} A ({a.radius / a.rated_current:.0%} of rated "
+            f"current); smallest eigenvalue of the Hessian {a.min_eigenvalue:.4g} 1/H at i = "
+            f"({a.worst_current[0]:.3f}, {a.worst_current[1]:.3f}) A"
         )
     else:
         from model.energy import Energy
 
         v = a.violations[0]
-        end = "the energy stops being convex" if isinstance(drive.motor.energy, Energy) else "the flux map ends"
+        end = (
+            "the energy stops being convex"
+            if isinstance(drive.motor.energy, Energy)
+            else "the flux map ends"
+        )
         print_prose(
             f"{a.motor}: NOT valid over the audited {a.radius:.4g} A: {end} at i_d = "
-            f"{v['i_d']:.4g} A, i_q = {v['i_q']:.3f} A, so it may be used up to {a.valid_radius:.4g} A "
-            f"({a.valid_radius / a.rated_current:.0%} of rated current)"
+            f"{v['i_d']:.4g} A, i_q = {v['i_q']:.3f} A, so it may be used up to "
+            f"{a.valid_radius:.4g} A ({a.valid_radius / a.rated_current:.0%} of rated current)"
         )
     reach = min(a.saliency_radius, a.valid_radius)
     kept = "in the whole disc" if a.passed and reach >= a.radius else f"up to {reach:.4g} A"
-    kept += ", as far as the model is valid" if not a.passed and a.saliency_radius >= a.valid_radius else ""
-    print_prose(f"saliency L_qq - L_dd keeps its sign, so that q-null injection is feasible: {kept}")
+    kept += (
+        ", as far as the model is valid"
+        if not a.passed and a.saliency_radius >= a.valid_radius
+        else ""
+    )
+    print_prose(
+        f"saliency L_qq - L_dd keeps its sign, so that q-null injection is feasible: {kept}"
+    )
     rated = drive.motor.rated_torque
     print_prose(
-        f"torque at rated current on q: {_torque(drive):.4g} N m (rated torque {rated:.4g} N m; currents are peak)"
+        f"torque at rated current on q: {_torque(drive):.4g} N m (rated torque "
+        f"{rated:.4g} N m; currents are peak)"
     )
     print_cautions(drive)
     content = audit_content(drive, a)
@@ -187,9 +245,10 @@ def print_audit(drive: Drive, a: Audit) -> None:
     ]
     print_table("cross-saturation angle, i_d = 0", heads, lines)
     print_prose(
-        "angle: error of a q-null estimator with a linear belief; slope of the null: how fast the ripple across the "
-        "axis changes with the angle (1: as at zero current; near 0 the estimator loses the rotor); ° per 10 mA: error "
-        "that 10 mA of unwanted ripple across the axis make"
+        "angle: error of a q-null estimator with a linear belief; slope of the null: how fast the "
+        "ripple across the axis changes with the angle (1: as at zero current; near 0 the "
+        "estimator loses the rotor); ° per 10 mA: error that 10 mA of unwanted ripple across the "
+        "axis make"
     )
 
 
@@ -202,7 +261,9 @@ def print_identification(result: Identification) -> None:
         cells = [name, f"{getattr(nominal, name):.5g}"]
         for fit in result.fits.values():
             low, high = fit.ci95(name) if name in fit.values else (math.nan, math.nan)
-            cells.append(f"{fit.values[name]:.5g}\n[{low:.4g}, {high:.4g}]" if name in fit.values else "–")
+            cells.append(
+                f"{fit.values[name]:.5g}\n[{low:.4g}, {high:.4g}]" if name in fit.values else "–"
+            )
         lines.append(cells)
     heads = ["parameter", "nominal", *(f"{method}\n[95 % interval]" for method in result.fits)]
     print_table(f"{result.campaign.name}: identified motor (SI)", heads, lines, fixed=2)
@@ -219,12 +280,17 @@ def print_ordinary(result: OrdinaryIdentification) -> None:
     lines = []
     for name, value in fit.values.items():
         low, high = fit.ci95(name)
-        lines.append([name, f"{getattr(nominal, name):.5g}", f"{value:.5g}\n[{low:.4g}, {high:.4g}]"])
+        lines.append(
+            [name, f"{getattr(nominal, name):.5g}", f"{value:.5g}\n[{low:.4g}, {high:.4g}]"]
+        )
     heads = ["parameter", "nominal", "replay\n[95 % interval]"]
     print_table(f"{result.campaign.name}: identified motor (SI)", heads, lines, fixed=2)
     for name, why in fit.untold.items():
         print_prose(f"cannot tell {name}: {why}")
-    print_prose(f"replay: residual {1e3 * fit.residual_rms:.3g} mA rms, {fit.misfit:.3g} x what noise explains")
+    print_prose(
+        f"replay: residual {1e3 * fit.residual_rms:.3g} mA rms, {fit.misfit:.3g} x what "
+        "noise explains"
+    )
     beside = ", ".join(f"{name} = {value:.3g}" for name, value in fit.nuisance.items())
     print_prose(f"fitted beside: {beside}")
     for remark in result.remarks:
@@ -232,7 +298,8 @@ def print_ordinary(result: OrdinaryIdentification) -> None:
 
 
 def print_maps(m: Maps) -> None:
-    """Print what the maps show: values at zero and rated current, their range, and where first order errs."""
+    """Print what the maps show: values at zero and rated current, their range, and where first
+    order errs."""
     content = m.summary()
     rows = []
     for name, unit, factor, values in m.shown():
@@ -249,10 +316,18 @@ def print_maps(m: Maps) -> None:
         rows.append([label, *("–" if math.isnan(v) else f"{factor * v + 0.0:.4g}" for v in cells)])
     valid = 100.0 * (content["valid_share"] or 0.0)
     title = f"{m.motor}: over i_d and i_q up to ±{m.i_d[-1]:.4g} A, {valid:.3g} % of it valid"
-    heads = ["what injection sees", "at zero\ncurrent", "at rated\ni_q", "least", "most", "first order\nerrs by ≤"]
+    heads = [
+        "what injection sees",
+        "at zero\ncurrent",
+        "at rated\ni_q",
+        "least",
+        "most",
+        "first order\nerrs by ≤",
+    ]
     print_table(title, heads, rows)
     print_prose(
-        "angle: error of a q-null estimator with a linear belief; gain: slope of its null relative to zero current"
+        "angle: error of a q-null estimator with a linear belief; gain: slope of its "
+        "null relative to zero current"
     )
 
 

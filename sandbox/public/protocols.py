@@ -24,9 +24,15 @@ if TYPE_CHECKING:
     from sandbox.output.plots import AnyAxes, Figure
 
 POINT_UNITS = {
-    "load": "of rated current", "load_d": "of rated current", "speed": "of rated speed", "mean_deg": "deg",
-    "rms_deg": "deg", "p95_deg": "deg", "max_deg": "deg", "predicted_deg": "deg",
-}  # fmt: skip
+    "load": "of rated current",
+    "load_d": "of rated current",
+    "speed": "of rated speed",
+    "mean_deg": "deg",
+    "rms_deg": "deg",
+    "p95_deg": "deg",
+    "max_deg": "deg",
+    "predicted_deg": "deg",
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,14 +44,20 @@ class ProtocolResult(Result):
     protocol: Protocol
 
     def summary(self) -> str:
-        """Return which tests were run how often (by estimator, belief and motor), and how many met their goals."""
+        """Return which tests were run how often (by estimator, belief and motor), and how many met
+        their goals."""
         rows = self.protocol.rows
         tests = list(dict.fromkeys(row.unit.test for row in rows))
         judged = [row.outcome.passed for row in rows if row.outcome.passed is not None]
-        slow = sum(bool(row.outcome.metrics.get("speed_missed")) for row in rows if row.outcome.passed)
+        slow = sum(
+            bool(row.outcome.metrics.get("speed_missed")) for row in rows if row.outcome.passed
+        )
         named = f"{tests[0]} alone" if len(tests) == 1 else f"{len(tests)} tests"
         said = f", {slow} of these without reaching the speed asked for in time" if slow else ""
-        return f"{named}, {many(len(rows), 'result')}, {sum(judged)} of {len(judged)} judged met their goals{said}"
+        return (
+            f"{named}, {many(len(rows), 'result')}, {sum(judged)} of {len(judged)} judged "
+            f"met their goals{said}"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` holds beyond its header and the names of files."""
@@ -61,7 +73,8 @@ class ProtocolResult(Result):
         return columns_of([{name: row[name] for name in names} for row in rows], POINT_UNITS)
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return the page of verdicts, a panel a motor; a path (.png, .svg, .pdf) is written as well.
+        """Return the page of verdicts, a panel a motor; a path (.png, .svg, .pdf) is written as
+        well.
 
         ax: axes of your own to draw in, one for each motor; see `Result.plot`.
         """
@@ -71,7 +84,8 @@ class ProtocolResult(Result):
         return protocol_figure(tables(self.protocol), reading(self.protocol), path, ax=ax)
 
     def to_html(self, path: str | Path) -> Path:
-        """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
+        """Write one page with its figures inside (`.html`), which estimator to take answered first;
+        return its path."""
         from sandbox.evaluation.pages.protocol_page import write_protocol
 
         write_protocol(Path(path), self.protocol)
@@ -84,7 +98,8 @@ class ProtocolResult(Result):
         show(self.protocol)
 
     def save(self, folder: str | Path, **asked: bool) -> Path:
-        """Write protocol.json, .html, .png, .parquet into a folder, and forget what was kept there for resuming."""
+        """Write protocol.json, .html, .png, .parquet into a folder, and forget what was kept there
+        for resuming."""
         from sandbox.evaluation.protocol import forget
 
         place = super().save(folder, **asked)
@@ -106,7 +121,9 @@ class BenchResult(Result):
         from sandbox.evaluation.bench import LOOP, PLANT
 
         plant, loop = 1e3 * self.measured[PLANT], 1e3 * self.measured[LOOP]
-        return f"a second costs {plant:.2g} ms of CPU for the plant, {loop:.2g} ms for the closed loop"
+        return (
+            f"a second costs {plant:.2g} ms of CPU for the plant, {loop:.2g} ms for the closed loop"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return what `bench.json` holds beyond its header."""
@@ -116,7 +133,11 @@ class BenchResult(Result):
         """Return one row a figure."""
         both = {**self.measured, **self.ratios}
         kinds = ["measured"] * len(self.measured) + ["ratio"] * len(self.ratios)
-        return {"figure": Column(list(both)), "kind": Column(kinds), "value": Column(list(both.values()))}
+        return {
+            "figure": Column(list(both)),
+            "kind": Column(kinds),
+            "value": Column(list(both.values())),
+        }
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
         """Return the ratios as bars; a path (.png, .svg, .pdf) is written as well.
@@ -135,7 +156,11 @@ class BenchResult(Result):
         from sandbox.evaluation.bench import in_words
         from sandbox.output.tables import print_table
 
-        rows = [list(in_words(*figure)) for part in (self.measured, self.ratios) for figure in part.items()]
+        rows = [
+            list(in_words(*figure))
+            for part in (self.measured, self.ratios)
+            for figure in part.items()
+        ]
         print_table("what it costs on this machine", ["what", "value"], rows)
 
 
@@ -164,7 +189,8 @@ def protocol(
     tests : iterable of str, optional
         Names of tests, see `list_tests`; all by default.
     quiet_below : float, optional
-        dB: what is recommended must stay below it in the proxy for the injection's sound (test `cost`).
+        dB: what is recommended must stay below it in the proxy for the injection's sound (test
+            `cost`).
     loss_below : float, optional
         W: likewise, of the copper loss that the injection adds.
     seed : int
@@ -174,14 +200,16 @@ def protocol(
     keep : str or Path, optional
         A folder in which finished tests wait for the rest, so that an interrupted call goes on.
     cluster : str or dask.distributed.Client, optional
-        A dask scheduler's address, or a client: its workers run the tests, estimators are names or files.
+        A dask scheduler's address, or a client: its workers run the tests, estimators are names or
+        files.
     progress : callable, optional
         Is told the fraction that is done.
 
     Returns
     -------
     ProtocolResult
-        `.protocol.rows`: each with its unit, metrics (electrical degrees), and whether its goal was met.
+        `.protocol.rows`: each with its unit, metrics (electrical degrees), and whether its goal was
+        met.
 
     Raises
     ------
@@ -210,13 +238,20 @@ def protocol(
 
     return ProtocolResult(
         run_all(
-            *names, seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep),
-            cluster=cluster, limits=limits, progress=progress,
+            *names,
+            seed=seed,
+            jobs=jobs or os.cpu_count() or 1,
+            keep=None if keep is None else Path(keep),
+            cluster=cluster,
+            limits=limits,
+            progress=progress,
         )
-    )  # fmt: skip
+    )
 
 
-def check_names(estimators: Iterable[AnyEstimator], motors: Iterable[str | Path | Drive], tests: Iterable[str]) -> None:
+def check_names(
+    estimators: Iterable[AnyEstimator], motors: Iterable[str | Path | Drive], tests: Iterable[str]
+) -> None:
     """Raise BadInput for an unknown name, or an estimator's file that does not exist."""
     from sandbox.evaluation.protocol_names import LINES
 
@@ -232,14 +267,17 @@ def check_names(estimators: Iterable[AnyEstimator], motors: Iterable[str | Path 
 
 @records_call
 def bench(anchors: str | Path | None = None, python: str | None = None) -> BenchResult:
-    """Measure what a plant step, a closed-loop second and the effects cost on this machine; about a minute.
+    """Measure what a plant step, a closed-loop second and the effects cost on this machine; about a
+    minute.
 
     Parameters
     ----------
     anchors : str or Path, optional
-        Folder of the reference programs (C reference, motulator's script), to be measured in the same run.
+        Folder of the reference programs (C reference, motulator's script), to be measured in the
+        same run.
     python : str, optional
-        A Python >= 3.12 that has motulator 0.18; by default this one, or one in an environment that is made for it.
+        A Python >= 3.12 that has motulator 0.18; by default this one, or one in an environment that
+        is made for it.
 
     Returns
     -------
@@ -260,5 +298,7 @@ def bench(anchors: str | Path | None = None, python: str | None = None) -> Bench
     from sandbox.evaluation.bench import bench as measure
     from sandbox.evaluation.peer_python import peer_python
 
-    found = measure(None if anchors is None else Path(anchors), "" if anchors is None else peer_python(python))
+    found = measure(
+        None if anchors is None else Path(anchors), "" if anchors is None else peer_python(python)
+    )
     return BenchResult(found["measured"], found["ratios"])

@@ -1,4 +1,5 @@
-"""What every function of the page returns can do: be printed, become a table, a figure, a trace, a folder of files."""
+"""What every function of the page returns can do: be printed, become a table, a figure, a trace, a
+folder of files."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ class Result(ABC):
     header: ClassVar[str] = ""  # the command that its JSON names, where that is another
     kinds: ClassVar[tuple[str, ...]] = ("figure", "table")  # what `save` writes beside the JSON
     coordinates: ClassVar[tuple[str, ...]] = ()  # columns that `to_xarray` takes for coordinates
-    call: Call | None = field(default=None, kw_only=True)  # how the function that returned it was called
+    # how the function that returned it was called
+    call: Call | None = field(default=None, kw_only=True)
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:
@@ -48,10 +50,12 @@ class Result(ABC):
         raise BadInput(f"a result of '{self.command}' has no table; take .as_json()")
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return the result's figure (its panels: `.axes`); a path (.png, .svg, .pdf) is written as well.
+        """Return the result's figure (its panels: `.axes`); a path (.png, .svg, .pdf) is written as
+        well.
 
-        ax: axes of your own to draw in, one for each panel, such as those of `plt.subplots`; their figure is returned.
-        BadInput says how many panels there are, or that the result has no figure.
+        ax: axes of your own to draw in, one for each panel, such as those of `plt.subplots`; their
+        figure is returned. BadInput says how many panels there are, or that the result has no
+        figure.
         """
         raise BadInput(f"a result of '{self.command}' has no figure; take .as_json()")
 
@@ -75,28 +79,39 @@ class Result(ABC):
         return table_of(self.columns())
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return the result as a pandas data frame, units in `.attrs["units"]`; BadInput where pandas is missing."""
+        """Return the result as a pandas data frame, units in `.attrs["units"]`; BadInput where
+        pandas is missing."""
         return frame_of(self.to_table())
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the table as an xarray Dataset, each variable with its unit; BadInput where xarray is missing.
+        """Return the table as an xarray Dataset, each variable with its unit; BadInput where xarray
+        is missing.
 
-        Its dimensions are coordinates where there are any (`t` of a run, the currents of maps), else the row.
+        Its dimensions are coordinates where there are any (`t` of a run, the currents of maps),
+        else the row.
         """
         from sandbox.output.labelled import dataset_of
 
-        return dataset_of(self.to_table(), self.coordinates, {"result": self.command, "summary": self.summary()})
+        return dataset_of(
+            self.to_table(), self.coordinates, {"result": self.command, "summary": self.summary()}
+        )
 
     def to_rerun(self, path: str | Path) -> Path:
-        """Write the result as a trace for the rerun viewer (`.rrd`); BadInput where nothing in it runs over time."""
-        raise BadInput(f"nothing in a result of '{self.command}' runs over time, so it has no trace; take .plot()")
+        """Write the result as a trace for the rerun viewer (`.rrd`); BadInput where nothing in it
+        runs over time."""
+        raise BadInput(
+            f"nothing in a result of '{self.command}' runs over time, so it has no "
+            "trace; take .plot()"
+        )
 
     def to_html(self, path: str | Path) -> Path:
-        """Write the result as one page with its figures inside (`.html`); BadInput where a figure is all there is."""
+        """Write the result as one page with its figures inside (`.html`); BadInput where a figure
+        is all there is."""
         raise BadInput(f"a result of '{self.command}' has no page of its own; take .plot()")
 
     def show(self) -> str:
-        """Save the result into a temporary folder and open what is there, as `sandbox.show`; say what was opened."""
+        """Save the result into a temporary folder and open what is there, as `sandbox.show`; say
+        what was opened."""
         from tempfile import mkdtemp
 
         from sandbox.public.showing import show
@@ -104,9 +119,16 @@ class Result(ABC):
         return show(self.save(Path(mkdtemp(prefix="sensorless-")) / self.command))
 
     def save(
-        self, folder: str | Path, *, csv: bool = False, trace: bool = True, figure: bool = True, table: bool = True
+        self,
+        folder: str | Path,
+        *,
+        csv: bool = False,
+        trace: bool = True,
+        figure: bool = True,
+        table: bool = True,
     ) -> Path:
-        """Write JSON and what the result has of page, figure, table and trace into a folder, together; return it.
+        """Write JSON and what the result has of page, figure, table and trace into a folder,
+        together; return it.
 
         csv: the table as CSV, too; figure: the figure and the page.
         """
@@ -147,9 +169,11 @@ class Result(ABC):
 
 
 def keep_other(folder: Path, command: str, motor: str) -> str:
-    """Rename what an earlier call left in a folder of another motor's result; return a sentence of it, or nothing.
+    """Rename what an earlier call left in a folder of another motor's result; return a sentence of
+    it, or nothing.
 
-    `audit.json` is the latest audit's; `audit-spm.json` and its figure are those of the motor asked for before.
+    `audit.json` is the latest audit's; `audit-spm.json` and its figure are those of the motor asked
+    for before.
     """
     path = folder / f"{command}.json"
     if not path.is_file():
@@ -172,10 +196,15 @@ def keep_other(folder: Path, command: str, motor: str) -> str:
     for name, new in renamed.items():
         if not name.endswith(".json"):
             (folder / name).replace(folder / new)
-    files = {key: renamed.get(value, value) if isinstance(value, str) else value for key, value in content.items()}
+    files = {
+        key: renamed.get(value, value) if isinstance(value, str) else value
+        for key, value in content.items()
+    }
     header, made = ("schema", "command", "version", "made_by"), content.get("made_by")
     if isinstance(made, dict) and isinstance(made.get("files"), dict):
-        made = made | {"files": {renamed.get(name, name): digest for name, digest in made["files"].items()}}
+        made = made | {
+            "files": {renamed.get(name, name): digest for name, digest in made["files"].items()}
+        }
     write_json(folder, stem, {k: v for k, v in files.items() if k not in header}, command, made)
     path.unlink()
     return f"the earlier result of '{shown(earlier)}' is kept as {stem}.json"

@@ -1,4 +1,5 @@
-"""Closed-loop runs: one of one estimator, and the comparison of a saturated with a linear belief."""
+"""Closed-loop runs: one of one estimator, and the comparison of a saturated with a linear
+belief."""
 
 from __future__ import annotations
 
@@ -30,17 +31,54 @@ AnyMotor = str | Path | Drive
 AnyScenario = str | Path | Scenario
 Effects = Mapping[str, float] | str | Path | None
 ROW_UNITS = {
-    "load": "of rated current", "speed_rpm": "rpm", "true_speed_rpm": "rpm", "mean_deg": "deg",
-    "rms_deg": "deg", "p95_deg": "deg", "max_deg": "deg", "transient_max_deg": "deg", "predicted_mean_deg": "deg",
-    "t_start": "s", "t_end": "s", "copper_w": "W", "iron_w": "W", "loss_share": "of copper loss at rated current",
-    "torque_nm": "N m", "torque_ripple": "of rated torque", "sound_db": "dB", "tone_db": "dB",
-    "link_a": "A", "injected_v": "V",
-}  # fmt: skip
+    "load": "of rated current",
+    "speed_rpm": "rpm",
+    "true_speed_rpm": "rpm",
+    "mean_deg": "deg",
+    "rms_deg": "deg",
+    "p95_deg": "deg",
+    "max_deg": "deg",
+    "transient_max_deg": "deg",
+    "predicted_mean_deg": "deg",
+    "t_start": "s",
+    "t_end": "s",
+    "copper_w": "W",
+    "iron_w": "W",
+    "loss_share": "of copper loss at rated current",
+    "torque_nm": "N m",
+    "torque_ripple": "of rated torque",
+    "sound_db": "dB",
+    "tone_db": "dB",
+    "link_a": "A",
+    "injected_v": "V",
+}
 ROW_NAMES = (
-    "estimator", "belief", "closed_loop", "load", "speed_rpm", "true_speed_rpm", "mean_deg", "rms_deg",
-    "p95_deg", "max_deg", "transient_max_deg", "predicted_mean_deg", "lost_lock", "reference_held", "t_start", "t_end",
-    "copper_w", "iron_w", "loss_share", "torque_nm", "torque_ripple", "sound_db", "tone_db", "link_a", "injected_v",
-)  # fmt: skip
+    "estimator",
+    "belief",
+    "closed_loop",
+    "load",
+    "speed_rpm",
+    "true_speed_rpm",
+    "mean_deg",
+    "rms_deg",
+    "p95_deg",
+    "max_deg",
+    "transient_max_deg",
+    "predicted_mean_deg",
+    "lost_lock",
+    "reference_held",
+    "t_start",
+    "t_end",
+    "copper_w",
+    "iron_w",
+    "loss_share",
+    "torque_nm",
+    "torque_ripple",
+    "sound_db",
+    "tone_db",
+    "link_a",
+    "injected_v",
+)
 
 COSTS = ROW_NAMES[-9:]  # of `InjectionCost`
 
@@ -88,7 +126,8 @@ class SimulationResult(Result):
 
     @property
     def error_deg(self) -> ErrorDeg:
-        """Mean, rms, 95th percentile and maximum of the position error over all evaluated segments, degrees."""
+        """Mean, rms, 95th percentile and maximum of the position error over all evaluated segments,
+        degrees."""
         from sandbox.evaluation.score import error_of, settled_part
 
         return error_of(settled_part(self.recording, self.rows), self.lost_lock)
@@ -96,7 +135,11 @@ class SimulationResult(Result):
     def summary(self) -> str:
         """Return who ran where, and the error."""
         run, error = self.run, self.error_deg
-        said = "lost lock" if error.mean is None else f"mean error {error.mean:+.2f} deg, rms {error.rms:.2f} deg"
+        said = (
+            "lost lock"
+            if error.mean is None
+            else f"mean error {error.mean:+.2f} deg, rms {error.rms:.2f} deg"
+        )
         where = f"{self.comparison.drive.name}, {self.comparison.scenario.name}"
         return f"{run.estimator} {run.belief}, {where}, {self.recording.t.size} samples, {said}"
 
@@ -104,13 +147,22 @@ class SimulationResult(Result):
         """Return what `simulate.json` holds beyond its header and the names of files."""
         run, made = self.run, self.comparison.properties
         return {
-            "motor": self.comparison.drive.name, "scenario": self.comparison.scenario.name,
-            "estimator": run.estimator, "belief": run.belief, "closed_loop": run.closed_loop, "seed": made["seed"],
-            "plant": made["plant"], "effects": dict(self.effects), "cautions": list(cautions(self.comparison.drive)),
-            "simulated_seconds": float(self.recording.t[-1]), "cpu_seconds": run.cpu_seconds,
-            "lost_lock": self.lost_lock, "error_deg": asdict(self.error_deg), "rows": [asdict(r) for r in self.rows],
+            "motor": self.comparison.drive.name,
+            "scenario": self.comparison.scenario.name,
+            "estimator": run.estimator,
+            "belief": run.belief,
+            "closed_loop": run.closed_loop,
+            "seed": made["seed"],
+            "plant": made["plant"],
+            "effects": dict(self.effects),
+            "cautions": list(cautions(self.comparison.drive)),
+            "simulated_seconds": float(self.recording.t[-1]),
+            "cpu_seconds": run.cpu_seconds,
+            "lost_lock": self.lost_lock,
+            "error_deg": asdict(self.error_deg),
+            "rows": [asdict(r) for r in self.rows],
             "loops": {name: asdict(loop) for name, loop in self.design.loops.items()},
-        }  # fmt: skip
+        }
 
     def columns(self) -> dict[str, Column]:
         """Return every signal, one row a recorded sample, and the position error."""
@@ -120,14 +172,20 @@ class SimulationResult(Result):
         return signals | {"error": Column(self.recording.error, "rad")}
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return position error, currents, speed and load over time; a path (.png, .svg, .pdf) is written as well.
+        """Return position error, currents, speed and load over time; a path (.png, .svg, .pdf) is
+        written as well.
 
         ax: four axes of your own to draw in, one for each; see `Result.plot`.
         """
         from sandbox.public.figures import run_figure
 
         drive, scenario = self.comparison.drive.name, self.comparison.scenario.name
-        return run_figure(self.run, f"{drive}, {scenario}: {self.run.estimator}, {self.run.belief} belief", path, ax=ax)
+        return run_figure(
+            self.run,
+            f"{drive}, {scenario}: {self.run.estimator}, {self.run.belief} belief",
+            path,
+            ax=ax,
+        )
 
     def report(self) -> None:
         """Print the error of each evaluated segment, and the loops."""
@@ -145,7 +203,8 @@ class SimulationResult(Result):
         return Path(path)
 
     def to_html(self, path: str | Path) -> Path:
-        """Write the run as one page with its figures inside (`.html`): errors, currents, fluxes, spectra; return it."""
+        """Write the run as one page with its figures inside (`.html`): errors, currents, fluxes,
+        spectra; return it."""
         from sandbox.evaluation.pages.compare_page import write_run
 
         write_run(Path(path), self.comparison)
@@ -154,7 +213,8 @@ class SimulationResult(Result):
 
 @dataclass(frozen=True, repr=False)
 class ComparisonResult(Result):
-    """The same runs by every estimator with both beliefs, the estimate in control and the encoder."""
+    """The same runs by every estimator with both beliefs, the estimate in control and the
+    encoder."""
 
     command: ClassVar[str] = "compare"
     kinds: ClassVar[tuple[str, ...]] = ("page", "figure", "table", "trace")
@@ -168,14 +228,20 @@ class ComparisonResult(Result):
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Every evaluated segment of every run: load, speed, position error in electrical degrees."""
+        """Every evaluated segment of every run: load, speed, position error in electrical
+        degrees."""
         return self.comparison.rows
 
     def summary(self) -> str:
         """Return what was compared, and the worst means of both beliefs."""
         names = ", ".join(dict.fromkeys(run.estimator for run in self.runs))
-        said = ", ".join(f"{belief} {_worst(self.rows, belief)}" for belief in ("linear", "saturated"))
-        return f"{self.comparison.drive.name}, {self.comparison.scenario.name}, {names}; worst mean error: {said}"
+        said = ", ".join(
+            f"{belief} {_worst(self.rows, belief)}" for belief in ("linear", "saturated")
+        )
+        return (
+            f"{self.comparison.drive.name}, {self.comparison.scenario.name}, {names}; worst "
+            f"mean error: {said}"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return what `compare.json` holds beyond its header and the names of files."""
@@ -186,16 +252,19 @@ class ComparisonResult(Result):
         return row_columns(self.rows)
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return position error against load, a column an estimator; a path (.png, .svg, .pdf) is written as well.
+        """Return position error against load, a column an estimator; a path (.png, .svg, .pdf) is
+        written as well.
 
-        ax: axes of your own to draw in, a row with the estimate in control and one with the encoder; see `Result.plot`.
+        ax: axes of your own to draw in, a row with the estimate in control and one with the
+        encoder; see `Result.plot`.
         """
         from sandbox.evaluation.pages.compare_figure import comparison_figure
 
         return comparison_figure(self.comparison, path, ax=ax)
 
     def plot_cost(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return position error beside loss and sound that the injection adds; a path is written as well.
+        """Return position error beside loss and sound that the injection adds; a path is written as
+        well.
 
         ax: three axes of your own to draw in; see `Result.plot`.
         """
@@ -222,7 +291,8 @@ class ComparisonResult(Result):
         return Path(path)
 
     def to_html(self, path: str | Path) -> Path:
-        """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
+        """Write one page with its figures inside (`.html`), which estimator to take answered first;
+        return its path."""
         from sandbox.evaluation.pages.compare_page import write_comparison
 
         known = None if self.tolerances is None else self.tolerances.for_page()
@@ -269,11 +339,11 @@ def simulate(
     closed_loop : bool
         Whether the estimate controls; otherwise the encoder does, and the estimator only watches.
     duration : float, optional
-        s of the scenario to run; all of it by default.  Beyond ten million samples every second, third ... one is
-        kept (an hour takes 3.8 GB), unless they are recorded as a campaign.
+        s of the scenario to run; all of it by default.  Beyond ten million samples every second,
+        third ... one is kept (an hour takes 3.8 GB), unless they are recorded as a campaign.
     effects : mapping, str or Path, optional
-        What the plant has and the model lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`), or
-        a file of effects as `diagnose` writes it (``effects.toml``).
+        What the plant has and the model lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see
+        `list_effects`), or a file of effects as `diagnose` writes it (``effects.toml``).
     plant : {'exact', 'switched'}
         The plant, or the second simulator that checks it; both run every estimator.
     seed : int
@@ -284,7 +354,8 @@ def simulate(
     Returns
     -------
     SimulationResult
-        `.error_deg` and `.rows` (electrical degrees), `.recording` (s, A, V, rad, rad/s), `.design.loops`.
+        `.error_deg` and `.rows` (electrical degrees), `.recording` (s, A, V, rad, rad/s),
+        `.design.loops`.
 
     Raises
     ------
@@ -300,7 +371,7 @@ def simulate(
     >>> run = simulate("ipm_exchanged", loaded, "qnull", belief="linear")
     >>> round(run.rows[1].error_deg.mean)  # electrical degrees: the motor's cross-saturation angle at rated load
     -6
-    """
+    """  # noqa: E501
     scene, added = load_scenario(scenario), effects_of(effects)
     scene = scene if duration is None else scene.cut(duration)
     if record is not None:
@@ -314,13 +385,23 @@ def simulate(
         drive = bench_of(drive, own, scene)
     stride = stride_of(drive, scene) if record is None else 1
     result, gains = single(
-        drive, scene, own, belief, closed_loop=closed_loop, seed=seed, effects=added, plant=plant, stride=stride
+        drive,
+        scene,
+        own,
+        belief,
+        closed_loop=closed_loop,
+        seed=seed,
+        effects=added,
+        plant=plant,
+        stride=stride,
     )
     if record is not None:
         from sandbox.drive.record import campaign_of
         from sandbox.recordings.writing import map_read, write_campaign
 
-        campaign = campaign_of(drive, scene, result.runs[0].recording, fitting(Path(record).name, "campaign"))
+        campaign = campaign_of(
+            drive, scene, result.runs[0].recording, fitting(Path(record).name, "campaign")
+        )
         write_campaign(record, campaign, map_read(drive.motor))
     return SimulationResult(result, gains, added)
 
@@ -331,9 +412,14 @@ def check_new_folder(folder: Path, out: Path | None = None) -> None:
 
     from model.errors import BadInput
 
-    if not folder.name or folder.exists() or (out is not None and folder.resolve() == out.resolve()):
+    if (
+        not folder.name
+        or folder.exists()
+        or (out is not None and folder.resolve() == out.resolve())
+    ):
         raise BadInput(
-            f"--record '{folder}' is no new folder of its own; give one that does not exist, apart from --out"
+            f"--record '{folder}' is no new folder of its own; give one that does not "
+            "exist, apart from --out"
         )
     parent = next(p for p in folder.resolve().parents if p.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK):
@@ -353,7 +439,8 @@ def compare(
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ComparisonResult:
-    """Run every estimator with a saturated and a linear belief, controlled by its estimate and by the encoder.
+    """Run every estimator with a saturated and a linear belief, controlled by its estimate and by
+    the encoder.
 
     Parameters
     ----------
@@ -364,9 +451,11 @@ def compare(
     estimators : iterable of str, Path or Estimator
         See `load_estimator`.
     effects : mapping, str or Path, optional
-        As in `simulate`; theory does not know effects, so with any of them there is none to compare with.
+        As in `simulate`; theory does not know effects, so with any of them there is none to compare
+        with.
     quiet_below : float, optional
-        dB: what is recommended must stay below it in the proxy for the injection's sound, see `rows[...].cost`.
+        dB: what is recommended must stay below it in the proxy for the injection's sound, see
+            `rows[...].cost`.
     loss_below : float, optional
         W: likewise, of the copper and core loss that the injection adds.
     seed : int
@@ -379,8 +468,8 @@ def compare(
     Returns
     -------
     ComparisonResult
-        `.rows`: estimator, belief, load, speed (rpm), position error (electrical degrees), the theory's mean, and
-        `.cost`: loss (W), torque ripple, sound and more that the injection adds.
+        `.rows`: estimator, belief, load, speed (rpm), position error (electrical degrees), the
+        theory's mean, and `.cost`: loss (W), torque ripple, sound and more that the injection adds.
 
     Raises
     ------
@@ -394,7 +483,7 @@ def compare(
     >>> both = compare("ipm_exchanged", loaded, ["qnull"])
     >>> {row.belief: round(abs(row.error_deg.mean)) for row in both.rows if row.closed_loop}  # degrees
     {'linear': 6, 'saturated': 0}
-    """
+    """  # noqa: E501
     scene, added = load_scenario(scenario), effects_of(effects)
     drive, own = ready(motor, several(estimators), added)
     from sandbox.evaluation.choice import limits_of
@@ -402,5 +491,14 @@ def compare(
 
     limits = limits_of(quiet_below, loss_below)
     return ComparisonResult(
-        run_all(drive, scene, own, seed=seed, jobs=jobs, progress=progress, effects=added or None, limits=limits)
+        run_all(
+            drive,
+            scene,
+            own,
+            seed=seed,
+            jobs=jobs,
+            progress=progress,
+            effects=added or None,
+            limits=limits,
+        )
     )

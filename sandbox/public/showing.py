@@ -1,4 +1,5 @@
-"""Looking at what was written: the page of a result folder in the browser, its trace in the rerun viewer."""
+"""Looking at what was written: the page of a result folder in the browser, its trace in the rerun
+viewer."""
 
 from __future__ import annotations
 
@@ -48,15 +49,21 @@ def view(path: str | Path, web: bool = False) -> None:
     if not viewer.is_file():
         raise BadInput(f"no rerun viewer at '{viewer}'; install rerun-sdk in this environment")
     if not web and not display_at_hand():
-        raise BadInput(f"no display to open '{path}' on; `sensorless view {path} --web` shows it in a browser")
+        raise BadInput(
+            f"no display to open '{path}' on; `sensorless view {path} --web` shows it in a browser"
+        )
     how = [] if not web else ["--web-viewer"] if display_at_hand() else ["--serve-web"]
     done = subprocess.run([str(viewer), *how, str(path)], check=False)
     if done.returncode:
-        raise BadInput(f"the rerun viewer could not show '{path}' (exit code {done.returncode}); is it a trace?")
+        raise BadInput(
+            f"the rerun viewer could not show '{path}' (exit code {done.returncode}); is "
+            "it a trace?"
+        )
 
 
 def show(result: str | Path) -> str:
-    """Open what a result folder holds: its page in the browser (else its figures), its trace in the viewer.
+    """Open what a result folder holds: its page in the browser (else its figures), its trace in the
+    viewer.
 
     Parameters
     ----------
@@ -94,21 +101,32 @@ def show(result: str | Path) -> str:
 
 
 def shown(result: Path) -> list[Path]:
-    """Return what of a result is worth opening: pages, or figures where there is none, then traces."""
+    """Return what of a result is worth opening: pages, or figures where there is none, then
+    traces."""
     if result.is_file() and result.suffix in (*PAGES, *TRACES, *FIGURES):
         return [result]
     folder = result.parent if result.is_file() else result
     if not folder.is_dir():
         raise BadInput(
-            f"no result at '{result}'; give a folder that a command has written, such as sensorless-out/compare"
+            f"no result at '{result}'; give a folder that a command has written, such as "
+            "sensorless-out/compare"
         )
-    files = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+    files = sorted(
+        path for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")
+    )
     kinds = [[path for path in files if path.suffix in kind] for kind in (PAGES, FIGURES, TRACES)]
     found = [*(kinds[0] or kinds[1]), *kinds[2]]
-    below = sorted(path.name for path in folder.iterdir() if path.is_dir() and any(path.glob("*.json")))
+    below = sorted(
+        path.name for path in folder.iterdir() if path.is_dir() and any(path.glob("*.json"))
+    )
     if not found and below:
         named = ", ".join(below[:MOST_NAMED]) + (", ..." if len(below) > MOST_NAMED else "")
-        raise BadInput(f"nothing to show in '{folder}' itself; give one of the results below it: {named}")
+        raise BadInput(
+            f"nothing to show in '{folder}' itself; give one of the results below it: {named}"
+        )
     if not found:
-        raise BadInput(f"nothing to show in '{folder}'; a result has a page (.html), figures (.png) or a trace (.rrd)")
+        raise BadInput(
+            f"nothing to show in '{folder}'; a result has a page (.html), figures (.png) "
+            "or a trace (.rrd)"
+        )
     return found

@@ -29,7 +29,13 @@ if TYPE_CHECKING:
     from sandbox.sweep.summary import Group
     from sandbox.sweep.tolerances import ToleranceRow
 
-UNITS = {"tolerance": "1", "median_deg": "deg", "p95_deg": "deg", "gain_left": "1", "gain_left_p95": "1"}
+UNITS = {
+    "tolerance": "1",
+    "median_deg": "deg",
+    "p95_deg": "deg",
+    "gain_left": "1",
+    "gain_left_p95": "1",
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,7 +50,8 @@ class SweepResult(Result):
 
     @property
     def groups(self) -> list[Group]:
-        """Each combination of the grid: below which error 50, 95 and 99 % of its runs stay (degrees)."""
+        """Each combination of the grid: below which error 50, 95 and 99 % of its runs stay
+        (degrees)."""
         from sandbox.sweep.summary import groups_of
 
         return groups_of(self.plan, self.to_table())
@@ -62,7 +69,8 @@ class SweepResult(Result):
         return as_json(self.plan, self.to_table()) | cost
 
     def to_table(self) -> pyarrow.Table:
-        """Return all runs as one pyarrow table, one row a run, units in the metadata of its columns."""
+        """Return all runs as one pyarrow table, one row a run, units in the metadata of its
+        columns."""
         from sandbox.sweep.store import read_table
 
         return read_table(self.folder)
@@ -73,13 +81,15 @@ class SweepResult(Result):
         return {f.name: Column(table[f.name].to_pylist(), unit_of(f)) for f in table.schema}
 
     def traces(self) -> Any:
-        """Return the traces as an xarray Dataset (run, sample), read when used; BadInput where none were asked for."""
+        """Return the traces as an xarray Dataset (run, sample), read when used; BadInput where none
+        were asked for."""
         from sandbox.sweep.store import open_traces
 
         return open_traces(self.folder)
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return the share of drives below an error, a curve a group; a path (.png, .svg, .pdf) is written as well.
+        """Return the share of drives below an error, a curve a group; a path (.png, .svg, .pdf) is
+        written as well.
 
         ax: axes of your own to draw in; see `Result.plot`.
         """
@@ -101,7 +111,8 @@ class SweepResult(Result):
         print_prose(self.summary())
 
     def save(self, folder: str | Path | None = None, **asked: bool) -> Path:
-        """Write sweep.json and .png (csv: all runs as CSV, too) into the sweep's folder, or another; return it."""
+        """Write sweep.json and .png (csv: all runs as CSV, too) into the sweep's folder, or
+        another; return it."""
         return super().save(self.folder if folder is None else folder, **asked)
 
     def _kinds_in(self, folder: Path) -> tuple[str, ...]:
@@ -115,7 +126,8 @@ class SweepResult(Result):
 
 @dataclass(frozen=True, repr=False)
 class ToleranceResult(Result):
-    """Position error of both beliefs when their parameters are off, and how much of the gain is left."""
+    """Position error of both beliefs when their parameters are off, and how much of the gain is
+    left."""
 
     command: ClassVar[str] = "tolerances"
     motor: str
@@ -126,23 +138,33 @@ class ToleranceResult(Result):
         """Return how much is left at the largest tolerance."""
         worst = max(row.tolerance for row in self.rows)
         said = [
-            f"{r.estimator} {100 * r.gain_left:.0f} %" for r in self.rows
+            f"{r.estimator} {100 * r.gain_left:.0f} %"
+            for r in self.rows
             if r.tolerance == worst and r.gain_left is not None
-        ]  # fmt: skip
-        return f"{self.motor}, {self.scenario}, gain left at ±{100 * worst:g} %: {', '.join(said) or 'none'}"
+        ]
+        return (
+            f"{self.motor}, {self.scenario}, gain left at ±{100 * worst:g} %: "
+            f"{', '.join(said) or 'none'}"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return what `tolerances.json` holds beyond its header and the names of files."""
         from sandbox.sweep.tolerances import OFF, as_json
 
-        return {"motor": self.motor, "scenario": self.scenario, "off": list(OFF), "rows": as_json(self.rows)}
+        return {
+            "motor": self.motor,
+            "scenario": self.scenario,
+            "off": list(OFF),
+            "rows": as_json(self.rows),
+        }
 
     def columns(self) -> dict[str, Column]:
         """Return one row for each estimator, belief and tolerance."""
         return columns_of([dataclasses.asdict(row) for row in self.rows], UNITS)
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return position error over tolerance, a panel an estimator; a path (.png, .svg, .pdf) is written as well.
+        """Return position error over tolerance, a panel an estimator; a path (.png, .svg, .pdf) is
+        written as well.
 
         ax: axes of your own to draw in, one for each estimator; see `Result.plot`.
         """
@@ -154,7 +176,9 @@ class ToleranceResult(Result):
         """Print what is left of the gain at each tolerance."""
         from sandbox.sweep.tolerances import lines
 
-        title = f"{self.motor}, {self.scenario}: position error when the belief is known to ± so much"
+        title = (
+            f"{self.motor}, {self.scenario}: position error when the belief is known to ± so much"
+        )
         print_table(title, *lines(self.rows))
 
     def for_page(self) -> Known:
@@ -181,7 +205,8 @@ def sweep(
     again: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> SweepResult:
-    """Make the runs of a sweep, a grid and a random design, or what is left of them after an interruption.
+    """Make the runs of a sweep, a grid and a random design, or what is left of them after an
+    interruption.
 
     Parameters
     ----------
@@ -203,12 +228,14 @@ def sweep(
     Returns
     -------
     SweepResult
-        `.to_table()`: one row a run; `.groups`: errors (electrical degrees) that 50, 95 and 99 % stay below.
+        `.to_table()`: one row a run; `.groups`: errors (electrical degrees) that 50, 95 and 99 %
+        stay below.
 
     Raises
     ------
     BadInput
-        For what cannot be swept, before anything runs. A run that cannot be made is a row with its sentence.
+        For what cannot be swept, before anything runs. A run that cannot be made is a row with its
+        sentence.
 
     Examples
     --------
@@ -225,7 +252,7 @@ def sweep(
     ...     done = sweep(tables, place, jobs=1)
     ...     print(done.to_table().num_rows, [round(group.median_deg) for group in done.groups])
     8 [6, 0]
-    """
+    """  # noqa: E501
     from sandbox.sweep.plan import read_sweep, sweep_of
     from sandbox.sweep.sweep import run_sweep
 
@@ -234,12 +261,21 @@ def sweep(
     elif isinstance(plan, Mapping):
         found = sweep_of(plan)
     else:
-        raise BadInput(f"plan = {plan!r:.60} is neither a TOML file nor its tables; give one of them")
+        raise BadInput(
+            f"plan = {plan!r:.60} is neither a TOML file nor its tables; give one of them"
+        )
     done = run_sweep(
-        found, Path(folder), jobs=jobs or os.cpu_count() or 1, cluster=cluster, afresh=again, yes=yes,
+        found,
+        Path(folder),
+        jobs=jobs or os.cpu_count() or 1,
+        cluster=cluster,
+        afresh=again,
+        yes=yes,
         progress=progress,
-    )  # fmt: skip
-    cpu, kernel = (sum(b[name] for b in done.blocks.values()) for name in ("cpu_seconds", "kernel_seconds"))
+    )
+    cpu, kernel = (
+        sum(b[name] for b in done.blocks.values()) for name in ("cpu_seconds", "kernel_seconds")
+    )
     return SweepResult(found, Path(folder), cpu, kernel)
 
 
@@ -257,7 +293,8 @@ def tolerances(
     cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ToleranceResult:
-    """Run estimators whose belief is off, and return how much of the saturated belief's gain is left.
+    """Run estimators whose belief is off, and return how much of the saturated belief's gain is
+    left.
 
     Parameters
     ----------
@@ -268,7 +305,8 @@ def tolerances(
     estimators : iterable of str or Path
         Names or Python files.
     percent : iterable of float
-        The belief's magnet flux, inductances and saturation coefficients are drawn, each evenly, within ± so much.
+        The belief's magnet flux, inductances and saturation coefficients are drawn, each evenly,
+        within ± so much.
     draws : int
         How often these parameters are drawn at each tolerance.
     effects : mapping or str, optional
@@ -299,7 +337,7 @@ def tolerances(
     >>> found = tolerances("ipm_exchanged", short, ["qnull"], percent=[10], draws=4, jobs=1)
     >>> {(r.belief, r.tolerance): round(r.median_deg) for r in found.rows if r.tolerance == 0.0}  # degrees
     {('linear', 0.0): 6, ('saturated', 0.0): 0}
-    """
+    """  # noqa: E501
     from sandbox.sweep.plan import tables_of
     from sandbox.sweep.tolerances import tolerances as run_all
 
@@ -308,16 +346,27 @@ def tolerances(
     names = [_name(e, "estimator") for e in several(estimators)]
     scene = tables_of(scenario) if isinstance(scenario, Scenario) else _name(scenario, "scenario")
     rows = run_all(
-        _name(motor, "motor"), scene, names, levels=[0.01 * p for p in percent], draws=draws, seed=seed,
-        effects=effects_of(effects), jobs=jobs or os.cpu_count() or 1,
-        cluster=cluster, progress=progress,
-    )  # fmt: skip
+        _name(motor, "motor"),
+        scene,
+        names,
+        levels=[0.01 * p for p in percent],
+        draws=draws,
+        seed=seed,
+        effects=effects_of(effects),
+        jobs=jobs or os.cpu_count() or 1,
+        cluster=cluster,
+        progress=progress,
+    )
     title = scenario.name if isinstance(scenario, Scenario) else Path(scenario).stem
     return ToleranceResult(Path(motor).stem, title, rows)
 
 
 def _name(given: object, kind: str) -> str:
-    """Return a name or path as text; BadInput for an object, which other processes cannot be told of."""
+    """Return a name or path as text; BadInput for an object, which other processes cannot be told
+    of."""
     if not isinstance(given, (str, Path)):
-        raise BadInput(f"{kind} = {given!r:.60} is no name or file; other processes are told names and files only")
+        raise BadInput(
+            f"{kind} = {given!r:.60} is no name or file; other processes are told names "
+            "and files only"
+        )
     return str(given)

@@ -1,4 +1,5 @@
-"""`sensorless verify RESULT`: what a result says of its making is done once more, and the numbers are compared."""
+"""`sensorless verify RESULT`: what a result says of its making is done once more, and the numbers
+are compared."""
 
 from __future__ import annotations
 
@@ -19,10 +20,26 @@ from sandbox.output.tables import print_prose
 from sandbox.public.calls import EFFECTS, LEFT_OUT, hashes
 from sandbox.public.result import Result
 
-HEADER = ("schema", "command", "version", "made_by", "figure", "table", "trace", "arrays", "rows", "page")
+HEADER = (
+    "schema",
+    "command",
+    "version",
+    "made_by",
+    "figure",
+    "table",
+    "trace",
+    "arrays",
+    "rows",
+    "page",
+)
 COSTS = {  # what a run costs is never the same twice
-    "cpu_seconds", "kernel_seconds", "step_ns", "cpu_s_per_s", "cpu_to_peer", "cost.seconds",
-}  # fmt: skip
+    "cpu_seconds",
+    "kernel_seconds",
+    "step_ns",
+    "cpu_s_per_s",
+    "cpu_to_peer",
+    "cost.seconds",
+}
 CLOSE = 1e-6  # of a number: what another machine or another library may change
 NOTHING = 1e-12  # in any unit
 LARGEST = 2**1000  # a whole number beyond is none of ours, and no float
@@ -30,9 +47,20 @@ MAX_DIFFERENCES = 50  # differences that are told
 ROWS = "withheld.rows.jsonl"
 SCORED = "withheld score"
 FUNCTIONS = (
-    "simulate", "compare", "tolerances", "sweep", "protocol", "audit", "maps", "identify", "diagnose", "replay",
-    "export_estimator", "export_drive", "convert_motor",
-)  # fmt: skip
+    "simulate",
+    "compare",
+    "tolerances",
+    "sweep",
+    "protocol",
+    "audit",
+    "maps",
+    "identify",
+    "diagnose",
+    "replay",
+    "export_estimator",
+    "export_drive",
+    "convert_motor",
+)
 
 
 class Difference(NamedTuple):
@@ -47,9 +75,9 @@ class Difference(NamedTuple):
 class Verification(Result):
     """What became of a result when it was made once more.
 
-    values: how many were compared; largest: relative difference of numbers (0: the same to the bit); differences: those
-    beyond the tolerance (at most MAX_DIFFERENCES), files of the result that were changed included; changed: what parts
-    this machine from the one that made it.
+    values: how many were compared; largest: relative difference of numbers (0: the same to the
+    bit); differences: those beyond the tolerance (at most MAX_DIFFERENCES), files of the result
+    that were changed included; changed: what parts this machine from the one that made it.
     """
 
     command: ClassVar[str] = "verify"
@@ -80,9 +108,14 @@ class Verification(Result):
         """Return what `verify.json` holds beyond its header."""
         told = [d._asdict() for d in self.differences]
         return {
-            "result": self.result.as_posix(), "function": self.function, "values": self.values,
-            "largest": self.largest, "differences": told, "changed": self.changed, "same": self.same,
-        }  # fmt: skip
+            "result": self.result.as_posix(),
+            "function": self.function,
+            "values": self.values,
+            "largest": self.largest,
+            "differences": told,
+            "changed": self.changed,
+            "same": self.same,
+        }
 
     def report(self) -> None:
         """Print the outcome, and what is not as it was when the result was made."""
@@ -97,11 +130,11 @@ def verify(result: str | Path, tolerance: float = CLOSE) -> Verification:
     Parameters
     ----------
     result : str or Path
-        A folder that a command or `.save` has written (the JSON in it, where it holds several results). Files that
-        its call names are looked for from the present folder.
+        A folder that a command or `.save` has written (the JSON in it, where it holds several
+        results). Files that its call names are looked for from the present folder.
     tolerance : float
-        Relative difference up to which numbers agree; on the machine and with the libraries that made it, a result
-        comes out the same to the bit.
+        Relative difference up to which numbers agree; on the machine and with the libraries that
+        made it, a result comes out the same to the bit.
 
     Returns
     -------
@@ -111,7 +144,8 @@ def verify(result: str | Path, tolerance: float = CLOSE) -> Verification:
     Raises
     ------
     BadInput
-        For what is no result or does not say how it was made, and for inputs that are missing or were changed.
+        For what is no result or does not say how it was made, and for inputs that are missing or
+        were changed.
 
     Examples
     --------
@@ -122,7 +156,9 @@ def verify(result: str | Path, tolerance: float = CLOSE) -> Verification:
     True
     """
     if not 0.0 <= tolerance < 1.0:
-        raise BadInput(f"tolerance = {tolerance} is out of range; give a share of a number, from 0 to 1")
+        raise BadInput(
+            f"tolerance = {tolerance} is out of range; give a share of a number, from 0 to 1"
+        )
     path = _json_of(Path(result))
     stated = _read(path)
     made = stated["made_by"]
@@ -132,7 +168,12 @@ def verify(result: str | Path, tolerance: float = CLOSE) -> Verification:
     apart = [*_damaged(path.parent, made["files"]), *apart]
     largest = max((_distance(a, b) for _, a, b in pairs), default=0.0)
     return Verification(
-        path, made["call"]["function"], len(pairs), largest, tuple(apart[:MAX_DIFFERENCES]), _changed(made)
+        path,
+        made["call"]["function"],
+        len(pairs),
+        largest,
+        tuple(apart[:MAX_DIFFERENCES]),
+        _changed(made),
     )
 
 
@@ -141,35 +182,55 @@ def _json_of(place: Path) -> Path:
     if place.is_file():
         return place
     found = (
-        [p for p in sorted(place.glob("*.json")) if p.name != f"{Verification.command}.json"] if place.is_dir() else []
+        [p for p in sorted(place.glob("*.json")) if p.name != f"{Verification.command}.json"]
+        if place.is_dir()
+        else []
     )
     found = [p for p in found if p.stem not in ("manifest", "schema")]  # of a sweep
     if not found:
-        raise BadInput(f"no result at '{place}'; give a folder that a command has written, or its JSON")
+        raise BadInput(
+            f"no result at '{place}'; give a folder that a command has written, or its JSON"
+        )
     if len(found) > 1:
         named = ", ".join(p.name for p in found[:3]) + (", ..." if len(found) > 3 else "")
-        raise BadInput(f"'{place}' holds {len(found)} results ({named}); give one of them, such as {found[0]}")
+        raise BadInput(
+            f"'{place}' holds {len(found)} results ({named}); give one of them, such as {found[0]}"
+        )
     return found[0]
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Return a result's JSON; BadInput unless it says how it was made in a way that can be done again."""
+    """Return a result's JSON; BadInput unless it says how it was made in a way that can be done
+    again."""
     text = given_bytes(path, MOST_JSON, "give what a command has written")
     try:
         stated = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise BadInput(f"'{path}' cannot be read as JSON ({error}); give what a command has written") from None
+        raise BadInput(
+            f"'{path}' cannot be read as JSON ({error}); give what a command has written"
+        ) from None
     made = stated.get("made_by") if isinstance(stated, dict) else None
     call = made.get("call") if isinstance(made, dict) else None
     if not isinstance(made, dict) or not isinstance(call, dict):
-        raise BadInput(f"'{path}' does not say how it was made; run its command once more and keep what that writes")
-    parts = [(call, "function", str), (call, "arguments", dict), (call, "objects", list), (call, "inputs", dict)]
+        raise BadInput(
+            f"'{path}' does not say how it was made; run its command once more and keep "
+            "what that writes"
+        )
+    parts = [
+        (call, "function", str),
+        (call, "arguments", dict),
+        (call, "objects", list),
+        (call, "inputs", dict),
+    ]
     for part, key, kind in [*parts, (made, "files", dict), (made, "libraries", dict)]:
         if not isinstance(part.get(key), kind):
             raise BadInput(f"'{path}' is damaged at made_by, '{key}'; run its command once more")
     if call["objects"]:
         named = shown(", ".join(map(str, call["objects"])))
-        raise BadInput(f"'{path}' was made from Python objects ({named}), which no file holds; verify what names files")
+        raise BadInput(
+            f"'{path}' was made from Python objects ({named}), which no file holds; "
+            "verify what names files"
+        )
     return dict(stated)
 
 
@@ -179,15 +240,23 @@ def _again(path: Path, call: Mapping[str, Any]) -> Any:
     if function == SCORED:
         return _scored(path.parent, call["inputs"])
     if function not in FUNCTIONS:
-        raise BadInput(f"a result of {brief(function)} cannot be made once more; verify {', '.join(FUNCTIONS)}")
+        raise BadInput(
+            f"a result of {brief(function)} cannot be made once more; verify {', '.join(FUNCTIONS)}"
+        )
     if foreign := sorted(set(arguments) & set(LEFT_OUT)):
-        raise BadInput(f"'{path}' is damaged: no result keeps the argument '{foreign[0]}'; run its command once more")
+        raise BadInput(
+            f"'{path}' is damaged: no result keeps the argument '{foreign[0]}'; run its "
+            "command once more"
+        )
     _check_inputs(call["inputs"], hashes(arguments))
     import sandbox
 
     files = arguments.pop(EFFECTS, [])
     if not isinstance(files, list) or not all(isinstance(x, str) and "\0" not in x for x in files):
-        raise BadInput(f"'{path}' is damaged: {EFFECTS} = {brief(files)} is no list of files; run its command anew")
+        raise BadInput(
+            f"'{path}' is damaged: {EFFECTS} = {brief(files)} is no list of files; run "
+            "its command anew"
+        )
     for file in files:
         sandbox.use_effects(file)
     run = getattr(sandbox, function)
@@ -199,30 +268,42 @@ def _again(path: Path, call: Mapping[str, Any]) -> Any:
         try:
             inspect.signature(run).bind(**arguments)
         except TypeError as error:
-            raise BadInput(f"'{path}' was made by another version of '{function}' ({error}); run it anew") from None
+            raise BadInput(
+                f"'{path}' was made by another version of '{function}' ({error}); run it anew"
+            ) from None
         found = _called(path, run, arguments)
         return _swept(found, path.parent) if function == "sweep" else plain(found.as_json())
 
 
 def _called(path: Path, run: Callable[..., Any], arguments: Mapping[str, Any]) -> Any:
-    """Return what a function gives; BadInput where a result states arguments that it cannot take."""
+    """Return what a function gives; BadInput where a result states arguments that it cannot
+    take."""
     try:
         return run(**arguments)
     except (TypeError, ValueError, AttributeError, LookupError, ArithmeticError) as error:
         if isinstance(error, BadInput):
             raise
         said = f"{type(error).__name__}: {brief(' '.join(str(error).split()))}"
-        raise BadInput(f"'{path}' states a call that cannot be made ({said}); run its command once more") from None
+        raise BadInput(
+            f"'{path}' states a call that cannot be made ({said}); run its command once more"
+        ) from None
 
 
 def _check_inputs(stated: Mapping[str, Any], found: Mapping[str, str]) -> None:
     for name, digest in stated.items():
         if name not in found:
-            raise BadInput(f"input '{name}' of the result is not here; go to the folder from which it was made")
+            raise BadInput(
+                f"input '{name}' of the result is not here; go to the folder from which it was made"
+            )
         if found[name] != digest:
-            raise BadInput(f"input '{name}' is not the file that the result was made from; restore it, or run anew")
+            raise BadInput(
+                f"input '{name}' is not the file that the result was made from; restore "
+                "it, or run anew"
+            )
     if more := sorted(set(found) - set(stated)):
-        raise BadInput(f"the call would now read '{more[0]}', which the result was not made from; take it away")
+        raise BadInput(
+            f"the call would now read '{more[0]}', which the result was not made from; take it away"
+        )
 
 
 def _scored(folder: Path, inputs: Mapping[str, Any]) -> Any:
@@ -231,14 +312,17 @@ def _scored(folder: Path, inputs: Mapping[str, Any]) -> Any:
     from sandbox.withheld.scoring.rows import check_seal, read_rows
     from sandbox.withheld.scoring.tables_of_rows import by_method, content_of
 
-    _check_inputs(inputs, {name: digest_of(folder / name) for name in inputs if (folder / name).is_file()})
+    _check_inputs(
+        inputs, {name: digest_of(folder / name) for name in inputs if (folder / name).is_file()}
+    )
     rows = read_rows(folder / ROWS)
     check_seal(rows, opened(folder))
     return plain(content_of(by_method(rows)))
 
 
 def _swept(found: Any, folder: Path) -> Any:
-    """Return what a sweep made again says, with the number of its runs that are not those of a folder."""
+    """Return what a sweep made again says, with the number of its runs that are not those of a
+    folder."""
     from sandbox.sweep.store import read_table
 
     content = plain(found.as_json())
@@ -248,7 +332,9 @@ def _swept(found: Any, folder: Path) -> Any:
         if isinstance(error, BadInput):
             raise
         said = brief(" ".join(str(error).split()))
-        raise BadInput(f"'{folder}' has a damaged block or manifest ({said}); run the sweep again with it") from None
+        raise BadInput(
+            f"'{folder}' has a damaged block or manifest ({said}); run the sweep again with it"
+        ) from None
     same = found.to_table().equals(kept)
     return content if same else content | {"runs of the table": "changed"}
 
@@ -265,9 +351,16 @@ def _damaged(folder: Path, files: Mapping[str, Any]) -> Iterator[Difference]:
 def _changed(made: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what parts this machine from the one that made a result."""
     here = made_by()
-    said = [f"{k} {made.get(k)} -> {here[k]}" for k in ("code", "python", "machine") if made.get(k) != here[k]]
+    said = [
+        f"{k} {made.get(k)} -> {here[k]}"
+        for k in ("code", "python", "machine")
+        if made.get(k) != here[k]
+    ]
     old, new = made["libraries"], libraries()
-    return tuple(shown(s) for s in [*said, *(f"{k} {old.get(k)} -> {new[k]}" for k in new if old.get(k) != new[k])])
+    return tuple(
+        shown(s)
+        for s in [*said, *(f"{k} {old.get(k)} -> {new[k]}" for k in new if old.get(k) != new[k])]
+    )
 
 
 def _recomputed(stated: Mapping[str, Any], found: Any) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""A measurement campaign on one drive: a folder with `campaign.toml` and one Parquet table a recording.
+"""A measurement campaign on one drive: a folder with `campaign.toml` and one Parquet table a
+recording.
 
-Read and checked, or written whole; the format is the one of a bench's engineer (units SI, angles electrical,
-transformation amplitude-invariant).
+Read and checked, or written whole; the format is the one of a bench's engineer (units SI, angles
+electrical, transformation amplitude-invariant).
 """
 
 from __future__ import annotations
@@ -21,7 +22,17 @@ from model.errors import BadInput, as_toml, brief, unknown
 from model.given import read_toml
 from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
-from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, texts
+from model.parameters import (
+    ROTORS,
+    Converter,
+    Drive,
+    Injection,
+    Limits,
+    Motor,
+    build,
+    finite,
+    texts,
+)
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.log_table import first_beyond
 from sandbox.recordings.formats.parquet import read_parquet, with_volts
@@ -34,27 +45,65 @@ Array = NDArray[np.float64]
 REQUIRED = ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc")
 OPTIONAL = ("load_torque", "temperature", "torque", "theta_hat")
 UNITS = {
-    "t": "s", "u_alpha": "V", "u_beta": "V", "i_a": "A", "i_b": "A", "i_c": "A", "theta": "rad", "u_dc": "V",
-    "load_torque": "N m", "temperature": "degC", "torque": "N m", "theta_hat": "rad",
-}  # fmt: skip
+    "t": "s",
+    "u_alpha": "V",
+    "u_beta": "V",
+    "i_a": "A",
+    "i_b": "A",
+    "i_c": "A",
+    "theta": "rad",
+    "u_dc": "V",
+    "load_torque": "N m",
+    "temperature": "degC",
+    "torque": "N m",
+    "theta_hat": "rad",
+}
 AXES = ("d", "q", "none")
-RELATIVE = (1e-9, 100.0)  # deviations in shares: a narrower one is no longer told from none by rounding
+# deviations in shares: a narrower one is no longer told from none by rounding
+RELATIVE = (1e-9, 100.0)
 MACHINE = (
-    "resistance", "magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22",
-    "alpha_04", "inertia", "viscous_friction",
-)  # fmt: skip
+    "resistance",
+    "magnet_flux",
+    "inductance_d",
+    "inductance_q",
+    "alpha_30",
+    "alpha_12",
+    "alpha_40",
+    "alpha_22",
+    "alpha_04",
+    "inertia",
+    "viscous_friction",
+)
 STATED = {  # standard deviations that a campaign may state: least and largest but 0, which is none
     "uncertainty": dict.fromkeys(MACHINE, RELATIVE),
     "background": {
-        "current_gain": RELATIVE, "current_offset": (1e-9, 1e4), "encoder_offset": (1e-9, math.pi),
-        "dead_time": (1e-15, 1e-3), "load_torque_gain": RELATIVE, "load_torque_offset": (1e-9, 1e6),
+        "current_gain": RELATIVE,
+        "current_offset": (1e-9, 1e4),
+        "encoder_offset": (1e-9, math.pi),
+        "dead_time": (1e-15, 1e-3),
+        "load_torque_gain": RELATIVE,
+        "load_torque_offset": (1e-9, 1e6),
     },
-}  # fmt: skip
-OWN_UNITS = {"current_offset": " A", "encoder_offset": " rad", "dead_time": " s", "load_torque_offset": " N m"}
+}
+OWN_UNITS = {
+    "current_offset": " A",
+    "encoder_offset": " rad",
+    "dead_time": " s",
+    "load_torque_offset": " N m",
+}
 TABLES = (
-    "campaign", "drive", "motor", "flux_map", "uncertainty", "background", "injection", "provenance", "recording",
-    "log", "limits",
-)  # fmt: skip
+    "campaign",
+    "drive",
+    "motor",
+    "flux_map",
+    "uncertainty",
+    "background",
+    "injection",
+    "provenance",
+    "recording",
+    "log",
+    "limits",
+)
 EXAMPLE = Path(__file__).parent / "example"  # the sample campaign (experiments/example_campaign.py)
 LARGEST = 1e12  # of any recorded number, in its unit
 LARGEST_CURRENT = 1e5  # A peak, as of rated_current in [motor]
@@ -67,9 +116,10 @@ NO_LIMITS = Limits()
 class Made:
     """What an angle was made of that a log does not hold.
 
-    of: the log's column, or what stands in for one; count: rad electrical between which its readings lie; zero: rad,
-    standard deviation of its zero once that is looked for; either_way: whether its sense is unknown, too, as of states
-    that tell a sixth of a turn; turned: rad by which it was turned to that zero.
+    of: the log's column, or what stands in for one; count: rad electrical between which its
+    readings lie; zero: rad, standard deviation of its zero once that is looked for; either_way:
+    whether its sense is unknown, too, as of states that tell a sixth of a turn; turned: rad by
+    which it was turned to that zero.
     """
 
     of: str
@@ -85,9 +135,11 @@ class CampaignRecording:
 
     dc_bus_voltage: V, the nominal link voltage it was recorded at, where that is not [drive]'s.
 
-    Of a part of a longer recording: of: its file; starts_at: s from its beginning to the first row here; settling: the
-    rows before that, which a replay goes through first and which are no part of its residual.
-    source: the log's own columns by contract name, of what the log holds; empty where the log has our names.
+    Of a part of a longer recording: of: its file; starts_at: s from its beginning to the first row
+    here; settling: the rows before that, which a replay goes through first and which are no part of
+    its residual.
+    source: the log's own columns by contract name, of what the log holds; empty where the log has
+    our names.
     made: of what its angle was made, None where it was read.
     """
 
@@ -131,13 +183,19 @@ class CampaignRecording:
         return sorted({*super().__dir__(), *self.columns})
 
     def __repr__(self) -> str:
-        return f"<CampaignRecording: {self.file}, rotor {self.rotor}, {self.t.size} samples, {np.ptp(self.t):.4g} s>"
+        return (
+            f"<CampaignRecording: {self.file}, rotor {self.rotor}, {self.t.size} samples, "
+            f"{np.ptp(self.t):.4g} s>"
+        )
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return the columns as a data frame, units in `.attrs["units"]`; BadInput where pandas is missing."""
+        """Return the columns as a data frame, units in `.attrs["units"]`; BadInput where pandas is
+        missing."""
         from sandbox.output.columns import Column, frame_of, table_of
 
-        return frame_of(table_of({name: Column(values, UNITS[name]) for name, values in self.columns.items()}))
+        return frame_of(
+            table_of({name: Column(values, UNITS[name]) for name, values in self.columns.items()})
+        )
 
     @property
     def origin(self) -> str:
@@ -148,9 +206,13 @@ class CampaignRecording:
         """Return it with the rows in which states settle as rows of its own."""
         if not self.settling:
             return self
-        columns = {name: np.concatenate([self.settling[name], x]) for name, x in self.columns.items()}
+        columns = {
+            name: np.concatenate([self.settling[name], x]) for name, x in self.columns.items()
+        }
         step = float(columns["t"][0])
-        return dataclasses.replace(self, columns=columns, settling={}, starts_at=max(0.0, self.starts_at + step))
+        return dataclasses.replace(
+            self, columns=columns, settling={}, starts_at=max(0.0, self.starts_at + step)
+        )
 
     @property
     def current(self) -> tuple[Array, Array]:
@@ -161,7 +223,8 @@ class CampaignRecording:
 
 @dataclass(frozen=True)
 class Excerpt:
-    """A part that stands for a longer recording: its name, that recording's, first row, rows, and rows there."""
+    """A part that stands for a longer recording: its name, that recording's, first row, rows, and
+    rows there."""
 
     file: str
     of: str
@@ -172,7 +235,8 @@ class Excerpt:
 
 @dataclass(frozen=True)
 class Excerpts:
-    """The parts of a long campaign that are used (`sandbox.gap.excerpts`); the whole campaign's samples and files."""
+    """The parts of a long campaign that are used (`sandbox.gap.excerpts`); the whole campaign's
+    samples and files."""
 
     parts: tuple[Excerpt, ...]
     samples_recorded: int
@@ -193,9 +257,10 @@ class Excerpts:
 class Campaign:
     """A drive's nominal model and what was recorded on it.
 
-    `rated_from_data`: the rated values missing in [motor] were taken from the recordings (largest current and
-    speed in them, and the torque that current gives on the magnet flux): scales, not ratings.  `limits`: what the bench
-    may do when it records more.  `excerpts`: where the recordings are parts of longer ones.
+    `rated_from_data`: the rated values missing in [motor] were taken from the recordings (largest
+    current and speed in them, and the torque that current gives on the magnet flux): scales, not
+    ratings.  `limits`: what the bench may do when it records more.  `excerpts`: where the
+    recordings are parts of longer ones.
     """
 
     name: str
@@ -204,11 +269,13 @@ class Campaign:
     uncertainty: Mapping[str, float]
     background: Mapping[str, float]
     rated_from_data: bool
-    findings: tuple[Finding, ...] = ()  # what `sandbox.recordings.importing` noticed; empty from `read_campaign`
+    # what `sandbox.recordings.importing` noticed; empty from `read_campaign`
+    findings: tuple[Finding, ...] = ()
     limits: Limits = NO_LIMITS
     excerpts: Excerpts | None = None
     stand_ins: tuple[str, ...] = ()  # values of [motor] that are not stated
-    unseen: float = 0.0  # A rms that commands between the rows of a slow log leave open, or an angle of states
+    # A rms that commands between the rows of a slow log leave open, or an angle of states
+    unseen: float = 0.0
 
     def __getitem__(self, file: str) -> CampaignRecording:
         for r in self.recordings:
@@ -230,7 +297,8 @@ class Campaign:
         return f"<Campaign: {self.name}, {len(self.recordings)} recordings: {files}>"
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return all recordings below each other, the first column `file`; BadInput where pandas is missing."""
+        """Return all recordings below each other, the first column `file`; BadInput where pandas is
+        missing."""
         from sandbox.output.columns import together
 
         return together({r.file: r.to_pandas() for r in self.recordings})
@@ -243,7 +311,9 @@ def read_campaign(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaig
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise BadInput(f"campaign '{folder}' is not a folder; give the folder that holds campaign.toml")
+        raise BadInput(
+            f"campaign '{folder}' is not a folder; give the folder that holds campaign.toml"
+        )
     data = read_toml(folder / "campaign.toml")
     recordings = tuple(
         CampaignRecording(file, rotor, axis, read_parquet(folder / file), link)
@@ -253,9 +323,12 @@ def read_campaign(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaig
 
 
 def assemble(
-    data: Mapping[str, Any], recordings: tuple[CampaignRecording, ...], name: str, source: str = "campaign.toml",
+    data: Mapping[str, Any],
+    recordings: tuple[CampaignRecording, ...],
+    name: str,
+    source: str = "campaign.toml",
     folder: Path = Path(),
-) -> Campaign:  # fmt: skip
+) -> Campaign:
     """Return the campaign of parsed tables `data` and its recordings.
 
     source: the file an error names; folder: in which a nominal model's [flux_map] names its file.
@@ -281,14 +354,24 @@ def assemble(
     converter = dataclasses.replace(converter, command="volts")
     provenance = texts(table_of(data, "provenance"))
     return Campaign(
-        own_name, Drive(motor, converter, injection, {**provenance, **_stand_ins(missing, reached)}), recordings,
-        uncertainty, background, any(k in RATED for k in missing), limits=limits, stand_ins=missing,
-    )  # fmt: skip
+        own_name,
+        Drive(motor, converter, injection, {**provenance, **_stand_ins(missing, reached)}),
+        recordings,
+        uncertainty,
+        background,
+        any(k in RATED for k in missing),
+        limits=limits,
+        stand_ins=missing,
+    )
 
 
 def _stand_ins(missing: Sequence[str], reached: Reached | None) -> dict[str, str]:
     """Return what stands in for values that a campaign does not state, as provenance."""
-    speed = "largest mean speed of the recordings" if reached and reached.speed else "what the link gives rated current"
+    speed = (
+        "largest mean speed of the recordings"
+        if reached and reached.speed
+        else "what the link gives rated current"
+    )
     said = {
         "rated_current": "largest of the recordings",
         "rated_torque": "what rated_current gives",
@@ -314,15 +397,20 @@ def _refuse_currents(r: CampaignRecording) -> None:
         bad = first_beyond(r[name], LARGEST_CURRENT)
         if bad is not None:
             raise BadInput(
-                f"{r.file}: row {bad} of column '{name}' is {r[name][bad]:.6g} A, more than a motor's current "
+                f"{r.file}: row {bad} of column '{name}' is {r[name][bad]:.6g} A, more "
+                "than a motor's current "
                 f"({LARGEST_CURRENT:g} A); leave the recording out, or map the unit it is in"
             )
 
 
 def _injection(
-    data: Mapping[str, Any], recordings: Sequence[CampaignRecording], motor: Motor, converter: Converter
+    data: Mapping[str, Any],
+    recordings: Sequence[CampaignRecording],
+    motor: Motor,
+    converter: Converter,
 ) -> Injection:
-    """Return [injection]; where nothing was injected and nothing is stated, what the motor would usually be given."""
+    """Return [injection]; where nothing was injected and nothing is stated, what the motor would
+    usually be given."""
     stated = table_of(data, "injection")
     if not stated and all(r.injection_axis == "none" for r in recordings):
         stated = injection_defaults(motor, converter)
@@ -339,19 +427,29 @@ def table_of(data: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 def _name(data: Mapping[str, Any], usual: str) -> str:
     stated = table_of(data, "campaign")
-    return check_name(stated["name"], "[campaign] name") if "name" in stated else fitting(usual, "campaign")
+    return (
+        check_name(stated["name"], "[campaign] name")
+        if "name" in stated
+        else fitting(usual, "campaign")
+    )
 
 
 def converter_of(data: Mapping[str, Any], folder: Path = Path()) -> Converter:
-    """Return [drive] of a campaign's tables, sensors ideal where it does not state them; folder: of files it names."""
-    values = {"current_resolution": 0.0, "current_noise": 0.0, **with_points(table_of(data, "drive"), folder)}
+    """Return [drive] of a campaign's tables, sensors ideal where it does not state them; folder: of
+    files it names."""
+    values = {
+        "current_resolution": 0.0,
+        "current_noise": 0.0,
+        **with_points(table_of(data, "drive"), folder),
+    }
     return cast(Converter, build(Converter, values, "drive"))
 
 
 def entries_of(
     data: Mapping[str, Any], rotors: Sequence[str] = ROTORS, source: str = "campaign.toml"
 ) -> list[tuple[str, str, str, float | None]]:
-    """Return (file, rotor, injection_axis, dc_bus_voltage) of the [[recording]] entries whose rotor is wanted."""
+    """Return (file, rotor, injection_axis, dc_bus_voltage) of the [[recording]] entries whose rotor
+    is wanted."""
     for table in data:
         if table not in TABLES:
             raise BadInput(f"{source}: {unknown('table', table, TABLES)}")
@@ -361,19 +459,27 @@ def entries_of(
     found = [_entry(e, source) for e in entries]
     for k, (file, *_) in enumerate(found):
         if file in [f for f, *_ in found[:k]]:
-            raise BadInput(f"{source}: two [[recording]] entries name '{file}'; list each table once")
+            raise BadInput(
+                f"{source}: two [[recording]] entries name '{file}'; list each table once"
+            )
     return [e for e in found if e[1] in rotors or e[1] not in ROTORS]
 
 
 def _entry(entry: Any, source: str) -> tuple[str, str, str, float | None]:
     if not isinstance(entry, dict) or "file" not in entry:
-        raise BadInput(f"{source}: a [[recording]] lacks 'file'; name its table, e.g. file = \"locked_d.parquet\"")
+        raise BadInput(
+            f"{source}: a [[recording]] lacks 'file'; name its table, e.g. file = "
+            '"locked_d.parquet"'
+        )
     for key in entry:
         if key not in (*OF_RECORDING, "note"):
             raise BadInput(f"{source}: {unknown('key in [[recording]]', key, OF_RECORDING)}")
     for key in OF_RECORDING[:3]:
         if not isinstance(entry.get(key, ""), str):
-            raise BadInput(f"{source}: {key} = {as_toml(entry[key])} in [[recording]] is not a text; put it in quotes")
+            raise BadInput(
+                f"{source}: {key} = {as_toml(entry[key])} in [[recording]] is not a "
+                "text; put it in quotes"
+            )
     try:
         file = check_file(entry["file"], "file in [[recording]]")
     except BadInput as error:
@@ -381,7 +487,9 @@ def _entry(entry: Any, source: str) -> tuple[str, str, str, float | None]:
     link = finite(entry.get("dc_bus_voltage"))
     if link is None and "dc_bus_voltage" in entry:
         stated = brief(entry["dc_bus_voltage"])
-        raise BadInput(f"{source}: dc_bus_voltage = {stated} in [[recording]] is no number; give volts > 0")
+        raise BadInput(
+            f"{source}: dc_bus_voltage = {stated} in [[recording]] is no number; give volts > 0"
+        )
     return file, entry.get("rotor", ""), entry.get("injection_axis", "none"), link
 
 
@@ -395,14 +503,16 @@ def _check_columns(file: str, columns: Mapping[str, Array]) -> None:
     n = len(columns["t"])
     for name, values in columns.items():
         if values.ndim != 1 or len(values) != n:
-            raise BadInput(f"{file}: column '{name}' has {values.size} rows, 't' has {n}; they must be equal")
+            raise BadInput(
+                f"{file}: column '{name}' has {values.size} rows, 't' has {n}; they must be equal"
+            )
         if n < 2:
             raise BadInput(f"{file}: {n} rows; a recording needs at least 2")
         bad = first_beyond(values, LARGEST)
         if bad is not None:
             raise BadInput(
-                f"{file}: row {bad} of column '{name}' is {values[bad]}; give finite numbers only, of at most "
-                f"{LARGEST:.0e} in size"
+                f"{file}: row {bad} of column '{name}' is {values[bad]}; give finite numbers only, "
+                f"of at most {LARGEST:.0e} in size"
             )
 
 
@@ -412,8 +522,8 @@ def _check_period(r: CampaignRecording, period: float) -> None:
     if bad.size:
         k = int(bad[0])
         raise BadInput(
-            f"{r.file}: t steps by {step[k]:.6g} s from row {k} to {k + 1}, sampling_period is {period:.6g} s; "
-            "samples must follow without gaps"
+            f"{r.file}: t steps by {step[k]:.6g} s from row {k} to {k + 1}, sampling_period is "
+            f"{period:.6g} s; samples must follow without gaps"
         )
 
 
@@ -425,7 +535,7 @@ def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
         number, (least, largest) = finite(value), STATED[table][key]
         if number is None or not (number == 0.0 or least <= number <= largest):
             raise BadInput(
-                f"[{table}] {key} = {as_toml(value)} is no standard deviation; give one from {least:g} to {largest:.4g}"
-                f"{OWN_UNITS.get(key, '')}, or 0"
+                f"[{table}] {key} = {as_toml(value)} is no standard deviation; give one from "
+                f"{least:g} to {largest:.4g}{OWN_UNITS.get(key, '')}, or 0"
             )
     return {k: float(v) for k, v in values.items()}

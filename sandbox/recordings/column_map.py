@@ -1,7 +1,9 @@
-"""The column map: names, units, scales and other kinds of signals, turned into the contract's columns.
+"""The column map: names, units, scales and other kinds of signals, turned into the contract's
+columns.
 
-A `[columns]` table holds one entry a contract name, e.g. `theta = {column = "Pos", unit = "deg", mechanical = true}`;
-IMPORTING.md beside this file tells the whole.
+A `[columns]` table holds one entry a contract name, e.g.
+`theta = {column = "Pos", unit = "deg", mechanical = true}`; IMPORTING.md beside this file tells the
+whole.
 """
 
 from __future__ import annotations
@@ -39,12 +41,14 @@ KINDS = {
     "temperature": ("temperature",),
 }
 KIND = {name: kind for kind, names in KINDS.items() for name in names}
-OURS = tuple(n for n in KIND if n != "speed")  # names taken as they stand; `speed` stands in logs in any unit
+# names taken as they stand; `speed` stands in logs in any unit
+OURS = tuple(n for n in KIND if n != "speed")
 TURNING = ("angle", "speed")  # kinds that may be the shaft's
 VOLTAGES = (("u_alpha", "u_beta"), ("u_a", "u_b", "u_c"), ("u_d", "u_q"), ("d_a", "d_b", "d_c"))
 KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
 LARGEST = 1e18  # of any cell, nanoseconds included
-MOST_ROWS = MOST_VALUES // len(REQUIRED)  # of a recording: a log of few columns becomes all that are needed
+# of a recording: a log of few columns becomes all that are needed
+MOST_ROWS = MOST_VALUES // len(REQUIRED)
 SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
 HEXADECIMAL = re.compile(r"\s*0[xX][0-9a-fA-F]+\s*$")
 PORT = re.compile(r'"|/"?(?:Out|In)\d+"?$')  # what a path of Simulink has beside a signal's name
@@ -56,10 +60,11 @@ MOST_LISTED = 12  # columns named where one is missing
 
 @dataclass(frozen=True)
 class Column:
-    """How one contract column is read: from a named column or a constant value, unit, then scale and offset.
+    """How one contract column is read: from a named column or a constant value, unit, then scale
+    and offset.
 
-    others: names that may stand for the column's, and the last parts of names that are paths; with any, the column may
-    be absent (of a preset, which does not know what was logged).
+    others: names that may stand for the column's, and the last parts of names that are paths; with
+    any, the column may be absent (of a preset, which does not know what was logged).
     """
 
     name: str
@@ -72,12 +77,17 @@ class Column:
     others: tuple[str, ...] = ()
 
     def found_in(self, table: Table) -> str | None:
-        """Return the name under which a table has the column, None where it may be absent and is."""
+        """Return the name under which a table has the column, None where it may be absent and
+        is."""
         if not self.others:
             return table.key(self.column) or self.column
         names = table.columns
         for wanted in self.others:
-            ends = [n for n in names if PORT.sub("", f"/{n}").endswith((f".{wanted}", f"/{wanted}", f"\\{wanted}"))]
+            ends = [
+                n
+                for n in names
+                if PORT.sub("", f"/{n}").endswith((f".{wanted}", f"/{wanted}", f"\\{wanted}"))
+            ]
             if len(ends) == 1 or wanted in ends:
                 return wanted if wanted in ends else ends[0]
         return None
@@ -99,36 +109,49 @@ def _parse(name: str, entry: Any) -> Column:
         entry = {"column": entry}
     if not isinstance(entry, dict):
         raise BadInput(
-            f'[columns] {name} = {as_toml(entry)} is no entry; write {name} = {{column = "...", unit = "..."}}'
+            f"[columns] {name} = {as_toml(entry)} is no entry; write {name} = {{column = "
+            f'"...", unit = "..."}}'
         )
     for key in entry:
         if key not in KEYS:
             raise unknown(f"key in [columns] {name}", key, KEYS)
     for key in ("scale", "offset", "value"):
         if finite(entry.get(key, 0.0)) is None:
-            raise BadInput(f"[columns] {name}: {key} = {as_toml(entry[key])} is no finite number; give one")
+            raise BadInput(
+                f"[columns] {name}: {key} = {as_toml(entry[key])} is no finite number; give one"
+            )
     if not SMALLEST <= abs(entry.get("scale", 1.0)) <= 1.0 / SMALLEST:
         raise BadInput(
-            f"[columns] {name}: scale = {as_toml(entry['scale'])} would erase the column; leave it out or give "
-            f"a factor of size {SMALLEST:g} to {1.0 / SMALLEST:g}"
+            f"[columns] {name}: scale = {as_toml(entry['scale'])} would erase the column; leave it "
+            f"out or give a factor of size {SMALLEST:g} to {1.0 / SMALLEST:g}"
         )
     for key in ("column", "unit"):
         if not isinstance(entry.get(key, ""), str):
-            raise BadInput(f"[columns] {name}: {key} = {as_toml(entry[key])} is no text; put it in quotes")
+            raise BadInput(
+                f"[columns] {name}: {key} = {as_toml(entry[key])} is no text; put it in quotes"
+            )
     if not isinstance(entry.get("mechanical", False), bool):
-        raise BadInput(f"[columns] {name}: mechanical = {as_toml(entry['mechanical'])} must be true or false")
+        raise BadInput(
+            f"[columns] {name}: mechanical = {as_toml(entry['mechanical'])} must be true or false"
+        )
     if entry.get("mechanical") and KIND[name] not in TURNING:
-        raise BadInput(f"[columns] {name}: mechanical = true is for theta, theta_hat and speed only; remove it")
+        raise BadInput(
+            f"[columns] {name}: mechanical = true is for theta, theta_hat and speed only; remove it"
+        )
     if "value" in entry and "column" in entry:
         raise BadInput(f"[columns] {name}: both column and value are given; keep one")
     if "unit" in entry:
         _factor(name, entry["unit"], "[columns] " + name)
     value = entry.get("value")
     return Column(
-        name, entry.get("column", name), entry.get("unit"),
-        float(entry.get("scale", 1.0)), float(entry.get("offset", 0.0)),
-        entry.get("mechanical", False), None if value is None else float(value),
-    )  # fmt: skip
+        name,
+        entry.get("column", name),
+        entry.get("unit"),
+        float(entry.get("scale", 1.0)),
+        float(entry.get("offset", 0.0)),
+        entry.get("mechanical", False),
+        None if value is None else float(value),
+    )
 
 
 def _factor(name: str, unit: str, where: str) -> tuple[float, float]:
@@ -139,7 +162,8 @@ def _factor(name: str, unit: str, where: str) -> tuple[float, float]:
 
 
 class Contract(NamedTuple):
-    """The contract's columns of a table, what was changed or lost on the way, and of what the angle was made."""
+    """The contract's columns of a table, what was changed or lost on the way, and of what the angle
+    was made."""
 
     values: dict[str, Array]
     notes: list[Finding]
@@ -147,30 +171,49 @@ class Contract(NamedTuple):
 
 
 def contract(
-    file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float, link: float, *, locked: bool = False,
+    file: str,
+    table: Table,
+    columns: Mapping[str, Column],
+    pole_pairs: float,
+    link: float,
+    *,
+    locked: bool = False,
     period: float = 0.0,
-) -> Contract:  # fmt: skip
+) -> Contract:
     """Return the contract's columns of a table.
 
-    Names that [columns] does not mention are taken where the table has them; `link` (V) stands in for an absent u_dc,
-    speed, Hall states or counted steps for an absent angle; one that is locked needs none.
+    Names that [columns] does not mention are taken where the table has them; `link` (V) stands in
+    for an absent u_dc, speed, Hall states or counted steps for an absent angle; one that is locked
+    needs none.
     period: s from row to row where a table has no stamps.
     """
     length = max((len(v) for v in table.columns.values()), default=0)
     if length > MOST_ROWS:
-        raise BadInput(f"{file}: {length / 1e6:.3g} million rows, at most {MOST_ROWS / 1e6:g} are read; cut the log")
+        raise BadInput(
+            f"{file}: {length / 1e6:.3g} million rows, at most {MOST_ROWS / 1e6:g} are "
+            "read; cut the log"
+        )
     found, notes = measured(file, table, columns, pole_pairs)
     if "u_dc" not in found:
         found["u_dc"] = np.full(length, link)
         notes.append(
-            _lost(file, "u_dc", f"not recorded, dc_bus_voltage = {link:g} V stands in; link sag and ripple stay unseen")
+            _lost(
+                file,
+                "u_dc",
+                f"not recorded, dc_bus_voltage = {link:g} V stands in; link sag and "
+                "ripple stay unseen",
+            )
         )
-    found, made = with_angle(file, found, source_columns(table, columns), notes, length if locked else 0, period)
+    found, made = with_angle(
+        file, found, source_columns(table, columns), notes, length if locked else 0, period
+    )
     currents, voltages = phase_currents(file, found, notes), _voltages(file, found, notes)
     if "theta" not in found:
         raise BadInput(
-            f"{file}: column 'theta' is missing; map the encoder, or what stands in for it: speed = "
-            '{column = "erpm", unit = "rpm"}, hall = {column = ...} (states 1 to 6) or steps = {column = "tachometer"}'
+            f"{file}: column 'theta' is missing; map the encoder, or what stands in for "
+            "it: speed = "
+            '{column = "erpm", unit = "rpm"}, hall = {column = ...} (states 1 to 6) or '
+            'steps = {column = "tachometer"}'
         )
     kept = {n: found[n] for n in ("t", "theta", "u_dc", *OPTIONAL) if n in found}
     return Contract({**kept, **voltages, **currents}, notes, made)
@@ -179,7 +222,8 @@ def contract(
 def measured(
     file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float
 ) -> tuple[dict[str, Array], list[Finding]]:
-    """Return the contract's columns that a table has, in their units, and what was changed on the way."""
+    """Return the contract's columns that a table has, in their units, and what was changed on the
+    way."""
     notes = [Finding(file, column, None, text) for column, text in table.notes]
     length = max((len(v) for v in table.columns.values()), default=0)
     found: dict[str, Array] = {}
@@ -187,42 +231,52 @@ def measured(
     for name in KIND:
         entry = _entry(table, mapped, name)
         if entry is not None:
-            found[name] = _values(file, table, entry, length, pole_pairs, notes, turns_between(found))
+            found[name] = _values(
+                file, table, entry, length, pole_pairs, notes, turns_between(found)
+            )
             if name == "t":
                 _refuse_disorder(file, found[name])
     return found, notes
 
 
 def stamps_of(file: str, table: Table, columns: Mapping[str, Column]) -> Array | None:
-    """Return the stamps (s) of a table's rows, None where it has none; BadInput as in `measured`."""
+    """Return the stamps (s) of a table's rows, None where it has none; BadInput as in
+    `measured`."""
     entry = _entry(table, available(table, columns), "t")
     if entry is None:
         return None
-    t = _values(file, table, entry, max((len(v) for v in table.columns.values()), default=0), 1.0, [], None)
+    t = _values(
+        file, table, entry, max((len(v) for v in table.columns.values()), default=0), 1.0, [], None
+    )
     _refuse_disorder(file, t)
     return t
 
 
 def _entry(table: Table, mapped: Mapping[str, Column], name: str) -> Column | None:
-    """Return how a contract column is read, by the map or by a name of ours; None where a table lacks it."""
+    """Return how a contract column is read, by the map or by a name of ours; None where a table
+    lacks it."""
     ours = name in OURS and (name in table.columns or name in table.also)
     return mapped.get(name) or (Column(name, name) if ours else None)
 
 
 def _refuse_disorder(file: str, t: Array) -> None:
-    """Raise BadInput where stamps go back as often as forth: rows that are out of order, or all in reverse."""
+    """Raise BadInput where stamps go back as often as forth: rows that are out of order, or all in
+    reverse."""
     back = np.flatnonzero(np.diff(t) < 0.0)
     if back.size > DISORDER * len(t):
         k = int(back[0]) + 1
         raise BadInput(
-            f"{file}: row {k} of column 't' is {t[k]:.9g}, before row {k - 1} ({t[k - 1]:.9g}), and so in {back.size} "
-            "rows: they are out of order; sort them by time"
+            f"{file}: row {k} of column 't' is {t[k]:.9g}, before row {k - 1} ({t[k - 1]:.9g}), "
+            f"and so in {back.size} rows: they are out of order; sort them by time"
         )
 
 
 def available(table: Table, columns: Mapping[str, Column]) -> dict[str, Column]:
     """Return the map with names as a table has them, without what it need not have and has not."""
-    found = {name: (c, c.column if c.value is not None else c.found_in(table)) for name, c in columns.items()}
+    found = {
+        name: (c, c.column if c.value is not None else c.found_in(table))
+        for name, c in columns.items()
+    }
     return {name: replace(c, column=own) for name, (c, own) in found.items() if own is not None}
 
 
@@ -234,7 +288,8 @@ def source_columns(table: Table, columns: Mapping[str, Column]) -> dict[str, str
 
 
 def source_units(table: Table, columns: Mapping[str, Column]) -> dict[str, str]:
-    """Return the units in which a table's columns are read, by contract name, where map or table state one."""
+    """Return the units in which a table's columns are read, by contract name, where map or table
+    state one."""
     mapped, out = available(table, columns), {}
     for name, own in source_columns(table, columns).items():
         unit = (mapped[name].unit if name in mapped else None) or table.units.get(own)
@@ -256,22 +311,35 @@ def lacks_voltages(table: Table, columns: Mapping[str, Column]) -> str:
     there, missing = ([n for n in kind if (n in names) == has] for has in (True, False))
     if not there:
         return "no voltages were recorded"
-    return f"{' and '.join(there)} without {' and '.join(missing)} tell no voltage (log or map all of them)"
+    return (
+        f"{' and '.join(there)} without {' and '.join(missing)} tell no voltage (log or map "
+        "all of them)"
+    )
 
 
 def by_states(table: Table, columns: Mapping[str, Column]) -> str:
-    """Return the columns of Hall states or counted steps, in the log's words, where these alone tell an angle."""
+    """Return the columns of Hall states or counted steps, in the log's words, where these alone
+    tell an angle."""
     own = source_columns(table, columns)
     names = state_names(own)
     return (
-        "" if names is None or "theta" in {*own, *available(table, columns)} or "speed" in own else of_log(own, names)
+        ""
+        if names is None or "theta" in {*own, *available(table, columns)} or "speed" in own
+        else of_log(own, names)
     )
 
 
 def _values(
-    file: str, table: Table, entry: Column, length: int, pole_pairs: float, notes: list[Finding], turns: Array | None
+    file: str,
+    table: Table,
+    entry: Column,
+    length: int,
+    pole_pairs: float,
+    notes: list[Finding],
+    turns: Array | None,
 ) -> Array:
-    """Return one column in the contract's unit: unwrapped, times unit, scale and pole pairs, plus offset.
+    """Return one column in the contract's unit: unwrapped, times unit, scale and pole pairs, plus
+    offset.
 
     turns: electrical, from row to row by the log's speed, by which an angle is unwrapped.
     """
@@ -291,7 +359,9 @@ def _values(
         and stated in UNITS[KIND[entry.name]]
         and _factor(entry.name, stated, where) != _factor(entry.name, entry.unit, where)
     ):
-        raise BadInput(f"{where} says its unit is {stated}, [columns] says {entry.unit}; correct one of them")
+        raise BadInput(
+            f"{where} says its unit is {stated}, [columns] says {entry.unit}; correct one of them"
+        )
     unit = entry.unit or stated
     factor, shift = _factor(entry.name, unit, where) if unit else (1.0, 0.0)
     pairs = pole_pairs if entry.mechanical else 1.0
@@ -299,7 +369,13 @@ def _values(
         own = math.copysign(1.0, factor * entry.scale) / pairs
         steps = None if turns is None or entry.name != "theta" else own * turns
         raw = unwrapped(
-            file, key, raw, 2.0 * math.pi / abs(factor * entry.scale), notes, steps, entry.name == "theta_hat"
+            file,
+            key,
+            raw,
+            2.0 * math.pi / abs(factor * entry.scale),
+            notes,
+            steps,
+            entry.name == "theta_hat",
         )
     factor *= pairs
     if (factor, shift, entry.scale, entry.offset) == (1.0, 0.0, 1.0, 0.0):
@@ -322,10 +398,12 @@ def key_of(file: str, table: Table, entry: Column) -> str:
     near = [n for n in table.names if _plain(n) == _plain(entry.column)]
     listed = ", ".join(list(table.columns)[:MOST_LISTED])
     hint = f"is it '{near[0]}'? the file" if near else "it"
-    less = " or leave it out: two currents are enough" if entry.name in ("i_a", "i_b", "i_c") else ""
+    less = (
+        " or leave it out: two currents are enough" if entry.name in ("i_a", "i_b", "i_c") else ""
+    )
     raise BadInput(
-        f"{file}: no column '{entry.column}' (for '{entry.name}'); {hint} holds {listed}: correct the name in "
-        f"[columns]{less}"
+        f"{file}: no column '{entry.column}' (for '{entry.name}'); {hint} holds {listed}: correct "
+        f"the name in [columns]{less}"
     )
 
 
@@ -343,7 +421,10 @@ def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
             remedy = "it is hexadecimal: export decimal numbers, with their sign"
         elif cell and cell.count(":") == 2:
             remedy = "it is a time of day: export seconds, from any beginning"
-        raise BadInput(f"{file}: row {k} of column '{column}' is {shown}, no number that was measured; {remedy}")
+        raise BadInput(
+            f"{file}: row {k} of column '{column}' is {shown}, no number that was "
+            f"measured; {remedy}"
+        )
 
 
 def _lost(file: str, column: str, text: str) -> Finding:
@@ -357,7 +438,10 @@ def phase_currents(file: str, found: Mapping[str, Array], notes: list[Finding]) 
         return {n: found[n] for n in have}
     if len(have) == 2:
         third = ({"i_a", "i_b", "i_c"} - set(have)).pop()
-        text = f"not recorded, minus the sum of {' and '.join(have)} stands in; faults of a third sensor stay unseen"
+        text = (
+            f"not recorded, minus the sum of {' and '.join(have)} stands in; faults of a "
+            "third sensor stay unseen"
+        )
         notes.append(_lost(file, third, text))
         return {**{n: found[n] for n in have}, third: -found[have[0]] - found[have[1]]}
     for x, y in (("i_alpha", "i_beta"), ("i_d", "i_q")):
@@ -367,9 +451,16 @@ def phase_currents(file: str, found: Mapping[str, Array], notes: list[Finding]) 
                 "; the angle used for dq is taken to be theta" if x == "i_d" else ""
             )
             notes.append(_lost(file, "i_a", f"phase currents are made from {x} and {y}; {seen}"))
-            return dict(zip(("i_a", "i_b", "i_c"), (np.asarray(p) for p in phases.py_func(a, b)), strict=True))
+            return dict(
+                zip(
+                    ("i_a", "i_b", "i_c"),
+                    (np.asarray(p) for p in phases.py_func(a, b)),
+                    strict=True,
+                )
+            )
     raise BadInput(
-        f"{file}: no currents; map i_a and i_b (with i_c where there are three), or i_alpha and i_beta, or i_d and i_q"
+        f"{file}: no currents; map i_a and i_b (with i_c where there are three), or "
+        "i_alpha and i_beta, or i_d and i_q"
     )
 
 
@@ -379,7 +470,10 @@ def _voltages(file: str, found: Mapping[str, Array], notes: list[Finding]) -> di
         return {n: found[n] for n in ("u_alpha", "u_beta")}
     if all(n in found for n in ("u_d", "u_q")):
         a, b = _stationary(file, found, "u_d", "u_q")
-        text = "made from u_d and u_q at theta; an angle that the drive advanced for its delay is not undone"
+        text = (
+            "made from u_d and u_q at theta; an angle that the drive advanced for its delay "
+            "is not undone"
+        )
         notes.append(_lost(file, "u_alpha", text))
         return {"u_alpha": a, "u_beta": b}
     for names, link in ((("u_a", "u_b", "u_c"), 1.0), (("d_a", "d_b", "d_c"), found["u_dc"])):
@@ -388,12 +482,16 @@ def _voltages(file: str, found: Mapping[str, Array], notes: list[Finding]) -> di
             if names[0] == "d_a":
                 _check_duties(file, {n: found[n] for n in names})
                 notes.append(
-                    _lost(file, "u_alpha", "made from duties times u_dc; what u_dc misreads enters the command")
+                    _lost(
+                        file,
+                        "u_alpha",
+                        "made from duties times u_dc; what u_dc misreads enters the command",
+                    )
                 )
             return {"u_alpha": (2.0 * a - b - c) / 3.0, "u_beta": (b - c) / math.sqrt(3.0)}
     raise BadInput(
-        f"{file}: no commanded voltages; map u_alpha and u_beta, or u_a, u_b and u_c, or u_d and u_q, or duties d_a, "
-        "d_b and d_c"
+        f"{file}: no commanded voltages; map u_alpha and u_beta, or u_a, u_b and u_c, or u_d and "
+        "u_q, or duties d_a, d_b and d_c"
     )
 
 
@@ -403,7 +501,8 @@ def _check_duties(file: str, duties: Mapping[str, Array]) -> None:
         if bad.size:
             k = int(bad[0])
             raise BadInput(
-                f"{file}: row {k} of column '{name}' is {d[k]:g}, a duty lies in [0, 1]; give it as a share, or map "
+                f"{file}: row {k} of column '{name}' is {d[k]:g}, a duty lies in [0, 1]; "
+                "give it as a share, or map "
                 "it with "
                 'unit = "%"'
             )
@@ -411,6 +510,8 @@ def _check_duties(file: str, duties: Mapping[str, Array]) -> None:
 
 def _stationary(file: str, found: Mapping[str, Array], x: str, y: str) -> tuple[Array, Array]:
     if "theta" not in found:
-        raise BadInput(f"{file}: {x} and {y} need theta to be turned into the stator frame; map theta")
+        raise BadInput(
+            f"{file}: {x} and {y} need theta to be turned into the stator frame; map theta"
+        )
     c, s = np.cos(found["theta"]), np.sin(found["theta"])
     return c * found[x] - s * found[y], s * found[x] + c * found[y]

@@ -1,4 +1,5 @@
-"""Which conventions a log follows that its columns do not say: what voltage and link have to do with each other.
+"""Which conventions a log follows that its columns do not say: what voltage and link have to do
+with each other.
 
 What commands u become at the motor is u (1 + p x), x the link's reading over nominal less one:
 
@@ -6,9 +7,9 @@ What commands u become at the motor is u (1 + p x), x the link's reading over no
     p = -1  the drive divides by a reading, the link itself is steady                      dc_link = "steady"
     p = 1   the link varies as read, and the drive divides by the nominal voltage          command = "nominal"
 
-p is a least-squares estimate from the flux balance (`checks.balance`) beside errors of what the nominal model states,
-recording by recording.
-"""
+p is a least-squares estimate from the flux balance (`checks.balance`) beside errors of what the
+nominal model states, recording by recording.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -27,21 +28,27 @@ from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.parquet import with_volts
 
 Array = NDArray[np.float64]
-SURE, NEAR = 0.2, 0.4  # standard deviation of p, and distance from a whole number, up to which it is one
-WINDOW, FEWEST = 4, 16  # samples, of the balance from which p is told; windows that a recording needs
+# standard deviation of p, and distance from a whole number, up to which it is one
+SURE, NEAR = 0.2, 0.4
+# samples, of the balance from which p is told; windows that a recording needs
+WINDOW, FEWEST = 4, 16
 STATED = 0.05  # relative standard deviation of what the nominal model states
-ALIKE = 2.0  # times the deviation of white residuals: what a gap leaves is alike from window to window
+# times the deviation of white residuals: what a gap leaves is alike from window to window
+ALIKE = 2.0
 WORDS = {
     0: ("varies as u_dc reads, and commands are what the motor got", {"dc_link": "measured"}),
     -1: ("is steady, though commands were divided by the reading u_dc", {"dc_link": "steady"}),
-    1: ("varies as u_dc reads, and commands were divided by the nominal voltage", {"dc_link": "measured",
-                                                                                  "command": "nominal"}),
-}  # fmt: skip
+    1: (
+        "varies as u_dc reads, and commands were divided by the nominal voltage",
+        {"dc_link": "measured", "command": "nominal"},
+    ),
+}
 
 
 @dataclasses.dataclass(frozen=True)
 class Exponent:
-    """Estimate of p and its standard deviation (infinite where the link's reading never changes)."""
+    """Estimate of p and its standard deviation (infinite where the link's reading never
+    changes)."""
 
     value: float
     deviation: float
@@ -50,25 +57,35 @@ class Exponent:
     def whole(self) -> int | None:
         """The whole number that p is, None where it cannot be told."""
         near = round(self.value) if math.isfinite(self.value) else 0
-        sure = self.deviation < SURE and abs(self.value - near) < NEAR + self.deviation and abs(near) <= 1
+        sure = (
+            self.deviation < SURE
+            and abs(self.value - near) < NEAR + self.deviation
+            and abs(near) <= 1
+        )
         return near if sure else None
 
 
 def link_exponent(recordings: Sequence[CampaignRecording], drive: Drive) -> Exponent:
-    """Return p of all recordings together, each with its own errors of resistance, inductances, flux and voltage."""
+    """Return p of all recordings together, each with its own errors of resistance, inductances,
+    flux and voltage."""
     top = bottom = 0.0
     for r in recordings:
         nominal = r.dc_bus_voltage or drive.converter.dc_bus_voltage
         b = balance(r.columns, drive, WINDOW)
         if len(b.rows) < FEWEST:
             continue
-        mean = sum((r.u_dc[b.rows + k] for k in range(WINDOW)), np.zeros(1)) / WINDOW / nominal - 1.0
+        mean = (
+            sum((r.u_dc[b.rows + k] for k in range(WINDOW)), np.zeros(1)) / WINDOW / nominal - 1.0
+        )
         told, rest = _parts(b.voltage * mean), -_parts(b.rest)
         known = _stated(r, b.rows, drive, b.voltage)
         noise = max(float(rest @ rest) / len(rest), 1e-12)
         inner = known.T @ known / noise + np.eye(known.shape[1]) / STATED**2
         told_only = told - known @ np.linalg.solve(inner, known.T @ told) / noise
-        top, bottom = top + float(told_only @ rest) / noise, bottom + float(told_only @ told) / noise
+        top, bottom = (
+            top + float(told_only @ rest) / noise,
+            bottom + float(told_only @ told) / noise,
+        )
     return Exponent(top / bottom, ALIKE * bottom**-0.5) if bottom > 0.0 else Exponent(0.0, math.inf)
 
 
@@ -79,8 +96,8 @@ def _parts(x: NDArray[Any]) -> Array:
 def _stated(r: CampaignRecording, rows: NDArray[np.int64], drive: Drive, voltage: Any) -> Array:
     """Return what stated numbers contribute to the balance (V), a column each: link, R, flux.
 
-    Not inductances: steps of the readings hold the very noise of the balance, which a fit would explain with them; an
-    error of theirs is like one of the link.
+    Not inductances: steps of the readings hold the very noise of the balance, which a fit would
+    explain with them; an error of theirs is like one of the link.
     """
     m, ends = drive.motor, rows + WINDOW
     turned = np.exp(1j * r.theta[ends]) - np.exp(1j * r.theta[rows])
@@ -96,18 +113,26 @@ def _current(r: CampaignRecording, rows: NDArray[np.int64]) -> Any:
 
 
 def with_link(campaign: Campaign) -> Campaign:
-    """Return a campaign whose [drive] says what its link does: what it states, or else what recordings show.
+    """Return a campaign whose [drive] says what its link does: what it states, or else what
+    recordings show.
 
     A finding says what was found, or that what is stated is contradicted.
     """
     c = campaign.drive.converter
     found = link_exponent(campaign.recordings, campaign.drive).whole
-    if found is None or (found == -1 and c.dc_link != "measured") or (found == 0 and c.dc_link == "measured"):
+    if (
+        found is None
+        or (found == -1 and c.dc_link != "measured")
+        or (found == 0 and c.dc_link == "measured")
+    ):
         return campaign
     text, keys = WORDS[found]
     says, write = f"the DC link {text}", ", ".join(f'{k} = "{v}"' for k, v in keys.items())
     if c.dc_link is not None:
-        note = f'recordings contradict [drive] dc_link = "{c.dc_link}": {says}; write {write} in [drive]'
+        note = (
+            f'recordings contradict [drive] dc_link = "{c.dc_link}": {says}; write {write} '
+            "in [drive]"
+        )
     else:
         note = f"as recordings show it, {says}; taken so, write {write} in [drive] to state it"
         campaign = _taken(campaign, found)

@@ -1,4 +1,5 @@
-"""Rows that stand in two recordings: exported twice, or one log under two names.  They are counted once.
+"""Rows that stand in two recordings: exported twice, or one log under two names.  They are counted
+once.
 
 Rows are compared as they were read, window by window: sensors' noise makes no two stretches alike.
 """
@@ -21,7 +22,8 @@ WINDOW = 64  # rows that must be the same, one after the other
 PROBED = 16  # windows: every so many is looked for
 DIFFERENT = 32  # of them that differ from the row before: a signal at rest is alike everywhere
 SHORTEST = 64  # rows of a remainder that is kept
-MIX = np.uint64(0x9E3779B97F4A7C15)  # odd, from the golden ratio: spreads bits (Knuth, multiplicative hashing)
+# odd, from the golden ratio: spreads bits (Knuth, multiplicative hashing)
+MIX = np.uint64(0x9E3779B97F4A7C15)
 SEEN = ("i_a", "i_b", "i_c", "theta")  # what sensors read
 
 
@@ -37,7 +39,8 @@ class Copied:
 
 
 def copied(signals: Sequence[Sequence[Array]]) -> list[Copied]:
-    """Return, for each recording (its signals, (n,) each), the longest stretch that an earlier one holds, too."""
+    """Return, for each recording (its signals, (n,) each), the longest stretch that an earlier one
+    holds, too."""
     windows = [_windows(_hashes(one)) for one in signals]
     order = [np.argsort(own) for own, _ in windows]
     out = []
@@ -47,14 +50,18 @@ def copied(signals: Sequence[Sequence[Array]]) -> list[Copied]:
         for of, (other, _) in enumerate(windows[:at]):
             if not len(other):
                 continue
-            there = order[of][np.minimum(np.searchsorted(other, own[rows], sorter=order[of]), len(other) - 1)]
+            there = order[of][
+                np.minimum(np.searchsorted(other, own[rows], sorter=order[of]), len(other) - 1)
+            ]
             hit = other[there] == own[rows]
             if np.any(hit):
                 shift = int(np.median((there - rows)[hit]))
                 same = rows[hit & (there - rows == shift)]
                 if same.size and (best is None or same[-1] - same[0] > best.end - best.first):
                     first, end = int(same[0]), int(same[-1]) + WINDOW
-                    best = _grown(signals[at], signals[of], Copied(at, of, first, end, first + shift))
+                    best = _grown(
+                        signals[at], signals[of], Copied(at, of, first, end, first + shift)
+                    )
         if best is not None:
             out.append(best)
     return out
@@ -81,10 +88,14 @@ def _windows(rows: Hashes) -> tuple[Hashes, NDArray[np.bool_]]:
 
 
 def _grown(own: Sequence[Array], other: Sequence[Array], found: Copied) -> Copied:
-    """Return a stretch with the rows at rest beside it that are the same, too; cut where a row differs."""
+    """Return a stretch with the rows at rest beside it that are the same, too; cut where a row
+    differs."""
     shift = found.begins - found.first
     low, high = max(0, -shift), min(len(own[0]), len(other[0]) - shift)
-    same = np.all([x[low:high] == y[low + shift : high + shift] for x, y in zip(own, other, strict=True)], axis=0)
+    same = np.all(
+        [x[low:high] == y[low + shift : high + shift] for x, y in zip(own, other, strict=True)],
+        axis=0,
+    )
     middle = (found.first + found.end) // 2 - low
     before, after = np.flatnonzero(~same[:middle]), np.flatnonzero(~same[middle:])
     first = low + (int(before[-1]) + 1 if before.size else 0)
@@ -103,7 +114,9 @@ def counted_once(campaign: Campaign) -> Campaign:
             recordings.append(r)
             continue
         keep = own_rows(copies[k], len(r.t))
-        findings.append(copy_finding(r.file, campaign.recordings[copies[k].of].file, copies[k], len(r.t)))
+        findings.append(
+            copy_finding(r.file, campaign.recordings[copies[k].of].file, copies[k], len(r.t))
+        )
         if keep is not None:
             recordings.append(_part(r, keep))
     return dataclasses.replace(campaign, recordings=tuple(recordings), findings=tuple(findings))
@@ -121,7 +134,10 @@ def copy_finding(file: str, of: str, c: Copied, rows: int) -> Finding:
     kept = 0 if keep is None else keep.stop - keep.start
     what = "all rows are" if c.end - c.first == rows else f"rows {c.first} to {c.end - 1} are"
     then = f"its {kept} other rows are used" if kept else "it is left out"
-    text = f"{file}: {what} those of {of} (from row {c.begins}): the same recording twice tells nothing more; {then}"
+    text = (
+        f"{file}: {what} those of {of} (from row {c.begins}): the same recording twice tells "
+        f"nothing more; {then}"
+    )
     return Doubt(file, "", c.first, text)
 
 

@@ -9,10 +9,11 @@ from model.errors import BadInput, shown
 
 @dataclass(frozen=True)
 class Finding:
-    """Something suspicious, or changed on the way in: file, column and row (None: the whole of it), one sentence.
+    """Something suspicious, or changed on the way in: file, column and row (None: the whole of it),
+    one sentence.
 
-    files: all that it holds of, where it is not that one alone; rereads: parts of a log (`checks.changes`) of which it
-    says that another factor, or another zero of the angle, is right.
+    files: all that it holds of, where it is not that one alone; rereads: parts of a log
+    (`checks.changes`) of which it says that another factor, or another zero of the angle, is right.
     """
 
     file: str
@@ -23,7 +24,8 @@ class Finding:
     rereads: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "text", shown(self.text))  # it holds names of columns as other programs wrote them
+        # it holds names of columns as other programs wrote them
+        object.__setattr__(self, "text", shown(self.text))
 
 
 class Refused(BadInput):

@@ -1,6 +1,8 @@
-"""Recordings from elsewhere: a campaign folder, or tables of other programs with a column map, as one Campaign.
+"""Recordings from elsewhere: a campaign folder, or tables of other programs with a column map, as
+one Campaign.
 
-IMPORTING.md beside this file describes the map; what was changed, lost or looks suspicious is in `Campaign.findings`.
+IMPORTING.md beside this file describes the map; what was changed, lost or looks suspicious is in
+`Campaign.findings`.
 """
 
 from __future__ import annotations
@@ -68,7 +70,8 @@ MAPS = re.compile(r"\bmap .* (?:with|= \{)")
 
 @dataclasses.dataclass(frozen=True)
 class Source:
-    """A campaign's tables as its files state them, the column map, the file that errors name, and what to read."""
+    """A campaign's tables as its files state them, the column map, the file that errors name, and
+    what to read."""
 
     folder: Path
     data: Mapping[str, Any]
@@ -78,18 +81,25 @@ class Source:
     log: Log
     foreign: bool  # columns are mapped: others are passed over
     notes: tuple[str, ...] = ()  # what a preset says of itself
-    beside: Path | None = None  # folder of the file for --columns, beside which its flux map may lie
+    # folder of the file for --columns, beside which its flux map may lie
+    beside: Path | None = None
 
     @property
     def map_folder(self) -> Path:
         """Folder in which the flux map lies: of the file for --columns, or else the recordings'."""
         file = table_of(self.data, "flux_map").get("file", "")
-        here = self.beside is not None and isinstance(file, str) and file and (self.beside / file).is_file()
+        here = (
+            self.beside is not None
+            and isinstance(file, str)
+            and file
+            and (self.beside / file).is_file()
+        )
         return self.beside if here and self.beside is not None else self.folder
 
     @property
     def wanted(self) -> list[str]:
-        """Return the columns asked for, none where names of a preset have to be looked for among all."""
+        """Return the columns asked for, none where names of a preset have to be looked for among
+        all."""
         every = self.mapped.values()
         return [] if any(c.others for c in every) else [c.column for c in every]
 
@@ -101,10 +111,13 @@ class Source:
     def table(self, file: str) -> Table:
         """Return one recording's table as it stands in its file."""
         table = read_table(self.folder / file, self.wanted, self.log.matrix)
-        unknown_column = next((n for n in table.columns if n not in OURS and not INDEX.fullmatch(n)), None)
+        unknown_column = next(
+            (n for n in table.columns if n not in OURS and not INDEX.fullmatch(n)), None
+        )
         if not self.foreign and unknown_column is not None:
             raise BadInput(
-                f"{file}: {unknown('column', unknown_column, OURS)}; map other names with --columns FILE.toml"
+                f"{file}: {unknown('column', unknown_column, OURS)}; map other names "
+                "with --columns FILE.toml"
             )
         return table
 
@@ -115,10 +128,13 @@ class Source:
 
 
 def source_of(
-    path: str | Path, columns: str | Path | None = None, preset: str | None = None, rotors: Sequence[str] = ROTORS
+    path: str | Path,
+    columns: str | Path | None = None,
+    preset: str | None = None,
+    rotors: Sequence[str] = ROTORS,
 ) -> Source:
-    """Return what a folder (or one table in it) and its column map state, no recording read; BadInput says what is
-    wrong."""
+    """Return what a folder (or one table in it) and its column map state, no recording read;
+    BadInput says what is wrong."""
     path = Path(path)
     if preset is not None:
         check_preset(preset)
@@ -126,29 +142,45 @@ def source_of(
     if not path.exists():
         raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
     if not (path.is_dir() or path.is_file()):
-        raise BadInput(f"campaign '{path}' is a pipe or a device; give a folder, or one table in it")
+        raise BadInput(
+            f"campaign '{path}' is a pipe or a device; give a folder, or one table in it"
+        )
     data, mapped, source = _tables(folder, None if columns is None else Path(columns), preset)
     entries = entries_of(data, rotors, source)
     if path.is_file():
         entries = [e for e in entries if (folder / e[0]).resolve() == path.resolve()]
         if not entries:
             raise BadInput(
-                f'{source}: no [[recording]] with file = "{path.name}"; add one with its rotor and injection_axis'
+                f'{source}: no [[recording]] with file = "{path.name}"; add one with its '
+                "rotor and injection_axis"
             )
     log = parse_log(table_of(data, "log"), source)
     notes = () if preset is None else preset_notes(preset)
-    return Source(folder, data, mapped, source, entries, log, columns is not None or preset is not None, notes,
-                  None if columns is None else Path(columns).parent)  # fmt: skip
+    return Source(
+        folder,
+        data,
+        mapped,
+        source,
+        entries,
+        log,
+        columns is not None or preset is not None,
+        notes,
+        None if columns is None else Path(columns).parent,
+    )
 
 
 def read_recordings(
-    path: str | Path, columns: str | Path | None = None, rotors: Sequence[str] = ROTORS, preset: str | None = None
+    path: str | Path,
+    columns: str | Path | None = None,
+    rotors: Sequence[str] = ROTORS,
+    preset: str | None = None,
 ) -> Campaign:
-    """Return the campaign of a folder (or of one table in it), checked for wrong units, signs, order and sensors.
+    """Return the campaign of a folder (or of one table in it), checked for wrong units, signs,
+    order and sensors.
 
-    `columns` is a TOML file that maps names and units and may hold the tables of campaign.toml; `preset` names a
-    program whose names and units are known; `rotors` limits the recordings read.  Raises BadInput naming file, column
-    and row for what cannot be right.
+    `columns` is a TOML file that maps names and units and may hold the tables of campaign.toml;
+    `preset` names a program whose names and units are known; `rotors` limits the recordings read.
+    Raises BadInput naming file, column and row for what cannot be right.
     """
     source = source_of(path, columns, preset, rotors)
     campaign = unchecked(source)
@@ -160,12 +192,14 @@ def read_recordings(
 
 
 def how_to_map(text: str) -> str:
-    """Return a sentence that says to map a column with where a map stands, for a campaign that has none."""
+    """Return a sentence that says to map a column with where a map stands, for a campaign that has
+    none."""
     return f"{text} ([columns] in a file for --columns)" if MAPS.search(text) else text
 
 
 def unchecked(source: Source) -> Campaign:
-    """Return the campaign of a source before its recordings are checked against each other and the motor."""
+    """Return the campaign of a source before its recordings are checked against each other and the
+    motor."""
     try:
         converter = converter_of(source.data, source.folder)
     except BadInput as error:
@@ -177,17 +211,25 @@ def unchecked(source: Source) -> Campaign:
         table = source.table(file)
         if not has_voltages(table, source.mapped) and len(lacking) + 1 < len(source.entries):
             why = lacks_voltages(table, source.mapped)
-            lacking.append(Finding(file, "u_alpha", None, f"{file}: {why}; left out, as other recordings have them"))
+            lacking.append(
+                Finding(
+                    file, "u_alpha", None, f"{file}: {why}; left out, as other recordings have them"
+                )
+            )
             continue
         nominal = link or converter.dc_bus_voltage
         held = source_columns(table, source.mapped)
-        pieces = _logs(file, table, rotor == "locked", nominal, converter.sampling_period, source, findings)
+        pieces = _logs(
+            file, table, rotor == "locked", nominal, converter.sampling_period, source, findings
+        )
         del table  # what is not used of it takes memory
         for piece, values, made in pieces:
             for name, own, noise, starts_at in _timed(piece, values, converter, source, findings):
                 of = "" if name == file else file
                 recordings.append(
-                    CampaignRecording(name, rotor, axis, own, link, of, starts_at, source=held, made=made)
+                    CampaignRecording(
+                        name, rotor, axis, own, link, of, starts_at, source=held, made=made
+                    )
                 )
                 noises.append(noise)
     findings += lacking
@@ -196,18 +238,31 @@ def unchecked(source: Source) -> Campaign:
         data["drive"] = with_points(table_of(data, "drive"), source.folder)
     if max(noises) > 0.0:
         stated = table_of(data, "drive")
-        data["drive"] = {**stated, "current_noise": math.hypot(converter.current_noise, max(noises))}
-    campaign = assemble(data, tuple(recordings), source.folder.resolve().name, source.name, source.map_folder)
+        data["drive"] = {
+            **stated,
+            "current_noise": math.hypot(converter.current_noise, max(noises)),
+        }
+    campaign = assemble(
+        data, tuple(recordings), source.folder.resolve().name, source.name, source.map_folder
+    )
     campaign = with_zeros(dataclasses.replace(campaign, findings=(*findings, *campaign.findings)))
     return with_slow_rows(counted_once(campaign))
 
 
 def _logs(
-    file: str, table: Table, locked: bool, link: float, period: float, source: Source, findings: list[Finding]
+    file: str,
+    table: Table,
+    locked: bool,
+    link: float,
+    period: float,
+    source: Source,
+    findings: list[Finding],
 ) -> list[tuple[str, dict[str, Array], Made | None]]:
-    """Return the logs that one table holds one after another: name, the contract's columns, of what the angle was made.
+    """Return the logs that one table holds one after another: name, the contract's columns, of what
+    the angle was made.
 
-    An angle is followed from row to row, so each log is read by itself.  What is said of all is said once.
+    An angle is followed from row to row, so each log is read by itself.  What is said of all is
+    said once.
     """
     parts, cut = cut_where_begun_again(file, table, stamps_of(file, table, source.mapped), period)
     findings += cut
@@ -220,30 +275,42 @@ def _logs(
         except BadInput as error:
             if name == file:
                 raise
-            raise BadInput(f"{error} ({name} is {file} from row {first} on; cut the file there)") from None
+            raise BadInput(
+                f"{error} ({name} is {file} from row {first} on; cut the file there)"
+            ) from None
         if cut and "t" in values:
             values["t"] = values["t"] - values["t"][0]
         for note in notes:
             text = note.text.replace(name, file) if note.row is None else note.text
             if text not in said:
-                findings.append(dataclasses.replace(note, file=file if note.row is None else name, text=text))
+                findings.append(
+                    dataclasses.replace(note, file=file if note.row is None else name, text=text)
+                )
             said.add(text)
         out.append((name, values, made))
     return out
 
 
 def _timed(
-    file: str, values: dict[str, Array], converter: Converter, source: Source, findings: list[Finding]
+    file: str,
+    values: dict[str, Array],
+    converter: Converter,
+    source: Source,
+    findings: list[Finding],
 ) -> list[tuple[str, dict[str, Array], float, float]]:
-    """Return the recordings that one table becomes on the drive's grid: name, columns, noise (A) that this adds, s from
-    the table's beginning to the first row."""
+    """Return the recordings that one table becomes on the drive's grid: name, columns, noise (A)
+    that this adds, s from the table's beginning to the first row."""
     period, t = converter.sampling_period, values.get("t")
     if t is not None and len(t) > 1 and source.log.stamps == "arrival":
         grid, finding = by_arrival(file, t, period)
         findings.append(finding)
         return [(file, {**values, "t": grid}, 0.0, 0.0)]
     if t is not None and len(t) > 1 and source.log.stamps == "polled":
-        count = math.tau * source.pole_pairs / converter.encoder_counts if converter.encoder_counts else 0.0
+        count = (
+            math.tau * source.pole_pairs / converter.encoder_counts
+            if converter.encoder_counts
+            else 0.0
+        )
         own, noise, finding = polled(file, values, period, stamp_jitter(t, values["theta"], count))
         findings.append(finding)
         return [(file, own, noise, 0.0)]
@@ -260,20 +327,23 @@ def _timed(
     return out
 
 
-def _tables(folder: Path, columns: Path | None, preset: str | None) -> tuple[dict[str, Any], dict[str, Column], str]:
-    """Return the tables of campaign.toml and of the column file together, the map, and the file to name in errors."""
+def _tables(
+    folder: Path, columns: Path | None, preset: str | None
+) -> tuple[dict[str, Any], dict[str, Column], str]:
+    """Return the tables of campaign.toml and of the column file together, the map, and the file to
+    name in errors."""
     own = folder / "campaign.toml"
     if columns is None and not own.is_file() and preset is not None:
         raise BadInput(
-            f"'{folder}' holds no campaign.toml; preset '{preset}' names the columns alone: write [drive], [motor] and "
-            "one [[recording]] a table into campaign.toml, or into a file for --columns (`sensorless check` without "
-            "the preset drafts one)"
+            f"'{folder}' holds no campaign.toml; preset '{preset}' names the columns alone: write "
+            "[drive], [motor] and one [[recording]] a table into campaign.toml, or into a file "
+            "for --columns (`sensorless check` without the preset drafts one)"
         )
     if columns is None and not own.is_file():
         raise BadInput(
-            f"'{folder}' holds no campaign.toml, so its drive, motor and recordings are unknown; write one, or give "
-            "--columns FILE.toml for tables of other programs (`sensorless check` drafts it; "
-            "sandbox/recordings/IMPORTING.md)"
+            f"'{folder}' holds no campaign.toml, so its drive, motor and recordings are unknown; "
+            "write one, or give --columns FILE.toml for tables of other programs (`sensorless "
+            "check` drafts it; sandbox/recordings/IMPORTING.md)"
         )
     data = read_toml(own) if own.is_file() or columns is None else {}
     source, mapped = own.name, {}
@@ -283,7 +353,9 @@ def _tables(folder: Path, columns: Path | None, preset: str | None) -> tuple[dic
         extra.pop("columns", None)
         for name in extra:
             if name in data:
-                raise BadInput(f"{columns.name}: [{name}] stands in campaign.toml too; keep one of them")
+                raise BadInput(
+                    f"{columns.name}: [{name}] stands in campaign.toml too; keep one of them"
+                )
         source = own.name if data else columns.name
         data = {**data, **extra}
     if preset is not None:
@@ -299,19 +371,24 @@ def _pole_pairs(data: Mapping[str, Any], mapped: Mapping[str, Column], source: s
     pairs = finite(stated)
     if pairs is None or not 1.0 <= pairs <= 100.0:
         raise BadInput(
-            f"{source}: [motor] pole_pairs = {as_toml(stated)} cannot turn a mechanical angle; give it in [1, 100]"
+            f"{source}: [motor] pole_pairs = {as_toml(stated)} cannot turn a mechanical "
+            "angle; give it in [1, 100]"
         )
     return pairs
 
 
 def regular(file: str, t: Array | None, n: int, period: float) -> tuple[Array, list[Finding]]:
-    """Return sample instants (s) on the drive's own grid; BadInput where the stamps leave doubt which sample is meant.
+    """Return sample instants (s) on the drive's own grid; BadInput where the stamps leave doubt
+    which sample is meant.
 
     Values are kept, not interpolated: the drive samples by its own clock, jitter is the logger's.
     """
     grid = np.arange(n, dtype=np.float64) * period
     if t is None:
-        text = f"{file}: column 't' is missing, rows are taken as {period:.6g} s apart; lost samples stay unseen"
+        text = (
+            f"{file}: column 't' is missing, rows are taken as {period:.6g} s apart; lost "
+            "samples stay unseen"
+        )
         return grid, [Finding(file, "t", None, text)]
     if n < 2:
         return t, []  # refused where the recording is made
@@ -323,32 +400,37 @@ def regular(file: str, t: Array | None, n: int, period: float) -> tuple[Array, l
     drift, start = np.polyfit(place, t - t[0] - grid, 1)
     if abs(drift) > DRIFT * period:
         raise BadInput(
-            f"{file}: t advances by {period + drift:.6g} s a row, sampling_period is {period:.6g} s (1 % at most); "
-            "correct [drive] sampling_period"
+            f"{file}: t advances by {period + drift:.6g} s a row, sampling_period is {period:.6g} "
+            "s (1 % at most); correct [drive] sampling_period"
         )
     off = t - t[0] - grid - start - drift * place
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > JITTER * period:
         raise BadInput(
-            f"{file}: row {worst} of column 't' is {off[worst]:.3g} s off an even clock, {JITTER:.0%} of "
+            f"{file}: row {worst} of column 't' is {off[worst]:.3g} s off an even clock, "
+            f"{JITTER:.0%} of "
             "sampling_period "
-            f"({JITTER * period:.3g} s) is the most that leaves no doubt which sample it is; record with the drive's "
-            'own clock, or say what stamps are: [log] stamps = "arrival" (rows complete) or "polled" (interpolated)'
+            f"({JITTER * period:.3g} s) is the most that leaves no doubt which sample it "
+            "is; record with the drive's "
+            'own clock, or say what stamps are: [log] stamps = "arrival" (rows complete) '
+            'or "polled" (interpolated)'
         )
     text = (
-        f"{file}: row {worst} of column 't' is {off[worst]:.3g} s off an even clock; rows are taken as the drive's own "
-        f"samples, {period:.6g} s apart, values unchanged"
+        f"{file}: row {worst} of column 't' is {off[worst]:.3g} s off an even clock; rows are "
+        f"taken as the drive's own samples, {period:.6g} s apart, values unchanged"
     )
     return grid, [Finding(file, "t", worst, text)]
 
 
 def _check_clock(file: str, t: Array, step: Array, period: float) -> None:
-    """Raise BadInput for a clock of another unit or rate, for gaps and for stamps that do not rise."""
+    """Raise BadInput for a clock of another unit or rate, for gaps and for stamps that do not
+    rise."""
     usual = float(np.median(step))
     for power, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
         if abs(usual / period / power - 1.0) < 0.3:
             raise BadInput(
-                f"{file}: row 1 of column 't' is {step[0]:.6g} after row 0, sampling_period is {period:.6g} s; is t "
+                f"{file}: row 1 of column 't' is {step[0]:.6g} after row 0, "
+                f"sampling_period is {period:.6g} s; is t "
                 f"in {unit}? "
                 f'convert it to s or map it with unit = "{unit}"'
             )
@@ -356,20 +438,19 @@ def _check_clock(file: str, t: Array, step: Array, period: float) -> None:
     if back.size:
         k = int(back[0])
         raise BadInput(
-            f"{file}: row {k + 1} of column 't' is {t[k + 1]:.9g}, not after row {k} ({t[k]:.9g}); give enough "
-            "digits and "
-            "each sample once, in order"
+            f"{file}: row {k + 1} of column 't' is {t[k + 1]:.9g}, not after row {k} ({t[k]:.9g}); "
+            "give enough digits and each sample once, in order"
         )
     if not 0.6 < usual / period < 1.4:
         raise BadInput(
-            f"{file}: t steps by {usual:.6g} s in the middle, sampling_period is {period:.6g} s; correct [drive] "
-            "sampling_period, or export every sample"
+            f"{file}: t steps by {usual:.6g} s in the middle, sampling_period is {period:.6g} s; "
+            "correct [drive] sampling_period, or export every sample"
         )
     gap = np.flatnonzero(step > 1.5 * period)
     if gap.size:
         k = int(gap[0])
         raise BadInput(
-            f"{file}: t steps by {step[k]:.6g} s from row {k} to {k + 1}, sampling_period is {period:.6g} s: "
-            f"{max(math.floor(step[k] / period + 0.5) - 1, 1)} samples are missing ({gap.size} gaps); samples must "
-            "follow without gaps, cut the recording there"
+            f"{file}: t steps by {step[k]:.6g} s from row {k} to {k + 1}, sampling_period is "
+            f"{period:.6g} s: {max(math.floor(step[k] / period + 0.5) - 1, 1)} samples are missing "
+            f"({gap.size} gaps); samples must follow without gaps, cut the recording there"
         )

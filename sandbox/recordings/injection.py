@@ -1,4 +1,5 @@
-"""The injected waveform on the sampling grid: f on each interval, its zero-mean primitive F at each sample."""
+"""The injected waveform on the sampling grid: f on each interval, its zero-mean primitive F at each
+sample."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ FEWEST = {"square": 2, "sine": 4, "random": 8}
 
 
 class Carrier(NamedTuple):
-    """One period of the injection: f (-, on the interval from each sample) and F (s, at each sample), both (N,)."""
+    """One period of the injection: f (-, on the interval from each sample) and F (s, at each
+    sample), both (N,)."""
 
     waveform: NDArray[np.float64]
     primitive: NDArray[np.float64]
@@ -24,22 +26,24 @@ class Carrier(NamedTuple):
 
 
 def samples_per_period(injection: Injection, converter: Converter) -> int:
-    """Return N = sampling frequency / injection frequency; BadInput where the sampling cannot carry the waveform."""
+    """Return N = sampling frequency / injection frequency; BadInput where the sampling cannot carry
+    the waveform."""
     sampling = 1.0 / converter.sampling_period
     ratio = sampling / injection.frequency
     n, fewest = round(ratio), FEWEST[injection.waveform]
     if n < fewest or abs(ratio - n) > 1e-6 * ratio or n > MAX_PERIOD or n % 2:
         better = sampling / min(max(fewest, 2 * round(ratio / 2)), MAX_PERIOD)
         raise BadInput(
-            f"injection frequency {injection.frequency:g} Hz does not fit sampling at {sampling:g} Hz (ratio "
-            f"{ratio:.4g}): a {injection.waveform} wave needs an even number of samples a period, "
-            f"{fewest} to {MAX_PERIOD}; inject at {better:.12g} Hz"
+            f"injection frequency {injection.frequency:g} Hz does not fit sampling at {sampling:g} "
+            f"Hz (ratio {ratio:.4g}): a {injection.waveform} wave needs an even number of samples "
+            f"a period, {fewest} to {MAX_PERIOD}; inject at {better:.12g} Hz"
         )
     return n
 
 
 def carrier(injection: Injection, converter: Converter) -> Carrier:
-    """Return the carrier of an injection on a converter's sampling grid (voltages held over each interval)."""
+    """Return the carrier of an injection on a converter's sampling grid (voltages held over each
+    interval)."""
     n, h = samples_per_period(injection, converter), converter.sampling_period
     f = waveform_of(injection.waveform, n)
     return Carrier(f, primitive_of(injection.waveform, n, h), second_order_lag(f, h))
@@ -54,11 +58,16 @@ def waveform_of(waveform: str, n: int) -> NDArray[np.float64]:
     if waveform == "random":
         half = _random_signs(n // 2)
         return np.concatenate([half, -half])
-    return np.where(k < n // 2, 1.0, -1.0) if waveform == "square" else np.sin(2.0 * math.pi * (k + 0.5) / n)
+    return (
+        np.where(k < n // 2, 1.0, -1.0)
+        if waveform == "square"
+        else np.sin(2.0 * math.pi * (k + 0.5) / n)
+    )
 
 
 def _random_signs(n: int) -> NDArray[np.float64]:
-    """Return n signs of a shift register's maximum-length sequence, x^5 + x^2 + 1, 31 signs long."""
+    """Return n signs of a shift register's maximum-length sequence, x^5 + x^2 + 1, 31 signs
+    long."""
     bits = [1, 0, 0, 1, 0]
     while len(bits) < n:
         bits.append(bits[-3] ^ bits[-5])
@@ -71,21 +80,27 @@ def primitive_of(waveform: str, n: int, h: float) -> NDArray[np.float64]:
 
 
 def second_order_lag(f: NDArray[np.float64], h: float) -> float:
-    """Return c >= 0 such that the in-phase ripple is (Gamma - c (R Gamma)^2 Gamma) U to second order in R.
+    """Return c >= 0 such that the in-phase ripple is (Gamma - c (R Gamma)^2 Gamma) U to second
+    order in R.
 
-    The periodic flux ripple of dx/dt = f - a x expands in zero-mean primitives F1 - a F2 + a^2 F3 - ...;
-    projected on the sampled F1, F2 vanishes by symmetry and F3 leaves -c.  Primitives of a voltage held over
-    intervals of h seconds are polynomials on each, so sample values follow in closed form.
+    The periodic flux ripple of dx/dt = f - a x expands in zero-mean primitives F1 - a F2 + a^2
+    F3 - ...; projected on the sampled F1, F2 vanishes by symmetry and F3 leaves -c.  Primitives of
+    a voltage held over intervals of h seconds are polynomials on each, so sample values follow in
+    closed form.
     """
     one = _periodic(f * h)
     two = _periodic(h * one + h**2 / 2 * f)
-    mean_two = np.mean(two + h * one / 2 + h**2 * f / 6)  # continuous mean: F2 must have none before F3
+    # continuous mean: F2 must have none before F3
+    mean_two = np.mean(two + h * one / 2 + h**2 * f / 6)
     two -= mean_two
     three = _periodic(h * two + h**2 / 2 * one + h**3 / 6 * f)
-    return float(-np.dot(three - three.mean(), one - one.mean()) / np.dot(one - one.mean(), one - one.mean()))
+    return float(
+        -np.dot(three - three.mean(), one - one.mean()) / np.dot(one - one.mean(), one - one.mean())
+    )
 
 
 def _periodic(increments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the values at the samples of a periodic primitive, given its increments, with zero sample mean."""
+    """Return the values at the samples of a periodic primitive, given its increments, with zero
+    sample mean."""
     values = np.concatenate([[0.0], np.cumsum(increments)[:-1]])
     return np.asarray(values - values.mean())

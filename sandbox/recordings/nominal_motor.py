@@ -1,4 +1,5 @@
-"""The nominal motor that a campaign states, with rated values from the recordings where it states none."""
+"""The nominal motor that a campaign states, with rated values from the recordings where it states
+none."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
 
 
 class Reached(NamedTuple):
-    """How far recordings go: largest current (A), largest mean speed (rad/s electrical), whether a rotor is free."""
+    """How far recordings go: largest current (A), largest mean speed (rad/s electrical), whether a
+    rotor is free."""
 
     current: float
     speed: float
@@ -25,14 +27,18 @@ class Reached(NamedTuple):
 
 
 def nominal_motor(
-    stated: Mapping[str, Any], flux_map: Mapping[str, Any] | None, reached: Reached | None, folder: Path, link: float
+    stated: Mapping[str, Any],
+    flux_map: Mapping[str, Any] | None,
+    reached: Reached | None,
+    folder: Path,
+    link: float,
 ) -> tuple[Motor, tuple[str, ...]]:
     """Return the nominal motor (a quartic's, or one with a flux map), and which values stand in.
 
-    stated: its name and [motor]; flux_map: [flux_map], whose file lies in `folder` or in a data set; link: V, nominal.
-    A rated value that is not stated is the largest one `reached` (None: nothing was recorded); the torque is what rated
-    current gives; a speed that no recording reached is what the link gives; an inertia is any where no rotor is free.
-    BadInput for wrong values.
+    stated: its name and [motor]; flux_map: [flux_map], whose file lies in `folder` or in a data
+    set; link: V, nominal. A rated value that is not stated is the largest one `reached` (None:
+    nothing was recorded); the torque is what rated current gives; a speed that no recording reached
+    is what the link gives; an inertia is any where no rotor is free. BadInput for wrong values.
     """
     values = dict(stated)
     found = _rated(values, reached or Reached(0.0, 0.0, False))
@@ -48,21 +54,25 @@ def nominal_motor(
         stand_in(values, flux_map)  # says what is wrong before a file is touched
         motor = mapped_motor(values, flux_map, folder)
         if "rated_torque" in missing:  # the map alone knows the magnet flux and the saliency
-            motor = dataclasses.replace(motor, rated_torque=largest_torque(motor) or values["rated_torque"])
+            motor = dataclasses.replace(
+                motor, rated_torque=largest_torque(motor) or values["rated_torque"]
+            )
     if "rated_speed_rpm" in missing and not (reached and reached.speed):
         motor = dataclasses.replace(motor, rated_speed_rpm=base_speed(motor, link))
     return motor, missing
 
 
 def base_speed(motor: Motor, link: float) -> float:
-    """Return the speed (rpm) at which rated current on q takes all that a link (V) gives, resistance aside."""
+    """Return the speed (rpm) at which rated current on q takes all that a link (V) gives,
+    resistance aside."""
     flux = math.hypot(motor.magnet_flux, motor.inductance_q * motor.rated_current)
     omega = link / math.sqrt(3.0) / flux if flux > 0.0 else math.inf
     return min(max(omega * 30.0 / math.pi / motor.pole_pairs, SLOWEST), FASTEST)
 
 
 def _rated(values: Mapping[str, Any], reached: Reached) -> dict[str, float]:
-    """Return the rated values that recordings tell: largest current (A), its torque (N m), largest mean speed (rpm)."""
+    """Return the rated values that recordings tell: largest current (A), its torque (N m), largest
+    mean speed (rpm)."""
     stated = (values.get("pole_pairs"), values.get("magnet_flux"))
     pairs, flux = (max(finite(x) or 0.0, 0.0) for x in stated)  # Motor says what is wrong
     rated = max(finite(values.get("rated_current")) or 0.0, 0.0) or reached.current

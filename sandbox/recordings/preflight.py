@@ -1,9 +1,10 @@
-"""Every check of a campaign before any physics is fitted: all mistakes at once, not the first one only.
+"""Every check of a campaign before any physics is fitted: all mistakes at once, not the first one
+only.
 
-What stops a campaign (`refused`) and what is only suspicious come from `plausibility`, `mistakes` and `conventions`;
-here are those that need more than one column's sight: columns mapped twice, a phase without current, factors between
-conventions, turns of the voltage beside those of the angle, steps of the readings beside those stated, injection that
-is not there.
+What stops a campaign (`refused`) and what is only suspicious come from `plausibility`, `mistakes`
+and `conventions`; here are those that need more than one column's sight: columns mapped twice, a
+phase without current, factors between conventions, turns of the voltage beside those of the angle,
+steps of the readings beside those stated, injection that is not there.
 """
 
 from __future__ import annotations
@@ -22,7 +23,13 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES
 from sandbox.recordings.checks.changes import CURRENT, MOTOR
 from sandbox.recordings.checks.mistakes import contradictions, conventions_off
-from sandbox.recordings.checks.plausibility import angle, current_sensors, link_voltage, other_columns, voltage_limit
+from sandbox.recordings.checks.plausibility import (
+    angle,
+    current_sensors,
+    link_voltage,
+    other_columns,
+    voltage_limit,
+)
 from sandbox.recordings.checks.shifts import shifted
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.findings import Doubt, Finding, Refused
@@ -30,7 +37,8 @@ from sandbox.recordings.findings import Doubt, Finding, Refused
 Array = NDArray[np.float64]
 REFUSED, SUSPICIOUS, NOTE = "refused", "suspicious", "note"
 TURNING = 0.03  # of the link: a voltage whose direction is no noise
-LOAD_TURNS = 1.2  # turns by which a load that changes its sign, and back, may move the voltage against the magnet
+# turns by which a load that changes its sign, and back, may move the voltage against the magnet
+LOAD_TURNS = 1.2
 TURNS = 5.0  # electrical turns that tell how fast voltage and angle turn
 SHORTEST = 16  # rows of a stretch that turns: two periods at eight samples each
 OFF_PACE = 0.02  # relative, of how fast they turn
@@ -46,19 +54,36 @@ class Noticed:
 
 
 def noticed(campaign: Campaign) -> list[Noticed]:
-    """Return all that is wrong, suspicious or changed in a campaign that has been read unchecked."""
+    """Return all that is wrong, suspicious or changed in a campaign that has been read
+    unchecked."""
     out = on_the_way(campaign.findings)
     drive, recordings = campaign.drive, campaign.recordings
     sensors = list[Noticed]()
     for r in recordings:
         sensors += tried(r.file, lambda r=r: current_sensors(r, drive))  # type: ignore[misc]
-        for one in (link_voltage, _limit, angle, other_columns, twice, silent, clipped, steps, ripple):
+        for one in (
+            link_voltage,
+            _limit,
+            angle,
+            other_columns,
+            twice,
+            silent,
+            clipped,
+            steps,
+            ripple,
+        ):
             out += tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
     for check in (contradictions, shifted):
         cause = tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
-        if any(n.level == REFUSED for n in cause):  # what else voltages, currents and angle show is its consequence
-            out = [n for n in out if n.level != SUSPICIOUS or n.finding.column not in (*PHASES, *VOLTAGES, "theta")]
-            if not any(CURRENT in n.finding.rereads for n in cause):  # in another unit they have other bounds
+        if any(n.level == REFUSED for n in cause):
+            # what else voltages, currents and angle show is its consequence
+            out = [
+                n
+                for n in out
+                if n.level != SUSPICIOUS or n.finding.column not in (*PHASES, *VOLTAGES, "theta")
+            ]
+            if not any(CURRENT in n.finding.rereads for n in cause):
+                # in another unit they have other bounds
                 out += [n for n in sensors if n.level == REFUSED]
             return refusals_first([*out, *cause])
         out += cause
@@ -68,7 +93,9 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     if not any(MOTOR in n.finding.rereads for n in out):  # else its consequence
         out += [Noticed(SUSPICIOUS, f) for f in ratings(campaign)]
     if not any(n.level == REFUSED for n in out):
-        out += [Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]]
+        out += [
+            Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]
+        ]
     return refusals_first(out)
 
 
@@ -78,13 +105,26 @@ def on_the_way(findings: Iterable[Finding]) -> list[Noticed]:
 
 
 def refusals_first(found: Sequence[Noticed]) -> list[Noticed]:
-    """Return what stops a campaign before the rest, without what is suspicious about the same readings: a current in
-    another unit has other steps, too.
+    """Return what stops a campaign before the rest, without what is suspicious about the same
+    readings: a current in another unit has other steps, too.
     """
     refused = [n for n in found if n.level == REFUSED]
-    wrong = {(f, _kind(x.column)) for n in refused for x in (n.finding,) if x.column for f in x.files or (x.file,)}
+    wrong = {
+        (f, _kind(x.column))
+        for n in refused
+        for x in (n.finding,)
+        if x.column
+        for f in x.files or (x.file,)
+    }
     rest = [n for n in found if n.level != REFUSED]
-    return [*refused, *(n for n in rest if n.level == NOTE or (n.finding.file, _kind(n.finding.column)) not in wrong)]
+    return [
+        *refused,
+        *(
+            n
+            for n in rest
+            if n.level == NOTE or (n.finding.file, _kind(n.finding.column)) not in wrong
+        ),
+    ]
 
 
 def _kind(column: str) -> str:
@@ -93,13 +133,19 @@ def _kind(column: str) -> str:
 
 
 def ratings(campaign: Campaign) -> list[Finding]:
-    """Return a finding for each stated value of [motor] that does not go with the others; none of stand-ins."""
-    told = [text for text in cautions(campaign.drive) if not any(name in text for name in campaign.stand_ins)]
+    """Return a finding for each stated value of [motor] that does not go with the others; none of
+    stand-ins."""
+    told = [
+        text
+        for text in cautions(campaign.drive)
+        if not any(name in text for name in campaign.stand_ins)
+    ]
     return [Finding(campaign.name, "", None, f"{campaign.name}: {text}") for text in told]
 
 
 def further(campaign: Campaign) -> list[Finding]:
-    """Return what is suspicious in a campaign that has been read and checked, beyond what reading checks."""
+    """Return what is suspicious in a campaign that has been read and checked, beyond what reading
+    checks."""
     each = (twice, silent, clipped, steps, ripple)
     found = [f for r in campaign.recordings for one in each for f in one(r, campaign.drive)]
     own = (campaign.recordings, campaign.drive)
@@ -122,9 +168,12 @@ def _limit(r: CampaignRecording, drive: Drive) -> list[Finding]:
 
 
 def _balanced(r: CampaignRecording, names: Sequence[str]) -> bool:
-    """Return whether three columns sum to zero as only columns made from two do: then two of them may be alike."""
+    """Return whether three columns sum to zero as only columns made from two do: then two of them
+    may be alike."""
     columns = np.array([r[x] for x in names])
-    return len(names) == 3 and bool(np.abs(columns.sum(axis=0)).max() < 1e-9 * np.abs(columns).max())
+    return len(names) == 3 and bool(
+        np.abs(columns.sum(axis=0)).max() < 1e-9 * np.abs(columns).max()
+    )
 
 
 def twice(r: CampaignRecording, drive: Drive) -> list[Finding]:
@@ -134,30 +183,52 @@ def twice(r: CampaignRecording, drive: Drive) -> list[Finding]:
         for k, a in enumerate(names):
             for b in names[k + 1 :]:
                 if np.array_equal(r[a], r[b]) and np.ptp(r[a]) > 0.0 and not _balanced(r, names):
-                    text = f"{r.file}: columns '{a}' and '{b}' are the same in every row; one is mapped twice"
+                    text = (
+                        f"{r.file}: columns '{a}' and '{b}' are the same in every row; one "
+                        "is mapped twice"
+                    )
                     out.append(Finding(r.file, b, None, text))
     return out
 
 
 def silent(r: CampaignRecording, drive: Drive) -> list[Finding]:
-    """Return findings on voltages or currents that stay zero, all or one phase beside the others."""
+    """Return findings on voltages or currents that stay zero, all or one phase beside the
+    others."""
     largest = max(float(np.max(np.abs(r[n]))) for n in PHASES)
     out = []
     if largest == 0.0:
-        out.append(Finding(r.file, "i_a", 0, f"{r.file}: all currents are 0 A in every row; map the sensors' columns"))
+        out.append(
+            Finding(
+                r.file,
+                "i_a",
+                0,
+                f"{r.file}: all currents are 0 A in every row; map the sensors' columns",
+            )
+        )
     for n in PHASES if largest > 0.0 else ():
         own = float(np.max(np.abs(r[n])))
         if own <= 0.01 * largest and r.rotor != "locked":
-            text = f"{r.file}: column '{n}' stays within {own:.3g} A while another phase reaches {largest:.3g} A"
+            text = (
+                f"{r.file}: column '{n}' stays within {own:.3g} A while another phase "
+                f"reaches {largest:.3g} A"
+            )
             out.append(Finding(r.file, n, None, f"{text}; is its sensor or its lead open?"))
-    if all(np.ptp(r[n]) == 0.0 for n in VOLTAGES) and float(np.max(np.abs(r[VOLTAGES[0]]))) == 0.0 and largest > 0.0:
-        text = f"{r.file}: the commands are 0 V in every row though current flows; map what the controller commanded"
+    if (
+        all(np.ptp(r[n]) == 0.0 for n in VOLTAGES)
+        and float(np.max(np.abs(r[VOLTAGES[0]]))) == 0.0
+        and largest > 0.0
+    ):
+        text = (
+            f"{r.file}: the commands are 0 V in every row though current flows; map what the "
+            "controller commanded"
+        )
         out.append(Finding(r.file, "u_alpha", 0, text))
     return out
 
 
 def clipped(r: CampaignRecording, drive: Drive) -> list[Finding]:
-    """Return a finding for readings that stop at the same largest value on both sides, as a full converter does."""
+    """Return a finding for readings that stop at the same largest value on both sides, as a full
+    converter does."""
     size = np.stack([np.abs(r[n]) for n in PHASES])
     top = float(size.max())
     quantum = max(drive.converter.current_resolution, 1e-9 * top)
@@ -169,19 +240,23 @@ def clipped(r: CampaignRecording, drive: Drive) -> list[Finding]:
         if len(rises) >= 4 and both:
             row = int(rises[0]) + 1
             text = (
-                f"{r.file}: row {row} of column '{n}' reaches {top:.4g} A in one step and stays there, {len(rises)} "
-                "times and on both sides; the converter is full: lower the current or widen the range"
+                f"{r.file}: row {row} of column '{n}' reaches {top:.4g} A in one step and stays "
+                f"there, {len(rises)} times and on both sides; the converter is full: lower the "
+                "current or widen the range"
             )
             return [Finding(r.file, n, row, text)]
     return []
 
 
 def steps(r: CampaignRecording, drive: Drive) -> list[Finding]:
-    """Return findings on readings that step otherwise than `current_resolution` and `encoder_counts` say."""
+    """Return findings on readings that step otherwise than `current_resolution` and
+    `encoder_counts` say."""
     c, out = drive.converter, []
     stated = [("i_a", c.current_resolution, "current_resolution", "A")]
     if c.encoder_counts:
-        stated.append(("theta", math.tau * drive.motor.pole_pairs / c.encoder_counts, "encoder_counts", "rad"))
+        stated.append(
+            ("theta", math.tau * drive.motor.pole_pairs / c.encoder_counts, "encoder_counts", "rad")
+        )
     for column, step, key, unit in stated:
         own = quantum(r[column])
         if own is None or step <= 0.0 or 1.0 / COARSER < own / step < COARSER:
@@ -189,13 +264,18 @@ def steps(r: CampaignRecording, drive: Drive) -> list[Finding]:
         found = f"{own:.4g} A"
         if key == "encoder_counts":
             found = f"{math.tau * drive.motor.pole_pairs / own:.6g} counts a turn"
-            if abs(own / step * COARSER - 1.0) < OFF_PACE or abs(own / step / COARSER - 1.0) < OFF_PACE:
+            if (
+                abs(own / step * COARSER - 1.0) < OFF_PACE
+                or abs(own / step / COARSER - 1.0) < OFF_PACE
+            ):
                 found += (
-                    ", unless pole_pairs counts poles" if own < step else ", unless pole_pairs is half of what it is"
+                    ", unless pole_pairs counts poles"
+                    if own < step
+                    else ", unless pole_pairs is half of what it is"
                 )
         text = (
-            f"{r.file}: column '{column}' moves in steps of {own:.4g} {unit}, {key} says {step:.4g} {unit}; correct "
-            f"[drive] {key} ({found})"
+            f"{r.file}: column '{column}' moves in steps of {own:.4g} {unit}, {key} says "
+            f"{step:.4g} {unit}; correct [drive] {key} ({found})"
         )
         out.append(Finding(r.file, column, None, text))
     return out
@@ -215,7 +295,8 @@ def quantum(x: Array) -> float | None:
 
 
 def ripple(r: CampaignRecording, drive: Drive) -> list[Finding]:
-    """Return a finding where injection is stated and its frequency is not in the commands, seen from the rotor.
+    """Return a finding where injection is stated and its frequency is not in the commands, seen
+    from the rotor.
 
     Injection turns with the rotor: from outside, the speed would move its line.
     """
@@ -231,15 +312,18 @@ def ripple(r: CampaignRecording, drive: Drive) -> list[Finding]:
     fast = at > 0.2 * f
     k = int(np.argmax(np.where(fast, spectrum, 0.0)))
     text = (
-        f"{r.file}: injection_axis = '{r.injection_axis}', but the commands hold {float(spectrum[near].max()):.3g} V "
-        f"at [injection] frequency = {f:g} Hz (amplitude = {drive.injection.amplitude:g} V); their strongest line is "
+        f"{r.file}: injection_axis = '{r.injection_axis}', but the commands hold "
+        f"{float(spectrum[near].max()):.3g} V "
+        f"at [injection] frequency = {f:g} Hz (amplitude = {drive.injection.amplitude:g} "
+        "V); their strongest line is "
         f'{spectrum[k]:.3g} V at {at[k]:.4g} Hz: correct [injection], or injection_axis = "none"'
     )
     return [Finding(r.file, "u_alpha", None, text)]
 
 
 def pace(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Return a finding where the voltage turns faster or slower than the angle: pole pairs, or a gear in between."""
+    """Return a finding where the voltage turns faster or slower than the angle: pole pairs, or a
+    gear in between."""
     for r in recordings:
         if r.rotor == "locked" or r.t.size < SHORTEST or np.max(np.abs(np.diff(r.theta))) > 1.0:
             continue
@@ -254,9 +338,10 @@ def pace(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]
         ratio = float(phase[-1] - phase[0]) / (math.tau * turned)
         if abs(abs(ratio) - 1.0) > OFF_PACE + LOAD_TURNS / abs(turned):
             text = (
-                f"{r.file}: the voltage turns {ratio:.4g} times as fast as column 'theta'; with pole_pairs = "
-                f"{drive.motor.pole_pairs:g} that would be {drive.motor.pole_pairs * ratio:.3g} pairs: correct "
-                "pole_pairs, the angle's scale, or a gear between motor and encoder"
+                f"{r.file}: the voltage turns {ratio:.4g} times as fast as column 'theta'; with "
+                f"pole_pairs = {drive.motor.pole_pairs:g} that would be "
+                f"{drive.motor.pole_pairs * ratio:.3g} pairs: correct pole_pairs, the angle's "
+                "scale, or a gear between motor and encoder"
             )
             return [Finding(r.file, "theta", None, text)]
     return []
@@ -266,4 +351,6 @@ def _longest(good: NDArray[np.bool_]) -> tuple[int, int]:
     """Return [begin, end) of the longest stretch that is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
     spans = edges.reshape(-1, 2)
-    return tuple(int(x) for x in spans[np.argmax(spans[:, 1] - spans[:, 0])]) if len(spans) else (0, 0)  # type: ignore[return-value]
+    return (
+        tuple(int(x) for x in spans[np.argmax(spans[:, 1] - spans[:, 0])]) if len(spans) else (0, 0)
+    )  # type: ignore[return-value]

@@ -1,12 +1,14 @@
-"""Time stamps as loggers write them: gaps at which a recording is cut, rows that came late, values that were polled.
+"""Time stamps as loggers write them: gaps at which a recording is cut, rows that came late, values
+that were polled.
 
 `[log] stamps` says what a stamp is:
 
     "drive"    the drive's own clock, or near it; rows up to a quarter of a period off are put on its grid (usual)
-    "arrival"  rows are the drive's samples without loss, stamps are when they arrived (USB, serial, CAN)
+    "arrival"  rows are the drive's samples without loss, stamps are when they arrived (USB, serial,
+    CAN)
     "polled"   values were asked for at uneven instants: interpolated onto the drive's grid, the stamps' scatter
                taken as noise
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -59,16 +61,23 @@ def parse_log(table: Mapping[str, Any], source: str) -> Log:
         isinstance(v, list) and v and all(isinstance(x, str) for x in v) for v in matrix.values()
     )
     if not good:
-        raise BadInput(f'{source}: [log] matrix = {as_toml(matrix)}; write matrix = {{data = ["t", "i_a", ...]}}')
+        raise BadInput(
+            f'{source}: [log] matrix = {as_toml(matrix)}; write matrix = {{data = ["t", '
+            f'"i_a", ...]}}'
+        )
     return Log(stamps, matrix)
 
 
-def cut_at_gaps(file: str, columns: Columns, period: float) -> tuple[list[tuple[str, dict[str, Array]]], list[Finding]]:
-    """Return the pieces of a recording between gaps of its stamps (s), named run-1.csv, run-2.csv, ..., and a finding.
+def cut_at_gaps(
+    file: str, columns: Columns, period: float
+) -> tuple[list[tuple[str, dict[str, Array]]], list[Finding]]:
+    """Return the pieces of a recording between gaps of its stamps (s), named run-1.csv, run-2.csv,
+    ..., and a finding.
 
-    A gap is a step of more than GAP periods, and one after which the clock goes on beside the even one (a drive that
-    paused for no whole number of periods).  Their stamps count from the recording's beginning.  A recording without a
-    gap, or whose clock is wrong in other ways, is returned as it is.  BadInput where no piece has SHORTEST rows.
+    A gap is a step of more than GAP periods, and one after which the clock goes on beside the even
+    one (a drive that paused for no whole number of periods).  Their stamps count from the
+    recording's beginning.  A recording without a gap, or whose clock is wrong in other ways, is
+    returned as it is.  BadInput where no piece has SHORTEST rows.
     """
     t = columns.get("t")
     if t is None or len(t) < 2:
@@ -88,12 +97,17 @@ def cut_at_gaps(file: str, columns: Columns, period: float) -> tuple[list[tuple[
     missing = round(float(np.sum(step[gaps] / period - 1.0)))
     many = "a gap" if gaps.size == 1 else f"{gaps.size} gaps"
     whole = step[longest] > GAP * max(period, usual)
-    lost = f"about {missing} samples are missing" if whole else "the clock goes on beside the even one"
-    said = f"{file}: {many} in column 't', the longest {step[longest]:.4g} s after row {longest}; {lost}"
+    lost = (
+        f"about {missing} samples are missing" if whole else "the clock goes on beside the even one"
+    )
+    said = (
+        f"{file}: {many} in column 't', the longest {step[longest]:.4g} s after row "
+        f"{longest}; {lost}"
+    )
     if not kept:
         raise BadInput(
-            f"{said} and no stretch without a gap has {SHORTEST} rows; log fewer signals, a faster link, or store in "
-            "the drive and read out afterwards"
+            f"{said} and no stretch without a gap has {SHORTEST} rows; log fewer signals, a faster "
+            "link, or store in the drive and read out afterwards"
         )
     pieces = []
     for number, k in enumerate(kept, 1):
@@ -108,8 +122,8 @@ def cut_at_gaps(file: str, columns: Columns, period: float) -> tuple[list[tuple[
 
 
 def _goes_on_beside(t: Array, period: float) -> NDArray[np.bool_]:
-    """Return for each step of stamps t (s) whether it moves the clock by more than JITTER of a period, for good: a row
-    that was stamped late comes back."""
+    """Return for each step of stamps t (s) whether it moves the clock by more than JITTER of a
+    period, for good: a row that was stamped late comes back."""
     off = t - np.arange(len(t)) * period
     at = np.flatnonzero(np.abs(np.diff(off)) > JITTER * period)
     out = np.zeros(len(t) - 1, dtype=np.bool_)
@@ -122,11 +136,13 @@ def _goes_on_beside(t: Array, period: float) -> NDArray[np.bool_]:
 def cut_where_begun_again(
     file: str, table: Table, t: Array | None, period: float
 ) -> tuple[list[tuple[str, int, Table]], list[Finding]]:
-    """Return the pieces of a table in which several logs follow each other, and a finding; one that goes on is whole.
+    """Return the pieces of a table in which several logs follow each other, and a finding; one that
+    goes on is whole.
 
-    t: stamps (s) of its rows.  Of each piece its name, its first row and its table.  Without stamps a log begins where
-    the header stood again; with them, where the clock does not go on there, and wherever it jumps back.  The longest
-    MOST_SEGMENTS are kept.  BadInput where no piece has SHORTEST rows.
+    t: stamps (s) of its rows.  Of each piece its name, its first row and its table.  Without stamps
+    a log begins where the header stood again; with them, where the clock does not go on there, and
+    wherever it jumps back.  The longest MOST_SEGMENTS are kept.  BadInput where no piece has
+    SHORTEST rows.
     """
     length = max((len(x) for x in table.columns.values()), default=0)
     begun = [k for k in table.breaks if 0 < k < length]
@@ -139,14 +155,21 @@ def cut_where_begun_again(
     bounds = [(a, b) for a, b in itertools.pairwise([0, *begun, length]) if b - a >= SHORTEST]
     if not bounds:
         raise BadInput(
-            f"{file}: the log begins again in row {begun[0]}, and no stretch has {SHORTEST} rows; log longer"
+            f"{file}: the log begins again in row {begun[0]}, and no stretch has "
+            f"{SHORTEST} rows; log longer"
         )
     bounds = sorted(sorted(bounds, key=lambda x: x[0] - x[1])[:MOST_SEGMENTS])
-    pieces = [(segment_name(file, k), a, rows_of(table, np.arange(a, b))) for k, (a, b) in enumerate(bounds, 1)]
+    pieces = [
+        (segment_name(file, k), a, rows_of(table, np.arange(a, b)))
+        for k, (a, b) in enumerate(bounds, 1)
+    ]
     left = length - sum(b - a for a, b in bounds)
     less = f", the longest of {len(begun) + 1}; {left} rows are left out" if left else ""
     often = f" ({len(begun)} times)" if len(begun) > 1 else ""
-    text = f"{file}: the log begins again in row {begun[0]}{often}; it becomes {len(pieces)} recordings{less}"
+    text = (
+        f"{file}: the log begins again in row {begun[0]}{often}; it becomes {len(pieces)} "
+        f"recordings{less}"
+    )
     return pieces, [Finding(file, "t", begun[0], text)]
 
 
@@ -166,37 +189,46 @@ def segment_name(file: str, number: int) -> str:
 
 
 def by_arrival(file: str, t: Array, period: float) -> tuple[Array, Finding]:
-    """Return the drive's own instants (s) of rows that were stamped on arrival; BadInput where a sample seems lost.
+    """Return the drive's own instants (s) of rows that were stamped on arrival; BadInput where a
+    sample seems lost.
 
-    Arrivals scatter to the late side only, so the earliest of SPAN rows tell the clock; where they shift by LOST of a
-    period and stay there, a sample is missing.
+    Arrivals scatter to the late side only, so the earliest of SPAN rows tell the clock; where they
+    shift by LOST of a period and stay there, a sample is missing.
     """
     n = len(t)
     place = np.arange(n, dtype=np.float64)
     drift, start = np.polyfit(place, t - t[0] - place * period, 1)
     if abs(drift) > 0.01 * period:
         raise BadInput(
-            f"{file}: rows arrive every {period + drift:.6g} s, sampling_period is {period:.6g} s (1 % at most); "
-            "correct [drive] sampling_period, or log without loss"
+            f"{file}: rows arrive every {period + drift:.6g} s, sampling_period is {period:.6g} s "
+            "(1 % at most); correct [drive] sampling_period, or log without loss"
         )
     off = t - t[0] - place * period - start - drift * place
     early = np.array([off[k : k + SPAN].min() for k in range(0, max(n - SPAN, 1), SPAN)])
-    early -= np.polyval(np.polyfit(np.arange(len(early)), early, 1), np.arange(len(early))) if len(early) > 4 else 0.0
+    early -= (
+        np.polyval(np.polyfit(np.arange(len(early)), early, 1), np.arange(len(early)))
+        if len(early) > 4
+        else 0.0
+    )
     if np.ptp(early) > LOST * period:
         k = SPAN * int(np.argmax(np.abs(np.diff(early))) + 1) if len(early) > 1 else 0
         raise BadInput(
-            f"{file}: rows near {k} of column 't' arrive {np.ptp(early):.3g} s off an even clock and stay so, a sample "
+            f"{file}: rows near {k} of column 't' arrive {np.ptp(early):.3g} s off an "
+            "even clock and stay so, a sample "
             f"({period:.3g} s) seems lost; log without loss, or with the drive's own stamps"
         )
     text = (
-        f"{file}: stamps of arrival scatter by {float(np.std(off)):.3g} s rms about an even clock; rows are taken as "
-        f"the drive's samples, {period:.6g} s apart, values unchanged"
+        f"{file}: stamps of arrival scatter by {float(np.std(off)):.3g} s rms about an even clock; "
+        f"rows are taken as the drive's samples, {period:.6g} s apart, values unchanged"
     )
     return place * period, Finding(file, "t", None, text)
 
 
-def polled(file: str, columns: Columns, period: float, jitter: float) -> tuple[dict[str, Array], float, Finding]:
-    """Return columns interpolated onto an even grid, the noise (A rms) that the stamps' scatter adds, and a finding.
+def polled(
+    file: str, columns: Columns, period: float, jitter: float
+) -> tuple[dict[str, Array], float, Finding]:
+    """Return columns interpolated onto an even grid, the noise (A rms) that the stamps' scatter
+    adds, and a finding.
 
     jitter: s rms of the stamps (see `stamp_jitter`).
     """
@@ -204,31 +236,44 @@ def polled(file: str, columns: Columns, period: float, jitter: float) -> tuple[d
     step = np.diff(t)
     if np.any(step <= 0.0):
         k = int(np.argmax(step <= 0.0))
-        raise BadInput(f"{file}: row {k + 1} of column 't' is {t[k + 1]:.9g}, not after row {k}; give each sample once")
+        raise BadInput(
+            f"{file}: row {k + 1} of column 't' is {t[k + 1]:.9g}, not after row {k}; "
+            "give each sample once"
+        )
     grid = t[0] + np.arange(math.floor((t[-1] - t[0]) / period) + 1) * period
     out = {n: np.interp(grid, t, x) for n, x in columns.items()}
     out["t"] = grid - grid[0]
-    slope = max((float(np.median(np.abs(np.diff(columns[n]) / step))) for n in ("i_a", "i_b", "i_c") if n in columns),
-                default=0.0)  # fmt: skip
+    slope = max(
+        (
+            float(np.median(np.abs(np.diff(columns[n]) / step)))
+            for n in ("i_a", "i_b", "i_c")
+            if n in columns
+        ),
+        default=0.0,
+    )
     noise = 1.5 * slope * jitter
     text = (
-        f"{file}: {len(t)} polled rows, {np.min(step):.3g} to {np.max(step):.3g} s apart, are interpolated onto a grid "
-        f"of {period:.6g} s; stamps scatter by {jitter:.2g} s rms, which adds {noise:.2g} A rms of noise; what happens "
-        f"within {2.0 * float(np.median(step)):.2g} s is not seen"
+        f"{file}: {len(t)} polled rows, {np.min(step):.3g} to {np.max(step):.3g} s apart, are "
+        f"interpolated onto a grid of {period:.6g} s; stamps scatter by {jitter:.2g} s rms, which "
+        f"adds {noise:.2g} A rms of noise; what happens within {2.0 * float(np.median(step)):.2g} "
+        "s is not seen"
     )
     return out, noise, Finding(file, "t", None, text)
 
 
 def stamp_jitter(t: Array, angle: Array, count: float) -> float:
-    """Return the scatter (s rms) of stamps t (s) that an angle (rad) shows which moves smoothly, 0 where it stands.
+    """Return the scatter (s rms) of stamps t (s) that an angle (rad) shows which moves smoothly, 0
+    where it stands.
 
-    Each reading against the cubic through its four neighbours: what is left beyond the encoder's count (rad) is speed
-    times the scatter.  An upper bound: a real jerk counts as scatter.
+    Each reading against the cubic through its four neighbours: what is left beyond the encoder's
+    count (rad) is speed times the scatter.  An upper bound: a real jerk counts as scatter.
     """
     if len(t) < 9 or np.any(np.diff(t) <= 0.0):
         return 0.0
     x = np.stack([t[k : len(t) - 4 + k] for k in (0, 1, 3, 4)]) - t[2:-2]
-    weights = np.stack([np.prod([-x[m] / (x[j] - x[m]) for m in range(4) if m != j], axis=0) for j in range(4)])
+    weights = np.stack(
+        [np.prod([-x[m] / (x[j] - x[m]) for m in range(4) if m != j], axis=0) for j in range(4)]
+    )
     y = np.stack([angle[k : len(t) - 4 + k] for k in (0, 1, 3, 4)])
     rest = (angle[2:-2] - np.sum(weights * y, axis=0)) / np.sqrt(1.0 + np.sum(weights**2, axis=0))
     speed = np.abs((y[3] - y[0]) / (x[3] - x[0]))

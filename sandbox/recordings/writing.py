@@ -19,7 +19,8 @@ from sandbox.recordings.nominal_motor import RATED
 
 
 class StatedMap(NamedTuple):
-    """A nominal model's flux map as a campaign states it: its [flux_map] table, and its file (None: a data set's)."""
+    """A nominal model's flux map as a campaign states it: its [flux_map] table, and its file (None:
+    a data set's)."""
 
     table: Mapping[str, Any]
     content: bytes | None
@@ -35,10 +36,14 @@ def map_read(motor: Motor) -> StatedMap | None:
     return StatedMap({**table, "file": path.name}, path.read_bytes())
 
 
-def write_campaign(folder: str | Path, campaign: Campaign, flux_map: StatedMap | None = None) -> Path:
-    """Write a campaign as a new folder, whole or not at all; returns it.  BadInput where it exists already.
+def write_campaign(
+    folder: str | Path, campaign: Campaign, flux_map: StatedMap | None = None
+) -> Path:
+    """Write a campaign as a new folder, whole or not at all; returns it.  BadInput where it exists
+    already.
 
-    flux_map: of the nominal model; without it a motor with a map is written as its numbers alone say, linear.
+    flux_map: of the nominal model; without it a motor with a map is written as its numbers alone
+    say, linear.
     """
     import pyarrow
     from pyarrow import parquet
@@ -55,7 +60,9 @@ def write_campaign(folder: str | Path, campaign: Campaign, flux_map: StatedMap |
             (partial / flux_map.table["file"]).write_bytes(flux_map.content)
         for r in campaign.recordings:
             (partial / r.file).parent.mkdir(parents=True, exist_ok=True)
-            parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file, write_page_checksum=True)
+            parquet.write_table(
+                pyarrow.table(dict(r.columns)), partial / r.file, write_page_checksum=True
+            )
         os.replace(partial, folder)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
@@ -63,7 +70,11 @@ def write_campaign(folder: str | Path, campaign: Campaign, flux_map: StatedMap |
 
 
 def _toml(c: Campaign, flux_map: StatedMap | None) -> str:
-    motor = {k: v for k, v in dataclasses.asdict(without_map(c.drive.motor)).items() if k != "name" and v != ""}
+    motor = {
+        k: v
+        for k, v in dataclasses.asdict(without_map(c.drive.motor)).items()
+        if k != "name" and v != ""
+    }
     stand_ins = c.stand_ins or (RATED if c.rated_from_data else ())
     motor = {k: v for k, v in motor.items() if k not in stand_ins}
     if flux_map is not None:

@@ -1,1 +1,2 @@
-"""Recorded campaigns through the model: batches of parameter sets side by side, residuals, sensitivities."""
+"""Recorded campaigns through the model: batches of parameter sets side by side, residuals,
+sensitivities."""

@@ -1,18 +1,21 @@
-"""A free rotor's motion behind an encoder's counts: Kalman filter, smoother, and what a reading bounds.
+"""A free rotor's motion behind an encoder's counts: Kalman filter, smoother, and what a reading
+bounds.
 
 Angle, speed and an unexplained acceleration,
 
     d theta = omega dt,   d omega = (a + b) dt + white noise of the torque,   d b = white noise of strength q,
 
-a the acceleration by measured currents, load and friction.  Smoother of Bierman (Int. J. Control 18 (1973) 65), which
-inverts no covariance.
+a the acceleration by measured currents, load and friction.  Smoother of Bierman (Int. J. Control 18
+(1973) 65), which inverts no covariance.
 
-A reading does not scatter about the angle like noise: it says that the angle lies within half a count, and nothing
-more.  Where a rotor turns by less than a few counts a sample, errors of rounding repeat, and a filter that takes them
-for noise follows them.  So each reading is replaced by the normal distribution that does to the angle, as all others
-tell it, what the bounds do: the same mean and variance afterwards (expectation propagation: Minka, UAI 2001, 362).
-Bounds are as soft as an encoder is noisy: by what readings scatter more than rounding would, and a little at least.
-"""
+A reading does not scatter about the angle like noise: it says that the angle lies within half a
+count, and nothing more.  Where a rotor turns by less than a few counts a sample, errors of rounding
+repeat, and a filter that takes them for noise follows them.  So each reading is replaced by the
+normal distribution that does to the angle, as all others tell it, what the bounds do: the same mean
+and variance afterwards (expectation propagation: Minka,
+UAI 2001, 362). Bounds are as soft as an encoder is noisy: by what readings scatter more than
+rounding would, and a little at least.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -27,12 +30,16 @@ from model.compiled import inlined, kernel
 
 Array = NDArray[np.float64]
 ANYWHERE = 100.0  # variance of the first angle in variances of a reading
-CONSTANT = 1e3  # rad/s^2 electrical: standard deviation of what is unexplained from the first sample on
+# rad/s^2 electrical: standard deviation of what is unexplained from the first sample on
+CONSTANT = 1e3
 SWEEPS = 12  # over all readings
 DAMPED = 0.7  # share of a change that is made: whole ones swing
 SETTLED = 0.01  # count, rms, that a sweep moves the angle
-ROUNDED = 0.9  # mean of e^(2 pi i reading/count): 1 of rounded readings; below it they scatter by 0.07 counts and more
-SOFT = 0.05  # count: deviation of the noise that an encoder has at least, which keeps bounds from contradicting
+# mean of e^(2 pi i reading/count): 1 of rounded readings; below it they scatter by 0.07 counts and
+# more
+ROUNDED = 0.9
+# count: deviation of the noise that an encoder has at least, which keeps bounds from contradicting
+SOFT = 0.05
 AROUND = 11  # samples: so few take a parabola
 STRAY = 1.0  # count: a reading farther from it is a fault of its own and says nothing
 FAULTY = 0.01  # share of such readings from which on rounding explains none of them
@@ -42,16 +49,20 @@ TAIL = 25.0  # deviations beyond which a normal distribution falls exponentially
 NARROW = 0.02  # deviations, or of what it falls by: between bounds so close it is a straight line
 ROOT_2, ROOT_2_PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 
-# a step of the filter: predicted state (angle, speed, constant acceleration), its covariance, the innovation and its
-# variance
-STATES, COVARIANCES, INNOVATION = ("x_0", "x_1", "x_2"), ("p_00", "p_01", "p_02", "p_11", "p_12", "p_22"), ("y", "s")
+# a step of the filter: predicted state (angle, speed, constant acceleration), its covariance, the
+# innovation and its variance
+STATES, COVARIANCES, INNOVATION = (
+    ("x_0", "x_1", "x_2"),
+    ("p_00", "p_01", "p_02", "p_11", "p_12", "p_22"),
+    ("y", "s"),
+)
 STEP = np.dtype([(name, np.float64) for name in (*STATES, *COVARIANCES, *INNOVATION)], align=True)
 
 
 class KnownMotion(NamedTuple):
-    """What is known beside the readings: acceleration (n,) rad/s^2 electrical, mean over the interval from each sample
-    on, variance (n,) of its white part; period, s; first angle (rad), its scale of variance, variance of the first
-    speed."""
+    """What is known beside the readings: acceleration (n,) rad/s^2 electrical, mean over the
+    interval from each sample on, variance (n,) of its white part; period, s; first angle (rad), its
+    scale of variance, variance of the first speed."""
 
     acceleration: Array
     white: Array
@@ -62,8 +73,8 @@ class KnownMotion(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """What readings (n,), rad, bound: `half` a count beside each but those that are `stray` (n,), and the deviation of
-    an encoder's noise, rad."""
+    """What readings (n,), rad, bound: `half` a count beside each but those that are `stray` (n,),
+    and the deviation of an encoder's noise, rad."""
 
     read: Array
     stray: NDArray[np.bool_]
@@ -73,10 +84,18 @@ class Bounds(NamedTuple):
 
 @kernel
 def filtered(read, variance, known, q, work):
-    """Return the log likelihood of readings (n,) of variances (n,); work (n,) of STEP, or empty, is filled."""
+    """Return the log likelihood of readings (n,) of variances (n,); work (n,) of STEP, or empty, is
+    filled."""
     n, t = len(read), known.period
     x_0, x_1, x_2 = known.angle, 0.0, 0.0
-    p_00, p_01, p_02, p_11, p_12, p_22 = ANYWHERE * known.variance, 0.0, 0.0, known.start, 0.0, CONSTANT**2
+    p_00, p_01, p_02, p_11, p_12, p_22 = (
+        ANYWHERE * known.variance,
+        0.0,
+        0.0,
+        known.start,
+        0.0,
+        CONSTANT**2,
+    )
     total = 0.0
     for k in range(n):
         if k:
@@ -111,8 +130,9 @@ def filtered(read, variance, known, q, work):
 
 @kernel
 def smoothed(work, variance, period, spread):
-    """Replace the predicted states in `work` (n,) of STEP by smoothed ones, x = x_predicted + P r; write the variance
-    of their angles, P - P N P, to `spread` (n,).  r and N: adjoint state and its covariance.
+    """Replace the predicted states in `work` (n,) of STEP by smoothed ones, x = x_predicted + P r;
+    write the variance of their angles, P - P N P, to `spread` (n,).  r and N: adjoint state and its
+    covariance.
 
     variance: (n,) of the readings.
     """
@@ -126,7 +146,8 @@ def smoothed(work, variance, period, spread):
         y, s = step.y, step.s
         left, g_1, g_2 = variance[k] / s, p_01 / s, p_02 / s
         r_0 = y / s + left * r_0 - g_1 * r_1 - g_2 * r_2  # (I - K H)' r + H' y / s
-        b_0 = n_00 * left - n_01 * g_1 - n_02 * g_2  # N (I - K H): its first column, the others are N's own
+        # N (I - K H): its first column, the others are N's own
+        b_0 = n_00 * left - n_01 * g_1 - n_02 * g_2
         b_1, b_2 = n_01 * left - n_11 * g_1 - n_12 * g_2, n_02 * left - n_12 * g_1 - n_22 * g_2
         n_00, n_01, n_02 = 1.0 / s + left * b_0 - g_1 * b_1 - g_2 * b_2, b_1, b_2
         step.x_0 += p_00 * r_0 + p_01 * r_1 + p_02 * r_2
@@ -166,8 +187,8 @@ def cut_normal(low, high):
 
 @kernel
 def replace_readings(bounds, work, spread, seen, variance):
-    """Move the normal distributions that stand for readings (seen: (n,), rad above the reading; variance: (n,)) to what
-    bounds do to smoothed angles (work, spread)."""
+    """Move the normal distributions that stand for readings (seen: (n,), rad above the reading;
+    variance: (n,)) to what bounds do to smoothed angles (work, spread)."""
     half, noise = bounds.half, bounds.noise * bounds.noise
     flat = FLAT / (half * half)
     for k in range(len(seen)):
@@ -177,8 +198,11 @@ def replace_readings(bounds, work, spread, seen, variance):
         own, precision = 1.0 / variance[k], 1.0 / spread[k]
         others = precision - own  # as all other readings tell the angle
         known = others > flat
-        mean = ((work[k].x_0 - bounds.read[k]) * precision - seen[k] * own) / others if known else 0.0
-        before = 1.0 / (1.0 / (others if known else flat) + noise)  # as they tell the angle that is rounded
+        mean = (
+            ((work[k].x_0 - bounds.read[k]) * precision - seen[k] * own) / others if known else 0.0
+        )
+        # as they tell the angle that is rounded
+        before = 1.0 / (1.0 / (others if known else flat) + noise)
         sd = 1.0 / math.sqrt(before)
         z, v = cut_normal((-half - mean) / sd, (half - mean) / sd)
         new, at = before * (1.0 / v - 1.0), (mean + sd * z) * before / v - mean * before
@@ -192,8 +216,8 @@ def replace_readings(bounds, work, spread, seen, variance):
 
 
 def on_counts(read: Array, count: float) -> Array | None:
-    """Return readings (n,), rad, exactly a count, rad, apart or several (a log may have few digits); None where they
-    are not rounded to it."""
+    """Return readings (n,), rad, exactly a count, rad, apart or several (a log may have few
+    digits); None where they are not rounded to it."""
     if not 0.0 < count < math.inf:
         return None
     mean = complex(np.mean(np.exp(2j * math.pi / count * read)))
@@ -204,11 +228,17 @@ def on_counts(read: Array, count: float) -> Array | None:
 
 
 def within_readings(read: Array, count: float, known: KnownMotion, q: float) -> NDArray[np.void]:
-    """Return the smoothed motion, (n,) of STEP, of a rotor whose readings (n,), rad, are rounded to a count, rad.
+    """Return the smoothed motion, (n,) of STEP, of a rotor whose readings (n,), rad, are rounded to
+    a count, rad.
 
-    Readings that are not (a log that interpolates them), and those whose bounds lead to nothing finite, count as noisy.
+    Readings that are not (a log that interpolates them), and those whose bounds lead to nothing
+    finite, count as noisy.
     """
-    work, spread, variance = np.empty(len(read), STEP), np.empty(len(read)), np.full(len(read), known.variance)
+    work, spread, variance = (
+        np.empty(len(read), STEP),
+        np.empty(len(read)),
+        np.full(len(read), known.variance),
+    )
     filtered(read, variance, known, q, work)
     smoothed(work, variance, known.period, spread)
     rounded, best = on_counts(read, count), work.copy()
@@ -228,12 +258,13 @@ def within_readings(read: Array, count: float, known: KnownMotion, q: float) -> 
 
 
 def bounds_of(read: Array, count: float) -> Bounds:
-    """Return what readings (n,) bound, by how they scatter about a parabola through their neighbours: a motion that no
-    torque is needed for."""
+    """Return what readings (n,) bound, by how they scatter about a parabola through their
+    neighbours: a motion that no torque is needed for."""
     stray, more = np.zeros(len(read), dtype=bool), 0.0
     if len(read) > AROUND:
         away = (read - savgol_filter(read, AROUND, 2)) / count
         stray = np.abs(away) > STRAY
-        own = 1.0 - savgol_coeffs(AROUND, 2)[AROUND // 2]  # of a reading's variance that its parabola leaves
+        # of a reading's variance that its parabola leaves
+        own = 1.0 - savgol_coeffs(AROUND, 2)[AROUND // 2]
         more = float(np.mean(away[~stray] ** 2)) / own - 1.0 / 12.0 if not stray.all() else 0.0
     return Bounds(read, stray, 0.5 * count, count * math.sqrt(SOFT**2 + max(0.0, more)))

@@ -1,9 +1,10 @@
-"""Which parameter sets run side by side: few lanes stay idle, and no set pays for many effects of its neighbours.
+"""Which parameter sets run side by side: few lanes stay idle, and no set pays for many effects of
+its neighbours.
 
-All lanes of a block walk through what any of them needs, so sets that need much run apart from those that need little.
-A block's time is estimated as a constant and a part for every VECTOR lanes, both larger for each kind of effect that it
-needs; groups of sets with equal needs are joined as long as that saves time.  Estimates decide what is fast, nothing
-else.
+All lanes of a block walk through what any of them needs, so sets that need much run apart from
+those that need little. A block's time is estimated as a constant and a part for every VECTOR lanes,
+both larger for each kind of effect that it needs; groups of sets with equal needs are joined as
+long as that saves time.  Estimates decide what is fast, nothing else.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from itertools import combinations
 
 from sandbox.plant import additions as add
 
-ROOMS = (1, 8, 24)  # lanes that a block may have: one set, some, many; each size is compiled for itself, in 10 to 20 s
+# lanes that a block may have: one set, some, many; each size is compiled for itself, in 10 to 20 s
+ROOMS = (1, 8, 24)
 VECTOR = 8
 SAMPLED = 1 << 20  # beside the plant's own bits: samples that are not taken as a pattern begins
 ALONE = 0.7  # of a VECTOR's time: a block of one lane; measured 0.44 (iron loss) to 0.79 (bare)
@@ -44,14 +46,16 @@ def room_of(sets: int) -> int:
 
 
 def cost(needs: int, sets: int) -> float:
-    """Return about how long (ns) a period of a block of so many sets takes that need these effects together."""
+    """Return about how long (ns) a period of a block of so many sets takes that need these effects
+    together."""
     vectors = max(ALONE, room_of(sets) / VECTOR)
     own = [BARE, *(c for bit, c in COSTS.items() if needs & bit)]
     return sum(constant + each * vectors for constant, each in own)
 
 
 def grouped(needs: Sequence[int], common: int | None = None) -> list[list[int]]:
-    """Return the places of sets with these needs, block by block; common: needs of a set that every block holds, too.
+    """Return the places of sets with these needs, block by block; common: needs of a set that every
+    block holds, too.
 
     Begins with sets of equal needs and joins the two groups that save most, until none do.
     """
@@ -60,10 +64,15 @@ def grouped(needs: Sequence[int], common: int | None = None) -> list[list[int]]:
     equal: dict[int, list[int]] = {}
     for k, need in enumerate(needs):
         equal.setdefault(need | always, []).append(k)
-    groups = [(need, own[k : k + most]) for need, own in equal.items() for k in range(0, len(own), most)]
+    groups = [
+        (need, own[k : k + most]) for need, own in equal.items() for k in range(0, len(own), most)
+    ]
     while len(groups) > 1:
         saved, (i, j) = max(
-            ((_saved(groups[i], groups[j], beside), (i, j)) for i, j in combinations(range(len(groups)), 2)),
+            (
+                (_saved(groups[i], groups[j], beside), (i, j))
+                for i, j in combinations(range(len(groups)), 2)
+            ),
             key=lambda x: x[0],
         )
         if saved <= 0.0:
@@ -74,7 +83,8 @@ def grouped(needs: Sequence[int], common: int | None = None) -> list[list[int]]:
 
 
 def _saved(one: tuple[int, list[int]], other: tuple[int, list[int]], beside: int) -> float:
-    """Return the time that two groups save in one block; negative where they are too many for it, or cost more."""
+    """Return the time that two groups save in one block; negative where they are too many for it,
+    or cost more."""
     sets = len(one[1]) + len(other[1])
     if sets + beside > ROOMS[-1]:
         return -1.0

@@ -1,4 +1,5 @@
-"""What a recording gives to every parameter set alike: pulses, edges, the rotor's motion, the motion filter's gains."""
+"""What a recording gives to every parameter set alike: pulses, edges, the rotor's motion, the
+motion filter's gains."""
 
 from __future__ import annotations
 
@@ -23,12 +24,21 @@ from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.rows.commands import every_period
 from sandbox.replay.kernel import TRACK
-from sandbox.replay.smoothing import GAINS, Motion, driven_motion, free_motion, locked_motion, motion_gains
+from sandbox.replay.smoothing import (
+    GAINS,
+    Motion,
+    driven_motion,
+    free_motion,
+    locked_motion,
+    motion_gains,
+)
 
 Array = NDArray[np.float64]
 LOAD_SHARE = 0.01  # where [background] is silent
 SENSOR_STEPS = (
-    4  # of a fixed-point iteration on the linear inverse of the sensors: exact after one where they are linear
+    # of a fixed-point iteration on the linear inverse of the sensors: exact after one where they
+    # are linear
+    4
 )
 AT_REST = 0.05  # of rated current: a first reading below is a start without current
 LEGS = np.array([[1.0, 0.0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
@@ -50,7 +60,8 @@ class Inputs:
     of: str = ""  # file of the recording that this one is a part of, or its own
     first: int = 0  # samples from that recording's beginning to the first one here
     held: int = 1  # PWM periods a sample: more than one in a slow log
-    settling: Inputs | None = None  # of the samples before: states settle in them, they are no part of the residual
+    # of the samples before: states settle in them, they are no part of the residual
+    settling: Inputs | None = None
     zero: float = 0.0  # rad: standard deviation of the angle's zero, of one that was made
 
     @property
@@ -60,7 +71,8 @@ class Inputs:
 
     @property
     def angle_name(self) -> str:
-        """Name of the angle that it is turned by, a file: parts of a locked recording stand at the same one."""
+        """Name of the angle that it is turned by, a file: parts of a locked recording stand at the
+        same one."""
         return (self.of or self.file) if self.rotor == "locked" else self.file
 
     @property
@@ -69,12 +81,15 @@ class Inputs:
         return np.asarray(self.track["read"][:: self.held])
 
     def mean_duty(self) -> Array:
-        """Return the vector (n, 2) of the duties commanded, mean from row to row: mean voltage over the link's."""
+        """Return the vector (n, 2) of the duties commanded, mean from row to row: mean voltage over
+        the link's."""
         return np.asarray((2.0 / 3.0) * self.duty() @ LEGS)
 
     def duty(self) -> Array:
         """Return the legs' duties (n, 3), mean from row to row."""
-        return np.stack([self.track[f"d_{x}"].reshape(-1, self.held).mean(axis=1) for x in "abc"], axis=1)
+        return np.stack(
+            [self.track[f"d_{x}"].reshape(-1, self.held).mean(axis=1) for x in "abc"], axis=1
+        )
 
     def cut(self, first: int, last: int) -> Inputs:
         """Return samples first to last - 1, that start from the current read there."""
@@ -92,8 +107,8 @@ class Inputs:
         )
 
     def turned(self, shift: float, period: float) -> Inputs:
-        """Return the same with the motion turned by an angle (rad, electrical), also where states settle; period: s
-        from row to row."""
+        """Return the same with the motion turned by an angle (rad, electrical), also where states
+        settle; period: s from row to row."""
         motion = replace(self.motion, angle=self.motion.angle + shift)
         fine = motion.finer(self.held, period)
         track = with_columns(self.track, course_of(fine, self.pole_pairs, period / self.held))
@@ -101,7 +116,8 @@ class Inputs:
         return replace(self, motion=motion, track=track, settling=settling)
 
     def encoder(self, batch: Any, first: int = 0, last: int | None = None) -> Array:
-        """Return the encoder's reading (n, lanes) that a batch predicts for a driven rotor, samples first to last."""
+        """Return the encoder's reading (n, lanes) that a batch predicts for a driven rotor, samples
+        first to last."""
         x = self.motion.angle[first:last]
         out = np.repeat(x[:, None], len(batch["offset"]), axis=1)
         if not self.motion.eccentric:
@@ -111,7 +127,8 @@ class Inputs:
 
 @kernel
 def readings_off(w, turn, out):
-    """Add to readings (n, lanes) of the angle what the port `angle` says at mechanical angles turn (n,) (rad)."""
+    """Add to readings (n, lanes) of the angle what the port `angle` says at mechanical angles turn
+    (n,) (rad)."""
     for k in range(len(turn)):
         for j in range(w.psi_alpha.size):
             out[k, j] += ports.angle(w, j, turn[k], w.pairs[j])
@@ -126,7 +143,8 @@ def with_columns(track: Any, columns: Mapping[str, Array]) -> Any:
 
 
 def course_of(motion: Motion, pole_pairs: float, period: float) -> dict[str, Array]:
-    """Return the columns of a track that a motion gives: a cubic through angles and speeds of both samples."""
+    """Return the columns of a track that a motion gives: a cubic through angles and speeds of both
+    samples."""
     a, v = motion.angle, motion.speed
     b, w = np.append(a[1:], a[-1] + period * v[-1]), np.append(v[1:], v[-1])
     middle = 0.5 * (a + b) + 0.125 * period * (v - w)
@@ -146,12 +164,13 @@ def course_of(motion: Motion, pole_pairs: float, period: float) -> dict[str, Arr
 
 
 def noise_floor(converter: Converter) -> float:
-    """Return the rms (A) of one current reading about its true value: noise and counts; BadInput where neither is
-    stated."""
+    """Return the rms (A) of one current reading about its true value: noise and counts; BadInput
+    where neither is stated."""
     floor = math.hypot(converter.current_noise, converter.current_resolution / math.sqrt(12.0))
     if floor <= 0.0:
         raise BadInput(
-            "[drive] current_noise and current_resolution are both 0, so no residual can be judged; give at least one"
+            "[drive] current_noise and current_resolution are both 0, so no residual can "
+            "be judged; give at least one"
         )
     return floor
 
@@ -170,8 +189,13 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
     period, n = converter.sampling_period, len(r.t)
     if np.any(r.u_dc <= 0.0):
         k = int(np.argmax(r.u_dc <= 0.0))
-        raise BadInput(f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V; duties need a positive link voltage")
-    count = math.tau * motor.pole_pairs / converter.encoder_counts if converter.encoder_counts else 1e-4
+        raise BadInput(
+            f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V; duties need a "
+            "positive link voltage"
+        )
+    count = (
+        math.tau * motor.pole_pairs / converter.encoder_counts if converter.encoder_counts else 1e-4
+    )
     count = r.made.count if r.made is not None and r.made.count else count
     variance = max(count, 1e-9) ** 2 / 12.0
     load = np.array(r.columns.get("load_torque", np.zeros(n)), dtype=float)
@@ -180,11 +204,15 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
     if r.rotor == "free":
         torque_error, rate = torque_noise(motor, converter), motor.pole_pairs / motor.inertia
         start = (count / period) ** 2
-        gains = motion_gains(load, rate, period, variance, torque_error**2, load_share(campaign), start)
+        gains = motion_gains(
+            load, rate, period, variance, torque_error**2, load_share(campaign), start
+        )
     held = converter.periods_a_row
     fine = motion.finer(held, period)
     u_alpha, u_beta, u_dc = every_period(r, converter, fine.angle)
-    duty = np.ascontiguousarray(counted(legs_of(u_alpha, u_beta, u_dc, converter), converter.pwm_counts).T)
+    duty = np.ascontiguousarray(
+        counted(legs_of(u_alpha, u_beta, u_dc, converter), converter.pwm_counts).T
+    )
     columns = {f"d_{x}": d for x, d in zip("abc", duty, strict=True)}
     columns |= course_of(fine, motor.pole_pairs, converter.update_period)
     half = 1.0 - 2.0 * (np.arange(n) % 2) if converter.double else np.zeros(n * held)
@@ -214,23 +242,29 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
 
 
 def link_of(r: CampaignRecording, converter: Converter, u_dc: Array) -> Array:
-    """Return the link's voltage over [drive]'s nominal one, mean over the period from each reading u_dc (V) on (n,).
+    """Return the link's voltage over [drive]'s nominal one, mean over the period from each reading
+    u_dc (V) on (n,).
 
-    A `measured` link goes straight from reading to reading; a steady one is what the recording says it is.
+    A `measured` link goes straight from reading to reading; a steady one is what the recording says
+    it is.
     """
     if converter.dc_link == "measured":
         after = np.append(u_dc[1:], u_dc[-1])
         return np.asarray(0.5 * (u_dc + after) / converter.dc_bus_voltage)
-    return np.full(len(u_dc), (r.dc_bus_voltage or converter.dc_bus_voltage) / converter.dc_bus_voltage)
+    return np.full(
+        len(u_dc), (r.dc_bus_voltage or converter.dc_bus_voltage) / converter.dc_bus_voltage
+    )
 
 
 def counted(duty: Array, counts: int | None) -> Array:
-    """Return duties as a PWM counter of so many counts in half a period has them (None: no rounding known)."""
+    """Return duties as a PWM counter of so many counts in half a period has them (None: no rounding
+    known)."""
     return duty if counts is None else np.round(duty * counts) / counts
 
 
 def load_share(campaign: Campaign) -> float:
-    """Return the standard deviation of the load machine's torque, a share of what was asked, sample by sample."""
+    """Return the standard deviation of the load machine's torque, a share of what was asked, sample
+    by sample."""
     return campaign.background.get("load_torque_gain", LOAD_SHARE)
 
 
@@ -241,7 +275,8 @@ def torque_noise(motor: Motor, converter: Converter) -> float:
 
 
 def legs_of(u_alpha: Array, u_beta: Array, u_dc: Array, converter: Converter) -> Array:
-    """Return the legs' duties (n, 3) of commands (n,) in V as the drive that made a recording modulates."""
+    """Return the legs' duties (n, 3) of commands (n,) in V as the drive that made a recording
+    modulates."""
     how = modulation_of(converter)
     if is_plain(how):
         return duties(u_alpha, u_beta, u_dc)
@@ -249,17 +284,23 @@ def legs_of(u_alpha: Array, u_beta: Array, u_dc: Array, converter: Converter) ->
 
 
 def duties(u_alpha: Array, u_beta: Array, u_dc: Array) -> Array:
-    """Return the legs' duties (n, 3): commanded phase voltages centred, limited to what legs can do."""
+    """Return the legs' duties (n, 3): commanded phase voltages centred, limited to what legs can
+    do."""
     legs = np.stack([u_alpha, u_beta], axis=1) @ LEGS.T
     middle = 0.5 * (legs.max(axis=1) + legs.min(axis=1))
     return np.asarray(np.clip(0.5 + (legs - middle[:, None]) / u_dc[:, None], 0.0, 1.0))
 
 
-def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float], load: Array, count: float) -> Motion:
+def _motion(
+    campaign: Campaign, r: CampaignRecording, base: Mapping[str, float], load: Array, count: float
+) -> Motion:
     motor, converter = campaign.drive.motor, campaign.drive.converter
     if r.rotor == "locked":
         if np.ptp(r.theta) > 4.0 * count:
-            raise BadInput(f"{r.file}: rotor = 'locked', but theta moves by {np.ptp(r.theta):.3g} rad; correct 'rotor'")
+            raise BadInput(
+                f"{r.file}: rotor = 'locked', but theta moves by {np.ptp(r.theta):.3g} "
+                "rad; correct 'rotor'"
+            )
         return locked_motion(r.theta)
     if r.rotor == "driven":
         return driven_motion(r.theta, motor.pole_pairs, converter.sampling_period, count)
@@ -280,7 +321,11 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
         mean = 0.5 * (net + np.append(net[1:], net[-1]))
         swung = swinging(batch, net, taken, period) if features & additions.TWIST else 0.0
         acceleration = pairs * ((mean - taken) / m.inertia + swung)
-        noise = pairs / m.inertia * np.hypot(torque_noise(motor, converter), load_share(campaign) * load)
+        noise = (
+            pairs
+            / m.inertia
+            * np.hypot(torque_noise(motor, converter), load_share(campaign) * load)
+        )
         motion = free_motion(r.theta, acceleration, period, count, noise)
         angle, speed = motion.angle, motion.speed
     return motion
@@ -312,17 +357,25 @@ def _one_reading(batch: Any, phases: Array) -> Array:
 
 @kernel
 def readings(w, phases, out):
-    """Write what the first lane's sensors make of phase currents (n, 3), A, the common offset apart, to out (n, 3)."""
+    """Write what the first lane's sensors make of phase currents (n, 3), A, the common offset
+    apart, to out (n, 3)."""
     for k in range(len(phases)):
-        out[k, 0], out[k, 1], out[k, 2] = ports.reading(w, 0, phases[k, 0], phases[k, 1], phases[k, 2])
+        out[k, 0], out[k, 1], out[k, 2] = ports.reading(
+            w, 0, phases[k, 0], phases[k, 1], phases[k, 2]
+        )
 
 
 @kernel
 def of_shaft(w, turn, omega):
-    """Return what friction and torques bound to position give the rotor (n,), N m; of the batch's first lane."""
+    """Return what friction and torques bound to position give the rotor (n,), N m; of the batch's
+    first lane."""
     out = np.empty(len(turn))
     for k in range(len(turn)):
-        out[k] = ports.torque(w, 0, turn[k], omega[k]) - ports.friction(w, 0, omega[k]) - ports.load(w, 0, omega[k])
+        out[k] = (
+            ports.torque(w, 0, turn[k], omega[k])
+            - ports.friction(w, 0, omega[k])
+            - ports.load(w, 0, omega[k])
+        )
         for m in range(w.more_torque):
             out[k] += ports.further_torque(w, m, 0, turn[k], omega[k])
     return out
@@ -330,8 +383,9 @@ def of_shaft(w, turn, omega):
 
 @kernel
 def swinging(w, net, taken, period):
-    """Return what a compliant shaft adds to the motor's acceleration, mean over the interval from each sample on, (n,)
-    in rad/s^2 mechanical, from rest: the load's share of the slip's change; the load's torque is constant in it."""
+    """Return what a compliant shaft adds to the motor's acceleration, mean over the interval from
+    each sample on, (n,) in rad/s^2 mechanical, from rest: the load's share of the slip's change;
+    the load's torque is constant in it."""
     out = np.zeros(len(net))
     w.twist[0] = w.slip[0] = 0.0
     for k in range(len(net)):

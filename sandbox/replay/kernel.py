@@ -1,4 +1,5 @@
-"""One recording through a batch of parameter sets: sample, period, sample, ... (see `sandbox.replay.replay`)."""
+"""One recording through a batch of parameter sets: sample, period, sample, ... (see
+`sandbox.replay.replay`)."""
 
 from __future__ import annotations
 
@@ -43,8 +44,8 @@ TRACK = np.dtype(
 
 
 class Rows(NamedTuple):
-    """Periods start to stop - 1 of a track, of which each held-th begins a row of the log; begins: periods from the
-    recording's beginning to the first one of the track."""
+    """Periods start to stop - 1 of a track, of which each held-th begins a row of the log; begins:
+    periods from the recording's beginning to the first one of the track."""
 
     held: int
     begins: int
@@ -73,8 +74,8 @@ def write_some(w, out, row, first, early):
 
 @kernel
 def correct(w, track, k, moved, row, first):
-    """Write the innovation of the encoder's reading over its standard deviation to a row of `moved`, and correct the
-    motion with it."""
+    """Write the innovation of the encoder's reading over its standard deviation to a row of
+    `moved`, and correct the motion with it."""
     for j in range(w.psi_alpha.size):
         seen = track[k].read - w.offset[j] - w.deviation[j]
         if k == 0:
@@ -89,7 +90,8 @@ def correct(w, track, k, moved, row, first):
 def pull(w, period):
     """Write the mean torque of a period of a free rotor (N m).
 
-    The pattern's last part, as long as its delay, lies after the next sample: its torque belongs to the next period.
+    The pattern's last part, as long as its delay, lies after the next sample: its torque belongs to
+    the next period.
     """
     for j in range(w.psi_alpha.size):
         tail = w.torque[j]
@@ -99,7 +101,8 @@ def pull(w, period):
 
 @kernel
 def predict(w, features, track, k, period):
-    """Move a free rotor on by a period under its mean torque; friction at the motion smoothed for all sets."""
+    """Move a free rotor on by a period under its mean torque; friction at the motion smoothed for
+    all sets."""
     for j in range(w.psi_alpha.size):
         w.turn[j] = track[k].middle_turn - (w.offset[j] + w.deviation[j]) / w.pairs[j]
         w.omega[j] = track[k].middle_omega
@@ -117,8 +120,8 @@ def deviate_at_start(w, track):
 
 @kernel
 def turn(w, timing, features, track, rows, eccentric, torque, moved):
-    """Move free rotors alone through some periods, all under one mean torque (n,) in N m of each period; innovations
-    as `run` writes them."""
+    """Move free rotors alone through some periods, all under one mean torque (n,) in N m of each
+    period; innovations as `run` writes them."""
     n, held, start, stop = len(track), rows.held, rows.start, rows.stop
     wobbling = features & add.WOBBLE != 0 and eccentric
     if start == 0 and wobbling:
@@ -137,14 +140,31 @@ def turn(w, timing, features, track, rows, eccentric, torque, moved):
 
 
 @kernel
-def run(w, flux_map, timing, features, room, track, rows, eccentric, supply, span, out, moved, torque, first):
+def run(
+    w,
+    flux_map,
+    timing,
+    features,
+    room,
+    track,
+    rows,
+    eccentric,
+    supply,
+    span,
+    out,
+    moved,
+    torque,
+    first,
+):
     """Replay some PWM periods of one recording; return what `span` is to be for those after them.
 
-    Readings (A) of row k of the log go to out[k - first row, 0:3, first:first + lanes], a free rotor's innovations to
-    moved[k - first row, first:] and the first lane's mean torque (N m) to torque[period], where features say MOTION.  w
-    starts with fluxes and currents of the first sample, room
-    fresh, span at 0; all three are handed on from stretch to stretch.  Lanes that sample before the pattern's start
-    write one row ahead: `out` has a row for period `stop`, unless there is none.  track: (n,) of TRACK; rows: `Rows`;
+    Readings (A) of row k of the log go to out[k - first row, 0:3, first:first + lanes], a free
+    rotor's innovations to moved[k - first row, first:] and the first lane's mean torque (N m) to
+    torque[period], where features say MOTION.  w starts with fluxes and currents of the first
+    sample, room fresh, span at 0; all three are handed on from stretch to stretch.  Lanes that
+    sample before the pattern's start write one row ahead: `out` has a row for period `stop`, unless
+    there is none.  track: (n,) of
+    TRACK; rows: `Rows`;
     eccentric: the angle handed in still holds what encoders are off; supply: w.supply as it began.
     """
     n, lanes, period = len(track), w.psi_alpha.size, timing.period
@@ -175,7 +195,18 @@ def run(w, flux_map, timing, features, room, track, rows, eccentric, supply, spa
         trajectory = RotorTrajectory(
             row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, STILL
         )
-        span = travel(w, flux_map, timing, features, room, trajectory, (begins + k) * period, span, looks, seen)
+        span = travel(
+            w,
+            flux_map,
+            timing,
+            features,
+            room,
+            trajectory,
+            (begins + k) * period,
+            span,
+            looks,
+            seen,
+        )
         read(w)
         if shown and timing.first >= 0.0:
             write(w, out, own, first)

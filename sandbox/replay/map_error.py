@@ -1,13 +1,15 @@
 """What a motor's flux map may be off by, and how readings answer to it.
 
-An energy dH that is added to the map's own changes the current at the same flux by its gradient; what that current
-drops moves the flux.  To first order, along the path that the map itself predicts,
+An energy dH that is added to the map's own changes the current at the same flux by its gradient;
+what that current drops moves the flux.  To first order, along the path that the map itself
+predicts,
 
     di = grad dH(psi) + Gamma dpsi,   d(dpsi)/dt = -D di,
 
-D what a change of the current drops: windings, legs, all that acts.  D is the plant's own (`transitions`), so a
-column of the equations costs a few operations a sample beside three lanes of the plant for all of them.  A free rotor's
-motion is taken as it is read: that a map's error also turns it has no column.
+D what a change of the current drops: windings, legs, all that acts.  D is the plant's own
+(`transitions`), so a column of the equations costs a few operations a sample beside three lanes of
+the plant for all of them.  A free rotor's motion is taken as it is read: that a map's error also
+turns it has no column.
 Checked against replays with the energy added (tests/sandbox/replay).
 """
 
@@ -45,7 +47,11 @@ def with_map_error(prepared: Prepared, error: MapError) -> Prepared:
     drive = prepared.campaign.drive
     assert isinstance(drive.motor, MappedMotor)
     motor = replace(drive.motor, spline=error.energy())
-    return replace(prepared, campaign=replace(prepared.campaign, drive=replace(drive, motor=motor)), map_error=error)
+    return replace(
+        prepared,
+        campaign=replace(prepared.campaign, drive=replace(drive, motor=motor)),
+        map_error=error,
+    )
 
 
 def rotor_currents(read: Array, theta: Array) -> Array:
@@ -82,15 +88,16 @@ class Answers:
 
 @kernel
 def answered(m, modes, cells, moves, how, state):
-    """Return three phases (n, 3, k) in A that energies on cells (k, n_d, n_q, 5, 5) add where `moves` go
-    (`Transitions`).
+    """Return three phases (n, 3, k) in A that energies on cells (k, n_d, n_q, 5, 5) add where
+    `moves` go (`Transitions`).
 
-    At a constant current an energy moves the flux by -L grad dH, L the incremental inductances: towards that it goes
-    from sample to sample, as the plant lets a change of the flux decay.  The flux itself goes straight there: gradients
-    and inverse inductances are means over that way, by Simpson's rule, since ripple crosses cells.
-    how: whether a stretch goes on from `state`; if not, whether it begins at a constant current (as read, or settled),
-    not at a constant flux.  state (k + 4, 2): flux that each energy has moved, the last sample's flux, angle,
-    and transition; written at the end.
+    At a constant current an energy moves the flux by -L grad dH, L the incremental inductances:
+    towards that it goes from sample to sample, as the plant lets a change of the flux decay.  The
+    flux itself goes straight there: gradients and inverse inductances are means over that way, by
+    Simpson's rule, since ripple crosses cells.
+    how: whether a stretch goes on from `state`; if not, whether it begins at a constant current (as
+    read, or settled), not at a constant flux.  state (k + 4, 2): flux that each energy has moved,
+    the last sample's flux, angle, and transition; written at the end.
     """
     n, count = len(moves.flux), len(modes)
     begun, rests = how
@@ -126,7 +133,11 @@ def answered(m, modes, cells, moves, how, state):
         else:
             gradient_at(modes, cells, d, q, own)
         g_dd, g_dq, g_qq = hessian(m, d, q)
-        co, si, inverse = math.cos(moves.theta[k]), math.sin(moves.theta[k]), 1.0 / (g_dd * g_qq - g_dq * g_dq)
+        co, si, inverse = (
+            math.cos(moves.theta[k]),
+            math.sin(moves.theta[k]),
+            1.0 / (g_dd * g_qq - g_dq * g_dq),
+        )
         for i in range(count):
             x = inverse * (g_qq * own[i, 0] - g_dq * own[i, 1])
             y = inverse * (g_dd * own[i, 1] - g_dq * own[i, 0])
@@ -144,8 +155,8 @@ def answered(m, modes, cells, moves, how, state):
 
 @kernel
 def gradients(m, modes, cells, current):
-    """Return the currents (n, k, 2) in A of energies on cells (k, n_d, n_q, 5, 5) at the fluxes that a map m has for
-    currents (n, 2)."""
+    """Return the currents (n, k, 2) in A of energies on cells (k, n_d, n_q, 5, 5) at the fluxes
+    that a map m has for currents (n, 2)."""
     n = len(current)
     out = np.empty((n, len(modes), 2))
     d = q = 0.0
@@ -160,4 +171,6 @@ def gradient_at(modes, cells, d, q, out):
     """Write the currents (k, 2) in A of energies on cells at one flux (Wb)."""
     low_d, low_q, per_d, per_q = cells
     for j in range(len(modes)):
-        out[j, 0], out[j, 1] = currents(SplineEnergy(modes[j], low_d, low_q, per_d, per_q, 0.0, 0.0), d, q)
+        out[j, 0], out[j, 1] = currents(
+            SplineEnergy(modes[j], low_d, low_q, per_d, per_q, 0.0, 0.0), d, q
+        )

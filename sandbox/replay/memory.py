@@ -1,8 +1,9 @@
 """How much memory a diagnosis may take, and slopes that do not fit into it: they wait in a file.
 
-Of what grows with a campaign, most are slopes, one number for every reading and coordinate.  Where they are more than a
-share of what the limit leaves, they are written to a temporary file that has no name and goes with the process, and are
-read block by block.  Answers are the same to the bit either way.
+Of what grows with a campaign, most are slopes, one number for every reading and coordinate.  Where
+they are more than a share of what the limit leaves, they are written to a temporary file that has
+no name and goes with the process, and are read block by block.  Answers are the same to the bit
+either way.
 """
 
 from __future__ import annotations
@@ -25,9 +26,12 @@ Array = NDArray[np.float64]
 GIGA = 1e9
 USUAL = 8.0  # GB: what a diagnosis may take if nothing is said
 OWN = 0.6e9  # bytes of the program, its libraries and compiled kernels
-SAMPLE = 700.0  # bytes a sample takes that stands as long as a diagnosis: readings, commands, motion, one replay
+# bytes a sample takes that stands as long as a diagnosis: readings, commands, motion, one replay
+SAMPLE = 700.0
 LEAST = 0.1e9  # bytes that there must be to work in
-SHARE = 0.25  # of what is left, for the slopes of one point: those of two may be kept, and two more are being made
+# of what is left, for the slopes of one point: those of two may be kept, and two more are being
+# made
+SHARE = 0.25
 FULL = "give --memory more, or TMPDIR a folder with more room"
 
 
@@ -43,20 +47,22 @@ def spare(gigabytes: float, samples: int) -> float:
     if left < LEAST:
         least = math.ceil((needed + LEAST) / GIGA * 10.0) / 10.0
         raise BadInput(
-            f"--memory {gigabytes:g} GB is too little for a campaign of {samples} samples; give {least:g} or more, "
-            "or shorter recordings"
+            f"--memory {gigabytes:g} GB is too little for a campaign of {samples} samples; give "
+            f"{least:g} or more, or shorter recordings"
         )
     return left
 
 
 def spill_folder() -> str:
-    """Return where large temporary files go: TMPDIR, else /var/tmp, since /tmp may itself be memory."""
+    """Return where large temporary files go: TMPDIR, else /var/tmp, since /tmp may itself be
+    memory."""
     stated = os.environ.get("TMPDIR")
     return stated or ("/var/tmp" if os.access("/var/tmp", os.W_OK) else tempfile.gettempdir())
 
 
 class Spill:
-    """A temporary file of so many bytes of numbers, without a name; closed when nobody reads it any more."""
+    """A temporary file of so many bytes of numbers, without a name; closed when nobody reads it any
+    more."""
 
     def __init__(self, size: float) -> None:
         """Open it where there is room; BadInput where there is none."""
@@ -68,7 +74,9 @@ class Spill:
                 raise BadInput(f"{need}, where {free / GIGA:.1f} GB are free; {FULL}")
             self.file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 (it outlives this call)
         except OSError as problem:
-            raise BadInput(f"slopes do not fit into memory, nor can a file hold them ({problem}); {FULL}") from None
+            raise BadInput(
+                f"slopes do not fit into memory, nor can a file hold them ({problem}); {FULL}"
+            ) from None
         weakref.finalize(self, self.file.close)
 
     def write(self, at: int, values: Array) -> None:
@@ -80,7 +88,9 @@ class Spill:
                 while data:
                     data = data[self.file.write(data) :]
         except OSError as problem:
-            raise BadInput(f"slopes do not fit into memory, nor can a file hold them ({problem}); {FULL}") from None
+            raise BadInput(
+                f"slopes do not fit into memory, nor can a file hold them ({problem}); {FULL}"
+            ) from None
 
     def read(self, at: int, shape: tuple[int, int]) -> Array:
         """Return numbers from a place (bytes) on."""
@@ -110,7 +120,8 @@ def choose(rows, columns, scale, out):
 
 @dataclass(frozen=True)
 class Kept:
-    """Slopes (rows, columns) in a file, of which some columns count, scaled: sliced like an array (rows, q)."""
+    """Slopes (rows, columns) in a file, of which some columns count, scaled: sliced like an array
+    (rows, q)."""
 
     spill: Spill
     at: int

@@ -1,16 +1,18 @@
-"""Motion at imposed speed behind an encoder's counts: straight ramps of speed from corner to corner.
+"""Motion at imposed speed behind an encoder's counts: straight ramps of speed from corner to
+corner.
 
 With h = max(0, t - g) behind a corner at g, the angle is
 
     theta = theta_0 + omega_0 t + a_0 t^2 / 2 + sum d h^2 / 2,   d theta / d g = -d h,
 
-d the step of acceleration there.  An eccentric encoder adds a sine of the mechanical angle.  Angles, steps and places
-are found together (Gauss-Newton); the number of corners is the one of least
+d the step of acceleration there.  An eccentric encoder adds a sine of the mechanical angle.
+Angles, steps and places are found together (Gauss-Newton); the number of corners is the one of
+least
 
     n log(sum of squares) + 3 corners log n
 
-(the criterion for change points of Zhang and Siegmund, Biometrics 63 (2007) 22, its leading terms), n the readings that
-are independent: no more of them than counts passed.
+(the criterion for change points of Zhang and Siegmund, Biometrics 63 (2007) 22, its leading terms),
+n the readings that are independent: no more of them than counts passed.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 CORNERS = 8
 PLACES = 40  # a new corner is first sought at so many equal steps of the recording
-TOGETHER = 1e7  # numbers worked on at once there: a long recording's places are tried a few at a time
+# numbers worked on at once there: a long recording's places are tried a few at a time
+TOGETHER = 1e7
 APART = 2  # samples between corners, and between a corner and an end
 ITERATIONS = 30
 HALVINGS = 8
@@ -32,13 +35,15 @@ CONVERGED = 1e-6  # of the sum of squares: far below what a corner has to gain
 RANK = 1e-12  # of singular values
 WOBBLES = 2  # fits of the sine: each takes off its amplitude (rad mechanical) times what is left
 PENALTY = 3.0
-SCATTER = 3.0  # deviations of the mean square of n uniform errors, sqrt(0.8 / n) of its mean: no corner is sought below
+# deviations of the mean square of n uniform errors, sqrt(0.8 / n) of its mean: no corner is sought
+# below
+SCATTER = 3.0
 
 
 @dataclass(frozen=True)
 class Ramps:
-    """A fit: corners (shares of the recording), angle (n,) rad and speed (n,) rad a sample without the encoder's sine,
-    squares left over, the encoder's sine (n,)."""
+    """A fit: corners (shares of the recording), angle (n,) rad and speed (n,) rad a sample without
+    the encoder's sine, squares left over, the encoder's sine (n,)."""
 
     corners: Array
     angle: Array
@@ -49,8 +54,9 @@ class Ramps:
 
 @dataclass(frozen=True)
 class Reading:
-    """What is fitted: tau (n,) time over the whole length, theta (n,) rad, the mechanical angle (n,) that the sine goes
-    along (None: no sine is fitted), independent readings, least possible sum of squares."""
+    """What is fitted: tau (n,) time over the whole length, theta (n,) rad, the mechanical angle
+    (n,) that the sine goes along (None: no sine is fitted), independent readings, least possible
+    sum of squares."""
 
     tau: Array
     theta: Array
@@ -69,7 +75,8 @@ class Reading:
 
 
 def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
-    """Return the ramps behind readings theta (n,), rad electrical, equally spaced in time; count: rad, electrical.
+    """Return the ramps behind readings theta (n,), rad electrical, equally spaced in time; count:
+    rad, electrical.
 
     The speed is in radians per sample.
     """
@@ -96,7 +103,8 @@ def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
         if reading.criterion(least) >= reading.criterion(best):
             break
         best = least
-    for _ in range(WOBBLES if turns else 0):  # the sine is one of the motion itself, not of its reading
+    for _ in range(WOBBLES if turns else 0):
+        # the sine is one of the motion itself, not of its reading
         reading = replace(reading, mechanical=(theta - best.sine) / pole_pairs)
         best = refined(reading, best.corners)
     return best
@@ -134,7 +142,9 @@ def _linear(reading: Reading, corners: Array) -> tuple[Ramps, Array]:
     left = reading.theta - a[:, :own] @ x
     steps, n = x[3:m], len(reading.tau)
     squares, sine = float(left @ left), a[:, m:own] @ x[m:]
-    fitted = Ramps(corners, a[:, :m] @ x[:m], (x[1] + x[2] * reading.tau + h @ steps) / n, squares, sine)
+    fitted = Ramps(
+        corners, a[:, :m] @ x[:m], (x[1] + x[2] * reading.tau + h @ steps) / n, squares, sine
+    )
     if not len(corners):
         return fitted, np.empty(0)
     moved = np.linalg.lstsq(r, b, rcond=RANK)[0][own:]
@@ -142,7 +152,8 @@ def _linear(reading: Reading, corners: Array) -> tuple[Ramps, Array]:
 
 
 def inside(tau: Array, corners: Array) -> Array:
-    """Return the corners in order, a few samples from the ends and from each other; tau: (n,) times."""
+    """Return the corners in order, a few samples from the ends and from each other; tau: (n,)
+    times."""
     least = APART / len(tau)
     kept = np.sort(np.clip(corners, least, 1.0 - least))
     for k in range(1, len(kept)):
@@ -153,7 +164,13 @@ def inside(tau: Array, corners: Array) -> Array:
 def _next(reading: Reading, fitted: Ramps) -> float:
     """Return where one more corner would take most from the squares, others as they are."""
     h = np.maximum(0.0, reading.tau[:, None] - fitted.corners)
-    columns = [np.ones_like(reading.tau), reading.tau, 0.5 * reading.tau**2, *(0.5 * h**2).T, *(-h).T]
+    columns = [
+        np.ones_like(reading.tau),
+        reading.tau,
+        0.5 * reading.tau**2,
+        *(0.5 * h**2).T,
+        *(-h).T,
+    ]
     columns += reading.sine()
     basis = np.linalg.svd(np.column_stack(columns), full_matrices=False)[0]
     left = reading.theta - basis @ (basis.T @ reading.theta)
@@ -164,8 +181,8 @@ def _next(reading: Reading, fitted: Ramps) -> float:
 
 
 def _gain(tau: Array, left: Array, basis: Array, places: Array) -> Array:
-    """Return what one more corner at each of the places would take off the squares of what is left (n,); basis: of all
-    columns that are there."""
+    """Return what one more corner at each of the places would take off the squares of what is left
+    (n,); basis: of all columns that are there."""
     new = 0.5 * np.maximum(0.0, tau[:, None] - places) ** 2
     size = np.sum(new**2, axis=0)
     new -= basis @ (basis.T @ new)

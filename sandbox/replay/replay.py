@@ -1,17 +1,19 @@
 """Replay: a recorded campaign drives the plant, many parameter sets side by side.
 
-In: commanded voltages, the link voltage as read, and the rotor's motion behind the encoder (`smoothing`).
-Out: what the three current sensors would read at each sample and, for a free rotor, the innovations of the encoder's
-reading: predicted torque through the shaft's equations against the measured angle, one sample ahead.  All 27 effects
-act (`sandbox.plant`).  With the angle prescribed nothing feeds back, so predictions stay
-stable however wrong a set is, and each set costs the same.
+In: commanded voltages, the link voltage as read, and the rotor's motion behind the encoder
+(`smoothing`).
+Out: what the three current sensors would read at each sample and, for a free rotor, the innovations
+of the encoder's reading: predicted torque through the shaft's equations against the measured angle,
+one sample
+ahead.  All 27 effects act (`sandbox.plant`).  With the angle prescribed nothing feeds back, so
+predictions stay stable however wrong a set is, and each set costs the same.
 
     prepared = prepare(read_campaign(folder))
     prediction = replay(prepared, [{}, {"dead_time.time": 2e-6}])
     residual = residuals(prepared, prediction)
 
-Checked: against the switched bench effect by effect, and on recordings of a foreign bench with known effects (noise
-floor); tests/sandbox/replay/test_replay.py.
+Checked: against the switched bench effect by effect, and on recordings of a foreign bench with
+known effects (noise floor); tests/sandbox/replay/test_replay.py.
 """
 
 from __future__ import annotations
@@ -43,9 +45,11 @@ ACCURACY = 0.02  # of the noise floor: largest rms change on halving the plant's
 
 @dataclass(frozen=True)
 class Prepared:
-    """A campaign ready for replay: inputs of each recording, plant steps a sampling period, floors, base set.
+    """A campaign ready for replay: inputs of each recording, plant steps a sampling period, floors,
+    base set.
 
-    spare: bytes that a diagnosis may take beside what grows with the campaign anyway (`sandbox.replay.memory`);
+    spare: bytes that a diagnosis may take beside what grows with the campaign anyway
+    (`sandbox.replay.memory`);
     map_error: what the motor's flux map may be off by, and is taken to be off by here.
     """
 
@@ -64,14 +68,16 @@ class Prepared:
 
     @property
     def angles(self) -> list[str]:
-        """Names of the angles that recordings are turned by, one a recording (`Inputs.angle_name`)."""
+        """Names of the angles that recordings are turned by, one a recording
+        (`Inputs.angle_name`)."""
         return list(dict.fromkeys(r.angle_name for r in self.recordings))
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What sets predict, per recording: currents (n, 3, sets) in A; motion (n, sets), innovations in standard
-    deviations (free rotor, else None); angle (n, sets), the encoder's reading in rad (driven rotor, else None)."""
+    """What sets predict, per recording: currents (n, 3, sets) in A; motion (n, sets), innovations
+    in standard deviations (free rotor, else None); angle (n, sets), the encoder's reading in rad
+    (driven rotor, else None)."""
 
     currents: tuple[Array, ...]
     motion: tuple[Array | None, ...]
@@ -79,8 +85,8 @@ class Prediction:
 
 
 class Shown(NamedTuple):
-    """What a block predicts for a stretch: currents (m, 3, lanes) in A; innovations and encoder's readings (m, lanes)
-    as in `Prediction`, or None."""
+    """What a block predicts for a stretch: currents (m, 3, lanes) in A; innovations and encoder's
+    readings (m, lanes) as in `Prediction`, or None."""
 
     current: Array
     motion: Array | None
@@ -89,7 +95,8 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Residual:
-    """One recording's residuals over their noise floors: current (n, 3, sets); motion, angle (n, sets) or None."""
+    """One recording's residuals over their noise floors: current (n, 3, sets); motion, angle (n,
+    sets) or None."""
 
     file: str
     rotor: str
@@ -103,14 +110,19 @@ class Residual:
 
 
 def prepare(
-    campaign: Campaign, base: Set | None = None, *, files: Sequence[str] | None = None, steps: int | None = None
+    campaign: Campaign,
+    base: Set | None = None,
+    *,
+    files: Sequence[str] | None = None,
+    steps: int | None = None,
 ) -> Prepared:
     """Return a campaign's inputs for `replay`.
 
-    base: parameter set at which a free rotor's angle is smoothed (its torque helps the encoder; repeat where a fit has
-    moved far).  files: which recordings, all by default.  steps: plant steps a sampling period; by default the least
-    whose halving moves no recording's prediction by more than ACCURACY of the noise floor.
-    BadInput where no recording is left, or its values cannot be replayed.
+    base: parameter set at which a free rotor's angle is smoothed (its torque helps the encoder;
+    repeat where a fit has moved far).  files: which recordings, all by default.  steps: plant steps
+    a sampling period; by default the least whose halving moves no recording's prediction by more
+    than ACCURACY of the noise floor. BadInput where no recording is left, or its values cannot be
+    replayed.
     """
     drive = campaign.drive
     complete(drive.motor, drive.converter, base)
@@ -131,27 +143,34 @@ def prepare(
 
 
 def with_steps(prepared: Prepared, steps: int) -> Prepared:
-    """Return the same with another number of plant steps a sampling period; BadInput where that is none."""
+    """Return the same with another number of plant steps a sampling period; BadInput where that is
+    none."""
     if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
-        raise BadInput(f"steps = {steps!r} is no number of plant steps a period; give a whole number >= 1")
+        raise BadInput(
+            f"steps = {steps!r} is no number of plant steps a period; give a whole number >= 1"
+        )
     return replace(prepared, steps=steps)
 
 
 def halving_error(prepared: Prepared) -> list[float]:
-    """Return per recording the rms change of the readings, in noise floors, when the plant's step is halved."""
+    """Return per recording the rms change of the readings, in noise floors, when the plant's step
+    is halved."""
     out = []
     for r in prepared.recordings:  # one by one: two predictions of everything would be large
         own = replace(prepared, recordings=(r,))
-        (coarse,), (fine,) = (replay(p, [prepared.base]).currents for p in (own, with_steps(own, 2 * own.steps)))
+        (coarse,), (fine,) = (
+            replay(p, [prepared.base]).currents for p in (own, with_steps(own, 2 * own.steps))
+        )
         out.append(float(np.sqrt(np.mean((coarse - fine) ** 2))) / prepared.noise_std)
     return out
 
 
 def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Prediction:
-    """Return what parameter sets predict for the recordings; workers: threads (bit-identical results for any number).
+    """Return what parameter sets predict for the recordings; workers: threads (bit-identical
+    results for any number).
 
-    A set is a mapping such as {"dead_time.time": 2e-6, "bench.lock_angle": 1e-3}; what is not named is neutral.
-    BadInput without a set, or for one that cannot be.
+    A set is a mapping such as {"dead_time.time": 2e-6, "bench.lock_angle": 1e-3}; what is not named
+    is neutral. BadInput without a set, or for one that cannot be.
     """
     if not sets:
         raise BadInput("no parameter set to replay; give at least one ({} for the nominal model)")
@@ -168,7 +187,9 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
         r, b = job
         run_block(prepared, prepared.recordings[r], blocks[b], currents[r], moved[r], int(first[b]))
 
-    in_threads(task, [(r, b) for r in range(len(prepared.recordings)) for b in range(len(blocks))], workers)
+    in_threads(
+        task, [(r, b) for r in range(len(prepared.recordings)) for b in range(len(blocks))], workers
+    )
     order = np.empty(len(sets), dtype=int)
     for b, block in enumerate(blocks):
         order[list(block.members)] = first[b] + np.arange(len(block.members))
@@ -191,18 +212,29 @@ def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
     """Return each recording's residuals (read less predicted) over their noise floors."""
     parts = zip(prediction.currents, prediction.motion, prediction.angle, strict=True)
     n = [r.samples for r in prepared.recordings]
-    return [residual_of(prepared, Stretch(k, 0, n[k], n[k]), Shown(*x)) for k, x in enumerate(parts)]
+    return [
+        residual_of(prepared, Stretch(k, 0, n[k], n[k]), Shown(*x)) for k, x in enumerate(parts)
+    ]
 
 
 def residual_of(prepared: Prepared, s: Stretch, shown: Shown) -> Residual:
     """Return the residuals over a stretch of what is predicted there."""
     r, own = prepared.recordings[s.recording], slice(s.first, s.last)
-    turned = None if shown.angle is None else (r.angle_read[own, None] - shown.angle) / r.angle_floor
-    return Residual(r.file, r.rotor, (r.read[own, :, None] - shown.current) / prepared.noise_std, shown.motion, turned)
+    turned = (
+        None if shown.angle is None else (r.angle_read[own, None] - shown.angle) / r.angle_floor
+    )
+    return Residual(
+        r.file,
+        r.rotor,
+        (r.read[own, :, None] - shown.current) / prepared.noise_std,
+        shown.motion,
+        turned,
+    )
 
 
 def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
-    """Return the blocks in which sets run: those that need the same effects together, so that none pays for others."""
+    """Return the blocks in which sets run: those that need the same effects together, so that none
+    pays for others."""
     drive = prepared.campaign.drive
     complete_sets = [complete(drive.motor, drive.converter, s) for s in sets]
     needs = [needs_of(drive.motor, drive.converter, v) for v in complete_sets]
@@ -216,17 +248,20 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
 
 
 def needs_of(motor: Motor, converter: Converter, v: Set) -> int:
-    """Return what a completed set needs beside the bare plant, as blocks are chosen by (`grouping`)."""
+    """Return what a completed set needs beside the bare plant, as blocks are chosen by
+    (`grouping`)."""
     return features_of(motor, v) | (SAMPLED if sampled_at(motor, converter, v) else 0)
 
 
 def whole_periods(motor: Motor, converter: Converter, v: Set) -> int:
-    """Return by how many whole periods a completed set's voltage comes later than its sample is taken."""
+    """Return by how many whole periods a completed set's voltage comes later than its sample is
+    taken."""
     return max(0, math.floor(-sampled_at(motor, converter, v) / converter.update_period))
 
 
 def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence[Set]) -> Block:
-    """Return one block of sets, as many whole periods late as the first of them; free lanes repeat that one."""
+    """Return one block of sets, as many whole periods late as the first of them; free lanes repeat
+    that one."""
     drive = prepared.campaign.drive
     motor, converter = drive.motor, drive.converter
     own = [complete_sets[k] for k in members]
@@ -236,7 +271,10 @@ def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence
     lanes = room_of(len(own))
     own += [own[0]] * (lanes - len(own))
     lock = np.array([v["bench.lock_angle"] for v in own])
-    batch, delay_periods = batch_of(motor, converter, own, lanes), whole_periods(motor, converter, own[0])
+    batch, delay_periods = (
+        batch_of(motor, converter, own, lanes),
+        whole_periods(motor, converter, own[0]),
+    )
     if delay_periods:
         batch["delay"] -= delay_periods * converter.update_period
         batch["sample"] += delay_periods * converter.update_period
@@ -244,9 +282,14 @@ def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence
     return Block(tuple(members), batch, lock, features, delay_periods)
 
 
-def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Array, first: int) -> None:
-    """Replay one recording through one block into columns first ... of out (n, 3, ...) and moved (n, ...)."""
-    Running.begun(prepared.campaign.drive, prepared.steps, r, block).on(r.samples, out, moved, first)
+def run_block(
+    prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Array, first: int
+) -> None:
+    """Replay one recording through one block into columns first ... of out (n, 3, ...) and moved
+    (n, ...)."""
+    Running.begun(prepared.campaign.drive, prepared.steps, r, block).on(
+        r.samples, out, moved, first
+    )
 
 
 @dataclass(frozen=True)
@@ -271,8 +314,9 @@ class StreamingReplay:
         return Shown(current[:m], moved if r.rotor == "free" else None, turned)
 
     def turned(self, s: Stretch, block: Block, driver: Block) -> Array:
-        """Return innovations (m, lanes) of a free rotor that a block of sets predicts which differ from another one's
-        first in nothing but the motion; that one has gone over the stretch, and its torque drives them all."""
+        """Return innovations (m, lanes) of a free rotor that a block of sets predicts which differ
+        from another one's first in nothing but the motion; that one has gone over the stretch, and
+        its torque drives them all."""
         _, state, key = self._at(s, block, settled=False)
         moved = np.empty((s.last - s.first, block.lanes))
         state.turn(s.last, self.torques[s.recording, id(driver)], moved)
@@ -280,19 +324,23 @@ class StreamingReplay:
             self.running[key] = state
         return moved
 
-    def _at(self, s: Stretch, block: Block, *, settled: bool) -> tuple[Inputs, Running, tuple[int, int]]:
-        """Return the recording, a block's state before a stretch, begun where there is none yet, and what it is kept
-        by."""
+    def _at(
+        self, s: Stretch, block: Block, *, settled: bool
+    ) -> tuple[Inputs, Running, tuple[int, int]]:
+        """Return the recording, a block's state before a stretch, begun where there is none yet,
+        and what it is kept by."""
         r, key = self.prepared.recordings[s.recording], (s.recording, id(block))
         state = self.running.pop(key, None)
         if state is None:
-            state = Running.begun(self.prepared.campaign.drive, self.prepared.steps, r, block, settled=settled)
+            state = Running.begun(
+                self.prepared.campaign.drive, self.prepared.steps, r, block, settled=settled
+            )
         return r, state, key
 
 
 def in_threads(task, jobs, workers: int) -> None:
-    """Run task(job) for all jobs on so many threads; compiled code releases the interpreter; BadInput for less than
-    one."""
+    """Run task(job) for all jobs on so many threads; compiled code releases the interpreter;
+    BadInput for less than one."""
     if workers < 1:
         raise BadInput(f"workers = {workers} is no number of threads; give 1 or more")
     if workers == 1:

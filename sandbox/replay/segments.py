@@ -1,7 +1,8 @@
-"""Channels of recordings as segments: slopes and residuals cut into blocks of time and squared, stretch by stretch.
+"""Channels of recordings as segments: slopes and residuals cut into blocks of time and squared,
+stretch by stretch.
 
-Slopes that do not fit into memory wait in a file (`memory`); which of them act is known once all stretches are in, so
-a segment is squared then, from the same numbers in the same blocks.
+Slopes that do not fit into memory wait in a file (`memory`); which of them act is known once all
+stretches are in, so a segment is squared then, from the same numbers in the same blocks.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ Rows = Array | Kept  # slopes (n c, q) of a segment, in memory or in a file
 
 @dataclass(frozen=True)
 class Segment:
-    """One channel of one recording: places (p,) of its columns; per block A (b, p, p), g (b, p), rr (b,), n (b,)."""
+    """One channel of one recording: places (p,) of its columns; per block A (b, p, p), g (b, p), rr
+    (b,), n (b,)."""
 
     recording: int
     channel: str
@@ -38,12 +40,18 @@ class Segment:
     n: Array
 
 
-def squared_slopes(prepared: Prepared, moves: Moves, cut: int, workers: int) -> list[tuple[Segment, Rows]]:
-    """Return all segments with their slopes, which stay in memory where they fit; cut: samples of a block."""
+def squared_slopes(
+    prepared: Prepared, moves: Moves, cut: int, workers: int
+) -> list[tuple[Segment, Rows]]:
+    """Return all segments with their slopes, which stay in memory where they fit; cut: samples of a
+    block."""
     beside = 0 if prepared.map_error is None else len(prepared.map_error.modes)
     answers, moves = Answers(prepared, moves.at), replace(moves, beside=beside)
     width, n = len(moves.to) + beside, [r.samples for r in prepared.recordings]
-    room, size = SHARE * prepared.spare, 8.0 * width * sum(_readings(r) for r in prepared.recordings)
+    room, size = (
+        SHARE * prepared.spare,
+        8.0 * width * sum(_readings(r) for r in prepared.recordings),
+    )
     groups = stretches(n, room / (32.0 * (width + ROOMS[-1] * workers)), cut)
     small = size <= room and all(s.whole for group in groups for s in group)
     spill, at = None if small else Spill(size), 0
@@ -71,8 +79,8 @@ def _readings(r: Inputs) -> int:
 
 
 class ChannelSlopes(NamedTuple):
-    """A channel over a stretch: slopes j (m, c, p + 2 and more) and residuals r (m, c); which columns act (q,), what
-    they are multiplied by, and the places of their coordinates."""
+    """A channel over a stretch: slopes j (m, c, p + 2 and more) and residuals r (m, c); which
+    columns act (q,), what they are multiplied by, and the places of their coordinates."""
 
     channel: str
     j: Array
@@ -83,12 +91,15 @@ class ChannelSlopes(NamedTuple):
 
 
 def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[ChannelSlopes]:
-    """Return the channels of a recording over a stretch, of p coordinates beside two turns and a map's modes."""
+    """Return the channels of a recording over a stretch, of p coordinates beside two turns and a
+    map's modes."""
     r, shown = prepared.recordings[s.recording], residual_of(prepared, s, found.base)
     turn, sign = (p, 1.0) if r.rotor == "locked" else (p + 1, -1.0)
     modes = np.arange(found.current.shape[2] - p - 2)
     columns = np.array([*range(p), turn, *(p + 2 + modes)])
-    places = np.array([*range(p), p + prepared.angles.index(r.angle_name), *(p + len(prepared.angles) + modes)])
+    places = np.array(
+        [*range(p), p + prepared.angles.index(r.angle_name), *(p + len(prepared.angles) + modes)]
+    )
     scale = np.array([*np.ones(p), sign, *np.ones(len(modes))])
 
     def part(name: str, j: Array, size: Array) -> ChannelSlopes:
@@ -99,15 +110,16 @@ def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[C
     if found.motion is not None:  # innovations are normalised already
         out.append(part("motion", found.motion[:, None, :], -scale))
     if found.angle is not None:
-        found.angle[:, turn] = sign  # the reading turns with the angle itself, not with the encoder's offset
+        # the reading turns with the angle itself, not with the encoder's offset
+        found.angle[:, turn] = sign
         out.append(part("angle", found.angle[:, None, :], scale / r.angle_floor))
     return out
 
 
 @dataclass
 class Gathering:
-    """A channel of one recording as its stretches come in: its place in the file, columns and rows of slopes; which
-    columns are not zero; residuals."""
+    """A channel of one recording as its stretches come in: its place in the file, columns and rows
+    of slopes; which columns are not zero; residuals."""
 
     at: int
     width: int
@@ -124,8 +136,11 @@ class Gathering:
         if spill is not None:
             spill.write(self.at + 8 * self.width * first * part.j.shape[1], flat)
 
-    def squared(self, recording: int, part: ChannelSlopes, spill: Spill | None, cut: int) -> tuple[Segment, Rows]:
-        """Return the segment and the slopes (n c, q) of those coordinates that act on it; part: the last stretch."""
+    def squared(
+        self, recording: int, part: ChannelSlopes, spill: Spill | None, cut: int
+    ) -> tuple[Segment, Rows]:
+        """Return the segment and the slopes (n c, q) of those coordinates that act on it; part: the
+        last stretch."""
         assert self.acts is not None
         acts = np.flatnonzero(self.acts[part.columns])
         columns, scale = part.columns[acts], part.scale[acts]
@@ -139,7 +154,8 @@ class Gathering:
 
 
 def blocks(n: int, cut: int) -> list[tuple[int, int]]:
-    """Return first and last sample of each block of n samples; the last block is half to one and a half long."""
+    """Return first and last sample of each block of n samples; the last block is half to one and a
+    half long."""
     starts = range(0, max(1, n - cut // 2), cut)
     return [(first, n if first == starts[-1] else first + cut) for first in starts]
 
@@ -154,7 +170,8 @@ def channel(r: Residual, channel: str, k: int = 0) -> Array:
 
 
 def squared(each: Sequence[tuple[Array, Segment]], rows: Rows, s: Stretch, cut: int) -> None:
-    """Write g and r'r of residuals (m, c) over a stretch into their segments, for slopes (n c, q) of all of it."""
+    """Write g and r'r of residuals (m, c) over a stretch into their segments, for slopes (n c, q)
+    of all of it."""
     wide = each[0][0].shape[1]
     for b, (first, last) in enumerate(blocks(s.n, cut)):
         if first < s.first or last > s.last:
@@ -162,11 +179,14 @@ def squared(each: Sequence[tuple[Array, Segment]], rows: Rows, s: Stretch, cut: 
         jb = rows[first * wide : last * wide]
         for r, own in each:
             rb = r[first - s.first : last - s.first].ravel()
-            with np.errstate(over="ignore", invalid="ignore"):  # of an absurd set: nothing is probable there
+            with np.errstate(over="ignore", invalid="ignore"):
+                # of an absurd set: nothing is probable there
                 own.g[b], own.rr[b] = rb @ jb, rb @ rb
 
 
-def _segment(k: int, channel: str, j: Rows, places: NDArray[np.int64], r: Array, cut: int) -> Segment:
+def _segment(
+    k: int, channel: str, j: Rows, places: NDArray[np.int64], r: Array, cut: int
+) -> Segment:
     """Cut residuals r (n, c) and slopes j (n c, q) into blocks and square them."""
     wide, q = r.shape[1], len(places)
     cuts = blocks(len(r), cut)

@@ -1,8 +1,8 @@
 """The rotor's motion behind an encoder's counts, as a replay needs it at every sample.
 
-A locked rotor stands.  A driven one moves at constant speed or along straight ramps (`ramps`).  A free one follows its
-torque (`free_rotor`); what a torque model leaves unexplained is not known beforehand: its strength q is the one under
-which the readings are most likely.
+A locked rotor stands.  A driven one moves at constant speed or along straight ramps (`ramps`).  A
+free one follows its torque (`free_rotor`); what a torque model leaves unexplained is not known
+beforehand: its strength q is the one under which the readings are most likely.
 """
 
 from __future__ import annotations
@@ -19,9 +19,12 @@ from sandbox.replay.ramps import ramps_of
 from sandbox.replay.rounded import within_counts
 
 Array = NDArray[np.float64]
-UNEXPLAINED = tuple(10.0**k for k in range(9))  # (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
+# (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
+UNEXPLAINED = tuple(10.0**k for k in range(9))
 LARGEST_MISS = (
-    1.25  # of a count over sqrt(12): a driven rotor's motion is known better than that, or it does not move along ramps
+    # of a count over sqrt(12): a driven rotor's motion is known better than that, or it does not
+    # move along ramps
+    1.25
 )
 
 
@@ -30,7 +33,8 @@ GAINS = np.dtype([(name, np.float64) for name in ("angle", "speed", "scale")], a
 
 @dataclass(frozen=True)
 class Motion:
-    """Encoder-side angle (rad, electrical, counts removed) and speed (rad/s, electrical), one value a sample (n,).
+    """Encoder-side angle (rad, electrical, counts removed) and speed (rad/s, electrical), one value
+    a sample (n,).
 
     `eccentric`: an eccentric encoder's error is still in the angle.
     """
@@ -40,7 +44,8 @@ class Motion:
     eccentric: bool = True
 
     def at(self, period: float, share: Array) -> Array:
-        """Return the angle (n, shares) at t_k + share x period: cubic from angles and speeds of both samples."""
+        """Return the angle (n, shares) at t_k + share x period: cubic from angles and speeds of
+        both samples."""
         a, v = self.angle, self.speed
         b, w = np.append(a[1:], a[-1] + period * v[-1]), np.append(v[1:], v[-1])
         x = np.asarray(share)[None, :]
@@ -57,7 +62,9 @@ class Motion:
         x = (np.arange(parts) / parts)[None, :]
         rate = ((b - a) / period)[:, None] * 6.0 * x * (1.0 - x)
         speed = rate + v[:, None] * (1.0 - x) * (1.0 - 3.0 * x) - w[:, None] * x * (2.0 - 3.0 * x)
-        return Motion(self.at(period, x[0]).reshape(n * parts), speed.reshape(n * parts), self.eccentric)
+        return Motion(
+            self.at(period, x[0]).reshape(n * parts), speed.reshape(n * parts), self.eccentric
+        )
 
 
 def locked_motion(theta: Array) -> Motion:
@@ -66,10 +73,12 @@ def locked_motion(theta: Array) -> Motion:
 
 
 def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) -> Motion:
-    """Return the motion of a rotor at imposed speed: straight ramps, as few corners as the reading's counts allow.
+    """Return the motion of a rotor at imposed speed: straight ramps, as few corners as the
+    reading's counts allow.
 
-    An eccentric encoder's sine, once a mechanical turn, is fitted beside and left out of the motion (where the rotor
-    turns more than once).  No reading is farther than half a count off, where such ramps are (`rounded`).  period: s;
+    An eccentric encoder's sine, once a mechanical turn, is fitted beside and left out of the motion
+    (where the rotor turns more than once).  No reading is farther than half a count off, where such
+    ramps are (`rounded`).  period: s;
     count: rad, electrical.  Where few corners will not do, a smooth motion without torque.
     """
     if np.ptp(theta) == 0.0:
@@ -81,15 +90,25 @@ def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) 
     return free_motion(theta, still, period, count, still)
 
 
-def free_motion(theta: Array, acceleration: Array, period: float, count: float, noise: Array) -> Motion:
+def free_motion(
+    theta: Array, acceleration: Array, period: float, count: float, noise: Array
+) -> Motion:
     """Return the motion of a free rotor from counts and the torque's acceleration.
 
-    theta: (n,) rad; acceleration: (n,) rad/s^2 electrical, mean over the interval from each sample on, by torque less
-    load and friction; period: s; count: rad, electrical; noise: (n,) standard deviation of that acceleration.
+    theta: (n,) rad; acceleration: (n,) rad/s^2 electrical, mean over the interval from each sample
+    on, by torque less load and friction; period: s; count: rad, electrical; noise: (n,) standard
+    deviation of that acceleration.
     """
     base = np.asarray(theta - theta[0])
     variance = max(count, 1e-9) ** 2 / 12.0
-    known = KnownMotion(np.asarray(acceleration), np.asarray(noise) ** 2, period, 0.0, variance, (count / period) ** 2)
+    known = KnownMotion(
+        np.asarray(acceleration),
+        np.asarray(noise) ** 2,
+        period,
+        0.0,
+        variance,
+        (count / period) ** 2,
+    )
     alike = np.full(len(base), variance)
     likely = [filtered(base, alike, known, q, np.empty(0, STEP)) for q in UNEXPLAINED]
     work = within_readings(base, count, known, UNEXPLAINED[int(np.argmax(likely))])
@@ -97,11 +116,15 @@ def free_motion(theta: Array, acceleration: Array, period: float, count: float, 
 
 
 @kernel
-def motion_gains(load, acceleration, period, count_variance, torque_variance, load_share, speed_variance):
-    """Return gains for angle and speed and the scale 1/standard deviation of the innovation, (n,) of GAINS.
+def motion_gains(
+    load, acceleration, period, count_variance, torque_variance, load_share, speed_variance
+):
+    """Return gains for angle and speed and the scale 1/standard deviation of the innovation, (n,)
+    of GAINS.
 
-    The Kalman filter of a free rotor's reading: white torque error (N m)^2 a sample plus `load_share` of the load
-    (n,), counts of the given variance (rad^2); acceleration: p/J; the first reading starts the angle.
+    The Kalman filter of a free rotor's reading: white torque error (N m)^2 a sample plus
+    `load_share` of the load (n,), counts of the given variance (rad^2); acceleration: p/J; the
+    first reading starts the angle.
     """
     n = len(load)
     out = np.zeros(n, GAINS)

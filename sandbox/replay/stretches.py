@@ -21,9 +21,11 @@ class Stretch(NamedTuple):
 
 
 def stretches(samples: Sequence[int], most: float, cut: int = 1) -> list[list[Stretch]]:
-    """Return all samples of recordings, in groups of at most so many: recordings side by side, or part of a longer one.
+    """Return all samples of recordings, in groups of at most so many: recordings side by side, or
+    part of a longer one.
 
-    Parts are cut at multiples of `cut` and no shorter than that, so a group may be as long as two cuts.
+    Parts are cut at multiples of `cut` and no shorter than that, so a group may be as long as two
+    cuts.
     """
     out: list[list[Stretch]] = [[]]
     for r, n in enumerate(samples):

@@ -1,8 +1,9 @@
 """How small changes of the flux go on in the plant, period by period, whatever effects act in it.
 
-Two lanes beside the base set have a flux that is displaced along alpha and beta; after every period they are set back
-to that distance.  So the plant itself says how a change decays (or grows, where a leg's voltage rises with its current)
-and how readings show it.  Only the flux is displaced: what lags behind the current follows from there on.
+Two lanes beside the base set have a flux that is displaced along alpha and beta; after every period
+they are set back to that distance.  So the plant itself says how a change decays (or grows, where a
+leg's voltage rises with its current) and how readings show it.  Only the flux is displaced: what
+lags behind the current follows from there on.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ SHARE = 1e-6  # of the flux of rated current: the displacement
 
 
 class Transitions(NamedTuple):
-    """Of n samples: how a change of the flux (Wb, stationary frame) stands one sample later, a (n, 2, 2), and how the
-    three readings show it, c (n, 3, 2) in A/Wb; flux due to currents (n, 2) in Wb, rotor's frame, whose angle is theta
-    (n,)."""
+    """Of n samples: how a change of the flux (Wb, stationary frame) stands one sample later, a (n,
+    2, 2), and how the three readings show it, c (n, 3, 2) in A/Wb; flux due to currents (n, 2) in
+    Wb, rotor's frame, whose angle is theta (n,)."""
 
     a: Array
     c: Array
@@ -40,11 +41,14 @@ def displaced(prepared: Prepared, values: Mapping[str, float], recording: int) -
     """Return a set and its two displaced twins before the first sample of a recording."""
     drive = prepared.campaign.drive
     own = complete(drive.motor, drive.converter, dict(values))
-    return Running.begun(drive, prepared.steps, prepared.recordings[recording], block_of(prepared, [0, 0, 0], [own]))
+    return Running.begun(
+        drive, prepared.steps, prepared.recordings[recording], block_of(prepared, [0, 0, 0], [own])
+    )
 
 
 def transitions(running: Running, stop: int, size: float) -> Transitions:
-    """Return the transitions of the samples from where a set stands to `stop`, and move it on to there; size: Wb."""
+    """Return the transitions of the samples from where a set stands to `stop`, and move it on to
+    there; size: Wb."""
     r = running.r
     n, held = stop - running.done, r.held
     before = len(running.track) // held - r.samples
@@ -69,9 +73,11 @@ def transitions(running: Running, stop: int, size: float) -> Transitions:
 
 
 @kernel
-def one_by_one(w, flux_map, timing, features, room, track, samples, eccentric, supply, span, size, out):
-    """Write the transitions of samples (periods each, periods before the track, first, last) in the first three lanes;
-    return what `span` is to be afterwards."""
+def one_by_one(
+    w, flux_map, timing, features, room, track, samples, eccentric, supply, span, size, out
+):
+    """Write the transitions of samples (periods each, periods before the track, first, last) in the
+    first three lanes; return what `span` is to be afterwards."""
     held, begins, start, stop = samples
     lanes = w.psi_alpha.size
     read, moved, torque = np.zeros((2, 3, lanes)), np.zeros((1, lanes)), np.empty(len(track))
@@ -84,11 +90,29 @@ def one_by_one(w, flux_map, timing, features, room, track, samples, eccentric, s
             w.psi_alpha[1 + j] += base_a + (size if j == 0 else 0.0) - x
             w.psi_beta[1 + j] += base_b + (size if j == 1 else 0.0) - y
         rows = Rows(held, begins, held * k, held * (k + 1))
-        span = run(w, flux_map, timing, features, room, track, rows, eccentric, supply, span, read, moved, torque, 0)
+        span = run(
+            w,
+            flux_map,
+            timing,
+            features,
+            room,
+            track,
+            rows,
+            eccentric,
+            supply,
+            span,
+            read,
+            moved,
+            torque,
+            0,
+        )
         base_a, base_b = finished(w, 0, span)
         for j in range(2):
             x, y = finished(w, 1 + j, span)
-            out.a[k - start, 0, j], out.a[k - start, 1, j] = (x - base_a) / size, (y - base_b) / size
+            out.a[k - start, 0, j], out.a[k - start, 1, j] = (
+                (x - base_a) / size,
+                (y - base_b) / size,
+            )
             for m in range(3):
                 out.c[k - start, m, j] = (read[0, m, 1 + j] - read[0, m, 0]) / size
         read[0] = read[1]

@@ -1,4 +1,5 @@
-"""The voltage that would explain a current residual: where in the circuit a gap lies reads off it."""
+"""The voltage that would explain a current residual: where in the circuit a gap lies reads off
+it."""
 
 from __future__ import annotations
 
@@ -22,10 +23,14 @@ def stationary_residual(current: Array, floor: float) -> Array:
     return np.asarray((2.0 / 3.0) * floor * current[:, :, 0] @ LEGS)
 
 
-def voltage_residual(prepared: Prepared, values: Mapping[str, float], recording: int, current: Array) -> Array:
-    """Return the stationary voltage (n - 1, 2) in V that would explain a current residual (n, 3, 1) over its floor.
+def voltage_residual(
+    prepared: Prepared, values: Mapping[str, float], recording: int, current: Array
+) -> Array:
+    """Return the stationary voltage (n - 1, 2) in V that would explain a current residual (n, 3, 1)
+    over its floor.
 
-    u = d(L i)/dt + R i with the incremental inductances of the set's own model at the current as read.
+    u = d(L i)/dt + R i with the incremental inductances of the set's own model at the current as
+    read.
     """
     r, drive = prepared.recordings[recording], prepared.campaign.drive
     motor = true_motor(drive.motor, dict(values), keep_map=True)
@@ -38,12 +43,15 @@ def voltage_residual(prepared: Prepared, values: Mapping[str, float], recording:
 
 @kernel
 def linked(m, read, i, theta):
-    """Return the flux (n, 2) that small currents i (n, 2) link on top of those read (n, 2), stationary frame."""
+    """Return the flux (n, 2) that small currents i (n, 2) link on top of those read (n, 2),
+    stationary frame."""
     out = np.empty_like(i)
     d = q = 0.0
     for k in range(len(i)):
         c, s = math.cos(theta[k]), math.sin(theta[k])
-        d, q, _ = flux_newton(m, c * read[k, 0] + s * read[k, 1], c * read[k, 1] - s * read[k, 0], d, q)
+        d, q, _ = flux_newton(
+            m, c * read[k, 0] + s * read[k, 1], c * read[k, 1] - s * read[k, 0], d, q
+        )
         g_dd, g_dq, g_qq = hessian(m, d, q)
         x, y = c * i[k, 0] + s * i[k, 1], c * i[k, 1] - s * i[k, 0]
         det = g_dd * g_qq - g_dq * g_dq

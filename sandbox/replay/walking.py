@@ -1,4 +1,5 @@
-"""A block of parameter sets on its way through one recording, stretch by stretch; where its states start."""
+"""A block of parameter sets on its way through one recording, stretch by stretch; where its states
+start."""
 
 from __future__ import annotations
 
@@ -24,13 +25,14 @@ from sandbox.replay.kernel import Rows, run, turn
 
 Array = NDArray[np.float64]
 NEWTON_STEPS = 60
-CURRENT_TOLERANCE = 1e-11  # of 1 A and the current's size: below it rounding may end the search for its flux
+# of 1 A and the current's size: below it rounding may end the search for its flux
+CURRENT_TOLERANCE = 1e-11
 
 
 @dataclass(frozen=True)
 class Block:
-    """Sets that run together: their places, the batch, lock angles, common features; delay_periods: whole periods
-    by which the voltage of all of them comes later."""
+    """Sets that run together: their places, the batch, lock angles, common features; delay_periods:
+    whole periods by which the voltage of all of them comes later."""
 
     members: tuple[int, ...]
     batch: Any
@@ -46,10 +48,11 @@ class Block:
 
 @dataclass
 class Running:
-    """One block in one recording: its states (batch, room, span) after `done` samples, and what does not change.
+    """One block in one recording: its states (batch, room, span) after `done` samples, and what
+    does not change.
 
-    track: of all samples, those in which states settle before those that are shown; torque: of each of its periods, of
-    the first lane, N m (free rotor; else empty).
+    track: of all samples, those in which states settle before those that are shown; torque: of each
+    of its periods, of the first lane, N m (free rotor; else empty).
     """
 
     r: Inputs
@@ -63,12 +66,15 @@ class Running:
     torque: Array
     span: float = 0.0
     done: int = 0
-    ahead: Array | None = None  # (3, lanes) readings of sample `done` taken before its pattern began
+    # (3, lanes) readings of sample `done` taken before its pattern began
+    ahead: Array | None = None
 
     @classmethod
-    def begun(cls, drive: Drive, steps: int, r: Inputs, block: Block, *, settled: bool = True) -> Running:
-        """Return a block before the first sample of a recording; steps: plant steps a sampling period; settled: its
-        states went through the samples before."""
+    def begun(
+        cls, drive: Drive, steps: int, r: Inputs, block: Block, *, settled: bool = True
+    ) -> Running:
+        """Return a block before the first sample of a recording; steps: plant steps a sampling
+        period; settled: its states went through the samples before."""
         w = block.batch.copy()
         if r.rotor == "locked":
             w["offset"] -= block.lock
@@ -81,17 +87,30 @@ class Running:
         whole = r.track if r.settling is None else np.concatenate([r.settling.track, r.track])
         track = later(whole, block.delay_periods)
         torque = np.empty(len(track) if r.rotor == "free" else 0)
-        own = cls(r, w, flux_map, timing, features, blank_room(block.lanes), track, np.array(w["supply"]), torque)
+        own = cls(
+            r,
+            w,
+            flux_map,
+            timing,
+            features,
+            blank_room(block.lanes),
+            track,
+            np.array(w["supply"]),
+            torque,
+        )
         if r.settling is not None and settled:
             own._settle(r.settling.samples)
         return own
 
     def on(self, stop: int, out: Array, moved: Array, first: int = 0) -> None:
-        """Go on to sample `stop`: readings (A) into columns first ... of out (stop - done, 3, ...), innovations of a
-        free rotor into those of moved (stop - done, ...).  Before the end of a recording `out` has a row more."""
+        """Go on to sample `stop`: readings (A) into columns first ... of out (stop - done, 3, ...),
+        innovations of a free rotor into those of moved (stop - done, ...).  Before the end of a
+        recording `out` has a row more."""
         columns = slice(first, first + len(self.supply))
         ahead, before = stop < self.r.samples, len(self.track) // self.r.held - self.r.samples
-        assert out.shape[0] >= stop - self.done + ahead, "no room for the readings: compiled code writes unchecked"
+        assert out.shape[0] >= stop - self.done + ahead, (
+            "no room for the readings: compiled code writes unchecked"
+        )
         assert out.shape[2] >= columns.stop, "no room for every lane of the block"
         if self.ahead is not None:
             out[0, :, columns] = self.ahead
@@ -106,8 +125,9 @@ class Running:
         self.ahead = out[n].copy()
 
     def turn(self, stop: int, torque: Array, moved: Array) -> None:
-        """Go on to sample `stop` by the shafts alone, all under the torque of another block's first lane, and write
-        innovations (stop - done, lanes): for sets that differ from that lane in nothing but the motion."""
+        """Go on to sample `stop` by the shafts alone, all under the torque of another block's first
+        lane, and write innovations (stop - done, lanes): for sets that differ from that lane in
+        nothing but the motion."""
         before = len(self.track) // self.r.held - self.r.samples
         spans = [(before + self.done, before + stop, moved)]
         if before and not self.done:
@@ -153,8 +173,8 @@ def later(track: Any, periods: int) -> Any:
 
 
 def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
-    """Set the states at the first sample: without current, or (`Inputs.loaded`) with the current as read; BadInput
-    where no flux gives that current."""
+    """Set the states at the first sample: without current, or (`Inputs.loaded`) with the current as
+    read; BadInput where no flux gives that current."""
     lanes = len(w["offset"])
     off = np.zeros((1, lanes))
     for _ in range(2):  # the deviation at the true angle
@@ -170,7 +190,9 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
     if r.loaded:
         without, current = flux_as_read(w, flux_map, r.read[0], c, s, flux)
         if without >= 0:
-            raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {current:.3g} A")
+            raise BadInput(
+                f"{r.file}: no flux of this motor gives the first reading of {current:.3g} A"
+            )
     d, q = flux[0] + w["magnet"] + rest[0], flux[1] + rest[1]
     w["psi_alpha"], w["psi_beta"] = c * d - s * q, s * d + c * q
     w["eddy_alpha"], w["eddy_beta"] = w["psi_alpha"], w["psi_beta"]
@@ -179,7 +201,8 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
 
 
 def start_turning(w: Any, r: Inputs) -> None:
-    """Set the states of a free rotor that turns at the first sample: its speed, its shaft twisted by the load."""
+    """Set the states of a free rotor that turns at the first sample: its speed, its shaft twisted
+    by the load."""
     w["speed"] = r.motion.speed[0]
     stiff = np.where(w["swing_rate"] > 0.0, w["swing_rate"], np.inf)
     w["twist"] = r.track["load"][0] * (w["motor_inv"] + w["load_inv"]) / stiff**2
@@ -197,7 +220,8 @@ def at_rest(w, c, s, rest):
 
 @kernel
 def flux_as_read(w, flux_map, reading, c, s, flux):
-    """Write the flux (2, lanes) in Wb that a first reading's current (3,) in A links; the lags start from that current.
+    """Write the flux (2, lanes) in Wb that a first reading's current (3,) in A links; the lags
+    start from that current.
 
     Returns the first lane of which no flux gives that current, and the current (A); else -1.
     """
@@ -239,7 +263,8 @@ def energy_of(w, j):
 
 @kernel
 def beside(w, flux_map, j, c, s, d, q):
-    """Return the current (A) at a flux (Wb) beside that of the quartic, or of the flux map: what effects add."""
+    """Return the current (A) at a flux (Wb) beside that of the quartic, or of the flux map: what
+    effects add."""
     i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
     for k in range(w.more_energy):
         x, y, _ = ports.further_energy(w, k, j, c, s, d, q)
@@ -260,11 +285,12 @@ def missed(w, flux_map, j, c, s, i_d, i_q, d, q):
 
 @kernel
 def flux_beside(w, flux_map, j, c, s, i_d, i_q, d, q):
-    """Solve for the flux (Wb) of a current (A) with all that effects add, by Newton's method from (d, q), steps halved
-    until less is left; slopes are central differences, exact for currents of second degree.
+    """Solve for the flux (Wb) of a current (A) with all that effects add, by Newton's method from
+    (d, q), steps halved until less is left; slopes are central differences, exact for currents of
+    second degree.
 
-    Returns d, q, status; it ends where rounding keeps a step from getting nearer, or by more than half once what is
-    left is small.
+    Returns d, q, status; it ends where rounding keeps a step from getting nearer, or by more than
+    half once what is left is small.
     """
     x, y = missed(w, flux_map, j, c, s, i_d, i_q, d, q)
     small = CURRENT_TOLERANCE * (1.0 + math.hypot(i_d, i_q))
@@ -295,7 +321,8 @@ def flux_beside(w, flux_map, j, c, s, i_d, i_q, d, q):
 
 @kernel
 def unread(w, j, a, b, c):
-    """Return the phase currents (A) behind three readings: the port `reading` is solved for them, gains near one."""
+    """Return the phase currents (A) behind three readings: the port `reading` is solved for them,
+    gains near one."""
     x, y, z = a, b, c
     for _ in range(20):
         p, q, r = ports.reading(w, j, x, y, z)

@@ -33,15 +33,27 @@ MADE_BY = (
 SMALLEST, LARGEST, WANTED = 10, 1000, 100  # runs in a block; blocks in a sweep
 MOST_TRACED = 4_000_000  # numbers in the traces of a block: 32 MB
 RESULTS = {  # name: (type, unit, what it is)
-    "status": ("string", "", "ok, refused (bad input), failed (physics), error (of one's own code), crashed"),
+    "status": (
+        "string",
+        "",
+        "ok, refused (bad input), failed (physics), error (of one's own code), crashed",
+    ),
     "sentence": ("string", "", "why a run has no result; null where it has one"),
-    "mean_deg": ("double", "deg", "mean position error over all settled scored segments; null where lock was lost"),
+    "mean_deg": (
+        "double",
+        "deg",
+        "mean position error over all settled scored segments; null where lock was lost",
+    ),
     "rms_deg": ("double", "deg", "its rms"),
     "p95_deg": ("double", "deg", "95th percentile of its size"),
     "max_deg": ("double", "deg", "largest size of it"),
     "worst_mean_deg": ("double", "deg", "mean error of the segment where its size is largest"),
     "rms_mean_deg": ("double", "deg", "rms over the segments of their mean errors"),
-    "lost_lock": ("bool", "", "a pole slipped, or the error stayed beyond 45 degrees, in any scored segment"),
+    "lost_lock": (
+        "bool",
+        "",
+        "a pole slipped, or the error stayed beyond 45 degrees, in any scored segment",
+    ),
     "speed_held": ("bool", "", "the speed asked for was reached in every scored segment"),
     "loss_w": (
         "double",
@@ -50,14 +62,19 @@ RESULTS = {  # name: (type, unit, what it is)
         "where injection_cost is not asked for",
     ),
     "torque_ripple": ("double", "of rated torque", "its torque ripple, rms, likewise"),
-    "sound_db": ("double", "dB", "proxy for its sound, likewise (see sandbox/evaluation/injection_cost.py)"),
+    "sound_db": (
+        "double",
+        "dB",
+        "proxy for its sound, likewise (see sandbox/evaluation/injection_cost.py)",
+    ),
     "tone_db": ("double", "dB", "its loudest tone alone, likewise"),
 }
 ARROW = {str: "string", bool: "bool", int: "int64", float: "double"}
 
 
 class Task(NamedTuple):
-    """Runs start to stop (not included) of a sweep, and the state of the code that is to make them."""
+    """Runs start to stop (not included) of a sweep, and the state of the code that is to make
+    them."""
 
     text: str
     code: str
@@ -66,7 +83,8 @@ class Task(NamedTuple):
 
 
 class Block(NamedTuple):
-    """What a task made: table (one row a run), traces (runs, channels, samples; NaN after a run's end) or None."""
+    """What a task made: table (one row a run), traces (runs, channels, samples; NaN after a run's
+    end) or None."""
 
     start: int
     table: pyarrow.Table
@@ -84,7 +102,9 @@ def schema_of(sweep: Sweep) -> list[dict[str, str]]:
     for name in sweep.varied:
         key = keys()[name]
         found.append({"name": name, "type": ARROW[key.kind], "unit": key.unit, "what": key.what})
-    return found + [{"name": n, "type": t, "unit": u, "what": w} for n, (t, u, w) in RESULTS.items()]
+    return found + [
+        {"name": n, "type": t, "unit": u, "what": w} for n, (t, u, w) in RESULTS.items()
+    ]
 
 
 def arrow_schema(sweep: Sweep) -> pyarrow.Schema:
@@ -94,7 +114,9 @@ def arrow_schema(sweep: Sweep) -> pyarrow.Schema:
     kinds = {"string": pa.string(), "bool": pa.bool_(), "int64": pa.int64(), "double": pa.float64()}
     return pa.schema(
         [
-            pa.field(c["name"], kinds[c["type"]], metadata={"unit": c["unit"]} if c["unit"] else None)
+            pa.field(
+                c["name"], kinds[c["type"]], metadata={"unit": c["unit"]} if c["unit"] else None
+            )
             for c in schema_of(sweep)
         ]
     )
@@ -103,11 +125,14 @@ def arrow_schema(sweep: Sweep) -> pyarrow.Schema:
 def tasks_of(sweep: Sweep) -> list[Task]:
     """Return the blocks of a sweep; they depend on the sweep alone, not on who runs them."""
     size, code = block_size(sweep), code_key()
-    return [Task(sweep.text, code, a, min(a + size, sweep.runs)) for a in range(0, sweep.runs, size)]
+    return [
+        Task(sweep.text, code, a, min(a + size, sweep.runs)) for a in range(0, sweep.runs, size)
+    ]
 
 
 def block_size(sweep: Sweep) -> int:
-    """Return the runs of a block: a hundred blocks, as far as they are neither tiny nor hold too many traces."""
+    """Return the runs of a block: a hundred blocks, as far as they are neither tiny nor hold too
+    many traces."""
     size = min(max(-(-sweep.runs // WANTED), SMALLEST), LARGEST)
     return max(1, min(size, MOST_TRACED // max(1, trace_numbers(sweep))))
 
@@ -142,9 +167,13 @@ def samples_of(sweep: Sweep) -> int:
 
 
 def run_block(task: Task) -> Block:
-    """Run a block; BadInput where this process has another state of the code than the one that asks."""
+    """Run a block; BadInput where this process has another state of the code than the one that
+    asks."""
     if task.code != code_key():
-        raise BadInput("a worker has another state of the code, or of numpy, scipy or numba; install the same there")
+        raise BadInput(
+            "a worker has another state of the code, or of numpy, scipy or numba; "
+            "install the same there"
+        )
     from sandbox.sweep.cases import run_case
 
     sweep, begun = again(task.text), time.process_time()
@@ -159,7 +188,13 @@ def run_block(task: Task) -> Block:
         if room is not None and run.traces is not None:
             kept = run.traces[:, : room.shape[2]]
             room[place, :, : kept.shape[1]] = kept
-    return Block(task.start, table_of(sweep, task.start, cases, rows), room, time.process_time() - begun, kernel)
+    return Block(
+        task.start,
+        table_of(sweep, task.start, cases, rows),
+        room,
+        time.process_time() - begun,
+        kernel,
+    )
 
 
 def _room(sweep: Sweep, task: Task) -> NDArray[np.float64] | None:
@@ -175,7 +210,10 @@ def table_of(sweep: Sweep, start: int, cases: list[Any], rows: list[Any]) -> pya
 
     numbers = range(start, start + len(cases))
     columns: list[Any] = [list(numbers), [n // sweep.cells for n in numbers]]
-    columns += [[label(name, case[name]) if name in case else None for case in cases] for name in sweep.varied]
+    columns += [
+        [label(name, case[name]) if name in case else None for case in cases]
+        for name in sweep.varied
+    ]
     columns += [list(values) for values in zip(*rows, strict=True)]
     schema = arrow_schema(sweep)
     arrays = [pa.array(values, field.type) for values, field in zip(columns, schema, strict=True)]
@@ -188,14 +226,16 @@ def crashed(task: Task) -> Block:
 
     sweep = again(task.text)
     cases = [sweep.case(number) for number in range(task.start, task.stop)]
-    rows = [Row(CRASHED, "the process that ran it died (out of memory, or a crash in compiled code)")] * len(cases)
+    rows = [
+        Row(CRASHED, "the process that ran it died (out of memory, or a crash in compiled code)")
+    ] * len(cases)
     return Block(task.start, table_of(sweep, task.start, cases, rows), _room(sweep, task), 0.0, 0.0)
 
 
 @cache
 def code_key() -> str:
-    """Return a short hash of the code that runs depend on, effects of the user's own included, and of the libraries
-    that compute."""
+    """Return a short hash of the code that runs depend on, effects of the user's own included, and
+    of the libraries that compute."""
     found = hashlib.sha256(repr([(name, version(name)) for name in LIBRARIES]).encode())
     for file in filter(None, os.environ.get(own.VARIABLE, "").split(os.pathsep)):
         found.update(Path(file).read_bytes())

@@ -1,4 +1,5 @@
-"""One run of a sweep: from the numbers of its case to its row; what runs have in common is made ready once a process.
+"""One run of a sweep: from the numbers of its case to its row; what runs have in common is made
+ready once a process.
 
 A case that cannot be run is a row, too: its status and its sentence say why.
 """
@@ -42,7 +43,15 @@ EACH_TIME = (
     "injection_cost",
 )  # need no other design
 EFFECTS = {field: name for name, field in (*replaced().items(), *scaled().items())}
-OF_MAP = ("inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+OF_MAP = (
+    "inductance_d",
+    "inductance_q",
+    "alpha_30",
+    "alpha_12",
+    "alpha_40",
+    "alpha_22",
+    "alpha_04",
+)
 Case = Mapping[str, Value]
 
 
@@ -63,7 +72,8 @@ class Ready(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What is kept of a run beside its case; degrees electrical, None where lock was lost or nothing was run."""
+    """What is kept of a run beside its case; degrees electrical, None where lock was lost or
+    nothing was run."""
 
     status: str = OK
     sentence: str | None = None
@@ -82,7 +92,8 @@ class Row(NamedTuple):
 
 
 class Run(NamedTuple):
-    """A finished run: its row, its traces (channels, kept samples; None where none are asked for), kernel seconds."""
+    """A finished run: its row, its traces (channels, kept samples; None where none are asked for),
+    kernel seconds."""
 
     row: Row
     traces: NDArray[np.float64] | None = None
@@ -104,7 +115,9 @@ def run_case(sweep: Sweep, case: Case) -> Run:
 
 
 def _run(sweep: Sweep, case: Case) -> Run:
-    ready = made_ready(sweep.text, tuple((k, v) for k, v in case.items() if k.partition(".")[0] not in EACH_TIME))
+    ready = made_ready(
+        sweep.text, tuple((k, v) for k, v in case.items() if k.partition(".")[0] not in EACH_TIME)
+    )
     setup = _with_belief(ready, case)
     effects = effects_of(setup.drive, case)
     done = run_once(setup, effects, closed_loop=bool(case["closed_loop"]), seed=int(case["seed"]))
@@ -120,7 +133,11 @@ def made_ready(text: str, base: tuple[tuple[str, Value], ...]) -> Ready:
     case = dict(base)
     drive = drive_of(case)
     scenario = scenario_of(case, text)
-    plant, belief, estimator = case.get("plant", EXACT), str(case["belief"]), load_estimator(str(case["estimator"]))
+    plant, belief, estimator = (
+        case.get("plant", EXACT),
+        str(case["belief"]),
+        load_estimator(str(case["estimator"])),
+    )
     check_call(estimator, belief, 0, 1, LONGEST)
     setup = set_up(drive, scenario, estimator, belief, str(plant))
     setup = dataclasses.replace(setup, design=_with_bandwidths(setup.design, case))
@@ -130,7 +147,9 @@ def made_ready(text: str, base: tuple[tuple[str, Value], ...]) -> Ready:
 def drive_of(case: Case) -> Drive:
     """Return a case's drive: the motor's file, with the values that the case sets."""
     drive = _loaded(str(case["motor"]))
-    motor, converter, injection = (family(case, f"{name}_value") for name in ("motor", "drive", "injection"))
+    motor, converter, injection = (
+        family(case, f"{name}_value") for name in ("motor", "drive", "injection")
+    )
     if "sampling_period" in converter and drive.converter.pwm_frequency is not None:
         converter["pwm_frequency"] = 1.0 / converter["sampling_period"]
     if isinstance(drive.motor.energy, SplineEnergy):
@@ -150,14 +169,18 @@ def _loaded(motor: str) -> Drive:
 
 def scenario_of(case: Case, text: str) -> Scenario:
     """Return a case's scenario, cut and scaled as the case says."""
-    scenario: Scenario = scene_of(again(text)) if case["scenario"] == OWN else load_scenario(str(case["scenario"]))
+    scenario: Scenario = (
+        scene_of(again(text)) if case["scenario"] == OWN else load_scenario(str(case["scenario"]))
+    )
     if "duration" in case:
         scenario = scenario.cut(float(case["duration"]))
     factors = family(case, "scenario_factor")
     if not factors:
         return scenario
     scaled = [
-        dataclasses.replace(s, **{name: factor * getattr(s, name) for name, factor in factors.items()})
+        dataclasses.replace(
+            s, **{name: factor * getattr(s, name) for name, factor in factors.items()}
+        )
         for s in scenario.segments
     ]
     return dataclasses.replace(scenario, segments=tuple(scaled))
@@ -170,12 +193,17 @@ def family(case: Case, name: str) -> dict[str, Any]:
 
 
 def effects_of(drive: Drive, case: Case) -> dict[str, float]:
-    """Return what a case's plant has and the model lacks, by the effects' names; BadInput for a value given twice."""
-    found: dict[str, float] = {name: float(value) for name, value in family(case, "effects").items()}
+    """Return what a case's plant has and the model lacks, by the effects' names; BadInput for a
+    value given twice."""
+    found: dict[str, float] = {
+        name: float(value) for name, value in family(case, "effects").items()
+    }
     for field, factor in family(case, "true_factor").items():
         name = EFFECTS[field]
         if name in found:
-            raise BadInput(f"true_factor.{field} and effects.{name} set the same value; give one of them")
+            raise BadInput(
+                f"true_factor.{field} and effects.{name} set the same value; give one of them"
+            )
         own = 1.0 if name.startswith("inductance.") else float(getattr(drive.motor, field))
         found[name] = factor * own
         _check_factor(field, factor, name, own)
@@ -183,12 +211,20 @@ def effects_of(drive: Drive, case: Case) -> dict[str, float]:
 
 
 def _check_factor(field: str, factor: float, name: str, own: float) -> None:
-    """Raise BadInput, in the words of the sweep's file, for a factor that takes an effect's value out of its bounds."""
+    """Raise BadInput, in the words of the sweep's file, for a factor that takes an effect's value
+    out of its bounds."""
     p, key = parameters()[name], keys()[f"motor_value.{field}"]
-    low, high = (p.low, p.high) if name.startswith("inductance.") else (max(p.low, key.low), min(p.high, key.high))
+    low, high = (
+        (p.low, p.high)
+        if name.startswith("inductance.")
+        else (max(p.low, key.low), min(p.high, key.high))
+    )
     if not low <= factor * own <= high:
         least, most = sorted((low / own, high / own))
-        raise BadInput(f"true_factor.{field} = {factor:g} is out of range; give a number in [{least:.4g}, {most:.4g}]")
+        raise BadInput(
+            f"true_factor.{field} = {factor:g} is out of range; give a number in "
+            f"[{least:.4g}, {most:.4g}]"
+        )
 
 
 def _with_belief(ready: Ready, case: Case) -> Setup:
@@ -211,11 +247,15 @@ def _with_belief(ready: Ready, case: Case) -> Setup:
 def _refuse_of_map(name: str, values: Mapping[str, Any]) -> None:
     for field in OF_MAP:
         if field in values:
-            raise BadInput(f"{name}.{field} does nothing on a motor with a flux map; leave it away for this motor")
+            raise BadInput(
+                f"{name}.{field} does nothing on a motor with a flux map; leave it away "
+                "for this motor"
+            )
 
 
 def _with_bandwidths(design: Design, case: Case) -> Design:
-    """Return a design with bandwidths times the case's factors; ratios of gains inside a loop stay as designed."""
+    """Return a design with bandwidths times the case's factors; ratios of gains inside a loop stay
+    as designed."""
     f = {"current": 1.0, "tracking": 1.0, "speed": 1.0} | family(case, "bandwidth_factor")
     c, t = design.control, design.tuning
     i, a, s = f["current"], f["tracking"], f["speed"]
@@ -232,7 +272,8 @@ def _with_bandwidths(design: Design, case: Case) -> Design:
 
 
 def windows_of(setup: Setup) -> tuple[Windows, ...]:
-    """Return the scored stretches' samples; they are those that `sandbox.evaluation.score` looks at."""
+    """Return the scored stretches' samples; they are those that `sandbox.evaluation.score` looks
+    at."""
     t, scenario = np.arange(setup.samples) * setup.drive.converter.sampling_period, setup.scenario
     found, start = [], setup.start_time
     for s in scenario.segments:
@@ -265,7 +306,9 @@ def _with_costs(row: Row, ready: Ready, recording: Recording, effects: Mapping[s
     values = complete(setup.drive.motor, setup.drive.converter, effects)
     true = true_motor(setup.drive.motor, values, keep_map=True)
     parts = [Recording(table[w.settled : w.end]) for w in ready.windows]
-    found = [injection_cost(setup.drive, part, true, values, setup.estimator.inside) for part in parts]
+    found = [
+        injection_cost(setup.drive, part, true, values, setup.estimator.inside) for part in parts
+    ]
     costs = [c for c in found if c is not None]
     return row._replace(
         loss_w=max((c.loss_w for c in costs), default=None),

@@ -1,4 +1,5 @@
-"""Figures of sweeps: the share of drives below an error, and what is left of the saturated belief's gain."""
+"""Figures of sweeps: the share of drives below an error, and what is left of the saturated belief's
+gain."""
 
 from __future__ import annotations
 
@@ -29,10 +30,11 @@ def yield_figure(
     share: float = 0.95,
     ax: AnyAxes = None,
 ) -> Figure:
-    """Draw the share of drives (%) whose largest mean position error stays below x (° electrical), a curve a group.
+    """Draw the share of drives (%) whose largest mean position error stays below x (° electrical),
+    a curve a group.
 
-    curves: errors of each group, infinite where lock was lost.  Returns the figure; written where a path is given; ax:
-    see `page`.
+    curves: errors of each group, infinite where lock was lost.  Returns the figure; written where a
+    path is given; ax: see `page`.
     """
     figure, panels = page((7.6, 4.8), 1, 1, ax)
     axes = panels[0, 0]
@@ -42,9 +44,19 @@ def yield_figure(
         belief = next((b for b in ("linear", "saturated") if b in name), None)
         colour = colour_of(belief) if belief else OTHERS[k % len(OTHERS)]
         number = seen[belief] = seen.get(belief, -1) + 1
-        axes.plot(np.maximum(x, LEAST), 100.0 * y, color=colour, linestyle=STYLES[number % len(STYLES)], label=name)
+        axes.plot(
+            np.maximum(x, LEAST),
+            100.0 * y,
+            color=colour,
+            linestyle=STYLES[number % len(STYLES)],
+            label=name,
+        )
     axes.axhline(100.0 * share, color="0.6", linewidth=0.8)
-    axes.set(xscale="log", xlabel="largest mean position error (° electrical)", ylabel="drives that err less (%)")
+    axes.set(
+        xscale="log",
+        xlabel="largest mean position error (° electrical)",
+        ylabel="drives that err less (%)",
+    )
     axes.set_ylim(0.0, 101.0)
     plain_ticks(axes)
     framed(axes)
@@ -54,8 +66,11 @@ def yield_figure(
     return drawn(figure, path)
 
 
-def tolerance_figure(rows: Sequence[Any], title: str, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
-    """Draw position error against how far the belief's parameters are off, a panel an estimator; see `tolerances`.
+def tolerance_figure(
+    rows: Sequence[Any], title: str, path: str | Path | None = None, ax: AnyAxes = None
+) -> Figure:
+    """Draw position error against how far the belief's parameters are off, a panel an estimator;
+    see `tolerances`.
 
     Returns the figure; written where a path is given; ax: see `page`.
     """
@@ -70,7 +85,9 @@ def tolerance_figure(rows: Sequence[Any], title: str, path: str | Path | None = 
                 for values in ([r.median_deg for r in own], [r.p95_deg for r in own])
             )
             how = {"color": colour_of(belief), "linewidth": width}
-            axes.plot(x, middle, "o-", markersize=4.0 + width, label=f"{belief}: median of draws", **how)
+            axes.plot(
+                x, middle, "o-", markersize=4.0 + width, label=f"{belief}: median of draws", **how
+            )
             axes.plot(x, most, "--", label="95 % of draws", **how)
         axes.set(title=name, xlabel="the belief's parameters off by up to ± (%)")
         framed(axes, "y")

@@ -1,4 +1,5 @@
-"""What a sweep may vary: every key with its type, unit and meaning, and how a value is checked before anything runs."""
+"""What a sweep may vary: every key with its type, unit and meaning, and how a value is checked
+before anything runs."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ USUAL: dict[str, Value] = {
 
 @dataclass(frozen=True)
 class Key:
-    """One thing that a sweep may set: its type, bounds where it is a number, unit, and what it means."""
+    """One thing that a sweep may set: its type, bounds where it is a number, unit, and what it
+    means."""
 
     kind: type
     what: str
@@ -58,12 +60,16 @@ def keys() -> dict[str, Key]:
 
     found = {
         "motor": Key(str, "name of the motor, or a TOML file"),
-        "scenario": Key(str, "name of the scenario, or a TOML file; 'own': the one in the sweep's file"),
+        "scenario": Key(
+            str, "name of the scenario, or a TOML file; 'own': the one in the sweep's file"
+        ),
         "estimator": Key(str, "name of the estimator, or a Python file"),
         "belief": Key(str, "which model of the motor the estimator believes: saturated or linear"),
         "plant": Key(str, "exact or switched"),
         "closed_loop": Key(bool, "whether the estimate controls; otherwise the encoder"),
-        "injection_cost": Key(bool, "whether to work out what the injection costs (5 ms for each scored segment)"),
+        "injection_cost": Key(
+            bool, "whether to work out what the injection costs (5 ms for each scored segment)"
+        ),
         "seed": Key(int, "of the sensors' noise", low=0, high=LARGEST_SEED),
         "duration": Key(float, "of the scenario that is run", "s", 1e-3, 3600.0),
     }
@@ -75,17 +81,25 @@ def keys() -> dict[str, Key]:
         found |= {f"{family}.{n}": key for n, key in _numbers(kind, what).items()}
     factor = {"low": 0.0, "high": LARGEST_FACTOR}
     for name in OF_PLANT:
-        found[f"true_factor.{name}"] = Key(float, f"the plant's {name} over the motor's", "1", **factor)
+        found[f"true_factor.{name}"] = Key(
+            float, f"the plant's {name} over the motor's", "1", **factor
+        )
     for name in OF_BELIEF:
-        found[f"believed_factor.{name}"] = Key(float, f"the belief's {name} over the motor's", "1", **factor)
+        found[f"believed_factor.{name}"] = Key(
+            float, f"the belief's {name} over the motor's", "1", **factor
+        )
     for name in ("current", "tracking", "speed"):
         found[f"bandwidth_factor.{name}"] = Key(
             float, f"bandwidth of the {name} loop over the designed one", "1", 1e-3, LARGEST_FACTOR
         )
     for name in ("load", "speed"):
-        found[f"scenario_factor.{name}"] = Key(float, f"every {name} of the scenario times this", "1", -10.0, 10.0)
+        found[f"scenario_factor.{name}"] = Key(
+            float, f"every {name} of the scenario times this", "1", -10.0, 10.0
+        )
     for name, p in parameters().items():
-        found[f"effects.{name}"] = Key(float, "what the plant has and the model lacks", p.unit, p.low, p.high)
+        found[f"effects.{name}"] = Key(
+            float, "what the plant has and the model lacks", p.unit, p.low, p.high
+        )
     return found
 
 
@@ -95,7 +109,13 @@ def _numbers(kind: Any, what: str) -> dict[str, Key]:
     for f in fields(kind):
         if "low" in f.metadata and f.name not in HELD:
             number = float if str(f.type).startswith("float") else int
-            found[f.name] = Key(number, f"{f.name} {what}", f.metadata["unit"], f.metadata["low"], f.metadata["high"])
+            found[f.name] = Key(
+                number,
+                f"{f.name} {what}",
+                f.metadata["unit"],
+                f.metadata["low"],
+                f.metadata["high"],
+            )
     return found
 
 
@@ -123,15 +143,22 @@ def check_value(name: str, value: object, table: str) -> Value:
             raise BadInput(f"{said} is neither true nor false")
         return value
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise BadInput(f"{said} is not a finite number; give one{f' ({key.unit})' if key.unit else ''}")
+        raise BadInput(
+            f"{said} is not a finite number; give one{f' ({key.unit})' if key.unit else ''}"
+        )
     if key.kind is int and value != int(value):
         raise BadInput(f"{said} is not whole; give a whole number")
     if not key.low <= value <= key.high:
-        raise BadInput(f"{said} is out of range; give a number in [{key.low:g}, {key.high:g}] {key.unit}".rstrip())
+        raise BadInput(
+            f"{said} is out of range; give a number in [{key.low:g}, {key.high:g}] "
+            f"{key.unit}".rstrip()
+        )
     return int(value) if key.kind is int else float(value)
 
 
-def flat(table: Mapping[str, Any], leaf: Any = lambda value: False, head: str = "") -> dict[str, Any]:
+def flat(
+    table: Mapping[str, Any], leaf: Any = lambda value: False, head: str = ""
+) -> dict[str, Any]:
     """Return nested tables as one with keys `family.name`; leaf: tells a table that is a value."""
     found: dict[str, Any] = {}
     for name, value in table.items():
@@ -144,15 +171,16 @@ def flat(table: Mapping[str, Any], leaf: Any = lambda value: False, head: str = 
 
 
 def check_names(values: Mapping[str, Iterable[Value]]) -> None:
-    """Raise BadInput for motors, scenarios and estimators that cannot be used; nothing is downloaded before all is
-    read.  values: what each key takes in the sweep.
+    """Raise BadInput for motors, scenarios and estimators that cannot be used; nothing is
+    downloaded before all is read.  values: what each key takes in the sweep.
     """
     from estimators.registry import load_estimator
     from model.drive_files import fetched, load_drive
     from sandbox.drive.scenario import load_scenario
 
     for name in values.get("estimator", ()):
-        if str(name) not in MODULES:  # a built-in one is known to load, and would bring in the compiler
+        if str(name) not in MODULES:
+            # a built-in one is known to load, and would bring in the compiler
             load_estimator(str(name))
     for name in values.get("scenario", ()):
         if name != "own":

@@ -1,11 +1,13 @@
-"""A sweep as it is asked for: what is the same in all runs, what is combined, what is drawn; from TOML or a dict.
+"""A sweep as it is asked for: what is the same in all runs, what is combined, what is drawn; from
+TOML or a dict.
 
     [run]             the same in all runs
     [grid]            lists of values: every combination of them
     [random]          design = "sobol", points, seed; [random.draw] what is drawn together, once a point
 
-Run number = point x cells + cell, the grid's last key fastest, so that runs of one point stand together.
-"""
+Run number = point x cells + cell, the grid's last key fastest, so that runs of one point stand
+together.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -35,13 +37,14 @@ TABLES = ("sweep", "run", "grid", "random", "traces", "scenario", "segment")
 MOST_POINTS, MOST_VALUES = 10_000_000, 100_000
 MOST_DRAWN = 50_000_000  # numbers: 400 MB
 OWN = "own"
-LENGTHS = ("duration", "motor_value.", "drive_value.", "injection_value.")  # these change how long a run is
+# these change how long a run is
+LENGTHS = ("duration", "motor_value.", "drive_value.", "injection_value.")
 
 
 @dataclass(frozen=True)
 class Draw:
-    """A distribution: uniform [low, high], log_uniform [low, high], normal [mean, standard deviation] (ends at 4 of
-    them), integers [low, high] (both included).
+    """A distribution: uniform [low, high], log_uniform [low, high], normal [mean, standard
+    deviation] (ends at 4 of them), integers [low, high] (both included).
     """
 
     kind: str
@@ -64,7 +67,11 @@ class Draw:
     @property
     def ends(self) -> tuple[float, float]:
         """The least and the largest value."""
-        return (self.a - CUT * self.b, self.a + CUT * self.b) if self.kind == "normal" else (self.a, self.b)
+        return (
+            (self.a - CUT * self.b, self.a + CUT * self.b)
+            if self.kind == "normal"
+            else (self.a, self.b)
+        )
 
 
 DRAWS = ("uniform", "log_uniform", "normal", "integers")
@@ -122,7 +129,13 @@ class Sweep:
 
     def values(self, name: str) -> tuple[Value, ...]:
         """Return what a key that is not drawn takes in the sweep."""
-        return self.grid[name] if name in self.grid else (self.fixed[name],) if name in self.fixed else ()
+        return (
+            self.grid[name]
+            if name in self.grid
+            else (self.fixed[name],)
+            if name in self.fixed
+            else ()
+        )
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -138,19 +151,22 @@ def shares_of(design: str, points: int, draws: int, seed: int) -> NDArray[np.flo
     from scipy.stats import qmc
 
     if design == "sobol":  # a power of 2 is drawn, the first points of it are taken
-        found = qmc.Sobol(draws, scramble=True, seed=rng).random_base2(max(0, (points - 1).bit_length()))
+        found = qmc.Sobol(draws, scramble=True, seed=rng).random_base2(
+            max(0, (points - 1).bit_length())
+        )
         return np.asarray(found[:points])
     return np.asarray(qmc.LatinHypercube(draws, seed=rng).random(points))
 
 
 def read_sweep(path: str | Path) -> Sweep:
-    """Return the sweep of a TOML file; files that it names are looked for beside it.  BadInput says what is wrong."""
+    """Return the sweep of a TOML file; files that it names are looked for beside it.  BadInput says
+    what is wrong."""
     path = Path(path)
     tables = read_toml(path)
     if tables and set(tables) <= {"scenario", "segment"}:
         raise BadInput(
-            f"{path.name} is a scenario, which is one run; add a table [run], [grid] or [random], or run it by "
-            "`sensorless simulate --scenario`"
+            f"{path.name} is a scenario, which is one run; add a table [run], [grid] or [random], "
+            "or run it by `sensorless simulate --scenario`"
         )
     if not tables:
         raise BadInput(f"{path.name} says nothing; name what is run in [run], [grid] or [random]")
@@ -161,14 +177,16 @@ def read_sweep(path: str | Path) -> Sweep:
 
 
 def sweep_of(tables: Mapping[str, Any], name: str = "sweep", folder: Path | None = None) -> Sweep:
-    """Return the sweep of tables laid out as in a TOML file, everything checked that can be before it runs; BadInput
-    for the first thing that is wrong."""
+    """Return the sweep of tables laid out as in a TOML file, everything checked that can be before
+    it runs; BadInput for the first thing that is wrong."""
     for table in tables:
         if table not in TABLES:
             from model.effects.library import effect_names
 
             if table in effect_names():
-                raise BadInput(f"'{table}' is an effect and stands in no table; put it under [run] or [grid]")
+                raise BadInput(
+                    f"'{table}' is an effect and stands in no table; put it under [run] or [grid]"
+                )
             raise unknown("table", table, TABLES)
     head = _table(tables, "sweep", ("name", "description"))
     fixed = {k: check_value(k, v, "run") for k, v in flat(_table(tables, "run")).items()}
@@ -199,10 +217,15 @@ def sweep_of(tables: Mapping[str, Any], name: str = "sweep", folder: Path | None
     try:
         text = json.dumps(whole, allow_nan=False)
     except (TypeError, ValueError):
-        raise BadInput("[[segment]] and [scenario] hold texts, numbers and truth values only") from None
+        raise BadInput(
+            "[[segment]] and [scenario] hold texts, numbers and truth values only"
+        ) from None
     sweep = again(text)
     if sweep.points * len(draws) > MOST_DRAWN:
-        raise BadInput(f"{points} points of {len(draws)} draws are more than {MOST_DRAWN} numbers; take fewer points")
+        raise BadInput(
+            f"{points} points of {len(draws)} draws are more than {MOST_DRAWN} numbers; "
+            "take fewer points"
+        )
     if scene is not None:
         scene_of(sweep)
     check_names({k: sweep.values(k) for k in FILES})
@@ -240,7 +263,8 @@ def label(name: str, value: Value) -> Value:
 
 
 def digest_of(sweep: Sweep) -> str:
-    """Return a hash of the sweep with the content of every file that it names, wherever these lie."""
+    """Return a hash of the sweep with the content of every file that it names, wherever these
+    lie."""
     text = sweep.text
     for name in FILES:
         for value in sweep.values(name):
@@ -253,8 +277,11 @@ def digest_of(sweep: Sweep) -> str:
 
 
 def _beside(path: Path) -> bytes:
-    """Return names and hashes of the files that a TOML file names: a flux map, an inverter's table."""
-    return b"".join(f"{file.name} {digest_of_file(file)}\n".encode() for file in named_by(path, path.parent))
+    """Return names and hashes of the files that a TOML file names: a flux map, an inverter's
+    table."""
+    return b"".join(
+        f"{file.name} {digest_of_file(file)}\n".encode() for file in named_by(path, path.parent)
+    )
 
 
 def _table(tables: Mapping[str, Any], name: str, known: tuple[str, ...] = ()) -> dict[str, Any]:
@@ -270,10 +297,14 @@ def _table(tables: Mapping[str, Any], name: str, known: tuple[str, ...] = ()) ->
 def _list(name: str, values: object) -> tuple[Value, ...]:
     if not isinstance(values, (list, tuple)) or not values:
         raise BadInput(
-            f"[grid] {name} = {as_toml(values)} is no list of values; write {name} = [1.0, 2.0], or see [run]"
+            f"[grid] {name} = {as_toml(values)} is no list of values; write {name} = "
+            "[1.0, 2.0], or see [run]"
         )
     if len(values) > MOST_VALUES:
-        raise BadInput(f"[grid] {name} has {len(values)} values; at most {MOST_VALUES} are taken, draw them instead")
+        raise BadInput(
+            f"[grid] {name} has {len(values)} values; at most {MOST_VALUES} are taken, "
+            "draw them instead"
+        )
     found = tuple(check_value(name, v, "grid") for v in values)
     if len(set(found)) < len(found):
         raise BadInput(f"[grid] {name} names a value twice; give each once")
@@ -288,20 +319,31 @@ def _draw(name: str, value: object) -> Draw:
     key, table = check_key(name, "random.draw"), "random.draw"
     said = f"[{table}] {name} = {as_toml(value)}"
     if not isinstance(value, Mapping) or len(value) != 1:
-        raise BadInput(f"{said} is no distribution; write {name} = {{uniform = [0.9, 1.1]}} ({', '.join(DRAWS)})")
+        raise BadInput(
+            f"{said} is no distribution; write {name} = {{uniform = [0.9, 1.1]}} "
+            f"({', '.join(DRAWS)})"
+        )
     kind, ends = next(iter(value.items()))
     if kind not in DRAWS:
         raise unknown(f"distribution of {name}", kind, DRAWS)
     if key.kind not in (int, float) or (key.kind is int) != (kind == "integers"):
         fit = {int: "integers = [low, high]", float: "uniform, log_uniform or normal"}
-        raise BadInput(f"{said}: '{name}' is {f'drawn by {fit[key.kind]}' if key.kind in fit else 'put in [grid]'}")
+        raise BadInput(
+            f"{said}: '{name}' is "
+            f"{f'drawn by {fit[key.kind]}' if key.kind in fit else 'put in [grid]'}"
+        )
     if not isinstance(ends, (list, tuple)) or len(ends) != 2:
         raise BadInput(f"{said} needs two numbers, {kind} = [a, b]")
-    if any(isinstance(x, bool) or not isinstance(x, (int, float)) or not math.isfinite(x) for x in ends):
+    if any(
+        isinstance(x, bool) or not isinstance(x, (int, float)) or not math.isfinite(x) for x in ends
+    ):
         raise BadInput(f"{said} needs two finite numbers, {kind} = [a, b]")
     draw = Draw(kind, float(ends[0]), float(ends[1]))
     if (kind == "normal" and draw.b < 0.0) or (kind != "normal" and draw.b < draw.a):
-        raise BadInput(f"{said}: the second number must not be below {'0' if kind == 'normal' else 'the first'}")
+        raise BadInput(
+            f"{said}: the second number must not be below "
+            f"{'0' if kind == 'normal' else 'the first'}"
+        )
     if kind == "log_uniform" and draw.a <= 0.0:
         raise BadInput(f"{said}: a logarithm needs numbers above 0")
     for end in draw.ends:
@@ -310,16 +352,23 @@ def _draw(name: str, value: object) -> Draw:
 
 
 def _random(table: Mapping[str, Any], draws: Mapping[str, Draw]) -> tuple[str, int, int]:
-    design, points, seed = table.get("design", "sobol"), table.get("points", 1), table.get("seed", 0)
+    design, points, seed = (
+        table.get("design", "sobol"),
+        table.get("points", 1),
+        table.get("seed", 0),
+    )
     if design not in DESIGNS:
         raise unknown("random design", design, DESIGNS)
     for name, value, low, high in (("points", points, 1, MOST_POINTS), ("seed", seed, 0, 10**18)):
         if type(value) is not int or not low <= value <= high:
             raise BadInput(
-                f"[random] {name} = {as_toml(value)} is out of range; give a whole number in [{low}, {high}]"
+                f"[random] {name} = {as_toml(value)} is out of range; give a whole "
+                f"number in [{low}, {high}]"
             )
     if table and not draws:
-        raise BadInput("[random] draws nothing; add [random.draw] with a distribution, or leave [random] away")
+        raise BadInput(
+            "[random] draws nothing; add [random.draw] with a distribution, or leave [random] away"
+        )
     return design, points, seed
 
 
@@ -328,22 +377,33 @@ def _traces(tables: Mapping[str, Any], draws: Mapping[str, Draw]) -> Traces | No
         return None
     for name in draws:
         if name.startswith(LENGTHS):
-            raise BadInput(f"[traces] need runs of a few lengths, but '{name}' is drawn; leave one of both away")
+            raise BadInput(
+                f"[traces] need runs of a few lengths, but '{name}' is drawn; leave one "
+                "of both away"
+            )
     from sandbox.drive.recording import CHANNELS
 
     table, known = _table(tables, "traces", ("channels", "stride")), (*CHANNELS, "error")
     channels, stride = table.get("channels", ["error"]), table.get("stride", 1)
     if not isinstance(channels, (list, tuple)) or not channels:
-        raise BadInput(f'[traces] channels = {as_toml(channels)} is no list of channels; write channels = ["error"]')
+        raise BadInput(
+            f"[traces] channels = {as_toml(channels)} is no list of channels; write "
+            'channels = ["error"]'
+        )
     for channel in channels:
         if channel not in known:
             raise unknown("channel", channel, known)
     if type(stride) is not int or stride < 1:
-        raise BadInput(f"[traces] stride = {as_toml(stride)} is out of range; keep every stride-th sample, at least 1")
+        raise BadInput(
+            f"[traces] stride = {as_toml(stride)} is out of range; keep every stride-th "
+            "sample, at least 1"
+        )
     return Traces(tuple(dict.fromkeys(channels)), stride)
 
 
-def _check_once(fixed: Mapping[str, Any], grid: Mapping[str, Any], draws: Mapping[str, Any], scene: Any) -> None:
+def _check_once(
+    fixed: Mapping[str, Any], grid: Mapping[str, Any], draws: Mapping[str, Any], scene: Any
+) -> None:
     for one, other, tables in (
         (fixed, grid, "[run] and [grid]"),
         (fixed, draws, "[run] and [random.draw]"),
@@ -354,24 +414,35 @@ def _check_once(fixed: Mapping[str, Any], grid: Mapping[str, Any], draws: Mappin
                 raise BadInput(f"'{name}' stands in {tables}; give it once")
     named = [fixed["scenario"]] if "scenario" in fixed else grid["scenario"]
     if (OWN in named) != (scene is not None):
-        raise BadInput("scenario = 'own' means the [[segment]] tables of the sweep's own file; give both, or neither")
+        raise BadInput(
+            "scenario = 'own' means the [[segment]] tables of the sweep's own file; give "
+            "both, or neither"
+        )
 
 
 def _found(name: str, value: Value, folder: Path) -> Value:
     """Return a file's name as a full path, looked for beside the sweep's file."""
     text = str(value)
-    if name not in FILES or not (Path(text).suffix in (".toml", ".py") or len(Path(text).parts) > 1):
+    if name not in FILES or not (
+        Path(text).suffix in (".toml", ".py") or len(Path(text).parts) > 1
+    ):
         return value
     if "\0" in text:
-        raise BadInput(f"{name} file {brief(text)} holds a NUL, which no file's name does; give its path")
+        raise BadInput(
+            f"{name} file {brief(text)} holds a NUL, which no file's name does; give its path"
+        )
     path = (folder / text).resolve()
     if not path.is_file():
-        raise BadInput(f"{name} file '{text}' does not exist beside the sweep's file; give its path from there")
+        raise BadInput(
+            f"{name} file '{text}' does not exist beside the sweep's file; give its path from there"
+        )
     return str(path)
 
 
 def tables_of(scenario: Any) -> dict[str, Any]:
     """Return a Scenario as the tables of a file."""
     whole = {k: v for k, v in dataclasses.asdict(scenario).items() if k != "segments"}
-    rows = [{k: v for k, v in dataclasses.asdict(s).items() if v is not None} for s in scenario.segments]
+    rows = [
+        {k: v for k, v in dataclasses.asdict(s).items() if v is not None} for s in scenario.segments
+    ]
     return {"scenario": whole, "segment": rows}

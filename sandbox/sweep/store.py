@@ -1,8 +1,9 @@
-"""The folder of a sweep: finished blocks as Parquet files, traces as zarr, and a manifest that says which are whole.
+"""The folder of a sweep: finished blocks as Parquet files, traces as zarr, and a manifest that says
+which are whole.
 
-runs/block-*.parquet together are one data set; manifest.json has the SHA-256 of each, and of itself.  A block
-counts once the manifest names it, and every file is written aside and renamed: an interrupted sweep goes on where it
-was, and half a file is never taken for a whole one.
+runs/block-*.parquet together are one data set; manifest.json has the SHA-256 of each, and of
+itself.  A block counts once the manifest names it, and every file is written aside and renamed: an
+interrupted sweep goes on where it was, and half a file is never taken for a whole one.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ BYTES_A_RUN = 150  # in the table, about
 
 @dataclass
 class Kept:
-    """What a sweep's folder holds: by the first run of each finished block, what the manifest says of it."""
+    """What a sweep's folder holds: by the first run of each finished block, what the manifest says
+    of it."""
 
     folder: Path
     sweep: Sweep
@@ -61,22 +63,27 @@ def open_folder(sweep: Sweep, folder: Path, afresh: bool = False) -> Kept:
     if found is not None:
         if found.get("key") != key_of(sweep):
             raise BadInput(
-                f"'{folder}' holds another sweep, or this one made by another state of the code; give a new --out, or "
-                "begin anew with --again"
+                f"'{folder}' holds another sweep, or this one made by another state of the code; "
+                "give a new --out, or begin anew with --again"
             )
         kept.blocks = {b["start"]: b for b in found["blocks"] if _is_whole(kept, b)}
-    elif any((folder / RUNS).glob("block-*")):  # without one it is where a sweep stopped before its first block
-        raise BadInput(f"'{folder / RUNS}' has no readable {MANIFEST} beside it; give a new --out, or --again")
+    elif any((folder / RUNS).glob("block-*")):
+        # without one it is where a sweep stopped before its first block
+        raise BadInput(
+            f"'{folder / RUNS}' has no readable {MANIFEST} beside it; give a new --out, or --again"
+        )
     return kept
 
 
 def _check_places(folder: Path) -> None:
-    """Raise BadInput where something else stands in the place of a sweep's files; nothing is removed then."""
+    """Raise BadInput where something else stands in the place of a sweep's files; nothing is
+    removed then."""
     for name in (RUNS, TRACES):
         path = folder / name
         if path.is_symlink() or (path.exists() and not path.is_dir()):
             raise BadInput(
-                f"'{path}' is a link or a file, where a sweep keeps a folder; move it, or give another --out"
+                f"'{path}' is a link or a file, where a sweep keeps a folder; move it, "
+                "or give another --out"
             )
     check_free(folder, ("sweep.json", "sweep.png", MANIFEST, SCHEMA))
 
@@ -122,12 +129,16 @@ def add(kept: Kept, block: Block) -> None:
 def counts(folder: Path) -> tuple[int, int]:
     """Return how many runs a folder keeps, and of how many; 0, 0 where it holds no sweep."""
     found = _read(folder / MANIFEST)
-    return (0, 0) if found is None else (sum(block["rows"] for block in found["blocks"]), int(found["runs"]))
+    return (
+        (0, 0)
+        if found is None
+        else (sum(block["rows"] for block in found["blocks"]), int(found["runs"]))
+    )
 
 
 def read_table(folder: Path) -> Any:
-    """Return the runs of all finished blocks as one pyarrow table, by number; BadInput where a folder holds no sweep,
-    or not all of one."""
+    """Return the runs of all finished blocks as one pyarrow table, by number; BadInput where a
+    folder holds no sweep, or not all of one."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -143,15 +154,19 @@ def check_files(folder: Path, names: Iterable[str]) -> None:
     """Raise BadInput unless each is a file: a pipe in its place would be waited for."""
     for path in (folder / name for name in names):
         if not path.is_file():
-            raise BadInput(f"'{path}' is missing or no file; run the sweep again with the same --out")
+            raise BadInput(
+                f"'{path}' is missing or no file; run the sweep again with the same --out"
+            )
 
 
 def open_traces(folder: Path) -> Any:
-    """Return the traces as an xarray Dataset (run, sample), read when asked for; NaN after a run's end; BadInput where
-    there are none."""
+    """Return the traces as an xarray Dataset (run, sample), read when asked for; NaN after a run's
+    end; BadInput where there are none."""
     xarray, _ = _trace_libraries()
     if not (folder / TRACES).exists():
-        raise BadInput(f"'{folder}' holds no traces; ask for them with [traces] in the sweep's file")
+        raise BadInput(
+            f"'{folder}' holds no traces; ask for them with [traces] in the sweep's file"
+        )
     return xarray.open_zarr(folder / TRACES, consolidated=False, chunks=None)
 
 
@@ -170,7 +185,9 @@ def _read(path: Path) -> dict[str, Any] | None:
 
 def _is_sound(found: dict[str, Any]) -> bool:
     """Tell whether a manifest names its own blocks and nothing else."""
-    numbers = [(b["start"], b["rows"], b["cpu_seconds"], b["kernel_seconds"]) for b in found["blocks"]]
+    numbers = [
+        (b["start"], b["rows"], b["cpu_seconds"], b["kernel_seconds"]) for b in found["blocks"]
+    ]
     whole = all(type(start) is int and type(rows) is int for start, rows, *_ in numbers)
     spent = all(finite(x) is not None for _, _, *costs in numbers for x in costs)
     return whole and spent and all(b["file"] == _file(b["start"]) for b in found["blocks"])
@@ -188,7 +205,9 @@ def _is_whole(kept: Kept, block: dict[str, Any]) -> bool:
             return False
         if kept.sweep.traces is None:
             return True
-        return bool(_digest_of_traces(kept, block["start"], block["rows"]) == block["traces_sha256"])
+        return bool(
+            _digest_of_traces(kept, block["start"], block["rows"]) == block["traces_sha256"]
+        )
     except (OSError, KeyError, ValueError):
         return False
 
@@ -213,7 +232,8 @@ def _trace_libraries() -> tuple[Any, Any]:
         import zarr
     except ImportError:
         raise BadInput(
-            "traces need xarray and zarr; `pip install 'sensorless-sandbox[sweep]'`, or leave [traces] away"
+            "traces need xarray and zarr; `pip install 'sensorless-sandbox[sweep]'`, or "
+            "leave [traces] away"
         ) from None
     return xarray, zarr
 
@@ -253,7 +273,9 @@ def _write_traces(kept: Kept, block: Block) -> str:
     assert kept.sweep.traces is not None
     assert block.traces is not None
     rows = len(block.traces)
-    data = {c: (("run", "sample"), block.traces[:, k]) for k, c in enumerate(kept.sweep.traces.channels)}
+    data = {
+        c: (("run", "sample"), block.traces[:, k]) for k, c in enumerate(kept.sweep.traces.channels)
+    }
     region = {"run": slice(block.start, block.start + rows)}
     xarray.Dataset(data).to_zarr(kept.folder / TRACES, region=region, mode="r+", consolidated=False)
     return _digest_of_traces(kept, block.start, rows)

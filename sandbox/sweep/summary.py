@@ -1,4 +1,5 @@
-"""What a sweep says: for each combination of its grid, which position error most drives stay below."""
+"""What a sweep says: for each combination of its grid, which position error most drives stay
+below."""
 
 from __future__ import annotations
 
@@ -23,8 +24,9 @@ SURE = 1.96
 
 @dataclass(frozen=True)
 class Group:
-    """One combination of the grid.  Degrees are those that a share of all its runs stays below with the largest mean
-    error of their stretches, see `errors_of`; None where the share falls among runs beyond any.
+    """One combination of the grid.  Degrees are those that a share of all its runs stays below with
+    the largest mean error of their stretches, see `errors_of`; None where the share falls among
+    runs beyond any.
     """
 
     values: dict[str, Value]
@@ -42,14 +44,16 @@ class Group:
         """Its values as a text."""
         return (
             ", ".join(
-                f"{k.rpartition('.')[2]} {v:g}" if type(v) in (int, float) else f"{v}" for k, v in self.values.items()
+                f"{k.rpartition('.')[2]} {v:g}" if type(v) in (int, float) else f"{v}"
+                for k, v in self.values.items()
             )
             or "all runs"
         )
 
 
 def groups_of(sweep: Sweep, table: pyarrow.Table) -> list[Group]:
-    """Return the groups of a finished sweep in the order of its grid; one of all runs where there are too many."""
+    """Return the groups of a finished sweep in the order of its grid; one of all runs where there
+    are too many."""
     if sweep.cells > MOST_GROUPS:
         return [_group({}, table, np.arange(table.num_rows))]
     cell = table["run"].to_numpy() % sweep.cells
@@ -62,16 +66,17 @@ def groups_of(sweep: Sweep, table: pyarrow.Table) -> list[Group]:
 
 
 def errors_of(table: pyarrow.Table) -> NDArray[np.float64]:
-    """Return the size of each run's mean error in degrees, of the stretch where it is largest; infinite where there is
-    none or lock was lost.  Over several loads at once errors of either sign would cancel.
+    """Return the size of each run's mean error in degrees, of the stretch where it is largest;
+    infinite where there is none or lock was lost.  Over several loads at once errors of either sign
+    would cancel.
     """
     found = table["worst_mean_deg"].to_numpy(zero_copy_only=False)
     return np.where(np.isfinite(found), np.abs(found), math.inf)
 
 
 def below(errors: NDArray[np.float64], share: float) -> float | None:
-    """Return the error that a share of runs stays below or meets; None where it is infinite or there is no run; errors:
-    (runs,) degrees."""
+    """Return the error that a share of runs stays below or meets; None where it is infinite or
+    there is no run; errors: (runs,) degrees."""
     if errors.size == 0:
         return None
     value = float(np.sort(errors)[min(errors.size, max(1, math.ceil(share * errors.size))) - 1])
@@ -83,7 +88,9 @@ def interval(errors: NDArray[np.float64], share: float) -> tuple[float | None, f
     if errors.size == 0:
         return None, None
     wide = SURE * math.sqrt(share * (1.0 - share) / errors.size)
-    return below(errors, max(0.0, share - wide)), below(errors, share + wide) if share + wide <= 1.0 else None
+    return below(errors, max(0.0, share - wide)), below(
+        errors, share + wide
+    ) if share + wide <= 1.0 else None
 
 
 def _group(values: dict[str, Value], table: pyarrow.Table, rows: NDArray[np.int64]) -> Group:
@@ -143,8 +150,11 @@ def _text(value: float | None) -> str:
     return "–" if value is None else f"{value:.3g}"
 
 
-def curve(errors: NDArray[np.float64], most: int = 2000) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return error (degrees) and the share of drives that stay below it, thinned to a figure's points."""
+def curve(
+    errors: NDArray[np.float64], most: int = 2000
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return error (degrees) and the share of drives that stay below it, thinned to a figure's
+    points."""
     whole = np.sort(errors)
     share = np.arange(1, whole.size + 1) / whole.size
     kept = np.unique(np.linspace(0, whole.size - 1, min(most, whole.size)).round().astype(int))

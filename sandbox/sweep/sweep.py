@@ -1,4 +1,5 @@
-"""Running a sweep: blocks handed to the engine, kept as they finish, gone on with after an interruption."""
+"""Running a sweep: blocks handed to the engine, kept as they finish, gone on with after an
+interruption."""
 
 from __future__ import annotations
 
@@ -29,10 +30,11 @@ def run_sweep(
     yes: bool = False,
     progress: Progress | None = None,
 ) -> store.Kept:
-    """Run what is not finished of a sweep, on so many processes or on a cluster; return what its folder holds.
+    """Run what is not finished of a sweep, on so many processes or on a cluster; return what its
+    folder holds.
 
-    afresh: forget what an earlier call has finished; yes: run it however large it is.  Raises BadInput before anything
-    is written for what cannot be run.
+    afresh: forget what an earlier call has finished; yes: run it however large it is.  Raises
+    BadInput before anything is written for what cannot be run.
     """
     check_size(sweep, yes)
     store.check_traces(sweep)
@@ -45,7 +47,9 @@ def run_sweep(
     return kept
 
 
-def rows_of(sweep: Sweep, *, jobs: int = 1, cluster: Cluster | None = None, progress: Progress | None = None) -> Any:
+def rows_of(
+    sweep: Sweep, *, jobs: int = 1, cluster: Cluster | None = None, progress: Progress | None = None
+) -> Any:
     """Return all runs of a small sweep as one pyarrow table, by number; nothing is kept on disk."""
     import pyarrow as pa
 
@@ -56,7 +60,9 @@ def rows_of(sweep: Sweep, *, jobs: int = 1, cluster: Cluster | None = None, prog
     return pa.concat_tables([b.table for b in sorted(blocks, key=lambda b: b.start)])
 
 
-def finished(tasks: Sequence[Task], jobs: int, cluster: Cluster | None, keep: Callable[[Block], None]) -> Any:
+def finished(
+    tasks: Sequence[Task], jobs: int, cluster: Cluster | None, keep: Callable[[Block], None]
+) -> Any:
     """Yield after each block that is finished and kept."""
     alone = jobs == 1 and cluster is None
     if tasks and not alone and cluster is None:
@@ -67,7 +73,8 @@ def finished(tasks: Sequence[Task], jobs: int, cluster: Cluster | None, keep: Ca
 
 
 def run_again(task: Task) -> Block:
-    """Return the block of a task whose process died: in halves, until what kills it stands alone."""
+    """Return the block of a task whose process died: in halves, until what kills it stands
+    alone."""
     if task.stop - task.start == 1:
         return crashed(task)
     middle = (task.start + task.stop) // 2
@@ -106,17 +113,20 @@ def _compile(task: Task) -> None:
 
 
 def check_size(sweep: Sweep, yes: bool) -> None:
-    """Raise BadInput, with the number of runs and their size, for more than anybody starts by mistake."""
+    """Raise BadInput, with the number of runs and their size, for more than anybody starts by
+    mistake."""
     if yes:
         return
     if sweep.runs > MOST_RUNS:  # the traces' length is asked for below: that takes a design
         raise BadInput(
-            f"{sweep.runs} runs, about {sweep.runs * store.BYTES_A_RUN / 1e6:.0f} MB of table, are more than "
+            f"{sweep.runs} runs, about {sweep.runs * store.BYTES_A_RUN / 1e6:.0f} MB of "
+            "table, are more than "
             f"{MOST_RUNS}; add --yes (yes=True) if they are meant, or take fewer points or values"
         )
     traced = 8.0 * sweep.runs * trace_numbers(sweep)
     if traced > MOST_BYTES:
         raise BadInput(
-            f"the traces of {sweep.runs} runs take {traced / 1e9:.1f} GB, more than {MOST_BYTES / 1e9:g}; raise "
+            f"the traces of {sweep.runs} runs take {traced / 1e9:.1f} GB, more than "
+            f"{MOST_BYTES / 1e9:g}; raise "
             "[traces] stride, keep fewer channels, or add --yes (yes=True)"
         )

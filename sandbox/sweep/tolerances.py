@@ -1,7 +1,8 @@
 """How much of the saturated belief's gain is left when the model is known to some percent only.
 
-Belief parameters are drawn, each on its own and evenly, within +- a tolerance of the motor's; the motor and the design
-stay.  A draw's figure is the rms, over all scored stretches of the scenario, of the position error's mean.
+Belief parameters are drawn, each on its own and evenly, within +- a tolerance of the motor's; the
+motor and the design stay.  A draw's figure is the rms, over all scored stretches of the scenario,
+of the position error's mean.
 """
 
 from __future__ import annotations
@@ -22,15 +23,25 @@ from sandbox.sweep.sweep import Progress, rows_of
 
 LEVELS = (0.0, 0.05, 0.1, 0.2)
 DRAWS = 64
-OFF = ("magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+OFF = (
+    "magnet_flux",
+    "inductance_d",
+    "inductance_q",
+    "alpha_30",
+    "alpha_12",
+    "alpha_40",
+    "alpha_22",
+    "alpha_04",
+)
 BELIEFS = ("linear", "saturated")
 
 
 @dataclass(frozen=True)
 class ToleranceRow:
-    """One estimator and belief at one tolerance (a share); degrees: rms of the stretches' mean errors, of which half
-    and 95 % of the draws stay below; None where more lost lock than that.  gain_left, gain_left_p95: how much nearer
-    to zero than the exactly known linear belief, over the same with everything known; None without a gain.
+    """One estimator and belief at one tolerance (a share); degrees: rms of the stretches' mean
+    errors, of which half and 95 % of the draws stay below; None where more lost lock than that.
+    gain_left, gain_left_p95: how much nearer to zero than the exactly known linear belief, over the
+    same with everything known; None without a gain.
     """
 
     estimator: str
@@ -59,7 +70,9 @@ def sweep_at(
         "sweep": {"name": "tolerances"},
         "run": {"motor": motor, "seed": seed, "effects": effects},
         "grid": {"estimator": list(estimators), "belief": list(BELIEFS)},
-        "random": {"points": draws, "seed": seed, "draw": {"believed_factor": factors}} if tolerance else {},
+        "random": {"points": draws, "seed": seed, "draw": {"believed_factor": factors}}
+        if tolerance
+        else {},
     }
     if isinstance(scenario, dict):
         tables |= scenario
@@ -81,7 +94,8 @@ def tolerances(
     cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> tuple[ToleranceRow, ...]:
-    """Return a row for each tolerance, estimator and belief; the first tolerance is always 0: everything known.
+    """Return a row for each tolerance, estimator and belief; the first tolerance is always 0:
+    everything known.
 
     motor: a name or file; scenario: a name or file, or a scenario's tables.  Raises BadInput.
     """
@@ -89,7 +103,9 @@ def tolerances(
     for level in wanted:
         if not 0.0 <= level <= 0.5:
             raise BadInput(f"a tolerance of {100 * level:g} % is out of range; give 0 to 50 %")
-    sweeps = {x: sweep_at(motor, scenario, estimators, x, draws, seed, effects or {}) for x in wanted}
+    sweeps = {
+        x: sweep_at(motor, scenario, estimators, x, draws, seed, effects or {}) for x in wanted
+    }
     check_quartic(motor)
     whole, rows = sum(s.runs for s in sweeps.values()), []
     done = 0
@@ -111,7 +127,10 @@ def check_quartic(motor: str) -> None:
     from model.spline import SplineEnergy
 
     if isinstance(load_drive(motor).motor.energy, SplineEnergy):
-        raise BadInput(f"'{motor}' has a flux map, no inductances and alphas to be off; take a motor that has them")
+        raise BadInput(
+            f"'{motor}' has a flux map, no inductances and alphas to be off; take a "
+            "motor that has them"
+        )
 
 
 def _rows(sweep: Sweep, table: Any, level: float) -> list[ToleranceRow]:
@@ -122,7 +141,13 @@ def _rows(sweep: Sweep, table: Any, level: float) -> list[ToleranceRow]:
         lost = int(np.sum(~np.isfinite(own)))
         found.append(
             ToleranceRow(
-                str(case["estimator"]), str(case["belief"]), level, own.size, lost, below(own, 0.5), below(own, 0.95)
+                str(case["estimator"]),
+                str(case["belief"]),
+                level,
+                own.size,
+                lost,
+                below(own, 0.5),
+                below(own, 0.95),
             )
         )
     return found
@@ -134,17 +159,26 @@ def _errors(table: Any) -> NDArray[np.float64]:
 
 
 def with_gains(rows: Sequence[ToleranceRow]) -> tuple[ToleranceRow, ...]:
-    """Return the rows with how much is left of the gain that the exactly known saturated belief brings."""
+    """Return the rows with how much is left of the gain that the exactly known saturated belief
+    brings."""
     exact = {(r.estimator, r.belief): r.median_deg for r in rows if r.tolerance == 0.0}
 
     def left(row: ToleranceRow, error: float | None) -> float | None:
         """Return the gain at an error over the whole gain."""
         worst, best = exact[row.estimator, "linear"], exact[row.estimator, "saturated"]
-        if row.belief != "saturated" or error is None or worst is None or best is None or worst <= best:
+        if (
+            row.belief != "saturated"
+            or error is None
+            or worst is None
+            or best is None
+            or worst <= best
+        ):
             return None
         return (worst - error) / (worst - best)
 
-    return tuple(replace(r, gain_left=left(r, r.median_deg), gain_left_p95=left(r, r.p95_deg)) for r in rows)
+    return tuple(
+        replace(r, gain_left=left(r, r.median_deg), gain_left_p95=left(r, r.p95_deg)) for r in rows
+    )
 
 
 def lines(rows: Iterable[ToleranceRow]) -> tuple[list[str], list[list[str]]]:

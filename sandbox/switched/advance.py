@@ -50,7 +50,8 @@ Vector = NDArray[np.float64]
 MODES = {"locked": LOCKED, "driven": DRIVEN, "free": FREE}
 NEWTON_STEPS = 50
 PREDICTED = np.dtype(
-    [(name, np.float64) for name in ("i_a", "i_b", "i_c", "theta", "position", "speed", "torque")], align=True
+    [(name, np.float64) for name in ("i_a", "i_b", "i_c", "theta", "position", "speed", "torque")],
+    align=True,
 )
 
 
@@ -64,10 +65,14 @@ class Reading(NamedTuple):
 
 
 def flux_for(b: SwitchedBench, i: complex, theta: float) -> complex:
-    """Return the flux vector (Wb) whose magnetising current is i (A): Newton's method with a difference Jacobian;
-    PhysicsError where none has it."""
+    """Return the flux vector (Wb) whose magnetising current is i (A): Newton's method with a
+    difference Jacobian; PhysicsError where none has it."""
     m = magnet(b, complex(math.cos(theta), math.sin(theta)))[0]
-    psi, h = m, 1e-6 * max(abs(b.magnet_flux), abs(i) / (b.flux_map.stiffness if b.flux_map else b.g_0), 1e-6)
+    psi, h = (
+        m,
+        1e-6
+        * max(abs(b.magnet_flux), abs(i) / (b.flux_map.stiffness if b.flux_map else b.g_0), 1e-6),
+    )
     for _ in range(NEWTON_STEPS):
         at = current_and_torque(b, psi, theta)[0]
         miss = i - at
@@ -76,15 +81,28 @@ def flux_for(b: SwitchedBench, i: complex, theta: float) -> complex:
         x = (current_and_torque(b, psi + h, theta)[0] - at) / h
         y = (current_and_torque(b, psi + 1j * h, theta)[0] - at) / h
         det = x.real * y.imag - x.imag * y.real
-        psi += complex(miss.real * y.imag - miss.imag * y.real, x.real * miss.imag - x.imag * miss.real) / det
-    raise PhysicsError(f"no flux gives a current of {abs(i):.4g} A; the motor's saturation model ends before it")
+        psi += (
+            complex(
+                miss.real * y.imag - miss.imag * y.real, x.real * miss.imag - x.imag * miss.real
+            )
+            / det
+        )
+    raise PhysicsError(
+        f"no flux gives a current of {abs(i):.4g} A; the motor's saturation model ends before it"
+    )
 
 
 def start(
-    b: SwitchedBench, theta: float = 0.0, speed: float = 0.0, i_alpha: float = 0.0, i_beta: float = 0.0
+    b: SwitchedBench,
+    theta: float = 0.0,
+    speed: float = 0.0,
+    i_alpha: float = 0.0,
+    i_beta: float = 0.0,
 ) -> Vector:
-    """Return a state at rest electrically: theta (rad, electrical), speed (rad/s, mechanical), terminal current (A)."""
-    state = np.zeros(3 * SIZE)  # scratch behind it: for looking ahead, and for steps that are taken again
+    """Return a state at rest electrically: theta (rad, electrical), speed (rad/s, mechanical),
+    terminal current (A)."""
+    # scratch behind it: for looking ahead, and for steps that are taken again
+    state = np.zeros(3 * SIZE)
     psi = flux_for(b, complex(i_alpha, i_beta), theta)
     state[PSI_ALPHA], state[PSI_BETA] = psi.real, psi.imag
     state[HELD_ALPHA], state[HELD_BETA] = psi.real, psi.imag
@@ -99,15 +117,19 @@ def start(
 
 def rotor_flux(b: SwitchedBench, state: Vector) -> tuple[float, float]:
     """Return phi_d, phi_q (Wb), the flux in the rotor frame less the constant magnet flux."""
-    seen = complex(state[PSI_ALPHA], state[PSI_BETA]) * complex(math.cos(state[THETA]), -math.sin(state[THETA]))
+    seen = complex(state[PSI_ALPHA], state[PSI_BETA]) * complex(
+        math.cos(state[THETA]), -math.sin(state[THETA])
+    )
     return seen.real - b.magnet_flux, seen.imag
 
 
 @kernel
 def encoder(b, theta):
-    """Return the electrical angle as the encoder reads it: offset, eccentricity, resolver's error, nearest count.
+    """Return the electrical angle as the encoder reads it: offset, eccentricity, resolver's error,
+    nearest count.
 
-    A resolver's error of second order is resolver sin(2 theta_mech + phase) in mechanical rad, as of one pole pair.
+    A resolver's error of second order is resolver sin(2 theta_mech + phase) in mechanical rad, as
+    of one pole pair.
     """
     read = theta + b.encoder_offset
     if b.eccentricity != 0.0:
@@ -130,7 +152,8 @@ def sensor(b, current, gain, offset, rng):
 
 @kernel
 def sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, channel):
-    """Return the current vector that the sensors hold for t_k as a channel reads it, before gain and noise."""
+    """Return the current vector that the sensors hold for t_k as a channel reads it, before gain
+    and noise."""
     late = state[OFFSET] + channel * b.channel_lag
     if late < 0.0:
         first = early_slot(channel)
@@ -151,13 +174,19 @@ def sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, ch
 def measure(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, rng):
     """Return what the sensors read at t_k; the other arguments as `advance`.
 
-    With jitter, the instant of the next sample is drawn here too, and sensors' cores follow the current: call it once a
-    period, before `advance`.
+    With jitter, the instant of the next sample is drawn here too, and sensors' cores follow the
+    current: call it once a period, before `advance`.
     """
-    i_a, i_b, i_c = phase_currents(sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 0))
+    i_a, i_b, i_c = phase_currents(
+        sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 0)
+    )
     if b.channel_lag > 0.0:
-        i_b = phase_currents(sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 1))[1]
-        i_c = phase_currents(sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 2))[2]
+        i_b = phase_currents(
+            sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 1)
+        )[1]
+        i_c = phase_currents(
+            sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 2)
+        )[2]
     i_a, i_b, i_c = remembered(state, b, CORES, (i_a, i_b, i_c))
     i_a = sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng)
     i_b = sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng)
@@ -181,10 +210,17 @@ def run(state, b, mode, u_alpha, u_beta, u_dc, load_torque, theta, speed, rng, o
         if mode == DRIVEN:
             state[THETA], state[SPEED] = theta[k], speed[k]
             acceleration = (speed[min(k + 1, last)] - speed[k]) / b.period
-        read, row = measure(state, b, mode, u_alpha[k], u_beta[k], u_dc[k], load_torque[k], acceleration, rng), out[k]
+        read, row = (
+            measure(
+                state, b, mode, u_alpha[k], u_beta[k], u_dc[k], load_torque[k], acceleration, rng
+            ),
+            out[k],
+        )
         row.i_a, row.i_b, row.i_c, row.theta = read.i_a, read.i_b, read.i_c, read.theta
         row.position, row.speed = state[THETA], state[SPEED]
-        _, row.torque = current_and_torque(b, complex(state[PSI_ALPHA], state[PSI_BETA]), state[THETA])
+        _, row.torque = current_and_torque(
+            b, complex(state[PSI_ALPHA], state[PSI_BETA]), state[THETA]
+        )
         advance(state, b, mode, u_alpha[k], u_beta[k], u_dc[k], load_torque[k], acceleration)
 
 
@@ -201,12 +237,13 @@ def replay(
     current: tuple[float, float] = (0.0, 0.0),
     seed: int = 0,
 ) -> dict[str, Vector]:
-    """Return predicted readings i_a, i_b, i_c (A), theta (rad), and the truth: position, speed, torque; per sample.
+    """Return predicted readings i_a, i_b, i_c (A), theta (rad), and the truth: position, speed,
+    torque; per sample.
 
-    rotor: 'locked' or 'free' (theta, speed: initial values) or 'driven' (their values at every sample; true angle,
-    not the encoder's, see `true_angle`).  u_alpha, u_beta, u_dc: (n,) V; load_torque: N m; current: initial alpha,
-    beta in A.  Noise and counts are the bench's own: pass `quiet(b)` for a prediction.  BadInput for an unknown
-    rotor or columns of different length.
+    rotor: 'locked' or 'free' (theta, speed: initial values) or 'driven' (their values at every
+    sample; true angle, not the encoder's, see `true_angle`).  u_alpha, u_beta, u_dc: (n,) V;
+    load_torque: N m; current: initial alpha, beta in A.  Noise and counts are the bench's own: pass
+    `quiet(b)` for a prediction.  BadInput for an unknown rotor or columns of different length.
     """
     if rotor not in MODES:
         raise unknown("rotor", rotor, MODES)
@@ -221,17 +258,23 @@ def replay(
 
 
 def true_angle(b: SwitchedBench, read: ArrayLike) -> Vector:
-    """Return the rotor angle (rad, electrical) behind an unquantised encoder reading: `encoder` undone."""
+    """Return the rotor angle (rad, electrical) behind an unquantised encoder reading: `encoder`
+    undone."""
     base = np.asarray(read, dtype=float) - b.encoder_offset
     theta = base
     for _ in range(60):  # a contraction: both errors are far below one mechanical radian
         resolver = b.pole_pairs * b.resolver * np.sin(2.0 * theta / b.pole_pairs + b.resolver_phase)
-        theta = base - b.eccentricity * np.sin(theta / b.pole_pairs + b.eccentricity_phase) - resolver
+        theta = (
+            base - b.eccentricity * np.sin(theta / b.pole_pairs + b.eccentricity_phase) - resolver
+        )
     return np.asarray(theta)
 
 
 def _column(name: str, value: ArrayLike, n: int) -> Vector:
     column = np.asarray(value, dtype=float)
     if column.ndim and column.shape != (n,):
-        raise BadInput(f"column '{name}' has {column.shape} values, u_alpha has {n}; give one per sample")
-    return np.array(np.broadcast_to(column, (n,)))  # its own: `run` is compiled once more for each that is read-only
+        raise BadInput(
+            f"column '{name}' has {column.shape} values, u_alpha has {n}; give one per sample"
+        )
+    # its own: `run` is compiled once more for each that is read-only
+    return np.array(np.broadcast_to(column, (n,)))

@@ -1,8 +1,9 @@
-"""The switched bench's numbers in compiled form, from a motor, a converter and effects by their public names.
+"""The switched bench's numbers in compiled form, from a motor, a converter and effects by their
+public names.
 
-Names, bounds and neutral values are the effect library's (`model.effects.library`), and so are the forms of the
-effects; their equations are written and integrated anew, apart from the plant.  Giving a neutral
-value builds the very same `SwitchedBench`, so nothing changes by a bit.
+Names, bounds and neutral values are the effect library's (`model.effects.library`), and so are the
+forms of the effects; their equations are written and integrated anew, apart from the plant.  Giving
+a neutral value builds the very same `SwitchedBench`, so nothing changes by a bit.
 """
 
 from __future__ import annotations
@@ -25,14 +26,18 @@ from sandbox.switched.harmonics import (
 )
 from sandbox.switched.leg import LINEAR, leg_table
 
-SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
+# of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
+SOFT_SIGN = 0.015
 INDUCTANCES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
 SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
-STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
-LEG_CORNERS = (0.0125, 0.02, 0.032, 0.05, 0.08, 0.125, 0.2, 0.32, 0.5, 0.8, 1.25, 2.0)  # of a current of reference
+# longest integration step, a share of the period; halving it changes nothing seen (tests)
+STEPS_A_PERIOD = 4.0
+# of a current of reference
+LEG_CORNERS = (0.0125, 0.02, 0.032, 0.05, 0.08, 0.125, 0.2, 0.32, 0.5, 0.8, 1.25, 2.0)
 LEAST_SLICES = 64.0  # of a dead time in which a leg slews
 MOST_SWING = 50.0  # rad of a leg's swing in a dead time: faster ones are as good as no capacitance
-STEPS_WITH_CORNERS = 16.0  # a current that reaches a corner of its sign and turns back inside a step is not seen
+# a current that reaches a corner of its sign and turns back inside a step is not seen
+STEPS_WITH_CORNERS = 16.0
 
 
 class SwitchedBench(NamedTuple):
@@ -100,7 +105,8 @@ class SwitchedBench(NamedTuple):
     # The rest stands in no library and is off by default; `unlisted` has units and bounds.
     grip: float = 0.0  # magnetic hysteresis, and its radius in Wb
     grip_radius: float = 0.0
-    short_conductance: float = 0.0  # turns of phase a short-circuited, and the time constant of their loop
+    # turns of phase a short-circuited, and the time constant of their loop
+    short_conductance: float = 0.0
     short_time: float = 0.0
     knee: float = 0.0  # saturation with a knee, beyond a flux of knee_flux
     knee_flux: float = 0.0
@@ -115,7 +121,8 @@ class SwitchedBench(NamedTuple):
     link_damping: float = 0.0
     one_sided: float = 0.0  # devices that lose more for currents out of the leg
     channel_lag: float = 0.0  # s, by which each phase's current is read after the one before it
-    remanence: float = 0.0  # of current sensors' cores: a play, its share of the current, and its radius in A
+    # of current sensors' cores: a play, its share of the current, and its radius in A
+    remanence: float = 0.0
     remanence_radius: float = 0.0
     crank: float = 0.0  # kg m^2, by which the load's inertia swings twice a turn
     crank_phase: float = 0.0
@@ -123,13 +130,17 @@ class SwitchedBench(NamedTuple):
     lobe_turns: float = 0.0
     lobe_phase: float = 0.0
     load_lag: float = 0.0  # s, by which a load machine's torque lags what it is told
-    sign_shape: float = LINEAR  # how the sign of a current goes through zero, soft_current its half-width
-    zone_width: float = 0.0  # A, of the sign by which edges are late: half-width of its own, and share of a tanh in it
+    # how the sign of a current goes through zero, soft_current its half-width
+    sign_shape: float = LINEAR
+    # A, of the sign by which edges are late: half-width of its own, and share of a tanh in it
+    zone_width: float = 0.0
     zone_tanh: float = 0.0
-    capacitance: float = 0.0  # F across each switch: legs slew in the dead time, and are clamped; edges know no sign
+    # F across each switch: legs slew in the dead time, and are clamped; edges know no sign
+    capacitance: float = 0.0
     slices: float = LEAST_SLICES  # steps over a dead time, in which legs slew
     reluctant: float = 0.0  # H: a current changes by twice the link's voltage over it at most
-    pattern: float = 0.0  # how the drive modulates, and what it does beyond the hexagon: see `modulation`
+    # how the drive modulates, and what it does beyond the hexagon: see `modulation`
+    pattern: float = 0.0
     beyond: float = 0.0
     drive_least_pulse: float = 0.0  # s: the drive itself leaves out shorter pulses
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
@@ -137,12 +148,15 @@ class SwitchedBench(NamedTuple):
     flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
 
 
-def bench(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> SwitchedBench:
-    """Return the compiled bench of a motor, a converter and effects such as {"dead_time.time": 2e-6}.
+def bench(
+    motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None
+) -> SwitchedBench:
+    """Return the compiled bench of a motor, a converter and effects such as {"dead_time.time":
+    2e-6}.
 
-    A motor with a flux map (`model.mapped`) keeps its map: effects on its magnetics are out of bounds.
-    BadInput names an unknown parameter (with the nearest), a value out of bounds, or effects that contradict
-    each other.
+    A motor with a flux map (`model.mapped`) keeps its map: effects on its magnetics are out of
+    bounds. BadInput names an unknown parameter (with the nearest), a value out of bounds, or
+    effects that contradict each other.
     """
     return _compile(motor, converter, complete(motor, converter, effects))
 
@@ -154,7 +168,11 @@ def quiet(b: SwitchedBench) -> SwitchedBench:
 
 def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> SwitchedBench:
     counts = converter.encoder_counts
-    m_load = v["shaft_compliance.load_inertia"] if math.isfinite(v["shaft_compliance.stiffness"]) else 0.0
+    m_load = (
+        v["shaft_compliance.load_inertia"]
+        if math.isfinite(v["shaft_compliance.stiffness"])
+        else 0.0
+    )
     m_motor = v["inertia.inertia"] - m_load  # total inertia unchanged
     stiffness = v["shaft_compliance.stiffness"] if m_load else 0.0
     reduced = m_motor * m_load / (m_motor + m_load)
@@ -210,29 +228,45 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         "damping": 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(stiffness * reduced),
         "audit": 0.0,
         "pattern": float(MODULATIONS.index(converter.modulation)),
-        "beyond": 1.0 + OVERMODULATIONS.index(converter.overmodulation) if converter.overmodulation else 0.0,
+        "beyond": 1.0 + OVERMODULATIONS.index(converter.overmodulation)
+        if converter.overmodulation
+        else 0.0,
         "drive_least_pulse": converter.least_pulse,
         "common_offset": 0.0,
     }
     same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
-    values |= {key: v[name] for name in v for effect, _, key in [name.partition(".")] if effect in same_name}
+    values |= {
+        key: v[name]
+        for name in v
+        for effect, _, key in [name.partition(".")]
+        if effect in same_name
+    }
     rate = math.sqrt(stiffness / reduced) if m_load else 0.0
     table = _leg_table(motor, converter, v)
     step = _longest_step(period, v, rate, m_motor)
     step = step if table is None else min(step, period / STEPS_WITH_CORNERS)
-    return SwitchedBench(**values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map)
+    return SwitchedBench(
+        **values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map
+    )
 
 
 def _leg_table(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Any:
-    """Return what a leg loses by the drive's table and by the effect's curve, whose terms rise straight to a share of a
-    current and stay there, at the points of both; None where neither is there."""
+    """Return what a leg loses by the drive's table and by the effect's curve, whose terms rise
+    straight to a share of a current and stay there, at the points of both; None where neither is
+    there."""
     volts = np.array([v[f"leg_voltage.v_{k + 1}"] for k in range(len(LEG_CORNERS))])
     if not (converter.inverter_table or volts.any()):
         return None
     i, u = np.array(converter.inverter_table or ((0.0, 0.0),)).T
     bends = (v["leg_voltage.reference"] or motor.rated_current) * np.array(LEG_CORNERS)
     current = np.unique(np.concatenate([[0.0], i, bends if volts.any() else []]))
-    terms = sum((x * np.interp(current, (0.0, bend), (0.0, 1.0)) for x, bend in zip(volts, bends, strict=True)), 0.0)
+    terms = sum(
+        (
+            x * np.interp(current, (0.0, bend), (0.0, 1.0))
+            for x, bend in zip(volts, bends, strict=True)
+        ),
+        0.0,
+    )
     return leg_table(current, np.interp(current, i, u) + terms)
 
 
@@ -241,22 +275,29 @@ def _orders(motor: Motor, v: Mapping[str, float]) -> Harmonics | None:
 
     def given(effect: str, *sizes: str) -> list[dict[str, float]]:
         """Return the parameters of an effect's further parts that have a size."""
-        found = [{n.split(".")[2]: x for n, x in v.items() if n.startswith(f"{effect}.{k}.")} for k in range(2, 10)]
+        found = [
+            {n.split(".")[2]: x for n, x in v.items() if n.startswith(f"{effect}.{k}.")}
+            for k in range(2, 10)
+        ]
         return [f for f in found if any(f.get(s) for s in sizes)]
 
     flux = [FluxHarmonic(**f) for f in given("flux_harmonics", "psi_d", "psi_q")]
     inductance = [InductanceHarmonic(**f) for f in given("inductance_harmonics", *INDUCTANCES)]
     cogging = [
-        CoggingHarmonic(f["order_mech"], f["amplitude"], f["phase"]) for f in given("cogging_torque", "amplitude")
+        CoggingHarmonic(f["order_mech"], f["amplitude"], f["phase"])
+        for f in given("cogging_torque", "amplitude")
     ]
     return harmonics(motor, flux, inductance, cogging) if flux or inductance or cogging else None
 
 
 def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
-    """Coefficients of the energy as a harmonic series of the flux vector: sums and differences of the paper's."""
+    """Coefficients of the energy as a harmonic series of the flux vector: sums and differences of
+    the paper's."""
     gamma_d = 1.0 / (v["inductance.scale_d"] * motor.inductance_d)
     gamma_q = 1.0 / (v["inductance.scale_q"] * motor.inductance_q)
-    a_30, a_12, a_40, a_22, a_04 = (v[f"saturation.alpha_{n}"] for n in ("30", "12", "40", "22", "04"))
+    a_30, a_12, a_40, a_22, a_04 = (
+        v[f"saturation.alpha_{n}"] for n in ("30", "12", "40", "22", "04")
+    )
     return {
         "g_0": 0.5 * (gamma_d + gamma_q),
         "g_2": 0.5 * (gamma_d - gamma_q),
@@ -269,31 +310,40 @@ def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
 
 
 def _beside_map(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
-    """Coefficients of what effects add to a flux map: the series with them less that of the map at zero current."""
+    """Coefficients of what effects add to a flux map: the series with them less that of the map at
+    zero current."""
     with_effects, own = _energy(motor, v), _energy(motor, neutral(motor))
     return {name: value - own[name] for name, value in with_effects.items()}
 
 
 def _capacitance(motor: Motor, v: Mapping[str, float]) -> float:
-    """Return the capacitance across each switch (F), the least that can be told from none; 0 where none is given: edges
-    then know no switches, but a sign of the current."""
+    """Return the capacitance across each switch (F), the least that can be told from none; 0 where
+    none is given: edges then know no switches, but a sign of the current."""
     if v["dead_time.time"] <= 0.0 or not v["dead_time.capacitance"]:
         return 0.0
-    least = (v["dead_time.time"] / MOST_SWING) ** 2 / (3.0 * min(motor.inductance_d, motor.inductance_q))
+    least = (v["dead_time.time"] / MOST_SWING) ** 2 / (
+        3.0 * min(motor.inductance_d, motor.inductance_q)
+    )
     return max(v["dead_time.capacitance"], least)
 
 
 def _slices(motor: Motor, v: Mapping[str, float]) -> float:
-    """Return the steps that a dead time is cut into: a leg swings with sqrt(1/(3 C L)), a quarter radian each at most;
-    64 leave (1/64)^2 of the dead time."""
+    """Return the steps that a dead time is cut into: a leg swings with sqrt(1/(3 C L)), a quarter
+    radian each at most; 64 leave (1/64)^2 of the dead time."""
     capacitance, inductance = _capacitance(motor, v), min(motor.inductance_d, motor.inductance_q)
     if not capacitance:
         return LEAST_SLICES
-    return max(LEAST_SLICES, math.ceil(4.0 * v["dead_time.time"] / math.sqrt(3.0 * capacitance * inductance)))
+    return max(
+        LEAST_SLICES,
+        math.ceil(4.0 * v["dead_time.time"] / math.sqrt(3.0 * capacitance * inductance)),
+    )
 
 
-def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float, inertia: float) -> float:
-    """A quarter of the period, less where an effect has a shorter time constant (Runge-Kutta must resolve it).
+def _longest_step(
+    period: float, v: Mapping[str, float], shaft_rate: float, inertia: float
+) -> float:
+    """A quarter of the period, less where an effect has a shorter time constant (Runge-Kutta must
+    resolve it).
 
     inertia: on the motor's side, which dry friction brings to rest within its width.
     """

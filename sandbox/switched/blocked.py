@@ -1,9 +1,10 @@
-"""Blocked gates on the bench, event by event: which diodes conduct, until a current ends or a voltage turns one on.
+"""Blocked gates on the bench, event by event: which diodes conduct, until a current ends or a
+voltage turns one on.
 
-Legs that conduct stand at a rail, by their current's sign; a leg without current floats where its current stays zero,
-which a few trial steps find (secants).  A step in which a conducting leg's current would change its sign ends there; a
-floating leg that would go beyond a rail conducts from the step's start on.  Apart from `sandbox.plant.gates.blocked`,
-which knows no events.
+Legs that conduct stand at a rail, by their current's sign; a leg without current floats where its
+current stays zero, which a few trial steps find (secants).  A step in which a conducting leg's
+current would change its sign ends there; a floating leg that would go beyond a rail conducts from
+the step's start on.  Apart from `sandbox.plant.gates.blocked`, which knows no events.
 """
 
 from __future__ import annotations
@@ -70,9 +71,13 @@ def floating(state, b, mode, begin, end, tau, acc, kept):
 def one_floats(state, b, mode, held, leg, begin, end, tau, acc, kept):
     """Step with two legs at rails; return the level of the third, whose current stays zero."""
     level, other = 0.5, 0.5 + TRIAL
-    miss = phase_currents(tried(state, b, mode, legs_of(held, level), begin, end, tau, acc, kept))[leg]
+    miss = phase_currents(tried(state, b, mode, legs_of(held, level), begin, end, tau, acc, kept))[
+        leg
+    ]
     for _ in range(4):
-        far = phase_currents(tried(state, b, mode, legs_of(held, other), begin, end, tau, acc, kept))[leg]
+        far = phase_currents(
+            tried(state, b, mode, legs_of(held, other), begin, end, tau, acc, kept)
+        )[leg]
         if far == miss:
             break
         level, other, miss = other, other - far * (other - level) / (far - miss), far
@@ -85,7 +90,9 @@ def settle_diodes(b, state, held):
     """Write at which rail each leg stands for its current, or that it floats."""
     i = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
     for leg in range(3):
-        held[leg] = FLOATS if abs(i[leg]) <= NOTHING * b.soft_current else (LOW if i[leg] > 0.0 else HIGH)
+        held[leg] = (
+            FLOATS if abs(i[leg]) <= NOTHING * b.soft_current else (LOW if i[leg] > 0.0 else HIGH)
+        )
 
 
 @kernel
@@ -147,20 +154,25 @@ def one_step(state, b, mode, held, begin, end, tau, acc, kept):
 
 @kernel
 def coast(state, b, mode, load_torque, acceleration):
-    """Advance the bench by one PWM period in place with all gates blocked; return the legs' mean voltage (V).
+    """Advance the bench by one PWM period in place with all gates blocked; return the legs' mean
+    voltage (V).
 
     Arguments as `inverter.advance`.
     """
     kept, held, delivered = state[2 * SIZE :], np.zeros(3), complex(0.0, 0.0)
     tau = acting_load(b, state[LOAD], load_torque)
     for leg in range(3):
-        state[LEVEL + leg] = state[WANTED + leg] = state[CARRIED + leg] = state[LAST_DUTY + leg] = 0.0
+        state[LEVEL + leg] = state[WANTED + leg] = state[CARRIED + leg] = state[LAST_DUTY + leg] = (
+            0.0
+        )
     state[LINK_SAG], t = 0.0, 0.0
     settle_diodes(b, state, held)
     while t < b.period * (1.0 - 1e-12):
         for k in range(SIZE):
             kept[k] = state[k]
-        until, legs = one_step(state, b, mode, held, t, min(t + b.period / PARTS, b.period), tau, acceleration, kept)
+        until, legs = one_step(
+            state, b, mode, held, t, min(t + b.period / PARTS, b.period), tau, acceleration, kept
+        )
         delivered += legs * link_voltage(b, state[TIME] + 0.5 * (t + until), 0.0) * (until - t)
         t = until
     state[TIME] += b.period

@@ -1,12 +1,15 @@
-"""A measured flux map as the bench evaluates it: its own code, only the coefficients are the motor's.
+"""A measured flux map as the bench evaluates it: its own code, only the coefficients are the
+motor's.
 
-A motor's map is a polynomial of degree 4 in each flux per cell of a uniform grid, H = sum c[a, b] x^a y^b with x and y
-from 0 to 1 across the cell.  Here each is expanded once around the middle of its cell,
+A motor's map is a polynomial of degree 4 in each flux per cell of a uniform grid, H = sum c[a, b]
+x^a y^b with x and y from 0 to 1 across the cell.  Here each is expanded once around the middle of
+its cell,
 
-    H = sum C[m, n] u^m v^n,  u = x - 1/2, v = y - 1/2,  C = T' c T,  T[a, m] = binomial(a, m) / 2^(a - m),
+    H = sum C[m, n] u^m v^n,  u = x - 1/2, v = y - 1/2,  C = T' c T,  T[a, m] = binomial(a, m) /
+    2^(a - m),
 
-and read by Horner's rule: rows along v, then the rows' values and slopes along u (all derivatives: repeated steps).
-Beyond the map currents go on with the inductances of its edge.
+and read by Horner's rule: rows along v, then the rows' values and slopes along u (all derivatives:
+repeated steps). Beyond the map currents go on with the inductances of its edge.
 """
 
 from __future__ import annotations
@@ -36,23 +39,29 @@ class FluxMap(NamedTuple):
 
 
 def flux_map_of(energy: Any) -> FluxMap | None:
-    """Return the bench's map of a motor's energy: data alone (cells, low_d, low_q, per_d, per_q, gamma_q) are read;
-    None for an energy without cells."""
+    """Return the bench's map of a motor's energy: data alone (cells, low_d, low_q, per_d, per_q,
+    gamma_q) are read; None for an energy without cells."""
     if not hasattr(energy, "cells"):
         return None
     cells = np.asarray(energy.cells, dtype=float)
     shift = np.array(
-        [[math.comb(a, m) * 0.5 ** (a - m) if m <= a else 0.0 for m in range(ORDER)] for a in range(ORDER)]
+        [
+            [math.comb(a, m) * 0.5 ** (a - m) if m <= a else 0.0 for m in range(ORDER)]
+            for a in range(ORDER)
+        ]
     )
     centred = np.ascontiguousarray(shift.T @ cells @ shift)
-    low_d, low_q, per_d, per_q = (float(x) for x in (energy.low_d, energy.low_q, energy.per_d, energy.per_q))
+    low_d, low_q, per_d, per_q = (
+        float(x) for x in (energy.low_d, energy.low_q, energy.per_d, energy.per_q)
+    )
     high_d, high_q = low_d + cells.shape[0] / per_d, low_q + cells.shape[1] / per_q
     return FluxMap(centred, low_d, low_q, high_d, high_q, per_d, per_q, float(energy.gamma_q))
 
 
 @inlined
 def place(m, d, q):
-    """Return the indices of the cell that holds fluxes (Wb) inside the map, and the way from its middle in cells."""
+    """Return the indices of the cell that holds fluxes (Wb) inside the map, and the way from its
+    middle in cells."""
     x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
     i = min(max(math.floor(x), 0), m.cells.shape[0] - 1)
     j = min(max(math.floor(y), 0), m.cells.shape[1] - 1)
@@ -97,7 +106,8 @@ def expansion(c, u, v):
 
 @kernel
 def edge(m, d, q):
-    """Return the fluxes (Wb) of the map that are nearest, and how far (Wb) the given ones lie beyond."""
+    """Return the fluxes (Wb) of the map that are nearest, and how far (Wb) the given ones lie
+    beyond."""
     e_d, e_q = min(max(d, m.low_d), m.high_d), min(max(q, m.low_q), m.high_q)
     return e_d, e_q, d - e_d, q - e_q
 
@@ -124,7 +134,8 @@ def beyond(m, d, q):
 
 @inlined
 def with_map(m, z, i, turning):
-    """Return a current (A) and dH/dtheta (J, `machine.gradient`) with those of a map added, at flux z (Wb)."""
+    """Return a current (A) and dH/dtheta (J, `machine.gradient`) with those of a map added, at flux
+    z (Wb)."""
     if m is None:
         return i, turning
     i_d, i_q = map_currents(m, z.real, z.imag)
@@ -142,7 +153,8 @@ def with_map_stiffness(m, z, a, c):
 
 @kernel
 def map_stiffness(m, d, q):
-    """Return the second derivatives dd, dq, qq of H (1/H); beyond the map those of its nearest point."""
+    """Return the second derivatives dd, dq, qq of H (1/H); beyond the map those of its nearest
+    point."""
     e_d, e_q, _, _ = edge(m, d, q)
     i, j, u, v = place(m, e_d, e_q)
     _, _, _, uu, uv, vv = expansion(m.cells[i, j], u, v)
@@ -151,7 +163,8 @@ def map_stiffness(m, d, q):
 
 @kernel
 def map_energy(m, d, q):
-    """Return H (J up to the factor 3/2 of the transformation); beyond the map to second order from its edge."""
+    """Return H (J up to the factor 3/2 of the transformation); beyond the map to second order from
+    its edge."""
     if m is None:
         return 0.0
     e_d, e_q, x, y = edge(m, d, q)

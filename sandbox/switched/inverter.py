@@ -1,9 +1,11 @@
-"""The inverter leg by leg: centred pulses with exact edge times, dead time by the current's sign at the edge.
+"""The inverter leg by leg: centred pulses with exact edge times, dead time by the current's sign at
+the edge.
 
-State is one float array (names below); `advance` moves it by one PWM period without allocating.  Between edges
-the machine is integrated by the classic Runge-Kutta method.  A commanded edge is *taken* when its time comes (the
-current's sign there fixes how late it acts) and *acts* at that later time; a pulse that ends before it begins
-vanishes.  A late edge may act in the following period.
+State is one float array (names below); `advance` moves it by one PWM period without allocating.
+Between edges the machine is integrated by the classic Runge-Kutta method.  A commanded edge
+is *taken* when its time comes (the current's sign there fixes how late it acts) and *acts* at that
+later time; a pulse that ends before it begins vanishes.  A late edge may act in the following
+period.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
 THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
 FILTER_ALPHA, FILTER_BETA, I_ALPHA, I_BETA = range(10, 14)  # lagged and true terminal current, A
 TIME = 14  # s, start of the coming period
-OFFSET, SAMPLE_ALPHA, SAMPLE_BETA = 15, 16, 17  # instant of the next sample less t_k, and the sample if before t_k
+# instant of the next sample less t_k, and the sample if before t_k
+OFFSET, SAMPLE_ALPHA, SAMPLE_BETA = 15, 16, 17
 INPUT, LOSS, OUTPUT = 18, 19, 20  # audited energies, J
 LAST_DUTY, LEVEL, WANTED, CARRIED = (
     21,
@@ -34,7 +37,8 @@ LAST_DUTY, LEVEL, WANTED, CARRIED = (
     27,
     30,
 )  # three legs each: duty, level that acts, level commanded, late edges
-HELD_ALPHA, HELD_BETA, LOOP = 33, 34, 35  # flux that hysteresis holds, current of short-circuited turns
+# flux that hysteresis holds, current of short-circuited turns
+HELD_ALPHA, HELD_BETA, LOOP = 33, 34, 35
 EDGES = 36  # three legs of ROOM edge times relative to t_k
 ROOM = 8
 LINK_SAG = EDGES + 3 * ROOM  # V, by which the link sags in this period
@@ -47,10 +51,13 @@ SHIFT, LAST_SHIFT = (
     LINK_SAG + 6,
 )  # three legs each: s by which this period's pulse is late, and the last one's
 LINK_DIP, LINK_FEED = LINK_SAG + 9, LINK_SAG + 10  # V: the link's resonance, see `link`
-READINGS = LINK_SAG + 11  # number of readings inside a period, then the current vector of each (see `reading_due`)
+# number of readings inside a period, then the current vector of each (see `reading_due`)
+READINGS = LINK_SAG + 11
 MOST_READINGS = 32
-EARLY = READINGS + 1 + 2 * MOST_READINGS  # current vectors of phases b and c, where read before t_k after a's
-CORES, LOAD = EARLY + 4, EARLY + 7  # A, what three sensors' cores hold; N m, the load torque that acts
+# current vectors of phases b and c, where read before t_k after a's
+EARLY = READINGS + 1 + 2 * MOST_READINGS
+# A, what three sensors' cores hold; N m, the load torque that acts
+CORES, LOAD = EARLY + 4, EARLY + 7
 SIZE = LOAD + 1
 NEVER = np.inf
 NEAR = 1e-3  # of a step: a corner as near to either end is met as well as it can be
@@ -61,13 +68,15 @@ TIE = 1e-13  # s: closer events are one
 def lag(b, f, start, middle, end, h):
     """Return the first-order lag f after h (s), its input the parabola through three values.
 
-    Exact for any time constant; where the step is short against it, by Simpson's rule (the exact form cancels).
+    Exact for any time constant; where the step is short against it, by Simpson's rule (the exact
+    form cancels).
     """
     x = h / b.filter_time
     decay = math.exp(-x)
     if x < 0.1:
         return f * decay + x / 6.0 * (start * decay + 4.0 * middle * math.exp(-0.5 * x) + end)
-    bend = 2.0 * (start - 2.0 * middle + end) / (x * x)  # input = start + slope s + bend s^2, s = t / time constant
+    # input = start + slope s + bend s^2, s = t / time constant
+    bend = 2.0 * (start - 2.0 * middle + end) / (x * x)
     slope = (4.0 * middle - 3.0 * start - end) / x
     a = start - slope + 2.0 * bend  # the particular solution at s = 0
     return a + (slope - 2.0 * bend) * x + bend * x * x + (f - a) * decay
@@ -75,7 +84,8 @@ def lag(b, f, start, middle, end, h):
 
 @inlined
 def corner(b, before, after):
-    """Return the share of a step at which the first leg's current reaches a corner of what it loses; 1: none does."""
+    """Return the share of a step at which the first leg's current reaches a corner of what it
+    loses; 1: none does."""
     share, w = 1.0, 0.0 if b.sign_shape == HARD else b.soft_current
     p_a, p_b, p_c = phase_currents(before)
     q_a, q_b, q_c = phase_currents(after)
@@ -90,8 +100,9 @@ def corner(b, before, after):
 def integrate(state, b, mode, legs, begin, end, tau, acc):
     """Advance machine and current filter from begin to end (s after t_k) with the legs as they are.
 
-    Runge-Kutta steps end where what a leg loses has a corner (sign of its current, points of its table): going over one
-    is of first order.  A step that met one is taken again, up to there.  See `steps`.
+    Runge-Kutta steps end where what a leg loses has a corner (sign of its current, points of its
+    table): going over one is of first order.  A step that met one is taken again, up to there.  See
+    `steps`.
     """
     if (b.threshold == 0.0 or b.sign_shape == TANH) and not given(b.leg_table):
         steps(state, b, mode, legs, begin, end, tau, acc)
@@ -181,7 +192,12 @@ def keep_moving(state, x):
     state[PSI_ALPHA], state[PSI_BETA] = x.psi.real, x.psi.imag
     state[CORE_ALPHA], state[CORE_BETA] = x.core.real, x.core.imag
     state[SKIN_ALPHA], state[SKIN_BETA] = x.skin.real, x.skin.imag
-    state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST] = x.theta, x.speed, x.load_speed, x.twist
+    state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST] = (
+        x.theta,
+        x.speed,
+        x.load_speed,
+        x.twist,
+    )
     state[LOOP] = x.loop
 
 
@@ -198,7 +214,8 @@ def audit(state, b, t, by, weight, x):
 
 @kernel
 def duties(u_alpha, u_beta, u_dc):
-    """Return the legs' duties D = 1/2 + (v_leg + v_0)/u_dc, v_0 = -(max + min)/2, limited to what a leg can do."""
+    """Return the legs' duties D = 1/2 + (v_leg + v_0)/u_dc, v_0 = -(max + min)/2, limited to what a
+    leg can do."""
     side = 0.5 * math.sqrt(3.0) * u_beta
     v_a, v_b, v_c = u_alpha, -0.5 * u_alpha + side, -0.5 * u_alpha - side
     v_0 = -0.5 * (max(v_a, v_b, v_c) + min(v_a, v_b, v_c))
@@ -208,7 +225,8 @@ def duties(u_alpha, u_beta, u_dc):
 
 @kernel
 def leg_duties(b, u_alpha, u_beta, u_dc):
-    """Return the legs' duties as the drive knows them, `modulation` and its own least pulse included."""
+    """Return the legs' duties as the drive knows them, `modulation` and its own least pulse
+    included."""
     if b.pattern == 0.0 and b.beyond == 0.0:
         d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
     else:
@@ -221,7 +239,8 @@ def leg_duties(b, u_alpha, u_beta, u_dc):
 
 @kernel
 def pulse(b, duty, shift):
-    """Return a leg's commanded rising and falling edge (s after the start of its period); NEVER without a pulse.
+    """Return a leg's commanded rising and falling edge (s after the start of its period); NEVER
+    without a pulse.
 
     shift: s by which it is late, as far as it stays within its period.
     """
@@ -239,7 +258,8 @@ def within(room, shift):
 
 @kernel
 def append(state, leg, n, edge):
-    """Add a commanded edge to a leg's list, cancelling it with a last commanded one at the same instant."""
+    """Add a commanded edge to a leg's list, cancelling it with a last commanded one at the same
+    instant."""
     base = EDGES + ROOM * leg
     if n > int(state[CARRIED + leg]) and abs(state[base + n - 1] - edge) < TIE:
         return n - 1
@@ -249,7 +269,8 @@ def append(state, leg, n, edge):
 
 @kernel
 def schedule(state, b, leg, duty):
-    """Write a leg's commanded edges of the coming period, delayed ones of the last pulse first; return their number."""
+    """Write a leg's commanded edges of the coming period, delayed ones of the last pulse first;
+    return their number."""
     n = int(state[CARRIED + leg])
     rise, fall = pulse(b, state[LAST_DUTY + leg], state[LAST_SHIFT + leg])
     if rise != NEVER and rise - b.period >= 0.0:
@@ -269,12 +290,15 @@ def schedule(state, b, leg, duty):
 def settle(state, b, leg, acted, taken, n, t, current):
     """Take and let act every edge of a leg that is due at t; return the new acted, taken, n.
 
-    Edges [acted, taken) of the list are late ones that have not acted yet, [taken, n) not yet commanded.
+    Edges [acted, taken) of the list are late ones that have not acted yet, [taken, n) not yet
+    commanded.
     """
     base = EDGES + ROOM * leg
     while True:
         if acted < taken and state[base + acted] <= t + TIE:
-            state[LEVEL + leg] = state[WANTED + leg] if b.capacitance > 0.0 else 1.0 - state[LEVEL + leg]
+            state[LEVEL + leg] = (
+                state[WANTED + leg] if b.capacitance > 0.0 else 1.0 - state[LEVEL + leg]
+            )
             acted += 1
         elif taken < n and state[base + taken] <= t + TIE:
             rising = state[WANTED + leg] == 0.0
@@ -287,7 +311,8 @@ def settle(state, b, leg, acted, taken, n, t, current):
                 sign = edge_sign(b, current)
                 late = b.dead_time * (sign if rising else -sign)
                 state[base + taken] += 0.5 * (abs(b.dead_time) + late)
-            if acted < taken and state[base + taken] <= state[base + taken - 1]:  # the pulse vanishes
+            if acted < taken and state[base + taken] <= state[base + taken - 1]:
+                # the pulse vanishes
                 for j in range(taken + 1, n):
                     state[base + j - 2] = state[base + j]
                 n -= 2
@@ -300,13 +325,15 @@ def settle(state, b, leg, acted, taken, n, t, current):
 
 @inlined
 def slewed(b, level, current, span, link):
-    """Return a leg's level after a span (s) between its switches: i/(2 C) moves it as far as a diode lets it."""
+    """Return a leg's level after a span (s) between its switches: i/(2 C) moves it as far as a
+    diode lets it."""
     return min(max(level - current * span / (2.0 * b.capacitance * link), 0.0), 1.0)
 
 
 @kernel
 def slice_of(state, b, off, i_a, i_b, i_c):
-    """Return the step (s) while legs are off: a small one, or as long as no diode's current can come to zero."""
+    """Return the step (s) while legs are off: a small one, or as long as no diode's current can
+    come to zero."""
     step, current = NEVER, (i_a, i_b, i_c)
     link = link_voltage(b, state[TIME], state[LINK_SAG] + state[LINK_DIP])
     for leg in range(3):
@@ -319,7 +346,8 @@ def slice_of(state, b, off, i_a, i_b, i_c):
 
 @kernel
 def slew(state, b, mode, begin, end, tau, acc, off):
-    """Advance from begin to end while legs are off (three of 0 or 1): their levels by the mean current of the step."""
+    """Advance from begin to end while legs are off (three of 0 or 1): their levels by the mean
+    current of the step."""
     link = link_voltage(b, state[TIME] + begin, state[LINK_SAG] + state[LINK_DIP])
     levels = (state[LEVEL], state[LEVEL + 1], state[LEVEL + 2])
     before = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
@@ -330,7 +358,9 @@ def slew(state, b, mode, begin, end, tau, acc, off):
     after = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
     for leg in range(3):
         if off[leg]:
-            state[LEVEL + leg] = slewed(b, levels[leg], 0.5 * (before[leg] + after[leg]), end - begin, link)
+            state[LEVEL + leg] = slewed(
+                b, levels[leg], 0.5 * (before[leg] + after[leg]), end - begin, link
+            )
 
 
 @kernel
@@ -359,14 +389,16 @@ def switch_vector(state):
 
 @kernel
 def reading_due(state, b, j):
-    """Return when (s after t_k) the j-th reading inside the period is taken; NEVER after the last."""
+    """Return when (s after t_k) the j-th reading inside the period is taken; NEVER after the
+    last."""
     n = state[READINGS]
     return min(max((j + 0.5) * b.period / n + b.sampling_delay, 0.0), b.period) if j < n else NEVER
 
 
 @kernel
 def early_due(state, b, j):
-    """Return when (s after t_k) the j-th channel is read for t_k+1 if that is before it; NEVER for others."""
+    """Return when (s after t_k) the j-th channel is read for t_k+1 if that is before it; NEVER for
+    others."""
     at = state[OFFSET] + j * b.channel_lag
     return b.period + at if j < channels(b) and at < 0.0 else NEVER
 
@@ -387,12 +419,17 @@ def hold(state, b, first):
 
 @kernel
 def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end):
-    """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`, `simulate.measure`)."""
+    """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`,
+    `simulate.measure`)."""
     d_a, d_b, d_c = leg_duties(b, u_alpha, u_beta, u_dc)
     d_a, d_b, d_c = together(b, kept(b, d_a), kept(b, d_b), kept(b, d_c))
     pattern = b.pwm_delay if b.sag != 0.0 else NEVER  # from then on these duties draw from the link
     t_a, t_b, t_c = int(state[CARRIED]), int(state[CARRIED + 1]), int(state[CARRIED + 2])
-    n_a, n_b, n_c = schedule(state, b, 0, d_a), schedule(state, b, 1, d_b), schedule(state, b, 2, d_c)
+    n_a, n_b, n_c = (
+        schedule(state, b, 0, d_a),
+        schedule(state, b, 1, d_b),
+        schedule(state, b, 2, d_c),
+    )
     a_a = a_b = a_c = 0
     early_j, early = 0, early_due(state, b, 0)
     j, inside = 0, reading_due(state, b, 0)
@@ -415,7 +452,9 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
             inside = reading_due(state, b, j)
         if t >= end:
             break
-        until = min(due(state, 0, a_a, t_a, n_a), due(state, 1, a_b, t_b, n_b), due(state, 2, a_c, t_c, n_c))
+        until = min(
+            due(state, 0, a_a, t_a, n_a), due(state, 1, a_b, t_b, n_b), due(state, 2, a_c, t_c, n_c)
+        )
         until = min(until, early, inside, pattern, end)
         off = (a_a < t_a, a_b < t_b, a_c < t_c)
         if b.capacitance > 0.0 and (off[0] or off[1] or off[2]):
@@ -433,8 +472,10 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
 def advance(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration):
     """Advance the bench by one PWM period in place, from t_k to t_k+1.
 
-    u_alpha, u_beta: commanded voltage (V); u_dc: link voltage as read (V), by which the controller divides;
-    load_torque: N m (FREE); acceleration: mechanical rad/s^2 (DRIVEN).  mode: LOCKED, DRIVEN or FREE.
+    u_alpha, u_beta: commanded voltage (V); u_dc: link voltage as read (V), by which the controller
+    divides;
+    load_torque: N m (FREE); acceleration: mechanical rad/s^2 (DRIVEN).  mode: LOCKED, DRIVEN or
+    FREE.
     """
     travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, b.period)
     state[TIME] += b.period

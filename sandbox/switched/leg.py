@@ -1,10 +1,14 @@
-"""What a leg of the inverter loses, by its current: sign through zero, device drop, a measured table, one bad device.
+"""What a leg of the inverter loses, by its current: sign through zero, device drop, a measured
+table, one bad device.
 
-The sign's shape: `linear`, clip(i/w); `hard`, sign(i); `tanh`, tanh(i/w), which has the linear one's slope at zero and
-reaches 96 % at 2 w.  w is the half-width in A.  It serves dead time (at the edge) and device drop alike.
+The sign's shape: `linear`, clip(i/w); `hard`, sign(i); `tanh`, tanh(i/w), which has the linear
+one's slope at zero and reaches 96 % at 2 w.  w is the half-width in A.  It serves dead time (at the
+edge) and device drop alike.
 
-A table of the leg's voltage error (V, what is lost) against its current (A) stands in place of dead time and device
-drop: straight between its points, odd, constant beyond the last; it acts all the time as a mean voltage does.
+A table of the leg's voltage error (V, what is lost) against its current (A) stands in place of dead
+time and device drop: straight between its points, odd, constant beyond the last; it acts all the
+time as a mean
+voltage does.
 
 A device of one direction that loses more: one_sided * max(i, 0) in every leg.
 """
@@ -26,21 +30,30 @@ POINT = [("current", np.float64), ("volts", np.float64)]
 
 
 def leg_table(current: ArrayLike, volts: ArrayLike) -> Any:
-    """Return a table of a leg's voltage error for a bench; current: (n,) A, from 0 up; volts: (n,) V, 0 first.
+    """Return a table of a leg's voltage error for a bench; current: (n,) A, from 0 up; volts: (n,)
+    V, 0 first.
 
     BadInput for other shapes, values that are not finite, currents that do not rise.
     """
-    i, v = np.atleast_1d(np.asarray(current, dtype=float)), np.atleast_1d(np.asarray(volts, dtype=float))
+    i, v = (
+        np.atleast_1d(np.asarray(current, dtype=float)),
+        np.atleast_1d(np.asarray(volts, dtype=float)),
+    )
     if i.ndim != 1 or i.shape != v.shape or len(i) < 2:
         raise BadInput(
-            f"inverter table has {i.shape} currents and {v.shape} voltages; give as many of each, two at least"
+            f"inverter table has {i.shape} currents and {v.shape} voltages; give as many "
+            "of each, two at least"
         )
     if not (np.isfinite(i).all() and np.isfinite(v).all() and (np.diff(i) > 0.0).all()):
         raise BadInput(
-            "inverter table has currents that do not rise, or values that are not finite; sort it and clean it"
+            "inverter table has currents that do not rise, or values that are not "
+            "finite; sort it and clean it"
         )
     if i[0] != 0.0 or v[0] != 0.0:
-        raise BadInput(f"inverter table begins with {v[0]:g} V at {i[0]:g} A; it is odd: begin it with 0 V at 0 A")
+        raise BadInput(
+            f"inverter table begins with {v[0]:g} V at {i[0]:g} A; it is odd: begin it "
+            "with 0 V at 0 A"
+        )
     table = np.empty(len(i), POINT)
     table["current"], table["volts"] = i, v
     return table
@@ -61,7 +74,8 @@ def soft_sign(b, current):
 
 @kernel
 def edge_sign(b, current):
-    """Return the sign of a leg's current where an edge is commanded: by dead time's own zone, if it has one."""
+    """Return the sign of a leg's current where an edge is commanded: by dead time's own zone, if it
+    has one."""
     if b.zone_width == 0.0 and b.zone_tanh == 0.0:
         return soft_sign(b, current)
     x = current / (b.zone_width if b.zone_width > 0.0 else b.soft_current)
@@ -99,7 +113,8 @@ def reached(p, q, at):
 
 @inlined
 def table_corner(table, p, q):
-    """Return the share of the way from current p to q (A) at which the first point of a table is met; 1: none."""
+    """Return the share of the way from current p to q (A) at which the first point of a table is
+    met; 1: none."""
     share = 1.0
     if table is None:
         return share
@@ -123,7 +138,9 @@ def table_volts(table, current):
         else:
             high = middle
     share = (size - table[low].current) / (table[high].current - table[low].current)
-    return math.copysign(1.0, current) * (table[low].volts + share * (table[high].volts - table[low].volts))
+    return math.copysign(1.0, current) * (
+        table[low].volts + share * (table[high].volts - table[low].volts)
+    )
 
 
 @inlined

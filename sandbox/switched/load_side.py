@@ -1,13 +1,18 @@
-"""What the load does beside the torque it is told: a fan, a crank, a load out of true, a load machine that lags.
+"""What the load does beside the torque it is told: a fan, a crank, a load out of true, a load
+machine that lags.
 
-All act on the load's side of the shaft, at its mechanical angle (the motor's less the twist) and speed omega:
+All act on the load's side of the shaft, at its mechanical angle (the motor's less the twist) and
+speed omega:
 
 - fan: torque fan omega |omega|;
-- crank: its inertia is J + crank cos(x), x = 2 angle + crank_phase, as a mass on a crank makes it (a long rod: half of
-  m r^2 is mean, half swings).  d/dt (J(angle) omega) - omega^2/2 dJ/dangle = torque, so a torque of
-  crank sin(x) omega^2 drives beside; kinetic energy J(angle) omega^2/2 is kept;
-- lobe: torque lobe sin(angle / lobe_turns + lobe_phase), of a wheel out of true behind a belt or a gear;
-- load_lag: the torque follows what it is told by a first-order lag, period by period, from none at the start.
+- crank: its inertia is J + crank cos(x), x = 2 angle + crank_phase, as a mass on a crank makes it
+  (a long rod: half of m r^2 is mean, half swings).  d/dt (J(angle) omega) - omega^2/2
+  dJ/dangle = torque, so a torque of crank sin(x) omega^2 drives beside; kinetic energy J(angle)
+  omega^2/2 is kept;
+- lobe: torque lobe sin(angle / lobe_turns + lobe_phase), of a wheel out of true behind a belt or a
+  gear;
+- load_lag: the torque follows what it is told by a first-order lag, period by period, from none at
+  the start.
 """
 
 from __future__ import annotations
@@ -42,7 +47,8 @@ def crank_inertia(b, angle):
 
 @kernel
 def load_acceleration(b, inertia, torque, angle, speed):
-    """Return the load's acceleration (rad/s^2) under a torque (N m); inertia: its mean one, kg m^2."""
+    """Return the load's acceleration (rad/s^2) under a torque (N m); inertia: its mean one, kg
+    m^2."""
     if b.crank == 0.0:
         return torque / inertia
     torque += b.crank * math.sin(2.0 * angle + b.crank_phase) * speed * speed
@@ -52,4 +58,6 @@ def load_acceleration(b, inertia, torque, angle, speed):
 @inlined
 def acting_load(b, before, asked):
     """Return the load torque (N m) that acts in a period, after that of the last one."""
-    return asked if b.load_lag == 0.0 else asked + (before - asked) * math.exp(-b.period / b.load_lag)
+    return (
+        asked if b.load_lag == 0.0 else asked + (before - asked) * math.exp(-b.period / b.load_lag)
+    )

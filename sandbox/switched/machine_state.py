@@ -23,9 +23,10 @@ class Moving(NamedTuple):
 
 
 class Driving(NamedTuple):
-    """What acts on it: vector of the legs' states (0/1), which times the link's voltage is the voltage; V by which the
-    link sags; load torque (N m); flux that hysteresis holds (constant between steps, see `pull`); and how the rotor
-    moves: LOCKED, DRIVEN with a mechanical acceleration (rad/s^2), or FREE."""
+    """What acts on it: vector of the legs' states (0/1), which times the link's voltage is the
+    voltage; V by which the link sags; load torque (N m); flux that hysteresis holds (constant
+    between steps, see `pull`); and how the rotor moves: LOCKED, DRIVEN with a mechanical
+    acceleration (rad/s^2), or FREE."""
 
     legs: complex
     link_sag: float
@@ -36,8 +37,8 @@ class Driving(NamedTuple):
 
 
 class Powers(NamedTuple):
-    """Power (W) from the DC link, all losses, that given to the load, lost in the devices, and what the link would give
-    if the legs stood as commanded (without dead time)."""
+    """Power (W) from the DC link, all losses, that given to the load, lost in the devices, and what
+    the link would give if the legs stood as commanded (without dead time)."""
 
     supply: float
     loss: float
@@ -63,7 +64,8 @@ def ahead(x, h, rate):
 
 @inlined
 def mean_rate(a, b, c, d):
-    """Return six times the mean of four stages' rates, as the classic Runge-Kutta method weighs them."""
+    """Return six times the mean of four stages' rates, as the classic Runge-Kutta method weighs
+    them."""
     return Moving(
         a.psi + 2.0 * (b.psi + c.psi) + d.psi,
         a.core + 2.0 * (b.core + c.core) + d.core,

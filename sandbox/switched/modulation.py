@@ -1,8 +1,9 @@
-"""How the bench's drive modulates, by dwell times of space vectors: apart from `sandbox.plant.gates.modulation`.
+"""How the bench's drive modulates, by dwell times of space vectors: apart from
+`sandbox.plant.gates.modulation`.
 
-A voltage in the sector between two neighbouring active vectors takes the shares t_1, t_2 of the period from them; the
-rest is zero vectors, none of the legs on or all.  Corner m of the hexagon stands at m times 60 degrees: with m even one
-leg is on, with m odd two are.
+A voltage in the sector between two neighbouring active vectors takes the shares t_1, t_2 of the
+period from them; the rest is zero vectors, none of the legs on or all.  Corner m of the hexagon
+stands at m times 60 degrees: with m even one leg is on, with m odd two are.
 """
 
 from __future__ import annotations
@@ -27,11 +28,15 @@ def on(corner, leg):
 
 @kernel
 def dwell(beyond, u, u_dc):
-    """Return the sector and the shares of its two corners for a voltage (V), limited to what a period holds."""
+    """Return the sector and the shares of its two corners for a voltage (V), limited to what a
+    period holds."""
     angle = cmath.phase(u) % (2.0 * math.pi)
     sector = min(int(angle // SIXTH), 5)
     size, angle = abs(u) / u_dc, angle - SIXTH * sector
-    first, second = math.sqrt(3.0) * size * math.sin(SIXTH - angle), math.sqrt(3.0) * size * math.sin(angle)
+    first, second = (
+        math.sqrt(3.0) * size * math.sin(SIXTH - angle),
+        math.sqrt(3.0) * size * math.sin(angle),
+    )
     if beyond == CORNERS and size >= 2.0 / math.pi:
         return sector, 1.0 if first > second else 0.0, 0.0 if first > second else 1.0
     over = first + second - 1.0

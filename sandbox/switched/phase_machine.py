@@ -1,30 +1,35 @@
-"""The machine in the stationary frame: space vectors are complex numbers alpha + j beta (amplitude-invariant).
+"""The machine in the stationary frame: space vectors are complex numbers alpha + j beta
+(amplitude-invariant).
 
-psi is the total flux linkage (Wb), w = psi - m(theta) its part due to currents, z = w exp(-j theta) the same seen
-from the rotor.  The paper's energy (eq. EnerSat), with inductance harmonics, is a harmonic series of z:
+psi is the total flux linkage (Wb), w = psi - m(theta) its part due to currents, z = w exp(-j theta)
+the same seen from the rotor.  The paper's energy (eq. EnerSat), with inductance harmonics, is a
+harmonic series of z:
 
     H = g_0/2 |z|^2 + g_2/2 Re z^2 + gamma_6/2 Re(z^2 e^{-6j theta}) + c_1 |z|^2 Re z + c_3 Re z^3
         + q_0 |z|^4 + q_2 |z|^2 Re z^2 + q_4 Re z^4
 
-and at constant w only the Re z^n depend on the angle: d/dtheta Re z^n = n Im z^n.  Current i = 2 dH/dw*, torque
-= -3/2 p dH/dtheta at constant psi, so energy closes by construction.
+and at constant w only the Re z^n depend on the angle: d/dtheta Re z^n = n Im z^n.  Current i = 2
+dH/dw*, torque = -3/2 p dH/dtheta at constant psi, so energy closes by construction.
 
     dpsi/dt = v - R i - skin - phases,  i = i_m + i_c
 
 What the effect library does not hold, so that something unknown can be asked for:
 
-- hysteresis, a vector play: i += grip e, e = psi - psi_held, |e| <= grip_radius, psi_held dragged along by e;
+- hysteresis, a vector play: i += grip e, e = psi - psi_held, |e| <= grip_radius, psi_held dragged
+  along by e;
 - short-circuited turns of phase a (share mu, fault resistance R_f, leakage L_f), s = 2/3 mu i_f:
-  i_alpha += s, dpsi/dt += R s, tau ds/dt = g (R i_a + dpsi_alpha/dt) - s, g = 2/3 mu^2 / (R_f + mu R),
-  tau = L_f / (R_f + mu R); the flux of phase a without its zero sequence;
-- a measured flux map (`flux_map`): H(Re z, Im z) in place of the series, dH/dtheta = i_d Im z - i_q Re z;
+  i_alpha += s, dpsi/dt += R s, tau ds/dt = g (R i_a + dpsi_alpha/dt) - s, g = 2/3 mu^2 / (R_f + mu
+  R), tau = L_f / (R_f + mu R); the flux of phase a without its zero sequence;
+- a measured flux map (`flux_map`): H(Re z, Im z) in place of the series, dH/dtheta = i_d Im z - i_q
+  Re z;
 - harmonics of any orders, those of the flux growing with the current where asked for (`harmonics`);
 - saturation with a knee: H += knee/3 (|z| - knee_flux)^3 beyond knee_flux;
 - a fan, a crank, a load out of true, a load machine that lags (`load_side`);
 - current sensors that lose curvature (`simulate.sensor`): reading = gain i (1 - curvature i^2);
 - current sensors that remember, phases read one after another (`readers`);
-- a resolver (`simulate.encoder`), shapes of the current's sign, a table of the leg's voltage error, a device of one
-  direction (`leg`), a resonance of the link (`link`), least pulses and vectors (`short_pulses`).
+- a resolver (`simulate.encoder`), shapes of the current's sign, a table of the leg's voltage error,
+  a device of one direction (`leg`), a resonance of the link (`link`), least pulses and vectors
+  (`short_pulses`).
 """
 
 from __future__ import annotations
@@ -60,17 +65,21 @@ def sixth(e_1):
 
 @kernel
 def magnet(b, e_1):
-    """Return e^{j theta}(phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta), the magnet's flux, and its slope (Wb)."""
+    """Return e^{j theta}(phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta), the magnet's flux, and
+    its slope (Wb)."""
     if b.psi_d6 == 0.0 and b.psi_q6 == 0.0:
         return e_1 * b.magnet_flux, e_1 * complex(0.0, b.magnet_flux)
     e_6 = sixth(e_1)
     m = complex(b.magnet_flux + b.psi_d6 * e_6.real, b.psi_q6 * e_6.imag)
-    return e_1 * m, e_1 * complex(-m.imag - 6.0 * b.psi_d6 * e_6.imag, m.real + 6.0 * b.psi_q6 * e_6.real)
+    return e_1 * m, e_1 * complex(
+        -m.imag - 6.0 * b.psi_d6 * e_6.imag, m.real + 6.0 * b.psi_q6 * e_6.real
+    )
 
 
 @inlined
 def seen_from(b, psi, theta, e_1):
-    """Return the magnet's flux and slope (Wb) as `magnet`, with all harmonics, z_0 (Wb), G (1/Wb): `harmonics`."""
+    """Return the magnet's flux and slope (Wb) as `magnet`, with all harmonics, z_0 (Wb), G (1/Wb):
+    `harmonics`."""
     m, slope = magnet(b, e_1)
     return with_flux(b.harmonics, b.magnet_flux, psi, theta, e_1, m, slope)
 
@@ -125,7 +134,8 @@ def current_and_torque(b, psi, theta):
 
 @kernel
 def least_stiffness(b, psi, theta):
-    """Return the smaller eigenvalue of the energy's second derivatives (1/H); from 0 on, current is not unique.
+    """Return the smaller eigenvalue of the energy's second derivatives (1/H); from 0 on, current is
+    not unique.
 
     di = a dz + c dz* in the rotor frame (a real), so the eigenvalues are a +- |c|.
     """
@@ -149,7 +159,8 @@ def least_stiffness(b, psi, theta):
 
 @kernel
 def pull(b, psi, held):
-    """Return by how much the flux (Wb) is ahead of what hysteresis holds: a play of grip_radius at most."""
+    """Return by how much the flux (Wb) is ahead of what hysteresis holds: a play of grip_radius at
+    most."""
     ahead = psi - held
     size = abs(ahead)
     return ahead * (b.grip_radius / size) if size > b.grip_radius else ahead
@@ -164,7 +175,8 @@ def phase_currents(i):
 
 @kernel
 def vector(a, b, c):
-    """Return the space vector of three phase quantities, amplitude-invariant: i_alpha = (2a-b-c)/3, ..."""
+    """Return the space vector of three phase quantities, amplitude-invariant: i_alpha = (2a-b-c)/3,
+    ..."""
     return complex((2.0 * a - b - c) / 3.0, (b - c) / ROOT)
 
 
@@ -172,7 +184,13 @@ def vector(a, b, c):
 def phase_drop(b, i):
     """Return the vector of what the phases lose one by one (V): legs and winding asymmetry."""
     more = b.one_sided != 0.0 or given(b.leg_table)
-    if b.threshold == 0.0 and b.on_resistance == 0.0 and b.delta_a == 0.0 and b.delta_b == 0.0 and not more:
+    if (
+        b.threshold == 0.0
+        and b.on_resistance == 0.0
+        and b.delta_a == 0.0
+        and b.delta_b == 0.0
+        and not more
+    ):
         return complex(0.0, 0.0)
     i_a, i_b, i_c = phase_currents(i)
     sign_a, sign_b, sign_c = soft_signs(b, i_a, i_b, i_c)
@@ -181,7 +199,9 @@ def phase_drop(b, i):
     v_c = b.threshold * sign_c + b.on_resistance * i_c
     if not more:
         return vector(v_a, v_b, v_c)
-    return vector(v_a + unlisted_drop(b, i_a), v_b + unlisted_drop(b, i_b), v_c + unlisted_drop(b, i_c))
+    return vector(
+        v_a + unlisted_drop(b, i_a), v_b + unlisted_drop(b, i_b), v_c + unlisted_drop(b, i_c)
+    )
 
 
 @kernel
@@ -206,7 +226,8 @@ def friction(b, omega_mech):
 
 @kernel
 def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
-    """Return the mechanical accelerations of motor and load (rad/s^2); the load torque acts on the load's side."""
+    """Return the mechanical accelerations of motor and load (rad/s^2); the load torque acts on the
+    load's side."""
     net = torque - friction(b, speed)
     if b.cogging != 0.0:
         net += b.cogging * math.sin(b.cogging_order * theta / b.pole_pairs + b.cogging_phase)
@@ -217,17 +238,22 @@ def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
         a = load_acceleration(b, b.inertia, net - load_torque, angle, load_speed)
         return a, a
     shaft = b.stiffness * twist + b.damping * (speed - load_speed)
-    return (net - shaft) / b.inertia, load_acceleration(b, b.load_inertia, shaft - load_torque, angle, load_speed)
+    return (net - shaft) / b.inertia, load_acceleration(
+        b, b.load_inertia, shaft - load_torque, angle, load_speed
+    )
 
 
 @kernel
 def slopes(b, t, by, x):
-    """Return the rate of the state x at t (s) under what acts on it, and the terminal current (A)."""
+    """Return the rate of the state x at t (s) under what acts on it, and the terminal current
+    (A)."""
     magnetising, torque = current_and_torque(b, x.psi, x.theta)
     i = magnetising + x.core + x.loop
     if b.grip != 0.0:
         i += b.grip * pull(b, x.psi, by.held)
-    d_psi = by.legs * link_voltage(b, t, by.link_sag) - b.resistance * (i - x.loop) - phase_drop(b, i)
+    d_psi = (
+        by.legs * link_voltage(b, t, by.link_sag) - b.resistance * (i - x.loop) - phase_drop(b, i)
+    )
     d_core = d_skin = complex(0.0, 0.0)
     d_loop = 0.0
     if b.skin_resistance != 0.0:
@@ -237,7 +263,9 @@ def slopes(b, t, by, x):
     if b.core_conductance != 0.0:
         d_core = (d_psi * b.core_conductance - x.core) / b.core_time
     if b.short_conductance != 0.0:
-        d_loop = (b.short_conductance * (d_psi.real + b.resistance * i.real) - x.loop) / b.short_time
+        d_loop = (
+            b.short_conductance * (d_psi.real + b.resistance * i.real) - x.loop
+        ) / b.short_time
     if by.mode == LOCKED:
         return Moving(d_psi, d_core, d_skin, 0.0, 0.0, 0.0, 0.0, d_loop), i
     turning, a = b.pole_pairs * x.speed, by.acceleration
@@ -263,7 +291,9 @@ def powers(b, t, by, wanted, x):
     if b.load_inertia != 0.0:
         rubbing += b.damping * (x.speed - x.load_speed) ** 2
     supply, commanded = v.real * i.real + v.imag * i.imag, ideal.real * i.real + ideal.imag * i.imag
-    output = (by.load_torque + drag(b, load_angle(b, x.theta, x.twist), x.load_speed)) * x.load_speed
+    output = (
+        by.load_torque + drag(b, load_angle(b, x.theta, x.twist), x.load_speed)
+    ) * x.load_speed
     return Powers(1.5 * supply, 1.5 * loss + rubbing, output, device_loss(b, i), 1.5 * commanded)
 
 
@@ -273,7 +303,9 @@ def reservoir(b, psi, core, skin, theta, speed, load_speed, twist):
     stored = stored_energy(b, psi, theta) + 0.5 * b.skin_resistance * b.skin_time * abs(skin) ** 2
     if b.core_conductance != 0.0:
         stored += 0.5 * b.core_time / b.core_conductance * abs(core) ** 2
-    total = 1.5 * stored + 0.5 * (b.inertia * speed**2 + b.load_inertia * load_speed**2 + b.stiffness * twist**2)
+    total = 1.5 * stored + 0.5 * (
+        b.inertia * speed**2 + b.load_inertia * load_speed**2 + b.stiffness * twist**2
+    )
     total += 0.5 * crank_inertia(b, load_angle(b, theta, twist)) * load_speed**2
     if b.cogging != 0.0:
         angle = b.cogging_order * theta / b.pole_pairs + b.cogging_phase

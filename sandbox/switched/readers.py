@@ -1,9 +1,11 @@
-"""How current sensors read beside gain, offset and noise: cores that remember, phases read one after another.
+"""How current sensors read beside gain, offset and noise: cores that remember, phases read one
+after another.
 
-- remanence: a core of the sensor holds a current h, dragged along by i within remanence_radius r (a play); the reading
-  is i - remanence (i - h): high by remanence r after a fall of more than 2 r, low after a rise.  The core follows the
-  current from sample to sample, not its ripple in between.
-- channel_lag: one converter reads phase a at t_k (plus the sampling delay), b by channel_lag later, c by as much again.
+- remanence: a core of the sensor holds a current h, dragged along by i within remanence_radius r (a
+  play); the reading is i - remanence (i - h): high by remanence r after a fall of more than 2 r,
+  low after a rise.  The core follows the current from sample to sample, not its ripple in between.
+- channel_lag: one converter reads phase a at t_k (plus the sampling delay), b by channel_lag later,
+  c by as much again.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ def within_play(ahead, radius):
 
 @kernel
 def remembered(state, b, first, currents):
-    """Return the phases' currents (A) as their sensors' cores show them; state[first:first + 3]: what these hold."""
+    """Return the phases' currents (A) as their sensors' cores show them; state[first:first + 3]:
+    what these hold."""
     if b.remanence == 0.0:
         return currents
     i_a, i_b, i_c = currents

@@ -1,4 +1,5 @@
-"""Arbitrary injection: the fitted matrix against windings stepped here, its errors by theory, any pattern."""
+"""Arbitrary injection: the fitted matrix against windings stepped here, its errors by theory, any
+pattern."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ H, COUNT = TUNING.sampling_period, 6000
 
 
 def fitted(samples, turn, resistance, omega, weight=1e-12):
-    """Feed (u, i) of the stator frame; return the mean of dS and dD over a belief of zero, seen from angles turn(k)."""
+    """Feed (u, i) of the stator frame; return the mean of dS and dD over a belief of zero, seen
+    from angles turn(k)."""
     state, found = blank(arbitrary.OWN), []
     for k, (u, i) in enumerate(samples):
         sample = Sample(i.real, i.imag, u.real, u.imag, 0.0)
@@ -42,10 +44,12 @@ def fitted(samples, turn, resistance, omega, weight=1e-12):
 
 
 def test_matrix_of_a_turning_rotor_without_resistance():
-    """Any voltage on both axes: psi is its sum, i = Gamma (psi - magnet) in the rotor frame, nothing approximated.
+    """Any voltage on both axes: psi is its sum, i = Gamma (psi - magnet) in the rotor frame,
+    nothing approximated.
 
-    The leak l a sample delays flux of frequency W - omega h and W + omega h differently, which turns the flux by 2 l
-    omega h/W^2 and D by twice that, W about the filter's corner or half of it; backwards the other way.
+    The leak l a sample delays flux of frequency W - omega h and W + omega h differently, which
+    turns the flux by 2 l omega h/W^2 and D by twice that, W about the filter's corner or half of
+    it; backwards the other way.
     """
     rng, flux, phases = np.random.default_rng(2), DRIVE.motor.magnet_flux, []
     u = 30.0 * (rng.standard_normal(COUNT) + 1j * rng.standard_normal(COUNT))
@@ -57,14 +61,19 @@ def test_matrix_of_a_turning_rotor_without_resistance():
         found_s, found_d = fitted(zip(u, i, strict=True), lambda k, axis=axis: axis[k], 0.0, omega)
         phases.append(cmath.phase(found_d / D))
         assert found_s.real == pytest.approx(S, rel=0.03)
-    # by chance: the random walk of psi, some 0.1 of the filtered flux, over the root of 6000/50 independent windows
+    # by chance: the random walk of psi, some 0.1 of the filtered flux, over the root of 6000/50
+    # independent windows
     assert abs(sum(phases)) / 2.0 < 0.01
-    assert abs(phases[0] - phases[1]) / 2.0 < 4.0 * arbitrary.LEAK * corner * 120.0 * H / (0.5 * corner) ** 2
+    assert (
+        abs(phases[0] - phases[1]) / 2.0
+        < 4.0 * arbitrary.LEAK * corner * 120.0 * H / (0.5 * corner) ** 2
+    )
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, -1.2])
 def test_error_of_the_frame_is_half_the_turn_of_the_matrix(angle):
-    """A winding with resistance by its matrix exponential; the frame is off by `angle`, so D turns by twice that."""
+    """A winding with resistance by its matrix exponential; the frame is off by `angle`, so D turns
+    by twice that."""
     rng, r = np.random.default_rng(3), DRIVE.motor.resistance
     gamma = np.array([[DD, DQ], [DQ, QQ]])
     decay = expm(-r * gamma * H)
@@ -78,7 +87,8 @@ def test_error_of_the_frame_is_half_the_turn_of_the_matrix(angle):
 
 
 def test_one_axis_alone_leaves_the_rest_to_the_belief():
-    """Only d carries voltage: the cross term is found, along the axis the scale takes what is missing."""
+    """Only d carries voltage: the cross term is found, along the axis the scale takes what is
+    missing."""
     state, rng = blank(arbitrary.OWN), np.random.default_rng(4)
     for _ in range(400):
         f = 0.01 * rng.standard_normal()
@@ -86,14 +96,20 @@ def test_one_axis_alone_leaves_the_rest_to_the_belief():
     d_s, d_d = matrix_fit.solve(state, 1e-5)
     assert d_d.imag == pytest.approx(0.7, rel=0.01)  # rho over the sum of f^2: 1e-5/5e-3
     assert d_s + d_d.real == pytest.approx(2.0, rel=0.01)
-    assert d_d.real / d_s == pytest.approx(matrix_fit.SCALE, rel=1e-6)  # minimum of c dS^2 + dD^2 at a given sum
+    # minimum of c dS^2 + dD^2 at a given sum
+    assert d_d.real / d_s == pytest.approx(matrix_fit.SCALE, rel=1e-6)
 
 
 @pytest.mark.parametrize("motor", ["ipm", "ipm_exchanged", "spm_exchanged"])
 def test_gains_of_the_design_keep_their_margin(motor):
-    """The loop as the kernel runs it: gains, forgetting, and nothing else between angle and error."""
+    """The loop as the kernel runs it: gains, forgetting, and nothing else between angle and
+    error."""
     tuning = design(load_drive(motor)).tuning
-    h, keep, w = tuning.sampling_period, matrix_fit.forgetting(tuning.period), _grid(tuning.sampling_period)
+    h, keep, w = (
+        tuning.sampling_period,
+        matrix_fit.forgetting(tuning.period),
+        _grid(tuning.sampling_period),
+    )
     z = np.exp(1j * w * h)
     loop = (tuning.kp * h + tuning.ki * h * h * z / (z - 1)) / (z - 1) * (1 - keep) / (1 - keep / z)
     assert _margins(loop, w)[1] > TRACKING_MARGIN
@@ -118,11 +134,14 @@ def test_carrier_is_not_looked_at():
     for carrier in (0.0, 1e-4):
         estimator = load_estimator("arbitrary")
         state = estimator.init(belief, TUNING, 0.3)
-        ends.append([estimator.step(state, Sample(*r, carrier), belief, TUNING).theta for r in readings])
+        ends.append(
+            [estimator.step(state, Sample(*r, carrier), belief, TUNING).theta for r in readings]
+        )
     assert ends[0] == ends[1]
 
 
 def test_linear_belief_errs_by_the_cross_saturation_angle():
-    """Injected along one axis, its null is that of `qnull`: theory by the exact Hessian, within 0.3 degrees."""
+    """Injected along one axis, its null is that of `qnull`: theory by the exact Hessian, within 0.3
+    degrees."""
     plane = t.static_map(DRIVE, "arbitrary", "linear", 0)
     assert plane.passed, plane.metrics

@@ -37,15 +37,22 @@ def libraries(tmp_path_factory):
     """Every estimator in float and double, and the worked example."""
     folder = tmp_path_factory.mktemp("c")
     files = [generate.HERE / f"{name}.c" for name in NAMES]
-    found = {(f.stem, d): load_estimator(build(f, folder, double=d)) for f in files for d in (False, True)}
+    found = {
+        (f.stem, d): load_estimator(build(f, folder, double=d))
+        for f in files
+        for d in (False, True)
+    }
     examples = (generate.HERE / "examples").glob("*.c")
     return found | {(f.stem, False): load_estimator(build(f, folder)) for f in examples}
 
 
 def unquantised(motor):
-    """Return a motor whose current readings have noise, but no counts: one turns a last digit into other noise."""
+    """Return a motor whose current readings have noise, but no counts: one turns a last digit into
+    other noise."""
     drive = load_motor(motor)
-    return dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, current_resolution=0.0))
+    return dataclasses.replace(
+        drive, converter=dataclasses.replace(drive.converter, current_resolution=0.0)
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -67,10 +74,13 @@ def test_golden_vectors_are_the_twins(name):
 @needs_compiler
 @pytest.mark.parametrize("name", NAMES)
 def test_in_c_on_golden_vectors(name, libraries):
-    """In double the order of operations is the same (1e-9 rad is a million roundings); in float the goal holds."""
+    """In double the order of operations is the same (1e-9 rad is a million roundings); in float the
+    goal holds."""
     golden = read_golden()
     twin = in_windows(load_estimator(name), golden)
-    np.testing.assert_allclose(in_windows(libraries[name, True], golden), twin, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        in_windows(libraries[name, True], golden), twin, rtol=1e-9, atol=1e-9
+    )
     narrow = wrapped(in_windows(libraries[name, False], golden)[:, 0] - golden.told[name][:, 0])
     assert np.degrees(np.abs(narrow)).max() <= TOLERANCE_DEG
 
@@ -105,7 +115,8 @@ def test_part_of_the_protocol_in_float(libraries):
 
 @needs_compiler
 def test_the_worked_example_on_a_linear_motor(libraries):
-    """The reversal of motulator's motor, which is as linear as the observer believes: its goal is lock."""
+    """The reversal of motulator's motor, which is as linear as the observer believes: its goal is
+    lock."""
     (row,) = protocol([libraries["flux_observer", False]], ["ipm"], ["reversal"]).protocol.rows
     assert row.outcome.passed
     assert row.outcome.metrics["rms_deg"] < 1.0  # the protocol's goal for a mean
@@ -114,7 +125,9 @@ def test_the_worked_example_on_a_linear_motor(libraries):
 @pytest.mark.parametrize("name", generate.NAMES)
 def test_the_readme_states_the_operations_of_the_files(name):
     head = (generate.HERE / f"{name}.c").read_text().partition("*/")[0]
-    found = dict(re.findall(r"(mul|add|div|sqrt|trig|compare) (\d+)", re.sub(r"(\d+) (\w+)", r"\2 \1", head)))
+    found = dict(
+        re.findall(r"(mul|add|div|sqrt|trig|compare) (\d+)", re.sub(r"(\d+) (\w+)", r"\2 \1", head))
+    )
     numbers = [found.get(k, "0") for k in ("mul", "add", "div", "sqrt", "trig", "compare")]
     state = re.search(r"(\d+) numbers of state", head)[1]
     readme = (generate.HERE / "README.md").read_text()
@@ -123,11 +136,14 @@ def test_the_readme_states_the_operations_of_the_files(name):
 
 @needs_compiler
 def test_the_readmes_example(libraries):
-    """The same text as examples/smallest.c; at 20 % speed without load it needs no map to know the angle."""
+    """The same text as examples/smallest.c; at 20 % speed without load it needs no map to know the
+    angle."""
     readme = (generate.HERE / "README.md").read_text()
     example = (generate.HERE / "examples" / "smallest.c").read_text()
     assert f"```c\n{example}```" in readme
-    scene = Scenario("turning", (Segment(0.6, 0.0, 0.2, ramp=0.2, settle=0.4),), "driven", start_up=False)
+    scene = Scenario(
+        "turning", (Segment(0.6, 0.0, 0.2, ramp=0.2, settle=0.4),), "driven", start_up=False
+    )
     error = simulate("ipm_exchanged", scene, libraries["smallest", False]).error_deg
     assert abs(error.mean) < 1.0  # the protocol's goal
 
@@ -141,8 +157,17 @@ def step(state, sample, belief, tuning):
 
 def test_operations_are_counted():
     golden = read_golden()
-    found = operations(collect(step), (golden.belief, golden.tuning), np.ones(1), golden.samples[20:30])
-    assert found.mean == {"mul": 5.0, "add": 3.0, "div": 1.0, "sqrt": 0.0, "trig": 2.0, "compare": 0.0}
+    found = operations(
+        collect(step), (golden.belief, golden.tuning), np.ones(1), golden.samples[20:30]
+    )
+    assert found.mean == {
+        "mul": 5.0,
+        "add": 3.0,
+        "div": 1.0,
+        "sqrt": 0.0,
+        "trig": 2.0,
+        "compare": 0.0,
+    }
     assert found.most == found.mean
     assert found.steps == 5
 
@@ -159,19 +184,30 @@ def test_what_is_not_translated_is_named():
 
 @needs_compiler
 def test_an_export_is_whole(tmp_path, capsys):
-    """Compiled as it lies there, alone, it finds its golden vectors again; double promotions would cost a target."""
+    """Compiled as it lies there, alone, it finds its golden vectors again; double promotions would
+    cost a target."""
     out = tmp_path / "firmware"
-    assert main(["export-estimator", "qnull", "--motor", "ipm", "--belief", "linear", "--out", str(out)]) == 0
+    assert (
+        main(
+            ["export-estimator", "qnull", "--motor", "ipm", "--belief", "linear", "--out", str(out)]
+        )
+        == 0
+    )
     assert "mul" in capsys.readouterr().out
     found = json.loads((out / "export-estimator.json").read_text())
     assert {p.name for p in out.iterdir()} == {*found["files"], "export-estimator.json"}
     strict = (*STRICT, "-Wconversion", "-Wdouble-promotion")
     subprocess.run([compiler(), *strict, "-c", "qnull.c"], cwd=out, check=True)
-    subprocess.run([compiler(), *STRICT, "-O2", "-o", "check", "check.c", "qnull.c", "-lm"], cwd=out, check=True)
+    subprocess.run(
+        [compiler(), *STRICT, "-O2", "-o", "check", "check.c", "qnull.c", "-lm"],
+        cwd=out,
+        check=True,
+    )
     done = subprocess.run([out / "check"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("qnull on ipm, 240 samples: angle within ")
     assert (
-        f".gamma_d = (sensorless_real){1.0 / load_motor('ipm').motor.inductance_d!r}" in (out / "motor.h").read_text()
+        f".gamma_d = (sensorless_real){1.0 / load_motor('ipm').motor.inductance_d!r}"
+        in (out / "motor.h").read_text()
     )
 
 
@@ -185,9 +221,12 @@ def test_exports_that_are_refused(tmp_path, capsys):
 
 @needs_compiler
 def test_compiled_python_costs_no_more_beside_c_than_at_the_last_release(libraries):
-    """By five deviations of the median of seven runs in turns, or 0.2 (experiments/results/releases.md)."""
+    """By five deviations of the median of seven runs in turns, or 0.2
+    (experiments/results/releases.md)."""
     kept, own = releases.last(), releases.costs({name: libraries[name, False] for name in NAMES})
     assert set(own) == set(kept["cost"])
     assert releases.worse(kept, "cost", own) == []
-    lost = {name: entry["value"] + 0.21 + 6.0 * entry["noise"] for name, entry in kept["cost"].items()}
+    lost = {
+        name: entry["value"] + 0.21 + 6.0 * entry["noise"] for name, entry in kept["cost"].items()
+    }
     assert len(releases.worse(kept, "cost", lost)) == len(own)

@@ -1,4 +1,5 @@
-"""Demodulation is exact for what it is built for: steady ripple on a linear trend, seen from a turning frame."""
+"""Demodulation is exact for what it is built for: steady ripple on a linear trend, seen from a
+turning frame."""
 
 from __future__ import annotations
 
@@ -31,11 +32,19 @@ def run(n, waveform, current, axis=0.0, omega=0.0):
     t, state, primitive = tuning(n, waveform), blank(), primitive_of(waveform, n, 1e-4)
     for k in range(3 * n + 1):
         i_alpha, i_beta = current(k, primitive[k % n])
-        out = demodulate(state, Sample(i_alpha, i_beta, 0.0, 0.0, primitive[k % n]), axis + omega * k * 1e-4, omega, t)
+        out = demodulate(
+            state,
+            Sample(i_alpha, i_beta, 0.0, 0.0, primitive[k % n]),
+            axis + omega * k * 1e-4,
+            omega,
+            t,
+        )
     return out
 
 
-@pytest.mark.parametrize(("n", "waveform"), [(2, "square"), (8, "square"), (8, "sine"), (20, "sine"), (64, "square")])
+@pytest.mark.parametrize(
+    ("n", "waveform"), [(2, "square"), (8, "square"), (8, "sine"), (20, "sine"), (64, "square")]
+)
 def test_exact_for_ripple_and_mean_on_a_trend(n, waveform):
     rise = 0.01  # A a sample
     out = run(n, waveform, lambda k, f: (0.7 + rise * k + 20.0 * 13.0 * f, -0.4 - 20.0 * 2.5 * f))
@@ -64,7 +73,8 @@ def test_frame_turns_with_the_estimated_speed():
 
 
 def test_noise_of_the_ripple():
-    """White noise s on each sample gives s^2 sum (w F)^2 / (U sum F^2)^2; weights 1/2, 1, 1/2: 3/4 of a period's."""
+    """White noise s on each sample gives s^2 sum (w F)^2 / (U sum F^2)^2; weights 1/2, 1, 1/2: 3/4
+    of a period's."""
     t, rng, state = tuning(8), np.random.default_rng(1), blank()
     primitive = primitive_of("square", 8, 1e-4)
     found = []

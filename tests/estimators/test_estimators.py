@@ -1,4 +1,5 @@
-"""Every registered estimator through the contract; starting up; a Python port that must give the same numbers."""
+"""Every registered estimator through the contract; starting up; a Python port that must give the
+same numbers."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ def test_unknown_estimator_names_the_nearest():
 
 @pytest.mark.parametrize("motor", ["ipm", "ipm_exchanged", "spm_exchanged"])
 def test_starting_up_finds_position_and_polarity_everywhere(motor):
-    """36 angles: the closed form has no blind spot, and the magnet's end is told from the other by saturation."""
+    """36 angles: the closed form has no blind spot, and the magnet's end is told from the other by
+    saturation."""
     qnull, drive = load_estimator("qnull"), load_drive(motor)
     errors = []
     for k, angle in enumerate(np.arange(36) * np.pi / 18 - np.pi):
@@ -51,15 +53,19 @@ def test_starting_up_finds_position_and_polarity_everywhere(motor):
         run = simulate(drive, scenario, qnull, "linear" if k % 2 else "saturated", seed=k)
         first = int(np.argmax(run.recording.tracking > 0))
         errors.append(math.degrees(run.recording.error[first]))
-    # 10 mA of ripple are 3.5 degrees (notes); here noise 2 mA averaged over 16 ms, and the bias current's tail
+    # 10 mA of ripple are 3.5 degrees (notes); here noise 2 mA averaged over 16 ms, and the bias
+    # current's tail
     assert np.max(np.abs(errors)) < 1.5
 
 
 def test_polarity_from_the_belief_where_the_magnet_desaturates():
-    """A motor with alpha_30 < 0 has its larger ripple at the other end; the saturated belief knows."""
+    """A motor with alpha_30 < 0 has its larger ripple at the other end; the saturated belief
+    knows."""
     drive = load_drive("ipm_exchanged")
     motor = dataclasses.replace(drive.motor, alpha_30=-7.7, alpha_12=-5.35)
-    run = simulate(dataclasses.replace(drive, motor=motor), STILL, load_estimator("qnull"), "saturated")
+    run = simulate(
+        dataclasses.replace(drive, motor=motor), STILL, load_estimator("qnull"), "saturated"
+    )
     assert np.degrees(np.abs(run.recording.error[-1])) < 3.0
 
 
@@ -67,7 +73,12 @@ def ported_qnull() -> Estimator:
     """q-null with a linear belief, written in plain Python from its equations, tracking only."""
 
     def init(belief, tuning, angle=None):
-        return {"axis": angle, "omega": 0.0, "slow": 0.0, "ring": deque(maxlen=3 * tuning.period // 2)}
+        return {
+            "axis": angle,
+            "omega": 0.0,
+            "slow": 0.0,
+            "ring": deque(maxlen=3 * tuning.period // 2),
+        }
 
     def step(state, sample, belief, tuning):
         h, half = tuning.sampling_period, tuning.period // 2
@@ -91,9 +102,17 @@ def ported_qnull() -> Estimator:
         size = tuning.amplitude * tuning.peak
         axis = state["axis"]
         e = belief.energy
-        turned = tuning.lag * belief.resistance * state["slow"] * (e.gamma_d + e.gamma_q) * e.gamma_q
+        turned = (
+            tuning.lag * belief.resistance * state["slow"] * (e.gamma_d + e.gamma_q) * e.gamma_q
+        )
         return Estimate(
-            axis + turned / (e.gamma_d - e.gamma_q), state["omega"], axis, 0.0, 1.0, y.real * size, y.imag * size
+            axis + turned / (e.gamma_d - e.gamma_q),
+            state["omega"],
+            axis,
+            0.0,
+            1.0,
+            y.real * size,
+            y.imag * size,
         )
 
     return Estimator("ported", "q-null in Python", init, step, compiled=False)
@@ -101,12 +120,16 @@ def ported_qnull() -> Estimator:
 
 @pytest.mark.parametrize("closed", [True, False])
 def test_python_port_gives_the_compiled_result(closed):
-    """Same arithmetic in another order: differences grow from rounding (1e-16) through a stable loop."""
+    """Same arithmetic in another order: differences grow from rounding (1e-16) through a stable
+    loop."""
     scenario = dataclasses.replace(LOADED, start_up=False, start_angle=0.5)
     drive = load_drive("ipm_exchanged")
-    ours = simulate(drive, scenario, load_estimator("qnull"), "linear", closed_loop=closed, seed=2).recording
+    ours = simulate(
+        drive, scenario, load_estimator("qnull"), "linear", closed_loop=closed, seed=2
+    ).recording
     port = simulate(drive, scenario, ported_qnull(), "linear", closed_loop=closed, seed=2).recording
-    # a rounding may flip one count of the quantiser, 2.4 mA: then 0.8 degrees times the loop's gain of one sample
+    # a rounding may flip one count of the quantiser, 2.4 mA: then 0.8 degrees times the loop's gain
+    # of one sample
     assert np.abs(wrapped(ours.theta_hat - port.theta_hat)).max() < 1e-9
     np.testing.assert_allclose(ours.table, port.table, rtol=1e-7, atol=1e-7)
 
@@ -123,7 +146,9 @@ def test_slow_path_is_the_kernel_bit_for_bit():
 def test_filterpy_in_the_loop_gives_the_compiled_filter():
     """Without quantisation, which turns a rounding into a count of 2.4 mA sooner or later."""
     drive = load_drive("ipm_exchanged")
-    drive = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, current_resolution=0.0))
+    drive = dataclasses.replace(
+        drive, converter=dataclasses.replace(drive.converter, current_resolution=0.0)
+    )
     fast = simulate(drive, LOADED, load_estimator("ekf"), seed=4).recording
     slow = simulate(drive, LOADED, load_estimator("ekf_filterpy"), seed=4).recording
     assert np.abs(fast.theta_hat - slow.theta_hat).max() < 1e-7
@@ -131,7 +156,8 @@ def test_filterpy_in_the_loop_gives_the_compiled_filter():
 
 @pytest.mark.parametrize("closed", [True, False])
 def test_estimator_sees_the_readings_and_the_commands_only(closed):
-    """Bit for bit: what it is given are the recorded sensor readings and the voltage commanded one interval ago."""
+    """Bit for bit: what it is given are the recorded sensor readings and the voltage commanded one
+    interval ago."""
     estimator, drive = load_estimator("qnull"), load_drive("ipm_exchanged")
     samples = []
 
@@ -139,20 +165,30 @@ def test_estimator_sees_the_readings_and_the_commands_only(closed):
         samples.append(sample)
         return estimator.step(state, sample, belief, tuning)
 
-    r = simulate(drive, LOADED, dataclasses.replace(estimator, step=spy, compiled=False), closed_loop=closed).recording
+    r = simulate(
+        drive, LOADED, dataclasses.replace(estimator, step=spy, compiled=False), closed_loop=closed
+    ).recording
     read = np.array([stationary(*row) for row in zip(r.i_a, r.i_b, r.i_c, strict=True)])
     assert np.array_equal(read, [(s.i_alpha, s.i_beta) for s in samples])
-    assert np.array_equal(np.column_stack([r.u_alpha, r.u_beta])[:-1], [(s.u_alpha, s.u_beta) for s in samples[1:]])
+    assert np.array_equal(
+        np.column_stack([r.u_alpha, r.u_beta])[:-1], [(s.u_alpha, s.u_beta) for s in samples[1:]]
+    )
     primitive = carrier(drive.injection, drive.converter).primitive
     assert np.array_equal([s.carrier for s in samples], primitive[np.arange(len(samples)) % 8])
 
 
 def test_starting_up_needs_no_encoder():
-    """The start-up orients by itself in open loop, too: an encoder turned by 1 rad changes nothing until tracking."""
+    """The start-up orients by itself in open loop, too: an encoder turned by 1 rad changes nothing
+    until tracking."""
     drive, scenario = load_drive("ipm_exchanged"), STILL
     plain = simulate(drive, scenario, load_estimator("qnull"), closed_loop=False, seed=1).recording
     turned = simulate(
-        drive, scenario, load_estimator("qnull"), closed_loop=False, seed=1, effects={"encoder_offset.offset": 0.5}
+        drive,
+        scenario,
+        load_estimator("qnull"),
+        closed_loop=False,
+        seed=1,
+        effects={"encoder_offset.offset": 0.5},
     ).recording
     starting = plain.tracking == 0
     assert np.array_equal(plain.theta_hat[starting], turned.theta_hat[starting])
@@ -161,7 +197,8 @@ def test_starting_up_needs_no_encoder():
 
 @pytest.mark.parametrize("load", [0.0, 1.0, 1.8])
 def test_inversion_minimises_both_components(load):
-    """Gauss-Newton of the estimator against a search over |y - S(e)| with S built here from the exact Hessian."""
+    """Gauss-Newton of the estimator against a search over |y - S(e)| with S built here from the
+    exact Hessian."""
     drive = load_drive("ipm_exchanged")
     m, tuning = drive.motor.energy, design(drive).tuning._replace(lag=0.0)
     belief = belief_of(drive, "saturated")
@@ -169,7 +206,9 @@ def test_inversion_minimises_both_components(load):
 
     def believed(e):
         turn = np.array([[math.cos(e), -math.sin(e)], [math.sin(e), math.cos(e)]])
-        dd, dq, qq = energy.hessian(m, *(float(v) for v in energy.flux_from_current(m, *(turn.T @ i))))
+        dd, dq, qq = energy.hessian(
+            m, *(float(v) for v in energy.flux_from_current(m, *(turn.T @ i)))
+        )
         return turn @ np.array([[dd, dq], [dq, qq]]) @ turn.T @ [1.0, 0.0]
 
     for y in (believed(0.05), believed(-0.08), believed(0.0) + np.array([1.5, 0.4])):
@@ -188,7 +227,9 @@ def test_inversion_minimises_both_components(load):
 def error_seen_from(e, y, i, believed, belief, tuning):
     """Return one Gauss-Newton step at e, from the estimator's own residual and slope."""
     state = inversion.init(belief, tuning, 0.0)
-    low, high = (np.array(inversion.believed_ripple(state, *i, e + d, belief, tuning)) for d in (-0.01, 0.01))
+    low, high = (
+        np.array(inversion.believed_ripple(state, *i, e + d, belief, tuning)) for d in (-0.01, 0.01)
+    )
     middle = np.array(inversion.believed_ripple(state, *i, e, belief, tuning))
     np.testing.assert_allclose(middle, believed(e), rtol=1e-10)
     slope, rest = (high - low) / 0.02, y - middle
@@ -196,7 +237,9 @@ def error_seen_from(e, y, i, believed, belief, tuning):
         ours = inversion.believed_error(state, *i, *y, belief, tuning)
         m = belief.energy  # damped by 0.3 of the slope at zero current, in full there
         least = 0.09 * (m.gamma_d - m.gamma_q) ** 2
-        assert ours == pytest.approx(1.09 * float(slope @ rest / (slope @ slope + least)), rel=1e-3, abs=1e-9)
+        assert ours == pytest.approx(
+            1.09 * float(slope @ rest / (slope @ slope + least)), rel=1e-3, abs=1e-9
+        )
     return float(slope @ rest / (slope @ slope))
 
 
@@ -205,7 +248,8 @@ def test_belief_of_another_motor_changes_the_estimate_not_the_plant():
     linear = Energy(drive.motor.energy.gamma_d, drive.motor.energy.gamma_q, 0.0, 0.0, 0.0, 0.0, 0.0)
     run = simulate(drive, LOADED, load_estimator("qnull"), "linear", truth=linear)
     late = run.recording.between(run.start_time + 0.25, 9.0)
-    assert abs(np.degrees(late.error.mean())) < 0.1  # a linear motor has no cross-saturation to miss
+    # a linear motor has no cross-saturation to miss
+    assert abs(np.degrees(late.error.mean())) < 0.1
 
 
 def test_tracking_takes_no_error_beyond_half_a_radian():
@@ -214,5 +258,9 @@ def test_tracking_takes_no_error_beyond_half_a_radian():
     for error, taken in ((0.3, 0.3), (7.0, 0.5), (-7.0, -0.5)):
         state = demodulation.blank()
         tracking.correct(state, error, tuning)
-        assert state[demodulation.AXIS] == pytest.approx(tuning.sampling_period * tuning.kp * taken, rel=1e-12)
-        assert state[demodulation.OMEGA] == pytest.approx(tuning.sampling_period * tuning.ki * taken, rel=1e-12)
+        assert state[demodulation.AXIS] == pytest.approx(
+            tuning.sampling_period * tuning.kp * taken, rel=1e-12
+        )
+        assert state[demodulation.OMEGA] == pytest.approx(
+            tuning.sampling_period * tuning.ki * taken, rel=1e-12
+        )

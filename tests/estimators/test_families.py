@@ -1,4 +1,5 @@
-"""The families of estimators: equations against closed forms and twins, position error by the protocol's tests."""
+"""The families of estimators: equations against closed forms and twins, position error by the
+protocol's tests."""
 
 from __future__ import annotations
 
@@ -23,7 +24,13 @@ from sandbox.drive.design import belief_of, design
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.evaluation import protocol_tests as t
-from sandbox.evaluation.protocol_motion import bandwidth, chirp_scenario, hand_over, reversal, reversal_case
+from sandbox.evaluation.protocol_motion import (
+    bandwidth,
+    chirp_scenario,
+    hand_over,
+    reversal,
+    reversal_case,
+)
 
 p = import_module("sandbox.evaluation.protocol")  # the name in `sandbox` is the function
 DRIVE = load_drive("ipm_exchanged")
@@ -40,7 +47,8 @@ def test_every_estimator_has_a_card(name):
 
 @pytest.mark.parametrize("name", p.ESTIMATORS)
 def test_saturated_belief_meets_the_goals(name):
-    """The goals of the protocol, at standstill over the current plane and creeping under 180 % load."""
+    """The goals of the protocol, at standstill over the current plane and creeping under 180 %
+    load."""
     if name == "active_flux":  # it has no injection to live on at standstill
         passing = hand_over(DRIVE, name, "saturated", 0)
         assert passing.passed, passing.metrics
@@ -54,7 +62,8 @@ def test_saturated_belief_meets_the_goals(name):
 
 @pytest.mark.parametrize("n", [4, 8, 12])
 def test_negative_sequence_is_that_of_the_sampled_winding(n):
-    """Closed form against the winding itself: matrix exponential, stepped to its periodic state, Fourier sum."""
+    """Closed form against the winding itself: matrix exponential, stepped to its periodic state,
+    Fourier sum."""
     dd, dq, qq = GAMMA
     gamma, h, r = np.array([[dd, dq], [dq, qq]]), 1e-4, 12.15
     decay = expm(-r * gamma * h)
@@ -81,8 +90,11 @@ def test_rotating_injection_needs_four_samples_of_square_wave():
 
 
 def test_rotating_injection_turns():
-    """The voltage commanded beside the controller's is a vector of constant size that turns once in N samples."""
-    run = simulate(DRIVE, Scenario("s", (Segment(0.2),), start_up=False), load_estimator("rotating"))
+    """The voltage commanded beside the controller's is a vector of constant size that turns once in
+    N samples."""
+    run = simulate(
+        DRIVE, Scenario("s", (Segment(0.2),), start_up=False), load_estimator("rotating")
+    )
     r = run.recording.between(0.1, 0.2)
     u = np.array(r.u_alpha + 1j * r.u_beta)
     turn = np.fft.fft(u) / u.size
@@ -93,13 +105,15 @@ def test_rotating_injection_turns():
 
 @pytest.mark.parametrize("current", [(0.0, 1.2), (0.5, -1.5), (-0.8, 2.0)])
 def test_table_is_the_self_consistent_offset(current):
-    """The fixed point by iteration against the zero of the ripple followed from zero current (model.saliency)."""
+    """The fixed point by iteration against the zero of the ripple followed from zero current
+    (model.saliency)."""
     found = table.entry(MOTOR.energy, *current, 0.0)[0]
     assert found == pytest.approx(self_consistent_angle(MOTOR.energy, *current), abs=1e-9)
     belief, tuning = belief_of(DRIVE, "saturated"), design(DRIVE).tuning
     state = load_estimator("table").init(belief, tuning)
     where = [(i / 1.2 / table.REACH + 1.0) * 0.5 * (table.SIDE - 1) for i in current]
-    # bilinear, step 0.24 A: an eighth of the square of the step times the curvature, here below 0.1 degrees
+    # bilinear, step 0.24 A: an eighth of the square of the step times the curvature, here below 0.1
+    # degrees
     assert table.look_up(state, table.ANGLES, *where) == pytest.approx(found, abs=math.radians(0.1))
 
 
@@ -113,7 +127,9 @@ def test_flux_ripple_slope():
         return (np.linalg.solve(gamma, turn @ gamma @ turn.T) @ [1.0, 0.0])[1]
 
     assert flux(0.0) == pytest.approx(0.0, abs=1e-14)
-    assert fluxdemod.flux_slope(dd, dq, qq) == pytest.approx((flux(1e-5) - flux(-1e-5)) / 2e-5, rel=1e-8)
+    assert fluxdemod.flux_slope(dd, dq, qq) == pytest.approx(
+        (flux(1e-5) - flux(-1e-5)) / 2e-5, rel=1e-8
+    )
 
 
 def test_auxiliary_flux_is_the_derivative_by_the_angle():
@@ -126,13 +142,18 @@ def test_auxiliary_flux_is_the_derivative_by_the_angle():
     linear = belief_of(DRIVE, "linear")  # closed form of the active flux: psi_m + (L_d - L_q) i_d
     state = load_estimator("active_flux").init(linear, design(DRIVE).tuning, 0.0)
     _, _, a_a, a_b = active_flux.current_flux(state, -0.8, 0.5, 0.0, linear)
-    assert a_b == pytest.approx(MOTOR.magnet_flux + (MOTOR.inductance_d - MOTOR.inductance_q) * -0.8)
+    assert a_b == pytest.approx(
+        MOTOR.magnet_flux + (MOTOR.inductance_d - MOTOR.inductance_q) * -0.8
+    )
     assert a_a == pytest.approx((MOTOR.inductance_d - MOTOR.inductance_q) * 0.5)
 
 
 def test_unscented_filter_is_filterpys():
-    """Without quantisation, as the extended one: the same sums in another order, no branch that could flip."""
-    drive = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, current_resolution=0.0))
+    """Without quantisation, as the extended one: the same sums in another order, no branch that
+    could flip."""
+    drive = dataclasses.replace(
+        DRIVE, converter=dataclasses.replace(DRIVE.converter, current_resolution=0.0)
+    )
     scene = Scenario("loaded", (Segment(0.03), Segment(0.12, 1.5, ramp=0.03)), start_up=False)
     fast = simulate(drive, scene, load_estimator("ukf"), seed=4).recording
     slow = simulate(drive, scene, load_estimator("ukf_filterpy"), seed=4).recording
@@ -141,7 +162,8 @@ def test_unscented_filter_is_filterpys():
 
 @pytest.mark.parametrize("kind", ["type 2", "type 3", "mechanical"])
 def test_loops_on_a_ramp_of_speed(kind):
-    """Type 2 lags by acceleration/ki; type 3 and the mechanical observer by nothing, once settled."""
+    """Type 2 lags by acceleration/ki; type 3 and the mechanical observer by nothing, once
+    settled."""
     tuning, belief = design(DRIVE).tuning, belief_of(DRIVE, "saturated")
     state, h, acceleration = blank(), tuning.sampling_period, 400.0
     for k in range(8000):
@@ -153,7 +175,8 @@ def test_loops_on_a_ramp_of_speed(kind):
             tracking.correct_type_3(state, error, tuning)
         else:
             tracking.correct_mechanical(state, error, 0.5, belief, tuning)
-    # the triple pole at kp/3 > 50 1/s has settled to exp(-100); one sample of the integrals is 2 % of kp h
+    # the triple pole at kp/3 > 50 1/s has settled to exp(-100); one sample of the integrals is 2 %
+    # of kp h
     expected = acceleration / tuning.ki if kind == "type 2" else 0.0
     assert error == pytest.approx(expected, rel=0.1, abs=1e-6)
     if kind == "type 3":
@@ -163,7 +186,8 @@ def test_loops_on_a_ramp_of_speed(kind):
 
 
 def test_monitor_leaves_the_wrong_pole_under_load_and_only_there():
-    """180 degrees wrong at 180 % load: inversion stays, the watch returns; no false alarm in the peer's reversal."""
+    """180 degrees wrong at 180 % load: inversion stays, the watch returns; no false alarm in the
+    peer's reversal."""
     scene = Scenario("wrong", (Segment(0.6, 1.8, settle=0.5),), start_up=False, start_error=math.pi)
     ends = {}
     for name in ("inversion", "monitor"):
@@ -177,13 +201,16 @@ def test_monitor_leaves_the_wrong_pole_under_load_and_only_there():
 @pytest.mark.parametrize("name", ["qnull", "inversion", "table", "fluxdemod"])
 @pytest.mark.parametrize("motor", ["ipm", "ipm_exchanged"])
 def test_resistance_at_speed_is_taken_along(name, motor):
-    """lag R omega trace(Gamma) Gamma_qq / saliency: 0.1 and 0.25 degrees at 5 % left out; 0.08 for the next orders."""
+    """lag R omega trace(Gamma) Gamma_qq / saliency: 0.1 and 0.25 degrees at 5 % left out; 0.08 for
+    the next orders."""
     drive = load_drive(motor)
     quiet = dataclasses.replace(drive.converter, current_noise=0.0, current_resolution=0.0)
     drive = dataclasses.replace(drive, converter=quiet)
     ends = []
     for speed in (0.05, -0.05):
-        scene = Scenario("v", (Segment(0.8, 1.0, speed, ramp=0.2, settle=0.5),), "driven", start_up=False)
+        scene = Scenario(
+            "v", (Segment(0.8, 1.0, speed, ramp=0.2, settle=0.5),), "driven", start_up=False
+        )
         run = simulate(drive, scene, load_estimator(name), closed_loop=False)
         ends.append(np.degrees(run.recording.between(0.5, 0.8).error.mean()))
     assert abs(ends[0] - ends[1]) / 2 < 0.08
@@ -205,20 +232,32 @@ def test_hybrid_shares_by_speed():
 
     belief, tuning = belief_of(DRIVE, "saturated"), design(DRIVE).tuning
     first = 0.5 * MOTOR.resistance * MOTOR.rated_current / MOTOR.magnet_flux
-    assert [share(x * first, belief, tuning) for x in (0.0, -1.0, 1.5, -3.0)] == [0.0, 0.0, 0.5, 1.0]
+    assert [share(x * first, belief, tuning) for x in (0.0, -1.0, 1.5, -3.0)] == [
+        0.0,
+        0.0,
+        0.5,
+        1.0,
+    ]
 
 
 @pytest.mark.parametrize(
-    ("name", "still", "fast"), [("inversion", 30.0, 30.0), ("hybrid", 30.0, 0.0), ("active_flux", 0.0, 0.0)]
+    ("name", "still", "fast"),
+    [("inversion", 30.0, 30.0), ("hybrid", 30.0, 0.0), ("active_flux", 0.0, 0.0)],
 )
 def test_injection_fades_out_where_nothing_reads_it(name, still, fast):
     """Line of the square wave in the commanded voltage, seen from the estimated rotor.
 
-    The first line of a square wave of 8 samples is 4/8/sin(pi/8) times its amplitude (geometric sum).
+    The first line of a square wave of 8 samples is 4/8/sin(pi/8) times its amplitude (geometric
+    sum).
     """
     first = 0.5 * MOTOR.resistance * MOTOR.rated_current / MOTOR.magnet_flux / MOTOR.rated_omega
     segments = (Segment(0.4, 0.5), Segment(0.8, 0.5, 4.0 * first, ramp=0.3, settle=0.5))
-    run = simulate(DRIVE, Scenario("v", segments, "driven", start_up=False), load_estimator(name), closed_loop=False)
+    run = simulate(
+        DRIVE,
+        Scenario("v", segments, "driven", start_up=False),
+        load_estimator(name),
+        closed_loop=False,
+    )
     assert abs(math.degrees(run.recording.error[-1])) < 3.0
     for begin, amplitude in ((0.2, still), (1.0, fast)):
         r = run.recording.between(begin, begin + 0.2)
@@ -233,16 +272,25 @@ def test_wanted_injection_is_whole_until_the_hand_over_ends():
 
     belief, tuning = belief_of(DRIVE, "saturated"), design(DRIVE).tuning
     first = 0.5 * MOTOR.resistance * MOTOR.rated_current / MOTOR.magnet_flux
-    assert [wanted(x * first, belief, tuning) for x in (0.0, -2.0, 2.5, -3.0, 9.0)] == [1.0, 1.0, 0.5, 0.0, 0.0]
+    assert [wanted(x * first, belief, tuning) for x in (0.0, -2.0, 2.5, -3.0, 9.0)] == [
+        1.0,
+        1.0,
+        0.5,
+        0.0,
+        0.0,
+    ]
     assert share(2.0 * first, belief, tuning) == 1.0  # so no ripple is read that is not whole
 
 
 def test_bandwidth_is_that_of_the_designed_loop():
-    """The flux observer has no window: its loop is (kp s + ki)/(s^2 + kp s + ki), -3 dB at 2.48 w0 (damping 1)."""
+    """The flux observer has no window: its loop is (kp s + ki)/(s^2 + kp s + ki), -3 dB at 2.48 w0
+    (damping 1)."""
     found = bandwidth(DRIVE, "active_flux", "saturated", 0).metrics
     w0 = design(DRIVE).tuning.kp / 2.0
-    assert found["bandwidth_hz"] == pytest.approx(2.48 * w0 / (2 * math.pi), rel=0.12)  # lines 2 Hz apart, one sample
-    assert found["peak_gain"] == pytest.approx(1.15, abs=0.05)  # |H| of damping 1 peaks at 2/sqrt(3)
+    # lines 2 Hz apart, one sample
+    assert found["bandwidth_hz"] == pytest.approx(2.48 * w0 / (2 * math.pi), rel=0.12)
+    # |H| of damping 1 peaks at 2/sqrt(3)
+    assert found["peak_gain"] == pytest.approx(1.15, abs=0.05)
     speed = np.array([s.speed for s in chirp_scenario(DRIVE, 0.0).segments[1:]]) * MOTOR.rated_omega
     assert np.abs(np.cumsum(speed) * 2e-3).max() == pytest.approx(math.radians(8.0), rel=0.15)
 
@@ -264,16 +312,21 @@ def test_samples_carry_what_step_needs():
 
 def size_along(i_q, phi):
     """Return |Gamma u| (1/H) of the true motor at i_d = 0, u along phi (rad) from d."""
-    dd, dq, qq = (float(x) for x in energy.hessian(MOTOR.energy, *energy.flux_from_current(MOTOR.energy, 0.0, i_q)))
+    dd, dq, qq = (
+        float(x)
+        for x in energy.hessian(MOTOR.energy, *energy.flux_from_current(MOTOR.energy, 0.0, i_q))
+    )
     c, s = math.cos(phi), math.sin(phi)
     return math.hypot(dd * c + dq * s, dq * c + qq * s)
 
 
 @pytest.mark.parametrize("load", [0.6, 1.2])
 def test_45_degrees_beside_d_a_linear_belief_rests_where_the_size_is_the_expected_one(load):
-    """The saturated motor's ripple is as large there as the linear one's at 45 degrees; the encoder is in control.
+    """The saturated motor's ripple is as large there as the linear one's at 45 degrees; the encoder
+    is in control.
 
-    R Gamma T / 2 pi is 0.1 here, and its square is in the ripple of either model; 0.3 degrees of the difference.
+    R Gamma T / 2 pi is 0.1 here, and its square is in the ripple of either model; 0.3 degrees of
+    the difference.
     """
     from scipy.optimize import brentq
 
@@ -288,14 +341,18 @@ def test_45_degrees_beside_d_a_linear_belief_rests_where_the_size_is_the_expecte
 
 def stiffness_along(i_q, phi):
     """Return u Gamma u (1/H) of the true motor at i_d = 0, u along phi (rad) from d."""
-    dd, dq, qq = (float(x) for x in energy.hessian(MOTOR.energy, *energy.flux_from_current(MOTOR.energy, 0.0, i_q)))
+    dd, dq, qq = (
+        float(x)
+        for x in energy.hessian(MOTOR.energy, *energy.flux_from_current(MOTOR.energy, 0.0, i_q))
+    )
     c, s = math.cos(phi), math.sin(phi)
     return dd * c * c + 2.0 * dq * c * s + qq * s * s
 
 
 @pytest.mark.parametrize("load", [0.6, 1.2])
 def test_vesc_rests_where_the_ripple_along_the_injection_is_the_mean_of_both_axes(load):
-    """The firmware's equation: rest is where (1/L_d + 1/L_q)/2 is seen along the axis; bound as above."""
+    """The firmware's equation: rest is where (1/L_d + 1/L_q)/2 is seen along the axis; bound as
+    above."""
     from scipy.optimize import brentq
 
     wanted = 0.5 * (1.0 / MOTOR.inductance_d + 1.0 / MOTOR.inductance_q)
@@ -306,17 +363,24 @@ def test_vesc_rests_where_the_ripple_along_the_injection_is_the_mean_of_both_axe
     error = np.degrees(run.recording.between(run.start_time + 0.3, 1.0).error.mean())
     assert error == pytest.approx(45.0 - math.degrees(phi), abs=0.3)
     saturated = simulate(DRIVE, scene, load_estimator("vesc_hfi"), closed_loop=False)
-    assert abs(np.degrees(saturated.recording.between(saturated.start_time + 0.3, 1.0).error.mean())) < 0.5
+    assert (
+        abs(np.degrees(saturated.recording.between(saturated.start_time + 0.3, 1.0).error.mean()))
+        < 0.5
+    )
 
 
 def test_random_cycles_have_no_line():
-    """The signs sent: flux stays within that of the long cycle; the strongest line is far below a square wave's."""
-    run = simulate(DRIVE, Scenario("s", (Segment(1.2),), start_up=False), load_estimator("random_frequency"))
+    """The signs sent: flux stays within that of the long cycle; the strongest line is far below a
+    square wave's."""
+    run = simulate(
+        DRIVE, Scenario("s", (Segment(1.2),), start_up=False), load_estimator("random_frequency")
+    )
     r = run.recording.between(0.1, 1.124)  # 4096 samples
     along = (r.u_alpha * np.cos(r.theta_hat) + r.u_beta * np.sin(r.theta_hat)) / 30.0
     signs = np.sign(along)
     runs = np.diff(np.flatnonzero(np.diff(signs)))
-    assert set(runs.tolist()) <= {1, 2, 3, 4}  # quarters of 1 and 2 samples, halves of 2 and 4, joined quarters
+    # quarters of 1 and 2 samples, halves of 2 and 4, joined quarters
+    assert set(runs.tolist()) <= {1, 2, 3, 4}
     flux = np.cumsum(signs)
     assert np.ptp(flux) == 4.0  # +-2 samples of the long cycle: no cycle leaves a step of the mean
     power = np.abs(np.fft.rfft(along * np.hanning(along.size))) ** 2

@@ -66,10 +66,12 @@ def test_covariance_stays_symmetric_and_positive():
 
 
 def test_innovations_are_as_large_as_the_filter_says(monkeypatch):
-    """Normalised innovations squared of two currents average 2 when the tuning states the noise that is there.
+    """Normalised innovations squared of two currents average 2 when the tuning states the noise
+    that is there.
 
-    The plant has no inverter error, so its share is taken out; a variance off by 30 % would leave the band, which
-    is 2 +- 4 sigma of a mean of 1000 (sigma = 2/sqrt(1000)) and 10 % for the Heun step.
+    The plant has no inverter error, so its share is taken out; a variance off by 30 % would leave
+    the band, which is 2 +- 4 sigma of a mean of 1000 (sigma = 2/sqrt(1000)) and 10 % for the Heun
+    step.
     """
     monkeypatch.setattr("sandbox.drive.design.VOLTAGE_UNCERTAINTY", 1e-4)
     drive = DRIVE
@@ -83,7 +85,9 @@ def test_innovations_are_as_large_as_the_filter_says(monkeypatch):
             x, p = ahead[kalman.X : kalman.X + 4], ahead[kalman.P : kalman.P + 16].reshape(4, 4)
             g_aa, g_ab, g_bb, j_a, j_b = kalman.current_jacobian(x[0], x[1], x[3], belief)
             h = np.array([[g_aa, g_ab, 0.0, j_a], [g_ab, g_bb, 0.0, j_b]])
-            r = np.array([sample.i_alpha, sample.i_beta]) - kalman.stator_current(x[0], x[1], x[3], belief)
+            r = np.array([sample.i_alpha, sample.i_beta]) - kalman.stator_current(
+                x[0], x[1], x[3], belief
+            )
             seen.append(r @ np.linalg.solve(h @ p @ h.T + twin.current_variance * np.eye(2), r))
         return ekf.step(state, sample, belief, tuning)
 

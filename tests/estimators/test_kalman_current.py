@@ -1,4 +1,5 @@
-"""The filter on currents: its prediction against the flux equations integrated by SciPy, its correction by hand."""
+"""The filter on currents: its prediction against the flux equations integrated by SciPy, its
+correction by hand."""
 
 from __future__ import annotations
 
@@ -66,21 +67,29 @@ def test_prediction_is_that_of_the_flux_equations(name):
 
 
 def test_covariance_goes_through_the_slopes_of_that_step():
-    """With a step so short that Heun is Euler: F P F^T + Q, F by differences of SciPy's solution."""
+    """With a step so short that Heun is Euler: F P F^T + Q, F by differences of SciPy's
+    solution."""
     belief, u, h = belief_of(DRIVE, "saturated"), 60.0 - 90.0j, 1e-5
     jacobian = np.eye(4)
     jacobian[3, 2] = h
     for k, e in enumerate((1e-4, 1e-4, 1.0, 1e-4)):
         way = np.zeros(4)
         way[k] = e
-        jacobian[:2, k] = (later(MEAN + way, u, h, belief.energy) - later(MEAN - way, u, h, belief.energy)) / (2.0 * e)
+        jacobian[:2, k] = (
+            later(MEAN + way, u, h, belief.energy) - later(MEAN - way, u, h, belief.energy)
+        ) / (2.0 * e)
     a = np.random.default_rng(1).normal(size=(4, 4)) * np.array([0.1, 0.1, 3.0, 0.1])
     before = a.T @ a
     state = predicted(MEAN, u, h, belief, before)
     gain = 0.5 * (belief.energy.gamma_d**2 + belief.energy.gamma_q**2)
-    noise = np.diag([gain * TUNING.flux_variance, gain * TUNING.flux_variance, TUNING.speed_variance, 0.0])
+    noise = np.diag(
+        [gain * TUNING.flux_variance, gain * TUNING.flux_variance, TUNING.speed_variance, 0.0]
+    )
     np.testing.assert_allclose(
-        state[P : P + 16].reshape(4, 4), jacobian @ before @ jacobian.T + noise, rtol=1e-3, atol=1e-5
+        state[P : P + 16].reshape(4, 4),
+        jacobian @ before @ jacobian.T + noise,
+        rtol=1e-3,
+        atol=1e-5,
     )
 
 
@@ -92,8 +101,14 @@ def test_correction_is_kalmans():
     before, seen = a.T @ a, np.eye(4)[:2]
     state[P : P + 16] = before.ravel()
     update(state, 0.6, -0.1, TUNING)
-    gain = before @ seen.T @ np.linalg.inv(seen @ before @ seen.T + TUNING.current_variance * np.eye(2))
-    np.testing.assert_allclose(state[X : X + 4], np.array([0.5, -0.2, 0.0, 0.0]) + gain @ [0.1, 0.1], rtol=1e-9)
+    gain = (
+        before
+        @ seen.T
+        @ np.linalg.inv(seen @ before @ seen.T + TUNING.current_variance * np.eye(2))
+    )
+    np.testing.assert_allclose(
+        state[X : X + 4], np.array([0.5, -0.2, 0.0, 0.0]) + gain @ [0.1, 0.1], rtol=1e-9
+    )
     after = (np.eye(4) - gain @ seen) @ before
     np.testing.assert_allclose(state[P : P + 16].reshape(4, 4), after, rtol=1e-6, atol=1e-9)
     assert math.isfinite(state[X])

@@ -1,4 +1,5 @@
-"""Published gains: the firmwares' difference equations, played with a steady error, beside `tracking.correct`'s."""
+"""Published gains: the firmwares' difference equations, played with a steady error, beside
+`tracking.correct`'s."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ ERROR = 1e-3  # rad
 
 
 def ours(gains, samples, period):
-    """Return angle and speed after that time of a steady error: both integrals of a type 2 loop, see `correct`."""
+    """Return angle and speed after that time of a steady error: both integrals of a type 2 loop,
+    see `correct`."""
     h, angle, omega = period / samples, 0.0, 0.0
     for _ in range(40 * samples):
         angle += h * (gains.kp * ERROR + omega)
@@ -35,7 +37,8 @@ def test_vesc():
 
 
 def test_mesc():
-    """Counts of a turn, from the sizes of the ripple of a linear motor at that error and on average over a turn."""
+    """Counts of a turn, from the sizes of the ripple of a linear motor at that error and on average
+    over a turn."""
     phi = np.linspace(0.0, 2.0 * math.pi, 4001)[:-1]
     mean = np.hypot(GAMMA[0] * np.cos(phi), GAMMA[1] * np.sin(phi)).mean()
     at = 0.25 * math.pi
@@ -48,7 +51,8 @@ def test_mesc():
     angle = counts * 2.0 * math.pi / 65536.0
     omega = summed * 2.0 * math.pi / 65536.0 / (0.5 * PERIOD)
     found = ours(PUBLISHED["mesc"](PERIOD, *GAMMA), 2, PERIOD)
-    assert found == pytest.approx((angle, omega), rel=0.1)  # the mean size is 0.951 of that at 45 degrees here
+    # the mean size is 0.951 of that at 45 degrees here
+    assert found == pytest.approx((angle, omega), rel=0.1)
 
 
 def size(phi):

@@ -1,4 +1,5 @@
-"""The kept ranking of effects covers the library, and the sentences quoted from it are still true."""
+"""The kept ranking of effects covers the library, and the sentences quoted from it are still
+true."""
 
 import json
 from pathlib import Path

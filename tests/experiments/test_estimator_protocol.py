@@ -24,11 +24,15 @@ def tests():
 
 
 def missed(tests, motors, test):
-    """Return how far (degrees) the means of linear beliefs lie from theory, by motor and estimator."""
+    """Return how far (degrees) the means of linear beliefs lie from theory, by motor and
+    estimator."""
     return {
         (r["motor"], r["estimator"]): r["metrics"]["theory_miss_deg"]
         for r in tests
-        if r["belief"] == "linear" and r["motor"] in motors and r["test"] == test and r["passed"] is not None
+        if r["belief"] == "linear"
+        and r["motor"] in motors
+        and r["test"] == test
+        and r["passed"] is not None
     }
 
 
@@ -44,7 +48,11 @@ def test_the_table_names_what_fails_and_nothing_else(page, tests):
     for names, *cells in lines:
         for name in re.findall(r"`(\w+)`", names):
             for motor, cell in zip(motors, cells, strict=True):
-                parts = [] if cell == "all passed" else [part.split(" (")[0] for part in cell.split("; ")]
+                parts = (
+                    []
+                    if cell == "all passed"
+                    else [part.split(" (")[0] for part in cell.split("; ")]
+                )
                 found |= {(name, motor, WORDS.get(part, part)) for part in parts}
     asked = ("static_map", "load_step", "creep", "hand_over", "mission")
     assert found == {
@@ -71,5 +79,14 @@ def test_sentences_on_linear_beliefs_hold(tests):
 
 
 def test_who_misses_the_goal_over_the_measured_plane(tests):
-    own = [r for r in tests if r["motor"] == "baldor_pmsyrm" and r["belief"] == "saturated" and r["test"] == PLANE]
-    assert {r["estimator"] for r in own if not r["passed"]} == {"table", "fluxdemod", "hfi45", "vesc_hfi"}
+    own = [
+        r
+        for r in tests
+        if r["motor"] == "baldor_pmsyrm" and r["belief"] == "saturated" and r["test"] == PLANE
+    ]
+    assert {r["estimator"] for r in own if not r["passed"]} == {
+        "table",
+        "fluxdemod",
+        "hfi45",
+        "vesc_hfi",
+    }

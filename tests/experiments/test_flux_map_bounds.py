@@ -23,17 +23,20 @@ def rms(change):
 
 
 def test_a_motor_s_map_needs_no_change():
-    # trapezoid: h^3/12 of the flux's second derivative, 1e-4 of the largest flux here; it falls with the grid squared
+    # trapezoid: h^3/12 of the flux's second derivative, 1e-4 of the largest flux here; it falls
+    # with the grid squared
     coarse, fine = (rms(least_change(planted(points=n), passive=True)) for n in (13, 25))
     assert fine < 2e-4 * 0.2
     assert fine < 0.35 * coarse
 
 
 def test_noise_costs_the_share_of_it_that_is_not_a_gradient():
-    """Projection onto the conditions: of 2 n^2 numbers, (n - 1)^2 are lost, each of them noise's variance."""
+    """Projection onto the conditions: of 2 n^2 numbers, (n - 1)^2 are lost, each of them noise's
+    variance."""
     n, sigma = 25, 1e-4
     change = least_change(planted(noise=sigma), passive=False)
-    assert rms(change) == pytest.approx(sigma * (n - 1) / n, rel=0.1)  # 576 squares: 6 % of their mean
+    # 576 squares: 6 % of their mean
+    assert rms(change) == pytest.approx(sigma * (n - 1) / n, rel=0.1)
     m = planted(noise=sigma)
     left = circulations(m) @ (np.array([m.psi_d, m.psi_q]) + change).ravel()
     assert np.max(np.abs(left)) < 1e-12

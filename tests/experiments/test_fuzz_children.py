@@ -1,4 +1,5 @@
-"""Fuzzing in child processes: a crash and a hang are escapes at their input, what was counted before stays."""
+"""Fuzzing in child processes: a crash and a hang are escapes at their input, what was counted
+before stays."""
 
 import os
 import signal

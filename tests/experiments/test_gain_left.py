@@ -1,4 +1,5 @@
-"""What the front page says is left of the gain follows from the kept numbers, and these from its definition."""
+"""What the front page says is left of the gain follows from the kept numbers, and these from its
+definition."""
 
 from __future__ import annotations
 
@@ -33,13 +34,17 @@ def test_gain_is_the_way_from_linear_to_saturated_of_the_ideal_drive():
 
 
 def test_the_page_follows_from_the_numbers(kept, cases):
-    assert (RESULTS / f"{NAME}.md").read_text(encoding="utf-8") == page(cases, kept["date"], kept["version"])
+    assert (RESULTS / f"{NAME}.md").read_text(encoding="utf-8") == page(
+        cases, kept["date"], kept["version"]
+    )
 
 
 def test_the_front_page_quotes_the_kept_numbers(kept, cases):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert kept["date"] in text
-    by = {(c.motor, c.estimator, c.known, bool(c.dead_time)): (c, best) for c, best in ordered(cases)}
+    by = {
+        (c.motor, c.estimator, c.known, bool(c.dead_time)): (c, best) for c, best in ordered(cases)
+    }
     rows = re.findall(r"^\| `(\w+)`, `(\w+)` \| (.*) \| (.*) \| (.*) \|$", text, re.M)
     assert {(motor, estimator) for motor, estimator, *_ in rows} == {key[:2] for key in by}
     for motor, estimator, *cells in rows:

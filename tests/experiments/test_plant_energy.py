@@ -1,4 +1,5 @@
-"""The table of the plant's energy balance: one row with a late edge and a lag, and what a cell says."""
+"""The table of the plant's energy balance: one row with a late edge and a lag, and what a cell
+says."""
 
 import json
 import os
@@ -15,19 +16,24 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def row_of(motor, title):
-    """Return what the experiment prints for one row; it runs without a compiler, in a process of its own."""
+    """Return what the experiment prints for one row; it runs without a compiler, in a process of
+    its own."""
     call = [sys.executable, "-m", "experiments.plant_energy", motor, title]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return json.loads(
-        subprocess.run(call, env=environment, cwd=ROOT, capture_output=True, check=True, text=True).stdout
+        subprocess.run(
+            call, env=environment, cwd=ROOT, capture_output=True, check=True, text=True
+        ).stdout
     )
 
 
 def test_the_balance_closes_with_late_edges_and_a_lag():
-    """One step a period leaves some (omega S)^2/24 of the largest term: 5.4e-5 at 600 rad/s with segments S of 60 us,
-    seen: 2.4e-5 to 5.6e-5; the bound is twice that.  Steps of second order leave a sixteenth with four times as many,
-    where edges are cut: from 16 to 64; a quarter before.  Of each case's own largest term copper and core are a
-    hundred bounds or more, so that neither could be left out."""
+    """One step a period leaves some (omega S)^2/24 of the largest term: 5.4e-5 at 600 rad/s with
+    segments S of 60 us, seen: 2.4e-5 to 5.6e-5; the bound is twice that.  Steps of second order
+    leave a sixteenth with four times as many, where edges are cut: from 16 to 64; a quarter before.
+     Of each case's own
+    largest term copper
+    and core are a hundred bounds or more, so that neither could be left out."""
     found = row_of("ipm", "dead_time + iron_loss")
     print([f["left"] for f in found])
     for case in found:
@@ -42,7 +48,8 @@ def test_the_balance_closes_with_late_edges_and_a_lag():
 
 
 def test_the_balance_closes_with_terms_of_third_degree():
-    """Of a current of second degree the energy is a third of i.z, not half of it: half leaves 4e-4 with any steps."""
+    """Of a current of second degree the energy is a third of i.z, not half of it: half leaves 4e-4
+    with any steps."""
     for case in row_of("ipm", "twelfth order of saturated teeth"):
         print(case["left"])
         assert abs(case["left"][0]) < 2e-4

@@ -1,4 +1,5 @@
-"""What a flux map's step leaves out: the equation against what the bench and the plant differ by."""
+"""What a flux map's step leaves out: the equation against what the bench and the plant differ
+by."""
 
 import dataclasses
 
@@ -17,11 +18,14 @@ def drive():
     """A motor with a measured map, its encoder fine enough not to show."""
     real_data()
     found = load_drive("brusa_hsm1")
-    return dataclasses.replace(found, converter=dataclasses.replace(found.converter, encoder_counts=1 << 20))
+    return dataclasses.replace(
+        found, converter=dataclasses.replace(found.converter, encoder_counts=1 << 20)
+    )
 
 
 def test_the_equation_says_what_is_seen(drive):
-    """At 600 rad/s: 16.2 ppm by the equation, 15.9 between plant and bench (results/plant/against_bench.md)."""
+    """At 600 rad/s: 16.2 ppm by the equation, 15.9 between plant and bench
+    (results/plant/against_bench.md)."""
     found = [record(drive, {}, "driven", 600.0, 1.0)]
     prepared = prepare(Campaign("bench", drive, (found[0][0],), {}, {}, False), {}, steps=1)
     (seen,) = apart(drive, found, prepared, {})
@@ -29,7 +33,8 @@ def test_the_equation_says_what_is_seen(drive):
 
 
 def test_the_third_derivative_is_the_hessian_s_slope(drive):
-    """Twice the change, four times as much; along a change, half of it is what the Hessian grows by over it, times it.
+    """Twice the change, four times as much; along a change, half of it is what the Hessian grows by
+    over it, times it.
 
     A polynomial's cell is cubic, so central differences of its Hessian are exact but for rounding.
     """

@@ -1,4 +1,5 @@
-"""Campaigns of other plants: both plants read the same where nothing but the step differs; truths that are written."""
+"""Campaigns of other plants: both plants read the same where nothing but the step differs; truths
+that are written."""
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ from experiments.other_simulator import CASES, INERTIA, LOAD_INERTIA
 
 @pytest.mark.parametrize("run", [rc.RUNS[0], rc.RUNS[3]], ids=["locked", "driven"])
 def test_events_and_fine_steps_read_the_same(monkeypatch, run):
-    """40 samples of the reference, which shares no code with the plant, without effects: within three thousandths of
-    the current: a count of the encoder, 2.3 mrad electrical, which the replay reads and the reference does not."""
+    """40 samples of the reference, which shares no code with the plant, without effects: within
+    three thousandths of the current: a count of the encoder, 2.3 mrad electrical, which the replay
+    reads and the
+    reference does not."""
     monkeypatch.setattr(rc, "SAMPLES", 40)
     d = rc.drive()
     r = rc.commanded(d, run)
@@ -29,7 +32,8 @@ def test_readings_are_in_counts_with_noise():
 
 
 def test_truths_of_the_other_simulator():
-    """A delay of half a carrier period of 250 us; two masses that swing at 90 Hz: w^2 = k (1/J_1 + 1/J_2)."""
+    """A delay of half a carrier period of 250 us; two masses that swing at 90 Hz: w^2 = k (1/J_1 +
+    1/J_2)."""
     assert CASES["control"].truth() == {}
     assert CASES["double"].truth() == {"dead_time": {"time": 2e-6}}
     assert CASES["delay_125"].truth() == {"pwm_delay": {"delay": 125e-6}}

@@ -6,7 +6,17 @@ from experiments import second_bench as bench
 from experiments import second_bench_scores as scores
 
 
-def row(kind, causes, *sets, outside=(), chances=None, unknown=0.0, parameters=None, before=2.0, after=1.0):
+def row(
+    kind,
+    causes,
+    *sets,
+    outside=(),
+    chances=None,
+    unknown=0.0,
+    parameters=None,
+    before=2.0,
+    after=1.0,
+):
     """A row of a campaign: causes (name, size, true values), sets (effects, probability)."""
     made = [{"name": n, "form": "own", "size": s, "with_background": v} for n, s, v in causes]
     listed = [{"effects": list(e), "probability": p} for e, p in sets]
@@ -34,7 +44,9 @@ def test_the_first_set_has_to_be_the_truth_with_unknown_in_it():
 
 def test_a_size_is_off_by_half_widths_of_its_interval():
     """1.05 in 1.00 with 0.95 to 1.10: half of the way up, 0.98 of 1.96 deviations."""
-    found = row("one", [INERTIA], (["inertia"], 0.9), parameters={"inertia.inertia": [1.0, 0.95, 1.1]})
+    found = row(
+        "one", [INERTIA], (["inertia"], 0.9), parameters={"inertia.inertia": [1.0, 0.95, 1.1]}
+    )
     assert scores.deviations(found) == [pytest.approx(0.98)]
 
 
@@ -60,11 +72,18 @@ def test_f1_counts_what_is_named():
 
 
 def test_rivals_are_compared_on_the_same_campaigns():
-    """One campaign right by both, three by the rival alone: two-sided, 2 / 2^3; a campaign of the rival's own counts
-    nowhere."""
-    made = [{**row("one", [INERTIA], (e, 0.9)), "name": str(k)} for k, e in enumerate((["inertia"], [], [], []))]
-    found = [{**row("one", [INERTIA], (["inertia"], 1.0)), "name": str(k), "method": "bic"} for k in range(5)]
-    found.append({**found[0], "name": "elsewhere", "method": "gp"})  # of no campaign of ours: no line
+    """One campaign right by both, three by the rival alone: two-sided, 2 / 2^3; a campaign of the
+    rival's own counts nowhere."""
+    made = [
+        {**row("one", [INERTIA], (e, 0.9)), "name": str(k)}
+        for k, e in enumerate((["inertia"], [], [], []))
+    ]
+    found = [
+        {**row("one", [INERTIA], (["inertia"], 1.0)), "name": str(k), "method": "bic"}
+        for k in range(5)
+    ]
+    # of no campaign of ours: no line
+    found.append({**found[0], "name": "elsewhere", "method": "gp"})
     line = scores.beside(made, found)[-1]
     assert line.startswith("| bic | 4 | 4 | 1 | 3 | 0 | 0.25 | 0.00 | ")
 
@@ -72,11 +91,15 @@ def test_rivals_are_compared_on_the_same_campaigns():
 def test_the_page_has_every_goal_and_says_what_was_not_run():
     found = scores.page([row("none", [], ([], 0.9))], {"none": 2, "one": 1}, 7)
     assert "1 of 2 none, 0 of 1 one" in found
-    assert sum(line.startswith("| ") for line in found.splitlines()) > sum(len(g) for _, g in scores.GOALS.values())
+    assert sum(line.startswith("| ") for line in found.splitlines()) > sum(
+        len(g) for _, g in scores.GOALS.values()
+    )
 
 
 def test_every_kind_is_run_in_turn():
     """The first batch of each kind comes before the second of any; all are there."""
     found = list(bench.batches())
     assert {kind for kind, _ in found[: len(bench.GROUPS)]} == set(bench.GROUPS)
-    assert {kind: sum(k == kind for k, _ in found) * bench.AT_ONCE for kind in bench.GROUPS} == bench.GROUPS
+    assert {
+        kind: sum(k == kind for k, _ in found) * bench.AT_ONCE for kind in bench.GROUPS
+    } == bench.GROUPS

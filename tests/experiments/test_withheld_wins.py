@@ -27,7 +27,8 @@ def test_campaigns_are_counted_where_one_is_right_and_the_other_wrong():
 
 
 def test_of_many_effects_the_chances_above_a_half_count():
-    """Two of four named, one that is not there: F1 = 2 2 / (3 + 4); what is named with less does not count."""
+    """Two of four named, one that is not there: F1 = 2 2 / (3 + 4); what is named with less does
+    not count."""
     answer = diagnosis_of((["dead_time", "inertia", "device_drop"], 0.6), (["iron_loss"], 0.4))
     j = judge("w", truth_of(FOUR, "many", (1.0,) * 4, {}), answer)
     assert worth(j) == pytest.approx(4 / 7, rel=1e-12)

@@ -1,4 +1,5 @@
-"""Seeded damage to the arrays in a file: other numbers, kinds and shapes, written as a whole file again."""
+"""Seeded damage to the arrays in a file: other numbers, kinds and shapes, written as a whole file
+again."""
 
 from __future__ import annotations
 
@@ -23,8 +24,13 @@ def damaged_arrays(suffix):
 
 
 def forged_arrays(content: bytes, chance: random.Random) -> bytes:
-    """Return an .npz with odd arrays in it, its checksums right; seldom one whose bytes are damaged."""
-    return damaged_bytes(content, chance) if chance.random() < 0.05 else odd_arrays(content, "npz", chance)
+    """Return an .npz with odd arrays in it, its checksums right; seldom one whose bytes are
+    damaged."""
+    return (
+        damaged_bytes(content, chance)
+        if chance.random() < 0.05
+        else odd_arrays(content, "npz", chance)
+    )
 
 
 def odd_arrays(content: bytes, suffix: str, chance: random.Random) -> bytes:
@@ -56,11 +62,34 @@ def _odd_array(a, chance):
     changed.flat[chance.randrange(a.size)] = value
     whole = np.full(a.shape, value)
     if a.ndim == 0:
-        return chance.choice((whole, -a, 1e12 * a, 1e-12 * a, a[None], a.astype(str), np.zeros(0), a.astype(complex)))
-    return chance.choice((
-        changed, changed, changed, whole, a[:2], a[..., :1], a.ravel(), a[None], -a, a.T.copy(), np.zeros(0),
-        np.zeros((0, *a.shape[1:])),
-        a.astype(str), a.astype(object), a.astype(bool), a.real.astype(np.float16), a.real.astype(np.int8),
-        np.array(3.0),
-        a.real.astype(complex), np.concatenate([a, a]), a[::-1], 1e-12 * a, 1e12 * a, a.real.astype(">f4"),
-    ))  # fmt: skip
+        return chance.choice(
+            (whole, -a, 1e12 * a, 1e-12 * a, a[None], a.astype(str), np.zeros(0), a.astype(complex))
+        )
+    return chance.choice(
+        (
+            changed,
+            changed,
+            changed,
+            whole,
+            a[:2],
+            a[..., :1],
+            a.ravel(),
+            a[None],
+            -a,
+            a.T.copy(),
+            np.zeros(0),
+            np.zeros((0, *a.shape[1:])),
+            a.astype(str),
+            a.astype(object),
+            a.astype(bool),
+            a.real.astype(np.float16),
+            a.real.astype(np.int8),
+            np.array(3.0),
+            a.real.astype(complex),
+            np.concatenate([a, a]),
+            a[::-1],
+            1e-12 * a,
+            1e12 * a,
+            a.real.astype(">f4"),
+        )
+    )

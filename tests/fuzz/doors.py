@@ -1,4 +1,5 @@
-"""Every door of the project with whole files behind it, and what an input that was let in or refused has to look like.
+"""Every door of the project with whole files behind it, and what an input that was let in or
+refused has to look like.
 
 A door is a folder of whole files, which of them is damaged and how, and the call that reads it.
 """
@@ -24,13 +25,16 @@ from model.errors import LONGEST_SENTENCE, BadInput, PhysicsError
 
 LONGEST = 10.0  # processor s an input may take
 STOPPED = 60.0  # processor s after which it is stopped
-WAITED = 600.0  # s by the clock after which one is stopped that waits for something; a loaded machine takes its time
+# s by the clock after which one is stopped that waits for something; a loaded machine takes its
+# time
+WAITED = 600.0
 MEMORY = 2_000_000_000  # bytes beyond what the libraries have mapped
 
 
 @dataclass(frozen=True)
 class Door:
-    """One way in: `make` writes whole files into a folder, `damage` makes new content of one of them, `read` reads."""
+    """One way in: `make` writes whole files into a folder, `damage` makes new content of one of
+    them, `read` reads."""
 
     name: str
     make: Callable[[Path], None]
@@ -41,7 +45,8 @@ class Door:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an input: accepted, refused or escaped (why: exception and place, or what was wrong)."""
+    """What became of an input: accepted, refused or escaped (why: exception and place, or what was
+    wrong)."""
 
     kind: str
     why: str
@@ -54,13 +59,17 @@ class Stopped(BaseException):
 
 @contextlib.contextmanager
 def alarm() -> Iterator[None]:
-    """Stop what takes longer than STOPPED and WAITED (on the main thread, as soon as Python code runs there)."""
+    """Stop what takes longer than STOPPED and WAITED (on the main thread, as soon as Python code
+    runs there)."""
 
     def ring(*_: Any) -> None:
         """Raise Stopped."""
         raise Stopped
 
-    timers = ((signal.ITIMER_PROF, signal.SIGPROF, STOPPED), (signal.ITIMER_REAL, signal.SIGALRM, WAITED))
+    timers = (
+        (signal.ITIMER_PROF, signal.SIGPROF, STOPPED),
+        (signal.ITIMER_REAL, signal.SIGALRM, WAITED),
+    )
     before = [signal.signal(own, ring) for _, own, _ in timers]
     for timer, _, seconds in timers:
         signal.setitimer(timer, seconds)
@@ -76,9 +85,12 @@ def limit_memory() -> None:
     """Let this process map MEMORY more than now; beyond, Python raises MemoryError."""
     import pyarrow
 
-    pyarrow.allocate_buffer(64)  # its pool reserves a gigabyte of addresses at its first use: no memory yet
+    # its pool reserves a gigabyte of addresses at its first use: no memory yet
+    pyarrow.allocate_buffer(64)
     pages = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (pages + MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    resource.setrlimit(
+        resource.RLIMIT_AS, (pages + MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1])
+    )
 
 
 def judged(work: Callable[[], Any]) -> Outcome:
@@ -86,17 +98,30 @@ def judged(work: Callable[[], Any]) -> Outcome:
     begun, kind, why = time.process_time(), "accepted", ""
     try:
         with alarm(), warnings.catch_warnings():
-            warnings.filterwarnings("error", category=RuntimeWarning, module="model|sandbox|estimators")  # more lines
+            # more lines
+            warnings.filterwarnings(
+                "error", category=RuntimeWarning, module="model|sandbox|estimators"
+            )
             work()
     except (BadInput, PhysicsError) as error:
         kind, why = "refused", wrong_sentence(str(error))
     except Stopped:
-        kind, why = "escaped", f"did not end in {STOPPED:g} s of the processor or {WAITED:g} s by the clock"
+        kind, why = (
+            "escaped",
+            f"did not end in {STOPPED:g} s of the processor or {WAITED:g} s by the clock",
+        )
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)
-        own = [f for f in place if "site-packages" not in f.filename and "/lib/python" not in f.filename] or list(place)
+        own = [
+            f
+            for f in place
+            if "site-packages" not in f.filename and "/lib/python" not in f.filename
+        ] or list(place)
         last = own[-1]
-        kind, why = "escaped", f"{type(error).__name__} in {Path(last.filename).name}:{last.name}: {error!s:.100}"
+        kind, why = (
+            "escaped",
+            f"{type(error).__name__} in {Path(last.filename).name}:{last.name}: {error!s:.100}",
+        )
     seconds = time.process_time() - begun
     if kind == "refused" and why:
         kind = "escaped"
@@ -117,12 +142,15 @@ def wrong_sentence(text: str) -> str:
 
 
 def tried(door: Door, whole: dict[str, bytes], folder: Path, name: str, content: bytes) -> Outcome:
-    """Put a damaged file among the whole ones, read, and take it away again; what is left behind is an escape."""
+    """Put a damaged file among the whole ones, read, and take it away again; what is left behind is
+    an escape."""
     (folder / name).write_bytes(content)
     before = listing(folder)
     outcome = judged(lambda: door.read(folder))
     if outcome.kind == "refused" and listing(folder) != before:
-        outcome = Outcome("escaped", f"left {sorted(listing(folder) ^ before)[:3]} behind", outcome.seconds)
+        outcome = Outcome(
+            "escaped", f"left {sorted(listing(folder) ^ before)[:3]} behind", outcome.seconds
+        )
     (folder / name).write_bytes(whole[name])
     return outcome
 
@@ -140,7 +168,8 @@ def damaged(door: Door, whole: dict[str, bytes], number: int) -> tuple[str, byte
 
 
 def called(arguments: list[str]) -> Outcome:
-    """Call the command line in this process, its physics replaced; judge what it prints and its exit code."""
+    """Call the command line in this process, its physics replaced; judge what it prints and its
+    exit code."""
     from sandbox.cli import main
 
     out, err, codes = io.StringIO(), io.StringIO(), []
@@ -158,7 +187,9 @@ def called(arguments: list[str]) -> Outcome:
         return outcome
     if codes[0] not in (2, 3):
         last = re.findall(r"^(\w+(?:\.\w+)*(?:Error|Exception)?: .*)$", said, re.MULTILINE)
-        return Outcome("escaped", f"exit code {codes[0]}: {(last or [said[-100:]])[-1][:120]}", outcome.seconds)
+        return Outcome(
+            "escaped", f"exit code {codes[0]}: {(last or [said[-100:]])[-1][:120]}", outcome.seconds
+        )
     sentence = said.removesuffix("\n").removesuffix(")").partition(" (see `")[0]
     wrong = wrong_sentence(sentence.partition(": ")[2] or sentence)
     return Outcome("escaped" if wrong else "refused", wrong or sentence, outcome.seconds)

@@ -1,4 +1,5 @@
-"""Whole logs of other programs for the fuzz: MAT 7.3, TDMS, MCAP, uneven stamps with [log], presets, motion alone."""
+"""Whole logs of other programs for the fuzz: MAT 7.3, TDMS, MCAP, uneven stamps with [log],
+presets, motion alone."""
 
 from __future__ import annotations
 
@@ -57,7 +58,9 @@ def make_mat73(folder):
         for n, x in columns_of().items():
             group[n] = x[None, :]
     body = (folder / "run.mat").read_bytes()
-    (folder / "run.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + body[512:])
+    (folder / "run.mat").write_bytes(
+        b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + body[512:]
+    )
     told(folder, "run.mat", "[columns]\n" + "".join(f'{n} = "log.{n}"\n' for n in NAMES))
 
 
@@ -66,9 +69,12 @@ def make_tdms(folder):
     import nptdms
 
     channels = [
-        nptdms.ChannelObject("drive", n, x, {"wf_increment": H, "wf_start_offset": 0.0, "unit_string": ""})
-        for n, x in columns_of().items() if n != "t"
-    ]  # fmt: skip
+        nptdms.ChannelObject(
+            "drive", n, x, {"wf_increment": H, "wf_start_offset": 0.0, "unit_string": ""}
+        )
+        for n, x in columns_of().items()
+        if n != "t"
+    ]
     with nptdms.TdmsWriter(folder / "run.tdms") as writer:
         writer.write_segment(channels)
     told(folder, "run.tdms", "[columns]\n" + "".join(f'{n} = "{n}"\n' for n in NAMES if n != "t"))
@@ -95,7 +101,10 @@ def make_polled(folder):
     """Write a CSV with units, comments and scattered stamps."""
     rng, columns = np.random.default_rng(1), columns_of()
     columns["t"] = columns["t"] + 2e-6 * rng.standard_normal(ROWS)
-    rows = "\n".join(";".join(f"{x:.9g}".replace(".", ",") for x in row) for row in zip(*columns.values(), strict=True))
+    rows = "\n".join(
+        ";".join(f"{x:.9g}".replace(".", ",") for x in row)
+        for row in zip(*columns.values(), strict=True)
+    )
     units = dict(zip(NAMES, ("s", "V", "V", "A", "A", "A", "rad", "V"), strict=True))
     head = ";".join(f"{n} [{units[n]}]" for n in columns)
     (folder / "run.csv").write_text(f"# a log\n{head}\n{rows}\n")
@@ -107,11 +116,16 @@ def make_motion(folder):
     rng = np.random.default_rng(2)
     t = np.cumsum(rng.uniform(1.5e-3, 3e-3, 600))
     turn = np.sin(3.0 * t)
-    rows = "\n".join(f"{a:.6f},{b:.6f},{c:.4f}" for a, b, c in zip(t, turn, np.cos(3.0 * t), strict=True))
+    rows = "\n".join(
+        f"{a:.6f},{b:.6f},{c:.4f}" for a, b, c in zip(t, turn, np.cos(3.0 * t), strict=True)
+    )
     (folder / "run.csv").write_text(
         f"time,axis0.encoder.pos_estimate,axis0.motor.current_control.Iq_measured\n{rows}\n"
     )
-    text = '[motor]\ntorque_constant = 0.05\ninertia = 1e-3\n[[recording]]\nfile = "run.csv"\nrotor = "free"\n'
+    text = (
+        "[motor]\ntorque_constant = 0.05\ninertia = 1e-3\n[[recording]]\nfile = "
+        '"run.csv"\nrotor = "free"\n'
+    )
     (folder / "columns.toml").write_text(text)
 
 
@@ -132,10 +146,15 @@ def damaged_lines(content, chance):
         return damaged_bytes(content, chance)
     lines = content.split(b"\n")
     for _ in range(chance.choice((1, 1, 3))):
-        k, odd = chance.randrange(len(lines)), (b"nan", b"", b"1e400", b"x", b"-5", b"1e300", b";;", b"# x", b"1,5")
+        k, odd = (
+            chance.randrange(len(lines)),
+            (b"nan", b"", b"1e400", b"x", b"-5", b"1e300", b";;", b"# x", b"1,5"),
+        )
         parts = lines[k].replace(b";", b",").split(b",")
         parts[chance.randrange(len(parts))] = chance.choice(odd)
-        lines[k] = chance.choice((b",".join(parts), b";".join(parts), lines[k - 1], b"", chance.choice(odd)))
+        lines[k] = chance.choice(
+            (b",".join(parts), b";".join(parts), lines[k - 1], b"", chance.choice(odd))
+        )
     return b"\n".join(lines)
 
 

@@ -20,23 +20,26 @@ def size(chance, largest):
 def odd_toml(chance):
     """Return lines of TOML that are long, deep or many."""
     n = size(chance, 5.5)
-    return chance.choice((
-        lambda: "x = " + "[" * n + "]" * n,
-        lambda: "x = " + "{a = " * n + "1" + "}" * n,
-        lambda: "x = [" + "1.0," * n + "]",
-        lambda: 'x = "' + "a" * n + '"',
-        lambda: "x = " + "9" * n,
-        lambda: "x = 0." + "1" * n,
-        lambda: ".".join("a" * n) + " = 1",
-        lambda: "".join(f"x{k} = 1.0\n" for k in range(n)),
-        lambda: "a" * n + " = 1",
-        lambda: "[" + ".".join("b" * n) + "]",
-        lambda: "# a comment\n" * n,
-    ))()  # fmt: skip
+    return chance.choice(
+        (
+            lambda: "x = " + "[" * n + "]" * n,
+            lambda: "x = " + "{a = " * n + "1" + "}" * n,
+            lambda: "x = [" + "1.0," * n + "]",
+            lambda: 'x = "' + "a" * n + '"',
+            lambda: "x = " + "9" * n,
+            lambda: "x = 0." + "1" * n,
+            lambda: ".".join("a" * n) + " = 1",
+            lambda: "".join(f"x{k} = 1.0\n" for k in range(n)),
+            lambda: "a" * n + " = 1",
+            lambda: "[" + ".".join("b" * n) + "]",
+            lambda: "# a comment\n" * n,
+        )
+    )()
 
 
 def grown_toml(content, chance):
-    """Return a TOML text with something large in it: above, below, in place of a value, or one of its tables often."""
+    """Return a TOML text with something large in it: above, below, in place of a value, or one of
+    its tables often."""
     text = content.decode()
     lines = text.split("\n")
     where = chance.random()
@@ -47,8 +50,12 @@ def grown_toml(content, chance):
     if where < 0.8:
         heads = [k for k, line in enumerate(lines) if line.startswith("[[")] or [0]
         first = chance.choice(heads)
-        last = next((k for k in range(first + 1, len(lines)) if lines[k].startswith("[")), len(lines))
-        return "\n".join([*lines[:first], *lines[first:last] * min(size(chance, 4.0), 4000), *lines[last:]]).encode()
+        last = next(
+            (k for k in range(first + 1, len(lines)) if lines[k].startswith("[")), len(lines)
+        )
+        return "\n".join(
+            [*lines[:first], *lines[first:last] * min(size(chance, 4.0), 4000), *lines[last:]]
+        ).encode()
     k = chance.choice([k for k, line in enumerate(lines) if " = " in line])
     value = odd_toml(chance).split("\n", 1)[0].partition(" = ")[2] or "1"
     lines[k] = lines[k].partition(" = ")[0] + " = " + value
@@ -58,15 +65,17 @@ def grown_toml(content, chance):
 def grown_json(content, chance):
     """Return a JSON document one of whose values is long or deep."""
     n = size(chance, 6.0)
-    new = chance.choice((
-        lambda: "[" * n + "]" * n,
-        lambda: '{"a":' * n + "1" + "}" * n,
-        lambda: json.dumps([0.0] * n),
-        lambda: json.dumps("a" * n),
-        lambda: "9" * n,
-        lambda: "0." + "1" * n,
-        lambda: json.dumps({str(k): 1.0 for k in range(n)}),
-    ))()  # fmt: skip
+    new = chance.choice(
+        (
+            lambda: "[" * n + "]" * n,
+            lambda: '{"a":' * n + "1" + "}" * n,
+            lambda: json.dumps([0.0] * n),
+            lambda: json.dumps("a" * n),
+            lambda: "9" * n,
+            lambda: "0." + "1" * n,
+            lambda: json.dumps({str(k): 1.0 for k in range(n)}),
+        )
+    )()
     whole = json.loads(content)
     place = whole
     while True:
@@ -88,8 +97,11 @@ def claimed_npz(content, chance):
         for name in names if rows * columns < 1e7 else names[:1]:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
                 shape = (rows, columns) if columns > 1 else (rows,)
-                np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": shape})
-                left = min(8 * rows * columns, round(10.0 ** chance.uniform(6.0, 8.7)))  # the rest is missing
+                np.lib.format.write_array_header_1_0(
+                    file, {"descr": "<f8", "fortran_order": False, "shape": shape}
+                )
+                # the rest is missing
+                left = min(8 * rows * columns, round(10.0 ** chance.uniform(6.0, 8.7)))
                 while left > 0:
                     left -= file.write(bytes(min(left, 1_000_000)))
     return body.getvalue()
@@ -128,14 +140,18 @@ def long_csv(content, chance):
     """Return a text table of many rows, wide rows, long cells or one long line."""
     n, lines = size(chance, 5.5), content.split(b"\n")
     row = lines[1] if len(lines) > 1 else b"0"
-    return chance.choice((
-        lambda: b"\n".join([lines[0], *[row] * n]),
-        lambda: b"\n".join([lines[0], *(b"%d%s" % (k, row[row.find(b","):]) for k in range(n))]),
-        lambda: b",".join(b"c%d" % k for k in range(n)) + b"\n" + b",".join([b"0"] * n) + b"\n",
-        lambda: content + b"," * n,
-        lambda: content + b"\n" * n,
-        lambda: content + b"9" * n,
-        lambda: lines[0] + b"a" * n + b"\n" + b"\n".join(lines[1:]),
-        lambda: b"# above\n" * n + content,
-        lambda: b'"' + b"a" * n + content,
-    ))()  # fmt: skip
+    return chance.choice(
+        (
+            lambda: b"\n".join([lines[0], *[row] * n]),
+            lambda: b"\n".join(
+                [lines[0], *(b"%d%s" % (k, row[row.find(b",") :]) for k in range(n))]
+            ),
+            lambda: b",".join(b"c%d" % k for k in range(n)) + b"\n" + b",".join([b"0"] * n) + b"\n",
+            lambda: content + b"," * n,
+            lambda: content + b"\n" * n,
+            lambda: content + b"9" * n,
+            lambda: lines[0] + b"a" * n + b"\n" + b"\n".join(lines[1:]),
+            lambda: b"# above\n" * n + content,
+            lambda: b'"' + b"a" * n + content,
+        )
+    )()

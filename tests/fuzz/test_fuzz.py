@@ -1,4 +1,5 @@
-"""A short run of damaged inputs at every door, and every escape that was ever found: none may escape (again)."""
+"""A short run of damaged inputs at every door, and every escape that was ever found: none may
+escape (again)."""
 
 from __future__ import annotations
 
@@ -102,9 +103,9 @@ def test_an_escape_is_seen():
         raise error
 
     assert judged(lambda: 1 / 0).why.startswith("ZeroDivisionError in test_fuzz.py")
-    assert [judged(lambda t=t: refuse(t)).kind for t in ("a\nb", "", "x" * 401, "give a number")] == [
-        "escaped", "escaped", "escaped", "refused"
-    ]  # fmt: skip
+    assert [
+        judged(lambda t=t: refuse(t)).kind for t in ("a\nb", "", "x" * 401, "give a number")
+    ] == ["escaped", "escaped", "escaped", "refused"]
     assert judged(lambda: 1).kind == "accepted"
     assert wrong_sentence("5\xa0%") == ""
 
@@ -119,7 +120,9 @@ def test_words_are_numbers_or_refused(text):
             assert len(str(error)) < 200
 
 
-HUGE = b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (4000000000, 100), }"
+HUGE = (
+    b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (4000000000, 100), }"
+)
 
 
 def test_a_declared_size_is_not_believed(tmp_path):
@@ -129,7 +132,9 @@ def test_a_declared_size_is_not_believed(tmp_path):
     path = tmp_path / "m.npz"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("i_d.npy", HUGE.ljust(127) + b"\n")
-    with pytest.raises(BadInput, match=r"'i_d' has shape \(4000000000, 100\); at most 800000 values are read"):
+    with pytest.raises(
+        BadInput, match=r"'i_d' has shape \(4000000000, 100\); at most 800000 values are read"
+    ):
         read_map(path)
 
 

@@ -1,4 +1,5 @@
-"""Whole files for every door, made from generated data: what is damaged must have been let in before."""
+"""Whole files for every door, made from generated data: what is damaged must have been let in
+before."""
 
 from __future__ import annotations
 
@@ -63,21 +64,42 @@ cells = [4, 4]
 smooth = 1e-3
 """
 REPORT = {
-    "campaign": "w000", "verdict": "ambiguous", "gap": {"before": 3.0, "after": 1.0, "closed": 0.9},
+    "campaign": "w000",
+    "verdict": "ambiguous",
+    "gap": {"before": 3.0, "after": 1.0, "closed": 0.9},
     "where": [{"subsystem": "inverter", "share": 1.0}],
     "hypotheses": [
-        {"effects": ["dead_time"], "probability": 0.6,
-         "parameters": {"dead_time.time": {"value": 2e-6, "ci95": [1.9e-6, 2.1e-6], "unit": "s"}}},
+        {
+            "effects": ["dead_time"],
+            "probability": 0.6,
+            "parameters": {
+                "dead_time.time": {"value": 2e-6, "ci95": [1.9e-6, 2.1e-6], "unit": "s"}
+            },
+        },
         {"effects": ["device_drop"], "probability": 0.4, "parameters": {}},
     ],
-    "ambiguity_set": [["dead_time"], ["device_drop"]], "cost": {"simulations": 100, "seconds": 2.0}, "code": "abc",
+    "ambiguity_set": [["dead_time"], ["device_drop"]],
+    "cost": {"simulations": 100, "seconds": 2.0},
+    "code": "abc",
     "next_recording": {"entry": "locked_low_current", "seconds": 0.5, "power": 0.9},
-}  # fmt: skip
+}
 TRUTH = {
-    "schema": 1, "seed": 1, "kind": "mixed", "style": "scored", "outside": [],
-    "campaigns": {"w000": {"effects": ["dead_time"], "kind": "one", "family": "ipm", "sizes": [1.0],
-                           "parameters": {"dead_time.time": 2e-6}, "outside_subsystem": None}},
-}  # fmt: skip
+    "schema": 1,
+    "seed": 1,
+    "kind": "mixed",
+    "style": "scored",
+    "outside": [],
+    "campaigns": {
+        "w000": {
+            "effects": ["dead_time"],
+            "kind": "one",
+            "family": "ipm",
+            "sizes": [1.0],
+            "parameters": {"dead_time.time": 2e-6},
+            "outside_subsystem": None,
+        }
+    },
+}
 REPORTS = ("diagnoses/w000.json", "diagnoses/resolved/w000.json")
 
 
@@ -108,9 +130,15 @@ def make_foreign(suffix):
         pairs = load_drive("ipm_exchanged").motor.pole_pairs
         for r in read_campaign(folder).recordings:
             columns = {
-                "Time": 1e3 * r.t, "Ua": r.u_alpha, "Ub": r.u_beta, "Ia": 1e3 * r.i_a, "Ib": 1e3 * r.i_b,
-                "Ic": 1e3 * r.i_c, "Pos": np.degrees(r.theta / pairs), "Link": 1e-3 * r.u_dc,
-            }  # fmt: skip
+                "Time": 1e3 * r.t,
+                "Ua": r.u_alpha,
+                "Ub": r.u_beta,
+                "Ia": 1e3 * r.i_a,
+                "Ib": 1e3 * r.i_b,
+                "Ic": 1e3 * r.i_c,
+                "Pos": np.degrees(r.theta / pairs),
+                "Link": 1e-3 * r.u_dc,
+            }
             path = folder / r.file.replace(".parquet", suffix)
             if suffix == ".csv":
                 rows = zip(*columns.values(), strict=True)
@@ -150,14 +178,23 @@ def make_motor(folder):
 def make_inverter(folder):
     """Write a motor with a table of its inverter beside it."""
     text = (MOTORS / "ipm_exchanged.toml").read_text()
-    (folder / "m.toml").write_text(text.replace("[drive]\n", '[drive]\ninverter_table = "legs.csv"\n'))
-    (folder / "legs.csv").write_text("current,error\n-2.0,-5.5\n-0.5,-4\n0,0.1\n0.5,4\n1.0,5\n2.5,6\n")
+    (folder / "m.toml").write_text(
+        text.replace("[drive]\n", '[drive]\ninverter_table = "legs.csv"\n')
+    )
+    (folder / "legs.csv").write_text(
+        "current,error\n-2.0,-5.5\n-0.5,-4\n0,0.1\n0.5,4\n1.0,5\n2.5,6\n"
+    )
 
 
 def make_effects(folder):
     """Write a file of effects."""
-    text = "[effects]\ndead_time.time = 2e-6\ncogging_torque.2.order_mech = 12\n[bench]\nsoft_current = 0.02\n"
-    (folder / "e.toml").write_text(text + '[angles]\n"a.parquet" = 1e-4\n[residual]\n"a.parquet" = 0.98\n')
+    text = (
+        "[effects]\ndead_time.time = 2e-6\ncogging_torque.2.order_mech = "
+        "12\n[bench]\nsoft_current = 0.02\n"
+    )
+    (folder / "e.toml").write_text(
+        text + '[angles]\n"a.parquet" = 1e-4\n[residual]\n"a.parquet" = 0.98\n'
+    )
 
 
 def make_scenario(folder):
@@ -167,11 +204,14 @@ def make_scenario(folder):
 
 def make_sweep(folder):
     """Write a sweep's file."""
-    (folder / "s.toml").write_text((Path(__file__).parents[2] / "experiments" / "yield_curve.toml").read_text())
+    (folder / "s.toml").write_text(
+        (Path(__file__).parents[2] / "experiments" / "yield_curve.toml").read_text()
+    )
 
 
 def make_swept(folder):
-    """Write the folder of a sweep with two finished blocks (whose runs crashed: nothing is simulated here)."""
+    """Write the folder of a sweep with two finished blocks (whose runs crashed: nothing is
+    simulated here)."""
     make_sweep(folder)
     sweep = read_sweep(folder / "s.toml")
     kept = store.open_folder(sweep, folder)
@@ -208,8 +248,11 @@ def make_check(folder):
 
 
 def read_check(folder):
-    """Score the check; the seal's hash is that of whatever the seal holds: damage is to be met behind it."""
-    (folder / "SHA256").write_text(hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest())
+    """Score the check; the seal's hash is that of whatever the seal holds: damage is to be met
+    behind it."""
+    (folder / "SHA256").write_text(
+        hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest()
+    )
     try:
         scored: Scores = score(folder, finished=True)
     finally:
@@ -227,7 +270,20 @@ def damaged_csv(content, chance):
         row = chance.choice((rows[0], chance.choice(rows)))
         k = chance.randrange(len(row) or 1)
         cell = chance.choice(
-            (b"", b"nan", b"inf", b"1e400", b"x", b'"', b"0", b"-5", b"1;2", b"\xff", b"1e300", b"\x1b[2J")
+            (
+                b"",
+                b"nan",
+                b"inf",
+                b"1e400",
+                b"x",
+                b'"',
+                b"0",
+                b"-5",
+                b"1;2",
+                b"\xff",
+                b"1e300",
+                b"\x1b[2J",
+            )
         )
         row[k : k + chance.randrange(2)] = [cell] * chance.randrange(3)
     return b"\n".join(b",".join(row) for row in rows)
@@ -241,7 +297,10 @@ def damaged_table(content, chance):
     import pyarrow
     from pyarrow import parquet
 
-    columns = {k: v.to_numpy().copy() for k, v in zip(*_columns(parquet.read_table(io.BytesIO(content))), strict=True)}
+    columns = {
+        k: v.to_numpy().copy()
+        for k, v in zip(*_columns(parquet.read_table(io.BytesIO(content))), strict=True)
+    }
     for _ in range(chance.choice((1, 1, 2))):
         name = chance.choice(list(columns))
         n = len(columns[name])
@@ -249,11 +308,26 @@ def damaged_table(content, chance):
         x = np.linspace(0.0, 1.0, n) if odd else columns[name]
         changed = x.copy()
         changed[chance.randrange(n)] = chance.choice((np.nan, np.inf, 1e308, -1e308, 0.0, 1e5))
-        columns[name] = chance.choice((
-            changed, changed, 1e3 * x, -x, np.zeros(n), x.astype(str), [None] * n, [[1.0]] * n, [{"a": 1}] * n, x > 0,
-            x.astype("datetime64[s]"), [10**18] * n, np.full(n, 1e300), x[::-1].copy(), ["\x1b[2J"] * n,
-            x.astype(np.float32),
-        ))  # fmt: skip
+        columns[name] = chance.choice(
+            (
+                changed,
+                changed,
+                1e3 * x,
+                -x,
+                np.zeros(n),
+                x.astype(str),
+                [None] * n,
+                [[1.0]] * n,
+                [{"a": 1}] * n,
+                x > 0,
+                x.astype("datetime64[s]"),
+                [10**18] * n,
+                np.full(n, 1e300),
+                x[::-1].copy(),
+                ["\x1b[2J"] * n,
+                x.astype(np.float32),
+            )
+        )
         if chance.random() < 0.2:
             columns[chance.choice(("x", "\x1b[2J", "i_d", "", "torque"))] = columns.pop(name)
     keep = 0 if chance.random() < 0.05 else chance.choice((1, 2, 10**9))
@@ -297,13 +371,49 @@ DOORS = (
     Door("map_mat", make_map("mat"), ("mine.mat",), damaged_arrays("mat"), read_mapped),
     Door("map_csv", make_map("csv"), ("mine.csv",), damaged_csv, read_mapped),
     Door("map_motor", make_map("csv"), ("mine.toml",), of_text(damaged_toml), read_mapped),
-    Door("motor", make_motor, ("m.toml",), of_text(damaged_toml), lambda folder: load_drive(folder / "m.toml")),
-    Door("design", make_motor, ("m.toml",), of_text(damaged_toml), lambda f: design(load_drive(f / "m.toml"))),
-    Door("inverter", make_inverter, ("legs.csv",), damaged_csv, lambda folder: load_drive(folder / "m.toml")),
-    Door("effects", make_effects, ("e.toml",), of_text(damaged_toml), lambda folder: effects_of(folder / "e.toml")),
-    Door("earlier", make_check, REPORTS[:1], of_text(damaged_json), lambda f: earlier_answer(f / REPORTS[0])),
+    Door(
+        "motor",
+        make_motor,
+        ("m.toml",),
+        of_text(damaged_toml),
+        lambda folder: load_drive(folder / "m.toml"),
+    ),
+    Door(
+        "design",
+        make_motor,
+        ("m.toml",),
+        of_text(damaged_toml),
+        lambda f: design(load_drive(f / "m.toml")),
+    ),
+    Door(
+        "inverter",
+        make_inverter,
+        ("legs.csv",),
+        damaged_csv,
+        lambda folder: load_drive(folder / "m.toml"),
+    ),
+    Door(
+        "effects",
+        make_effects,
+        ("e.toml",),
+        of_text(damaged_toml),
+        lambda folder: effects_of(folder / "e.toml"),
+    ),
+    Door(
+        "earlier",
+        make_check,
+        REPORTS[:1],
+        of_text(damaged_json),
+        lambda f: earlier_answer(f / REPORTS[0]),
+    ),
     *LOG_DOORS,
-    Door("scenario", make_scenario, ("s.toml",), of_text(damaged_toml), lambda f: load_scenario(f / "s.toml")),
+    Door(
+        "scenario",
+        make_scenario,
+        ("s.toml",),
+        of_text(damaged_toml),
+        lambda f: load_scenario(f / "s.toml"),
+    ),
     Door("sweep", make_sweep, ("s.toml",), of_text(damaged_toml), read_and_size),
     Door("swept", make_swept, ("manifest.json",), of_text(damaged_json), read_swept),
     Door("result", make_result, ("audit.json",), of_text(damaged_json), verify),
@@ -319,13 +429,31 @@ DOORS = (
     Door("large_map_npz", make_map("npz"), ("mine.npz",), claimed_npz, read_mapped),
     Door("large_map_mat", make_map("mat"), ("mine.mat",), long_mat, read_mapped),
     Door("large_map_csv", make_map("csv"), ("mine.csv",), long_csv, read_mapped),
-    Door("large_motor", make_motor, ("m.toml",), grown_toml, lambda folder: load_drive(folder / "m.toml")),
-    Door("large_effects", make_effects, ("e.toml",), grown_toml, lambda folder: effects_of(folder / "e.toml")),
-    Door("large_scenario", make_scenario, ("s.toml",), grown_toml, lambda f: load_scenario(f / "s.toml")),
+    Door(
+        "large_motor",
+        make_motor,
+        ("m.toml",),
+        grown_toml,
+        lambda folder: load_drive(folder / "m.toml"),
+    ),
+    Door(
+        "large_effects",
+        make_effects,
+        ("e.toml",),
+        grown_toml,
+        lambda folder: effects_of(folder / "e.toml"),
+    ),
+    Door(
+        "large_scenario",
+        make_scenario,
+        ("s.toml",),
+        grown_toml,
+        lambda f: load_scenario(f / "s.toml"),
+    ),
     Door("large_sweep", make_sweep, ("s.toml",), grown_toml, read_and_size),
     Door("large_result", make_result, ("audit.json",), grown_json, verify),
     Door("large_report", make_check, REPORTS, grown_json, read_check),
-)  # fmt: skip
+)
 COSTLY = {
     "mcap": 0.5,
     "design": 0.02,

@@ -1,4 +1,5 @@
-"""What to do about an effect: every card says it, at a value of its own, by numbers worked out by hand."""
+"""What to do about an effect: every card says it, at a value of its own, by numbers worked out by
+hand."""
 
 import dataclasses
 import math
@@ -53,8 +54,12 @@ def test_no_card_fails_at_a_bound_or_on_a_motor_without_magnets(name):
     [
         ({"dead_time__time": 2e-6}, "set the dead-time compensation to 2.0 µs"),
         ({"dead_time__time": -0.4e-6}, "lower the drive's dead-time compensation by 400 ns"),
-        # copper: R proportional to 235 + T (IEC 60034-1), so 15 % are 0.15 x 255 = 38 K; 0.15 x 12.15 = 1.8 ohm
-        ({"stator_resistance__resistance": 1.15 * R}, "R +15 %: winding 38 K warmer, or 1.8 Ω of cable"),
+        # copper: R proportional to 235 + T (IEC 60034-1), so 15 % are 0.15 x 255 = 38 K; 0.15 x
+        # 12.15 = 1.8 ohm
+        (
+            {"stator_resistance__resistance": 1.15 * R},
+            "R +15 %: winding 38 K warmer, or 1.8 Ω of cable",
+        ),
         ({"stator_resistance__resistance": 0.95 * R}, "R −5.0 %: winding 13 K colder;"),
         ({"stator_resistance__resistance": 0.5 * R}, "is the stated value between two terminals?"),
         (
@@ -64,7 +69,10 @@ def test_no_card_fails_at_a_bound_or_on_a_motor_without_magnets(name):
         ({"pwm_delay__delay": 2.0 * PERIOD}, "log the command 2 rows later"),
         ({"pwm_delay__delay": 0.1 * PERIOD}, "delay of 0.10 periods: count 25 µs more"),
         # no winding is 510 K warmer: what is left is cable, 2 x 12.15 ohm
-        ({"stator_resistance__resistance": 3.0 * R}, "R +200 %: 24 Ω of cable and contacts; set resistance = 36.5 Ω"),
+        (
+            {"stator_resistance__resistance": 3.0 * R},
+            "R +200 %: 24 Ω of cable and contacts; set resistance = 36.5 Ω",
+        ),
         # NdFeB -0.12 %/K: 6 % are 50 K; ferrite -0.2 %/K: 30 K
         (
             {"magnet_flux__magnet_flux": 0.94 * MOTOR.magnet_flux},
@@ -75,32 +83,57 @@ def test_no_card_fails_at_a_bound_or_on_a_motor_without_magnets(name):
             {"magnet_flux__magnet_flux": 0.7 * MOTOR.magnet_flux},
             "(−30 %: ferrite 150 K warmer, or partly demagnetised)",
         ),
-        # friction brakes: the drive has to push the way that it turns; 1.5 x 6 x 0.0981 Wb = 0.883 N m/A
+        # friction brakes: the drive has to push the way that it turns; 1.5 x 6 x 0.0981 Wb = 0.883
+        # N m/A
         (
             {"coulomb_friction__torque": 0.0353},
             "add 35 mN·m (about 40 mA on q) to the torque's reference in the sense of",
         ),
         # the slots push by A sin(36 x + phase): so much less is asked for; 0.5 rad are 29 degrees
         (
-            {"cogging_torque__amplitude": 0.02, "cogging_torque__order_mech": 36.0, "cogging_torque__phase": 0.5},
+            {
+                "cogging_torque__amplitude": 0.02,
+                "cogging_torque__order_mech": 36.0,
+                "cogging_torque__phase": 0.5,
+            },
             "subtract 20 mN·m sin(36 x + 29°), x the shaft's angle",
         ),
-        # the drop R1 (i - x) of a first-order lag: R1 w²tau²/(1 + w²tau²), half of it at 1/(2 pi tau)
-        ({"skin_effect__resistance": 2.0, "skin_effect__time_constant": 1.0 / (2.0 * math.pi * 800.0)}, "f/(800 Hz)"),
+        # the drop R1 (i - x) of a first-order lag: R1 w²tau²/(1 + w²tau²), half of it at 1/(2 pi
+        # tau)
+        (
+            {
+                "skin_effect__resistance": 2.0,
+                "skin_effect__time_constant": 1.0 / (2.0 * math.pi * 800.0),
+            },
+            "f/(800 Hz)",
+        ),
         ({"saturation__alpha_30": 10.0}, "alpha_30 = 10 A/Wb²"),
         ({"saturation__alpha_04": 10.0}, "alpha_04 = 10 A/Wb³"),
-        # half of the dead time's volts are lost where a leg just slews over in it, i t/(2 C) = u; twice that wide
-        ({"dead_time__time": 2e-6, "dead_time__capacitance": 1e-9}, "less of it below 800 mA of a phase's current"),
+        # half of the dead time's volts are lost where a leg just slews over in it, i t/(2 C) = u;
+        # twice that wide
+        (
+            {"dead_time__time": 2e-6, "dead_time__capacitance": 1e-9},
+            "less of it below 800 mA of a phase's current",
+        ),
         ({"current_gain__gain_b": 1.04}, "phase b by 0.9615"),
-        ({"current_offset__offset_a": 0.01}, "10 mA from phase a, 0 A from phase b, −10 mA from phase c"),
+        (
+            {"current_offset__offset_a": 0.01},
+            "10 mA from phase a, 0 A from phase b, −10 mA from phase c",
+        ),
         ({"dc_link_error__gain_error": 0.03}, "divides by to 412 V (+3.0 %)"),
         (
             {"encoder_offset__offset": math.radians(6.0)},
             "subtract 6.0° (electrical; 1.0° mechanical) from the encoder's reading",
         ),
-        ({"encoder_offset__offset": math.radians(-6.0)}, "add 6.0° (electrical; 1.0° mechanical) to"),
         (
-            {"encoder_eccentricity__amplitude_mech": math.radians(0.3), "encoder_eccentricity__phase": -0.5},
+            {"encoder_offset__offset": math.radians(-6.0)},
+            "add 6.0° (electrical; 1.0° mechanical) to",
+        ),
+        (
+            {
+                "encoder_eccentricity__amplitude_mech": math.radians(0.3),
+                "encoder_eccentricity__phase": -0.5,
+            },
             "subtract 0.30° sin(x − 29°)",
         ),
         ({"current_filter__time_constant": 1.0 / (2.0 * math.pi * 5e3)}, "32 µs (5.0 kHz)"),
@@ -118,7 +151,8 @@ def test_what_is_said_by_hand(values, said):
 
 @pytest.mark.parametrize("name", library.effect_names())
 def test_of_a_motor_with_a_flux_map_nothing_is_set_that_its_file_may_not_state(name):
-    """Inductances, magnet flux and alphas come from the map: [motor] refuses them (`model.mapped.stand_in`)."""
+    """Inductances, magnet flux and alphas come from the map: [motor] refuses them
+    (`model.mapped.stand_in`)."""
 
     class OfMap(Motor):
         has_map = True
@@ -132,7 +166,9 @@ def test_of_a_motor_with_a_flux_map_nothing_is_set_that_its_file_may_not_state(n
 
 def test_an_own_effect_without_a_sentence_is_kept_in_the_simulator(monkeypatch):
     card = library.load_effect("dead_time")
-    monkeypatch.setattr("model.effects.advice.load_effect", lambda name: dataclasses.replace(card, do=None))
+    monkeypatch.setattr(
+        "model.effects.advice.load_effect", lambda name: dataclasses.replace(card, do=None)
+    )
     assert told(dead_time__time=1e-6) == KEEP
     assert "do" in {f.name for f in dataclasses.fields(Effect)}
 

@@ -1,4 +1,5 @@
-"""The registry of measured data: complete entries, hash checks, where it looks, what it says when there is nothing."""
+"""The registry of measured data: complete entries, hash checks, where it looks, what it says when
+there is nothing."""
 
 from __future__ import annotations
 
@@ -28,7 +29,9 @@ def elsewhere(tmp_path, monkeypatch):
 def small(monkeypatch):
     """A registry of one small file, content b'abc'."""
     sha = hashlib.sha256(b"abc").hexdigest()
-    entry = DataSet("small", "a", (DataFile("a.txt", sha, "https://example.org/a.txt"),), "MIT", "me", True, "")
+    entry = DataSet(
+        "small", "a", (DataFile("a.txt", sha, "https://example.org/a.txt"),), "MIT", "me", True, ""
+    )
     monkeypatch.setattr(datasets, "DATASETS", (entry,))
     return entry
 
@@ -74,8 +77,11 @@ def test_folder_named_by_the_variable_comes_first_then_the_cache(elsewhere, smal
     assert fetch("small") == elsewhere / "small"
 
 
-def test_named_cache_holds_downloads_and_the_users_is_still_looked_in(elsewhere, small, tmp_path, monkeypatch):
-    """SENSORLESS_CACHE is the place of all that is kept; what an earlier version put into the user's is found there."""
+def test_named_cache_holds_downloads_and_the_users_is_still_looked_in(
+    elsewhere, small, tmp_path, monkeypatch
+):
+    """SENSORLESS_CACHE is the place of all that is kept; what an earlier version put into the
+    user's is found there."""
     users = datasets.cache() / "small"
     monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path / "named"))
     assert datasets.cache() == tmp_path / "named"
@@ -95,7 +101,9 @@ def test_changed_file_is_refused(elsewhere, small):
 
 
 def test_missing_data_without_an_address_says_what_and_how(elsewhere):
-    with pytest.raises(BadInput, match=r"'thor_fea'.*no public address.*SENSORLESS_DATA.*thor_fea\.npz") as caught:
+    with pytest.raises(
+        BadInput, match=r"'thor_fea'.*no public address.*SENSORLESS_DATA.*thor_fea\.npz"
+    ) as caught:
         fetch("thor_fea")
     assert "\n" not in str(caught.value)
 
@@ -119,7 +127,9 @@ def test_download_goes_to_the_cache_with_address_and_hash(elsewhere, small, monk
     assert asked == [("https://example.org/a.txt", "sha256:" + small.files[0].sha256)]
 
 
-@pytest.mark.parametrize("error", [OSError("no network"), ValueError("hash of downloaded file does not match")])
+@pytest.mark.parametrize(
+    "error", [OSError("no network"), ValueError("hash of downloaded file does not match")]
+)
 def test_failed_download_is_bad_input(elsewhere, small, monkeypatch, error):
     def retrieve(*_, **__):
         raise error

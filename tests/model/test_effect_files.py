@@ -1,4 +1,5 @@
-"""Effects from a line, a file or a mapping: the same numbers; what is wrong is said with file, table and key."""
+"""Effects from a line, a file or a mapping: the same numbers; what is wrong is said with file,
+table and key."""
 
 import pytest
 
@@ -22,7 +23,11 @@ soft_current = 0.02
 def test_a_file_says_what_a_mapping_says(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(FILE)
-    found = {"dead_time.time": 2e-6, "cogging_torque.2.order_mech": 12.0, "bench.soft_current": 0.02}
+    found = {
+        "dead_time.time": 2e-6,
+        "cogging_torque.2.order_mech": 12.0,
+        "bench.soft_current": 0.02,
+    }
     assert effects_of(path) == effects_of(str(path)) == effects_of(found) == found
     assert effects_and_angles(path).angles == {"locked d.parquet": 1e-4}
     assert effects_of("dead_time.time=2e-6") == {"dead_time.time": 2e-6}
@@ -33,12 +38,24 @@ def test_a_file_says_what_a_mapping_says(tmp_path):
     ("text", "said"),
     [
         ("[efects]\n", "mine.toml: unknown table 'efects'; did you mean 'effects'"),
-        ("[effects]\ndead_time.tim = 1e-6\n", "mine.toml: unknown effect parameter 'dead_time.tim'; did you mean"),
-        ("[effects]\ndead_time.time = 'long'\n", r"mine.toml: \[effects\] dead_time.time = 'long' is no finite number"),
+        (
+            "[effects]\ndead_time.tim = 1e-6\n",
+            "mine.toml: unknown effect parameter 'dead_time.tim'; did you mean",
+        ),
+        (
+            "[effects]\ndead_time.time = 'long'\n",
+            r"mine.toml: \[effects\] dead_time.time = 'long' is no finite number",
+        ),
         ("[effects]\ndead_time = 2e-6\n", "mine.toml: unknown effect parameter 'dead_time'"),
-        ("dead_time.time = 2e-6\n", "'dead_time' is an effect and stands in no table; put it under .effects."),
+        (
+            "dead_time.time = 2e-6\n",
+            "'dead_time' is an effect and stands in no table; put it under .effects.",
+        ),
         ("[effects]\ndead_time.time = 9.0\n", "mine.toml: dead_time.time = 9.0 is out of range"),
-        ("[bench]\nsoft_current = nan\n", r"mine.toml: \[bench\] soft_current = nan is no finite number"),
+        (
+            "[bench]\nsoft_current = nan\n",
+            r"mine.toml: \[bench\] soft_current = nan is no finite number",
+        ),
         ("effects = 3\n", r"mine.toml: 'effects' is not a table; write \[effects\]"),
         ("[[effects\n", "not valid TOML"),
     ],

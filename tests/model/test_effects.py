@@ -1,4 +1,5 @@
-"""The effect library: every card complete, names and bounds checked with advice, neutral values really neutral."""
+"""The effect library: every card complete, names and bounds checked with advice, neutral values
+really neutral."""
 
 from __future__ import annotations
 
@@ -51,21 +52,27 @@ def test_all_canonical_effects_are_there():
 
 
 def test_an_effect_with_all_numbers_of_another_can_stand_for_it():
-    """By the cards: only `saturation` has every coefficient of its cross part; the cross part lacks alpha_30, ..."""
+    """By the cards: only `saturation` has every coefficient of its cross part; the cross part lacks
+    alpha_30, ..."""
     assert library.holders("cross_saturation") == ("saturation",)
     assert not any(library.holders(e) for e in library.effect_names() if e != "cross_saturation")
 
 
 def test_a_moved_double_is_asked_for_the_limits_of_both():
     """cross_saturation.alpha_12 is saturation.alpha_12; what stands under two names is told."""
-    assert library.shared() == {f"{e}.alpha_{n}" for e in ("saturation", "cross_saturation") for n in ("12", "22")}
+    assert library.shared() == {
+        f"{e}.alpha_{n}" for e in ("saturation", "cross_saturation") for n in ("12", "22")
+    }
     doubles = library.same_numbers()
     assert doubles["cross_saturation.alpha_22"] == "saturation.alpha_22"
     assert "saturation.alpha_22" not in doubles
 
 
 def test_values_of_the_motor_are_told_by_the_cards():
-    assert library.scaled() == {"inductance.scale_d": "inductance_d", "inductance.scale_q": "inductance_q"}
+    assert library.scaled() == {
+        "inductance.scale_d": "inductance_d",
+        "inductance.scale_q": "inductance_q",
+    }
     alphas = {f"saturation.alpha_{n}": f"alpha_{n}" for n in ("30", "12", "40", "22", "04")}
     assert library.replaced() == alphas | {
         "stator_resistance.resistance": "resistance",
@@ -81,7 +88,15 @@ def test_card_is_complete(name):
     assert card.name == name
     assert card.subsystem in SUBSYSTEMS
     assert library.places(card)
-    for text in (card.summary, card.equation, card.source, card.axis, card.order, card.region, card.separated_by):
+    for text in (
+        card.summary,
+        card.equation,
+        card.source,
+        card.axis,
+        card.order,
+        card.region,
+        card.separated_by,
+    ):
         assert text
     assert card.confused_with
     assert not set(card.confused_with) - set(library.effect_names()) - {name}
@@ -113,16 +128,25 @@ def test_parse():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("dead_tme.time=2e-6", "unknown effect parameter 'dead_tme.time'; did you mean 'dead_time.time'"),
+        (
+            "dead_tme.time=2e-6",
+            "unknown effect parameter 'dead_tme.time'; did you mean 'dead_time.time'",
+        ),
         ("dead_time.tim=2e-6", "did you mean 'dead_time.time'"),
         ("dead_time=2e-6", "did you mean 'dead_time.time'"),
         ("dead_time.time", "has no value"),
         ("dead_time.time=2,5e-6", r"decimal comma: write 2\.5e-6, with a point"),
-        ("device_drop.threshold=0,8,dead_time.time=1e-6", r"decimal comma: write 0\.8, with a point"),
+        (
+            "device_drop.threshold=0,8,dead_time.time=1e-6",
+            r"decimal comma: write 0\.8, with a point",
+        ),
         ("dead_time.time=two", "'two' is no number"),
         ("dead_time.time=1,dead_time.time=1", "out of range"),
         ("dead_time.time=1e-6,dead_time.time=2e-6", "given twice"),
-        ("dead_time.time=nan", r"dead_time.time = nan is out of range; give a number in \[-5e-06, 5e-05\] s"),
+        (
+            "dead_time.time=nan",
+            r"dead_time.time = nan is out of range; give a number in \[-5e-06, 5e-05\] s",
+        ),
         ("encoder_eccentricity.phase=inf", "not finite"),
         ("card.x=1", "unknown effect"),
     ],
@@ -137,7 +161,10 @@ def test_parse_refuses_with_advice(text, words):
     [
         ({"saturation.alpha_12": 1.0, "cross_saturation.alpha_12": 2.0}, "contradict each other"),
         ({"shaft_compliance.load_inertia": 0.0011}, "below 0.0011 kg m.2, the total inertia"),
-        ({"shaft_compliance.load_inertia": 0.001, "inertia.inertia": 0.0009}, "below 0.0009 kg m.2"),
+        (
+            {"shaft_compliance.load_inertia": 0.001, "inertia.inertia": 0.0009},
+            "below 0.0009 kg m.2",
+        ),
         ({"pwm_delay.delay": 7.6e-4}, "delay: 0.00076 is .* below 0.00075 s, 3 sampling periods"),
         ({"current_sampling.delay": -1.3e-4}, "half the sampling period"),
         ({"dead_time.time": True}, "out of range"),
@@ -150,11 +177,18 @@ def test_contradictions_are_refused(effects, words):
 
 def test_parts_of_an_effect_have_names_of_their_own():
     card = library.load_effect("cogging_torque")
-    assert [card.public(k, "amplitude") for k in (1, 2)] == ["cogging_torque.amplitude", "cogging_torque.2.amplitude"]
+    assert [card.public(k, "amplitude") for k in (1, 2)] == [
+        "cogging_torque.amplitude",
+        "cogging_torque.2.amplitude",
+    ]
     assert f"cogging_torque.{card.repeats}.amplitude" in library.parameters()
     assert f"cogging_torque.{card.repeats + 1}.amplitude" not in library.parameters()
     values = library.complete(MOTOR, CONVERTER, {"cogging_torque.2.amplitude": 0.1})
-    assert [card.switched_off(values, library.neutral(MOTOR), k) for k in (1, 2, 3)] == [True, False, True]
+    assert [card.switched_off(values, library.neutral(MOTOR), k) for k in (1, 2, 3)] == [
+        True,
+        False,
+        True,
+    ]
     assert "cogging_torque.k.phase" in library.card_text(card)
 
 
@@ -166,7 +200,7 @@ def test_cross_saturation_is_a_part_of_saturation():
 
 def test_replaced_parameters_make_the_true_motor():
     assert library.true_motor(MOTOR, library.neutral(MOTOR)) == MOTOR
-    text = "stator_resistance.resistance=13,inductance.scale_d=0.9,inertia.inertia=0.002,magnet_flux.magnet_flux=0.1"
+    text = "stator_resistance.resistance=13,inductance.scale_d=0.9,inertia.inertia=0.002,magnet_flux.magnet_flux=0.1"  # noqa: E501
     true = library.true_motor(MOTOR, library.complete(MOTOR, CONVERTER, library.parse(text)))
     assert (true.resistance, true.inertia, true.magnet_flux) == (13.0, 0.002, 0.1)
     assert (true.inductance_d, true.inductance_q) == (0.9 * MOTOR.inductance_d, MOTOR.inductance_q)
@@ -177,13 +211,18 @@ def test_replaced_parameters_make_the_true_motor():
 def test_every_file_says_what_its_kernels_return():
     for name in library.effect_names():
         text = (library.FOLDER / f"{name}.py").read_text()
-        assert text.count("@kernel") == len(re.findall(r'@kernel\ndef .*\n    """Return', text)), name
+        assert text.count("@kernel") == len(re.findall(r'@kernel\ndef .*\n    """Return', text)), (
+            name
+        )
 
 
 @pytest.mark.parametrize(
     ("effects", "words"),
     [
-        ({"shaft_compliance.stiffness": 1e15, "shaft_compliance.load_inertia": 5e-4}, "resonance.*rigid shaft"),
+        (
+            {"shaft_compliance.stiffness": 1e15, "shaft_compliance.load_inertia": 5e-4},
+            "resonance.*rigid shaft",
+        ),
         ({"shaft_compliance.stiffness": 100.0}, "alone does nothing"),
         ({"inductance_harmonics.gamma_6": 30.0}, "gamma_6: 30 .*not convex"),
         ({"dc_link_ripple.amplitude": 1000.0}, "below 400 V"),
@@ -192,7 +231,10 @@ def test_every_file_says_what_its_kernels_return():
         ({"flux_harmonics.psi_d6": 10.0}, "the magnet flux"),
         ({"flux_harmonics.2.order": 6.5}, "no whole order"),
         ({"inductance_harmonics.3.order": 0.0}, "no whole order"),
-        ({f"inductance_harmonics.{k}.gamma": 4.0 for k in range(2, 7)}, r"\.gamma: 4 .*in proportion"),
+        (
+            {f"inductance_harmonics.{k}.gamma": 4.0 for k in range(2, 7)},
+            r"\.gamma: 4 .*in proportion",
+        ),
     ],
 )
 def test_sizes_that_no_drive_can_have_are_refused(effects, words):
@@ -203,16 +245,24 @@ def test_sizes_that_no_drive_can_have_are_refused(effects, words):
 
 @pytest.mark.parametrize("name", [e for e in CANONICAL if library.load_effect(e).limits])
 def test_limits_can_be_asked_at_any_values(name):
-    """A fit asks on its way, where an inertia may lie below the load's share of it: told, never a failing root."""
+    """A fit asks on its way, where an inertia may lie below the load's share of it: told, never a
+    failing root."""
     card, rng = library.load_effect(name), np.random.default_rng(1)
     known, neutral = library.parameters(), library.neutral(MOTOR)
-    own = [*(n for n in known if n.partition(".")[0] == name and not library.is_further(n)), "inertia.inertia"]
+    own = [
+        *(n for n in known if n.partition(".")[0] == name and not library.is_further(n)),
+        "inertia.inertia",
+    ]
     for _ in range(300):
         values = dict(neutral)
         for n in own:
             p = known[n]
             size = p.typical_for(MOTOR, CONVERTER) or neutral[n] or 1.0
-            drawn = float(rng.choice([p.low, p.high, neutral[n], size * 10.0 ** rng.uniform(-4.0, 4.0), -size]))
+            drawn = float(
+                rng.choice(
+                    [p.low, p.high, neutral[n], size * 10.0 ** rng.uniform(-4.0, 4.0), -size]
+                )
+            )
             values[n] = min(max(drawn, p.low), p.high)
         try:
             found = list(card.limits_at(values, MOTOR, CONVERTER))
@@ -223,7 +273,10 @@ def test_limits_can_be_asked_at_any_values(name):
 
 
 def test_an_inertia_below_that_of_the_load_is_told_before_the_resonance():
-    values = library.neutral(MOTOR) | {"shaft_compliance.stiffness": 10.0, "shaft_compliance.load_inertia": 1e-3}
+    values = library.neutral(MOTOR) | {
+        "shaft_compliance.stiffness": 10.0,
+        "shaft_compliance.load_inertia": 1e-3,
+    }
     card, light = library.load_effect("shaft_compliance"), values | {"inertia.inertia": 9e-4}
     found = list(card.limits_at(light, MOTOR, CONVERTER))
     assert [x.name for x in found] == ["shaft_compliance.load_inertia"]

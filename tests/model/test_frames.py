@@ -18,7 +18,10 @@ NUMBERS = st.floats(-1e3, 1e3)
 def test_phases_and_back(alpha, beta):
     a, b, c = phases(alpha, beta)
     assert a + b + c == pytest.approx(0.0, abs=1e-12 * (1 + abs(alpha) + abs(beta)))
-    assert stationary(a, b, c) == (pytest.approx(alpha, abs=1e-12 * 1e3), pytest.approx(beta, abs=1e-12 * 1e3))
+    assert stationary(a, b, c) == (
+        pytest.approx(alpha, abs=1e-12 * 1e3),
+        pytest.approx(beta, abs=1e-12 * 1e3),
+    )
     assert stationary(a + 5.0, b + 5.0, c + 5.0)[0] == pytest.approx(alpha, abs=1e-11 * 1e3)
 
 
@@ -46,7 +49,10 @@ def test_wrap(angle):
 
 @pytest.mark.parametrize("order", [-60, -7, -1, 0, 1, 2, 6, 12, 31, 60])
 def test_multiples_of_an_angle(order):
-    """Against the library's sine and cosine; six doublings of rounding errors of 1e-16 make 1e-14."""
+    """Against the library's sine and cosine; six doublings of rounding errors of 1e-16 make
+    1e-14."""
     for angle in np.linspace(-3.0, 3.0, 13):
         c, s = multiple(math.cos(angle), math.sin(angle), float(order))
-        assert (c, s) == pytest.approx((math.cos(order * angle), math.sin(order * angle)), abs=2e-14)
+        assert (c, s) == pytest.approx(
+            (math.cos(order * angle), math.sin(order * angle)), abs=2e-14
+        )

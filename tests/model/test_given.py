@@ -17,17 +17,22 @@ from model.given import read_toml
 def test_a_decimal_comma_is_named_with_its_line(tmp_path, line, right):
     path = tmp_path / "motor.toml"
     path.write_text(f"[motor]\npole_pairs = 4\n{line}\n")
-    with pytest.raises(BadInput, match="line 3 holds a decimal comma: write " + right.replace(".", r"\.")):
+    with pytest.raises(
+        BadInput, match="line 3 holds a decimal comma: write " + right.replace(".", r"\.")
+    ):
         read_toml(path)
 
 
 @pytest.mark.parametrize(
-    ("line", "unit"), [("inductance_d = 45.8mH", "mH"), ("resistance = 0.5 Ω  # phase", "Ω"), ("t = 2e-6 s", "s")]
+    ("line", "unit"),
+    [("inductance_d = 45.8mH", "mH"), ("resistance = 0.5 Ω  # phase", "Ω"), ("t = 2e-6 s", "s")],
 )
 def test_a_unit_behind_a_number_is_named_with_its_line(tmp_path, line, unit):
     path = tmp_path / "motor.toml"
     path.write_text(f"[motor]\n{line}\n")
-    with pytest.raises(BadInput, match=f"line 2 holds a unit, {unit}: write {line.split()[0]} = the number alone"):
+    with pytest.raises(
+        BadInput, match=f"line 2 holds a unit, {unit}: write {line.split()[0]} = the number alone"
+    ):
         read_toml(path)
 
 

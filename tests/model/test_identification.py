@@ -16,15 +16,22 @@ AXES = np.repeat([D, D, Q], len(BIAS))
 
 
 def _levels(slope_of, resistance=12.15, amplitude=30.0):
-    """Levels of the three staircases with slopes from a function of (i_d, i_q) returning Gamma_dd, dq, qq."""
+    """Levels of the three staircases with slopes from a function of (i_d, i_q) returning Gamma_dd,
+    dq, qq."""
     zero = np.zeros_like(BIAS)
-    current = np.column_stack([np.concatenate([BIAS, zero, zero]), np.concatenate([zero, BIAS, BIAS])])
+    current = np.column_stack(
+        [np.concatenate([BIAS, zero, zero]), np.concatenate([zero, BIAS, BIAS])]
+    )
     rows = [np.array(slope_of(a, b)) for a, b in current]
-    slope = np.array([g[[0, 1]] if axis == D else g[[1, 2]] for g, axis in zip(rows, AXES, strict=True)])
+    slope = np.array(
+        [g[[0, 1]] if axis == D else g[[1, 2]] for g, axis in zip(rows, AXES, strict=True)]
+    )
     wave = np.zeros((len(AXES), 8, 2))
     wave[np.arange(len(AXES)), :, AXES] = np.where(np.arange(8) < 4, amplitude, -amplitude)
     sd = np.full((len(AXES), 2), 1e-3)
-    return Levels(250e-6, AXES, resistance * current, current, slope, sd, sd, wave, np.zeros(len(AXES)))
+    return Levels(
+        250e-6, AXES, resistance * current, current, slope, sd, sd, wave, np.zeros(len(AXES))
+    )
 
 
 def _printed(p):
@@ -51,7 +58,8 @@ def test_exact_ripple_biases_it_as_polynomial_fits_of_the_hessian_say():
     found = dict(zip(NAMES[1:], first_order_estimate(levels, levels.slope), strict=True))
     ld, lq = 0.0919, 0.0458
     on_d = np.array([hessian(m, *map(float, flux_from_current(m, x, 0.0)))[0] for x in BIAS])
-    basis = np.vander(BIAS, 3, increasing=True)[:, 1:]  # independent of the code under test: plain polynomials
+    # independent of the code under test: plain polynomials
+    basis = np.vander(BIAS, 3, increasing=True)[:, 1:]
     c1, c2 = np.linalg.lstsq(basis, on_d - 1 / ld, rcond=None)[0]
     assert found["alpha_30"] == pytest.approx(c1 / (6 * ld), rel=1e-9)
     assert found["alpha_40"] == pytest.approx(c2 / (12 * ld**2), rel=1e-9)
@@ -60,15 +68,19 @@ def test_exact_ripple_biases_it_as_polynomial_fits_of_the_hessian_say():
 
 
 @pytest.mark.parametrize(
-    ("name", "l_d", "l_q"),  # NOTES: 5.6 and 1.4 mH for the IPM, 12 and 1.7 mH for the SPM; L^2 x 10 mA / (u / 4f)
+    # NOTES: 5.6 and 1.4 mH for the IPM, 12 and 1.7 mH for the SPM; L^2 x 10 mA / (u / 4f)
+    ("name", "l_d", "l_q"),
     [("ipm", 5.6e-3, 1.4e-3), ("spm", 12.1e-3, 1.7e-3)],
 )
 def test_ten_milliampere_give_the_printed_uncertainty_of_inductances(name, l_d, l_q):
     drive = load_drive(name)
     m = drive.motor
     p = [m.resistance, *(getattr(m, n) for n in NAMES[1:])]
-    fit = first_order(_levels(_printed(p), amplitude=drive.injection.amplitude), current_uncertainty=0.01)
-    assert fit.sd["inductance_d"] == pytest.approx(l_d / np.sqrt(2), rel=0.02)  # two staircases pass i = 0 with d
+    fit = first_order(
+        _levels(_printed(p), amplitude=drive.injection.amplitude), current_uncertainty=0.01
+    )
+    # two staircases pass i = 0 with d
+    assert fit.sd["inductance_d"] == pytest.approx(l_d / np.sqrt(2), rel=0.02)
     assert fit.sd["inductance_q"] == pytest.approx(l_q, rel=0.02)
 
 
@@ -80,14 +92,23 @@ def _without(levels, keep):
 @pytest.mark.parametrize(
     ("drop", "message"),
     [
-        (lambda lv: lv.axis == D, "no steady level with injection on d and bias on d: inductance_d"),
-        (lambda lv: lv.axis == Q, "no steady level with injection on q and bias on q: inductance_q and alpha_04"),
+        (
+            lambda lv: lv.axis == D,
+            "no steady level with injection on d and bias on d: inductance_d",
+        ),
+        (
+            lambda lv: lv.axis == Q,
+            "no steady level with injection on q and bias on q: inductance_q and alpha_04",
+        ),
         (
             lambda lv: (lv.axis == D) & (lv.current[:, 1] != 0),
             "on q with injection on d has levels at 0 A only: alpha_12 and alpha_22 need",
         ),
         (lambda lv: (lv.axis == D) & (lv.current[:, 0] < 0), "no level at negative i_d"),
-        (lambda lv: (lv.axis == Q) & (np.abs(lv.current[:, 1]) < 1.9), "at -2, 2 A only: inductance_q and alpha_04"),
+        (
+            lambda lv: (lv.axis == Q) & (np.abs(lv.current[:, 1]) < 1.9),
+            "at -2, 2 A only: inductance_q and alpha_04",
+        ),
         (lambda lv: np.hypot(*lv.current.T) < 0.1, "no level at zero current with injection on d"),
     ],
 )

@@ -1,4 +1,5 @@
-"""Measured inverter tables: from a drive file, from a CSV beside it, both signs of the current, refusals."""
+"""Measured inverter tables: from a drive file, from a CSV beside it, both signs of the current,
+refusals."""
 
 import numpy as np
 import pytest
@@ -20,9 +21,12 @@ def test_a_drive_file_states_points_or_a_file_beside_it(tmp_path, stated):
 
 
 def test_of_both_signs_the_odd_part_counts(tmp_path):
-    """5 tanh(i) plus an offset of the measurement, at currents that differ left and right: straight between points."""
+    """5 tanh(i) plus an offset of the measurement, at currents that differ left and right: straight
+    between points."""
     i = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5])
-    (tmp_path / "both.csv").write_text("\n".join(f"{x},{5 * np.tanh(x) + 0.3}" for x in i), encoding="utf-8")
+    (tmp_path / "both.csv").write_text(
+        "\n".join(f"{x},{5 * np.tanh(x) + 0.3}" for x in i), encoding="utf-8"
+    )
     found = np.array(read_points(tmp_path / "both.csv"))
     assert found[:, 0] == pytest.approx([0.0, 0.5, 1.0, 1.5])
     left = np.interp(1.5, [1.0, 2.0], 5 * np.tanh([1.0, 2.0]))
@@ -48,7 +52,11 @@ def test_what_is_no_table_is_refused(points, said):
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("", "no numbers"), ("a,b\n0,0\n1,x\n", "line 3 .*no pair"), ("-1,1\n-2,2\n1,1\n", "do not rise")],
+    [
+        ("", "no numbers"),
+        ("a,b\n0,0\n1,x\n", "line 3 .*no pair"),
+        ("-1,1\n-2,2\n1,1\n", "do not rise"),
+    ],
 )
 def test_a_file_that_holds_none_is_refused_by_its_line(tmp_path, text, said):
     (tmp_path / "bad.csv").write_text(text, encoding="utf-8")

@@ -1,4 +1,5 @@
-"""A leg's voltage error as a free curve: its mean over a current's way, what simpler forms make of it."""
+"""A leg's voltage error as a free curve: its mean over a current's way, what simpler forms make of
+it."""
 
 import json
 
@@ -14,15 +15,27 @@ DRIVE = load_drive("ipm_exchanged")
 
 def completed(**volts):
     """Return completed values of an effect with some terms (V)."""
-    return library.complete(DRIVE.motor, DRIVE.converter, {f"leg_voltage.{k}": x for k, x in volts.items()})
+    return library.complete(
+        DRIVE.motor, DRIVE.converter, {f"leg_voltage.{k}": x for k, x in volts.items()}
+    )
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
-    "ends", [(0.3, 1.2), (-0.1, 0.7), (-3.0, -2.0), (-0.001, 0.005), (0.02, 0.02), (-0.7, -0.7), (5.0, -5.0)]
+    "ends",
+    [
+        (0.3, 1.2),
+        (-0.1, 0.7),
+        (-3.0, -2.0),
+        (-0.001, 0.005),
+        (0.02, 0.02),
+        (-0.7, -0.7),
+        (5.0, -5.0),
+    ],
 )
 def test_the_mean_is_that_of_the_curve_on_the_way(ends, sign):
-    """Means over pieces that end where the curve bends, each straight: the trapezoidal rule is exact there."""
+    """Means over pieces that end where the curve bends, each straight: the trapezoidal rule is
+    exact there."""
     sizes = sign * np.random.default_rng(1).normal(size=len(VOLTS))
     v, (x, y) = completed(**dict(zip(VOLTS, sizes, strict=True))), ends
     places = np.array([s * c for c in CORNERS for s in (-1.0, 1.0)]) * DRIVE.motor.rated_current
@@ -41,7 +54,8 @@ def test_a_current_of_reference_of_its_own_moves_the_corners():
 
 
 def test_a_drop_and_a_resistance_are_told_as_these():
-    """The smallest corner lies below all currents that are looked at; the largest is a resistance up to twice rated."""
+    """The smallest corner lies below all currents that are looked at; the largest is a resistance
+    up to twice rated."""
     ohm = 0.5 * DRIVE.motor.resistance
     v = completed(v_1=0.7, v_12=ohm * 2.0 * DRIVE.motor.rated_current)
     text = said(v, DRIVE.motor, DRIVE.converter)
@@ -51,9 +65,11 @@ def test_a_drop_and_a_resistance_are_told_as_these():
 
 
 def test_the_table_that_it_proposes_is_the_curve():
-    """What stands in [drive] inverter_table then: straight between corners, so the same everywhere."""
+    """What stands in [drive] inverter_table then: straight between corners, so the same
+    everywhere."""
     v = completed(v_2=0.4, v_7=-0.3, v_9=1.1)
     found = CARD.do(v, DRIVE.motor, DRIVE.converter).partition("inverter_table = ")[2]
     points = np.array(json.loads(found))
     i = np.linspace(0.0, 3.0, 301) * DRIVE.motor.rated_current
-    assert np.allclose(np.interp(i, *points.T), curve(v, DRIVE.motor, i), atol=5e-3 * 1.8)  # three digits are given
+    # three digits are given
+    assert np.allclose(np.interp(i, *points.T), curve(v, DRIVE.motor, i), atol=5e-3 * 1.8)

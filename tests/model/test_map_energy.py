@@ -1,4 +1,5 @@
-"""A flux map's file that holds its energy: read back to the last digit, and refused where its points are others."""
+"""A flux map's file that holds its energy: read back to the last digit, and refused where its
+points are others."""
 
 import io
 

@@ -1,4 +1,5 @@
-"""Flux maps as published: holes, ragged circles, axes the other way round, scattered points, a frame that is turned."""
+"""Flux maps as published: holes, ragged circles, axes the other way round, scattered points, a
+frame that is turned."""
 
 import dataclasses
 import math
@@ -35,7 +36,8 @@ smooth = 1e-3
 def machine(i_d, i_q):
     """Fluxes (Wb) of a saturating machine, gradients of the co-energy (J, A)
 
-    0.1 d + 2e-3 d^2 + 4 ln(1 + 1e-3 q^2) - 1e-5 d q^2 / (1 + 0.01 q^2): reciprocal, even in q, convex here.
+    0.1 d + 2e-3 d^2 + 4 ln(1 + 1e-3 q^2) - 1e-5 d q^2 / (1 + 0.01 q^2): reciprocal, even in q,
+    convex here.
     """
     square = np.asarray(i_q) ** 2
     psi_d = 0.1 + 4e-3 * i_d - 1e-5 * square / (1.0 + 0.01 * square)
@@ -43,7 +45,8 @@ def machine(i_d, i_q):
 
 
 def planted(shape=(19, 21), radius=np.inf, angle=0.0):
-    """Grids i_d (n, m), i_q (n, m) and fluxes in a frame whose d axis stands `angle` ahead of the magnet's."""
+    """Grids i_d (n, m), i_q (n, m) and fluxes in a frame whose d axis stands `angle` ahead of the
+    magnet's."""
     d, q = np.meshgrid(np.linspace(-12, 3, shape[0]), np.linspace(-12, 12, shape[1]), indexing="ij")
     true = (d + 1j * q) * np.exp(1j * angle)
     psi = (lambda a, b: (a + 1j * b) * np.exp(-1j * angle))(*machine(true.real, true.imag))
@@ -72,7 +75,12 @@ def test_axes_the_other_way_round_are_seen(tmp_path):
     assert "taken the other way round" in p.notes[0]
     d, q, psi_d, psi_q = planted((21, 21))  # square: psi_d tells, which rises along i_d
     for flip in (False, True):
-        body = {"i_d": d[:, 0], "i_q": q[0], "psi_d": psi_d.T if flip else psi_d, "psi_q": psi_q.T if flip else psi_q}
+        body = {
+            "i_d": d[:, 0],
+            "i_q": q[0],
+            "psi_d": psi_d.T if flip else psi_d,
+            "psi_q": psi_q.T if flip else psi_q,
+        }
         np.savez(tmp_path / "m.npz", **body)
         p = read_points(tmp_path / "m.npz")
         np.testing.assert_allclose(p.psi_d, machine(p.i_d, p.i_q)[0], atol=1e-12)
@@ -83,7 +91,8 @@ def test_axes_the_other_way_round_are_seen(tmp_path):
 
 
 def test_a_turned_frame_is_found_and_undone(tmp_path):
-    """Planted: 3 degrees.  The polynomials take a symmetric machine as symmetric to their own truncation, some 1e-5."""
+    """Planted: 3 degrees.  The polynomials take a symmetric machine as symmetric to their own
+    truncation, some 1e-5."""
     angle = math.radians(3.0)
     d, q, psi_d, psi_q = planted(radius=12.5, angle=angle)
     np.savez(tmp_path / "m.npz", i_d=d, i_q=q, psi_d=psi_d, psi_q=psi_q)
@@ -104,7 +113,9 @@ def test_a_symmetric_map_is_left_alone(tmp_path):
     p = read_points(tmp_path / "m.npz")
     assert asymmetry(p) < 1e-6  # Wb, of 0.1: a symmetric grid makes odd and even parts orthogonal
     assert quality(p).angle is None
-    half = dataclasses.replace(p, **{n: getattr(p, n)[p.i_q >= 0.0] for n in ("i_d", "i_q", "psi_d", "psi_q")})
+    half = dataclasses.replace(
+        p, **{n: getattr(p, n)[p.i_q >= 0.0] for n in ("i_d", "i_q", "psi_d", "psi_q")}
+    )
     assert quality(half).asymmetry is None  # one sign of i_q tells none
 
 
@@ -112,7 +123,9 @@ def test_a_map_that_ends_at_no_d_current_says_how_to_start(tmp_path):
     d, q, psi_d, psi_q = planted()
     keep = d[:, 0] <= 0.0
     np.savez(tmp_path / "m.npz", i_d=d[keep], i_q=q[keep], psi_d=psi_d[keep], psi_q=psi_q[keep])
-    assert any("start_up = false" in s for s in quality(read_points(tmp_path / "m.npz")).sentences())
+    assert any(
+        "start_up = false" in s for s in quality(read_points(tmp_path / "m.npz")).sentences()
+    )
 
 
 @pytest.mark.parametrize("kind", ["scattered", "circle", "turned"])
@@ -139,14 +152,19 @@ def test_a_motor_with_such_a_map_has_its_fluxes(tmp_path, kind):
 
 
 def test_a_wrong_angle_is_refused(tmp_path):
-    np.savez(tmp_path / "m.npz", **dict(zip(("i_d", "i_q", "psi_d", "psi_q"), planted(), strict=True)))
+    np.savez(
+        tmp_path / "m.npz", **dict(zip(("i_d", "i_q", "psi_d", "psi_q"), planted(), strict=True))
+    )
     (tmp_path / "mine.toml").write_text(TOML.replace("FILE", "m.npz") + "angle = 30.0\n")
-    with pytest.raises(BadInput, match=r"\[flux_map\] angle = 30.0 is no angle; give electrical rad"):
+    with pytest.raises(
+        BadInput, match=r"\[flux_map\] angle = 30.0 is no angle; give electrical rad"
+    ):
         load_drive(tmp_path / "mine.toml")
 
 
 def test_the_sew_map_holds_an_angle():
-    """The file: 142 of 594 points without a value, rows i_q; psi_q from -34 to +22 mWb hints at about 3 degrees."""
+    """The file: 142 of 594 points without a value, rows i_q; psi_q from -34 to +22 mWb hints at
+    about 3 degrees."""
     p = read_points(real_data() / "sew_map" / "LUT_SEW_jax_grad.mat")
     found = quality(p)
     assert found.points == 452
@@ -155,33 +173,47 @@ def test_the_sew_map_holds_an_angle():
 
 
 def test_a_motor_s_map_is_asked_by_its_table(tmp_path):
-    np.savez(tmp_path / "m.npz", **dict(zip(("i_d", "i_q", "psi_d", "psi_q"), planted(), strict=True)))
+    np.savez(
+        tmp_path / "m.npz", **dict(zip(("i_d", "i_q", "psi_d", "psi_q"), planted(), strict=True))
+    )
     found = map_quality({"file": "m.npz"}, tmp_path)
     assert found.points == 399
     assert "mWb rms on points held out" in " ".join(found.sentences())
-    assert map_quality({"file": "m.npz", "angle": 0.1}, tmp_path).angle == pytest.approx(-0.1, abs=2e-3)
+    assert map_quality({"file": "m.npz", "angle": 0.1}, tmp_path).angle == pytest.approx(
+        -0.1, abs=2e-3
+    )
 
 
 def half_of_the_measured_map():
-    """Return the measured Baldor map (motulator) cut to i_d <= 0, i_q >= 0, as finite elements usually give one."""
+    """Return the measured Baldor map (motulator) cut to i_d <= 0, i_q >= 0, as finite elements
+    usually give one."""
     p = read_points(real_data() / "baldor_pmsyrm" / "baldor_meas.npz")
     kept = (p.i_d <= 0.0) & (p.i_q >= 0.0)
-    return dataclasses.replace(p, **{n: getattr(p, n)[kept] for n in ("i_d", "i_q", "psi_d", "psi_q")})
+    return dataclasses.replace(
+        p, **{n: getattr(p, n)[kept] for n in ("i_d", "i_q", "psi_d", "psi_q")}
+    )
 
 
 def table_of(p):
     rows = np.stack([p.i_d, p.i_q, p.psi_d, p.psi_q], axis=1)
-    return "i_d,i_q,psi_d,psi_q\n" + "".join(",".join(f"{x:.9g}" for x in row) + "\n" for row in rows)
+    return "i_d,i_q,psi_d,psi_q\n" + "".join(
+        ",".join(f"{x:.9g}" for x in row) + "\n" for row in rows
+    )
 
 
-BALDOR = TOML.replace("cells = [8, 6]\nsmooth = 1e-3\n", "").replace("pole_pairs = 4", "pole_pairs = 2")
+BALDOR = TOML.replace("cells = [8, 6]\nsmooth = 1e-3\n", "").replace(
+    "pole_pairs = 4", "pole_pairs = 2"
+)
 
 
 def test_too_many_cells_are_told_by_the_errors_of_that_fit(tmp_path):
-    """20 x 16 cells on 154 points: L_dd at i_d = 0 is some times the 20.3 mH between the map's own points there."""
+    """20 x 16 cells on 154 points: L_dd at i_d = 0 is some times the 20.3 mH between the map's own
+    points there."""
     (tmp_path / "half.csv").write_text(table_of(half_of_the_measured_map()))
     (tmp_path / "auto.toml").write_text(BALDOR.replace("FILE", "half.csv"))
-    (tmp_path / "cells.toml").write_text(BALDOR.replace("FILE", "half.csv") + "cells = [20, 16]\nsmooth = 3e-4\n")
+    (tmp_path / "cells.toml").write_text(
+        BALDOR.replace("FILE", "half.csv") + "cells = [20, 16]\nsmooth = 3e-4\n"
+    )
     found = map_quality({"file": "half.csv", "cells": [20, 16], "smooth": 3e-4}, tmp_path)
     auto = map_quality({"file": "half.csv"}, tmp_path)
     assert found.held_out > 2.0 * auto.held_out
@@ -203,7 +235,10 @@ def test_too_many_cells_are_told_by_the_errors_of_that_fit(tmp_path):
             1.0,
             1.0,
             4,
-            "1.414 times 3/2 pole_pairs (psi_d i_q - psi_q i_d): the currents or the fluxes are rms",
+            (
+                "1.414 times 3/2 pole_pairs (psi_d i_q - psi_q i_d): the currents or the "
+                "fluxes are rms"
+            ),
         ),
         (1.0, 2**-0.5, 1.0, 4, "the currents or the fluxes are rms"),
         (
@@ -222,19 +257,30 @@ def test_too_many_cells_are_told_by_the_errors_of_that_fit(tmp_path):
         (1.0, 1.0, 1.03, 4, ""),  # a torque that was measured
     ],
 )
-def test_a_torque_that_contradicts_the_fluxes_is_told(tmp_path, currents, fluxes, torque, pairs, said):
-    """Planted: T = 3/2 p (psi_d i_q - psi_q i_d) with p = 4, then columns and [motor] in another convention."""
+def test_a_torque_that_contradicts_the_fluxes_is_told(
+    tmp_path, currents, fluxes, torque, pairs, said
+):
+    """Planted: T = 3/2 p (psi_d i_q - psi_q i_d) with p = 4, then columns and [motor] in another
+    convention."""
     d, q, psi_d, psi_q = (x.ravel() for x in planted((9, 11)))
     friction = 0.2  # N m: of a bench that measured it, an offset
     t = torque * (1.5 * 4 * (psi_d * q - psi_q * d) - friction)
-    body = {"i_d": currents * d, "i_q": currents * q, "psi_d": fluxes * psi_d, "psi_q": fluxes * psi_q, "torque": t}
+    body = {
+        "i_d": currents * d,
+        "i_q": currents * q,
+        "psi_d": fluxes * psi_d,
+        "psi_q": fluxes * psi_q,
+        "torque": t,
+    }
     np.savez(tmp_path / "m.npz", **body)
     line = torque_line(read_points(tmp_path / "m.npz"))
     assert line.left < 1e-9
     notes = torque_notes(line, pairs, "m.npz")
     assert (said in " ".join(notes)) if said else notes == []
     np.savez(tmp_path / "m.npz", **{**body, "torque": t * np.sign(d + 5.0)})
-    assert "does not follow its fluxes" in " ".join(torque_notes(torque_line(read_points(tmp_path / "m.npz")), 4, "m"))
+    assert "does not follow its fluxes" in " ".join(
+        torque_notes(torque_line(read_points(tmp_path / "m.npz")), 4, "m")
+    )
 
 
 @pytest.mark.parametrize("name", ["brusa_hsm1", "thor_fea", "baldor_pmsyrm"])
@@ -249,7 +295,11 @@ def test_published_maps_do_not_contradict_themselves(name):
         "i_d,i_q,psi_d,psi_q,torque",
         "idVec,iqVec,fluxD,fluxQ,torque",  # MathWorks
         "Id_Peak,Iq_Peak,Flux_Linkage_D,Flux_Linkage_Q,Electromagnetic_Torque",  # Motor-CAD
-        "d-axis current [A],q-axis current [A],d-axis flux linkage [Wb],q-axis flux linkage [Wb],Torque [N m]",  # JMAG
+        # JMAG
+        (
+            "d-axis current [A],q-axis current [A],d-axis flux linkage [Wb],q-axis flux "
+            "linkage [Wb],Torque [N m]"
+        ),
         "Id,Iq,Phi_d,Phi_q,Tem_av",  # pyleecan
         "Id,Iq,Fd,Fq,T",  # SyR-e
         "Id (A),Iq (A),lambda_d (Wb),lambda_q (Wb),Te (Nm)",
@@ -268,7 +318,8 @@ def test_names_and_units_of_other_programs(tmp_path, head, separator):
     marks = head.split(",")
     rows = [np.array(x) for x in (d, q, psi_d, psi_q, 6.0 * (psi_d * q - psi_q * d))]
     scaled = [
-        x * (1e3 if m.endswith("*") else 2**-0.5 if m.endswith("~") else 1.0) for x, m in zip(rows, marks, strict=True)
+        x * (1e3 if m.endswith("*") else 2**-0.5 if m.endswith("~") else 1.0)
+        for x, m in zip(rows, marks, strict=True)
     ]
     text = separator.join(m.rstrip("*~") for m in marks) + "\n"
     for row in zip(*scaled, strict=True):
@@ -284,17 +335,23 @@ def test_names_and_units_of_other_programs(tmp_path, head, separator):
 def test_a_structure_s_fields_are_its_quantities(tmp_path):
     """As SyR-e keeps a motor's map: motorModel.FluxMap_dq.Id and so on."""
     d, q, psi_d, psi_q = planted((7, 9))
-    savemat(tmp_path / "m.mat", {"motorModel": {"FluxMap_dq": {"Id": d, "Iq": q, "Fd": psi_d, "Fq": psi_q}}})
+    savemat(
+        tmp_path / "m.mat",
+        {"motorModel": {"FluxMap_dq": {"Id": d, "Iq": q, "Fd": psi_d, "Fq": psi_q}}},
+    )
     p = read_points(tmp_path / "m.mat")
     np.testing.assert_allclose(p.psi_d, psi_d.ravel(), atol=1e-12)
 
 
 def test_a_map_of_another_unit_is_told_in_the_map_s_own_words(tmp_path):
-    """Fluxes in mWb without a word: 100 Wb of magnet; nothing of [motor] is quoted that does not stand there."""
+    """Fluxes in mWb without a word: 100 Wb of magnet; nothing of [motor] is quoted that does not
+    stand there."""
     rows = np.stack([x.ravel() for x in planted((9, 11))], axis=1) * [1.0, 1.0, 5e3, 5e3]
     np.savetxt(tmp_path / "m.csv", rows, delimiter=",", header="i_d,i_q,psi_d,psi_q", comments="")
     (tmp_path / "mine.toml").write_text(TOML.replace("FILE", "m.csv"))
-    with pytest.raises(BadInput, match=r"m.csv: its points make a magnet flux of 500 Wb.*e.g. psi_d \[mWb\]"):
+    with pytest.raises(
+        BadInput, match=r"m.csv: its points make a magnet flux of 500 Wb.*e.g. psi_d \[mWb\]"
+    ):
         load_drive(tmp_path / "mine.toml")
     (tmp_path / "m.csv").write_text("i_d,i_q,psi_d,psi_q\n1,2,3,4\n")
     with pytest.raises(BadInput, match=r"'i_d' has 1 values; a map needs at least 24"):
@@ -322,10 +379,17 @@ def test_an_axis_of_the_rotor_s_angle_is_averaged(tmp_path):
     deep = psi_d[..., None] + ripple, psi_q[..., None] - ripple
     np.savez(tmp_path / "m.npz", i_d=d[:, 0], i_q=q[0], psi_d=deep[0], psi_q=deep[1])
     rows = np.stack(
-        [np.repeat(d.ravel(), 6), np.repeat(q.ravel(), 6), np.tile(np.arange(6.0), d.size), *(x.ravel() for x in deep)],
+        [
+            np.repeat(d.ravel(), 6),
+            np.repeat(q.ravel(), 6),
+            np.tile(np.arange(6.0), d.size),
+            *(x.ravel() for x in deep),
+        ],
         axis=1,
     )
-    np.savetxt(tmp_path / "m.csv", rows, delimiter=",", header="id,iq,theta,psi_d,psi_q", comments="")
+    np.savetxt(
+        tmp_path / "m.csv", rows, delimiter=",", header="id,iq,theta,psi_d,psi_q", comments=""
+    )
     for file in ("m.npz", "m.csv"):
         p = read_points(tmp_path / file)
         assert len(p.i_d) == d.size
@@ -338,8 +402,12 @@ def test_the_motor_s_file_may_name_the_columns(tmp_path):
     rows = np.stack([d, q, psi_d, psi_q], axis=1)
     np.savetxt(tmp_path / "m.csv", rows, delimiter=",", header="a,b,c,e", comments="")
     table = {"i_d": "a", "i_q": "b", "psi_d": "c", "psi_q": "e"}
-    np.testing.assert_allclose(read_points(tmp_path / "m.csv", stated=table).psi_q, psi_q, atol=1e-12)
-    with pytest.raises(BadInput, match=r"no .i_d. of numbers .* it holds a, b, c, e: name it in \[flux_map\]"):
+    np.testing.assert_allclose(
+        read_points(tmp_path / "m.csv", stated=table).psi_q, psi_q, atol=1e-12
+    )
+    with pytest.raises(
+        BadInput, match=r"no .i_d. of numbers .* it holds a, b, c, e: name it in \[flux_map\]"
+    ):
         read_points(tmp_path / "m.csv")
     with pytest.raises(BadInput, match=r"\[flux_map\] i_d: unknown array of m.csv 'aa'"):
         read_points(tmp_path / "m.csv", stated={**table, "i_d": "aa"})

@@ -1,4 +1,5 @@
-"""A motor from a flux map: the user's file, what it may not say, what is remembered, what is missing."""
+"""A motor from a flux map: the user's file, what it may not say, what is remembered, what is
+missing."""
 
 import io
 
@@ -41,12 +42,18 @@ def folder(tmp_path, monkeypatch):
 def test_a_user_s_map_gives_back_the_motor_it_was_computed_from(folder, name):
     found, motor = load_drive(folder / name).motor, load_drive("ipm_exchanged").motor
     assert found.name == "mine"
-    # the spline's space holds the quartic; smoothness 1e-6 leaves less than 1e-3 (test_spline_energy)
+    # the spline's space holds the quartic; smoothness 1e-6 leaves less than 1e-3
+    # (test_spline_energy)
     for key in ("inductance_d", "inductance_q", "magnet_flux"):
         assert getattr(found, key) == pytest.approx(getattr(motor, key), rel=2e-3), key
     at = (0.5, -1.3)
-    np.testing.assert_allclose(inductances(found.energy, *at), inductances(motor.energy, *at), rtol=2e-3)
-    with pytest.raises(PhysicsError, match=r"i_q = 30 A is outside the motor's flux map: .* the map ends at i_d = 0 A"):
+    np.testing.assert_allclose(
+        inductances(found.energy, *at), inductances(motor.energy, *at), rtol=2e-3
+    )
+    with pytest.raises(
+        PhysicsError,
+        match=r"i_q = 30 A is outside the motor's flux map: .* the map ends at i_d = 0 A",
+    ):
         flux_from_current(found.energy, 0.0, 30.0)
 
 
@@ -74,13 +81,25 @@ def test_a_fit_is_remembered_until_the_map_changes(folder, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: t.replace("[flux_map]", "inductance_d = 0.05\n[flux_map]"), "inductance_d comes from the flux map"),
-        (lambda t: t.replace("file =", "fil ="), r"unknown key in \[flux_map\] 'fil'; did you mean 'file'"),
-        (lambda t: t.replace("mine.csv", "other.csv"), "other.csv' does not exist; give a flux map"),
+        (
+            lambda t: t.replace("[flux_map]", "inductance_d = 0.05\n[flux_map]"),
+            "inductance_d comes from the flux map",
+        ),
+        (
+            lambda t: t.replace("file =", "fil ="),
+            r"unknown key in \[flux_map\] 'fil'; did you mean 'file'",
+        ),
+        (
+            lambda t: t.replace("mine.csv", "other.csv"),
+            "other.csv' does not exist; give a flux map",
+        ),
         (lambda t: t.replace("[8, 6]", "[8]"), "give both, cells"),
         (lambda t: t + 'magnet = "x"\n', "magnet axis 'x' is not known"),
         (lambda t: t.replace("resistance = 12.15\n", ""), r"\[motor\] lacks 'resistance'"),
-        (lambda t: t + 'dataset = "brusa"\n', "unknown data set 'brusa'; did you mean 'brusa_hsm1'"),
+        (
+            lambda t: t + 'dataset = "brusa"\n',
+            "unknown data set 'brusa'; did you mean 'brusa_hsm1'",
+        ),
     ],
 )
 def test_what_is_wrong_is_named(folder, change, message):
@@ -91,7 +110,9 @@ def test_what_is_wrong_is_named(folder, change, message):
 
 def test_a_map_alone_says_what_to_write_beside_it(folder):
     (folder / "mine.toml").unlink()
-    with pytest.raises(BadInput, match=r"gives no resistance, pole pairs and ratings; write them into 'mine.toml'"):
+    with pytest.raises(
+        BadInput, match=r"gives no resistance, pole pairs and ratings; write them into 'mine.toml'"
+    ):
         load_drive(folder / "mine.csv")
 
 
@@ -111,7 +132,9 @@ def _no_pooch(name, *_):
 def test_a_map_with_its_magnet_on_another_axis_is_named(folder):
     """The same map turned by 90 degrees: at i_q = 0 its q flux is the magnet's."""
     (folder / "mine.toml").write_text(TEXT + CHOICE + 'magnet = "-q"\n')
-    with pytest.raises(BadInput, match=r"psi_q is .* Wb at i_q = 0 .* so the magnet is not on the d axis"):
+    with pytest.raises(
+        BadInput, match=r"psi_q is .* Wb at i_q = 0 .* so the magnet is not on the d axis"
+    ):
         load_drive(folder / "mine.toml")
 
 
@@ -120,7 +143,9 @@ def test_a_flux_that_falls_with_its_current_is_named(folder):
     cells = rows[1 + 17 * 8 + 3].split(",")  # i_d = 0, the fourth i_q: -3.2 + 3 x 0.4 A
     rows[1 + 17 * 8 + 3] = ",".join([*cells[:3], "0.5"])
     (folder / "mine.csv").write_text("\n".join(rows))
-    with pytest.raises(BadInput, match=r"psi_q changes by -.* Wb from i_d = 0 A, i_q = -2 A to the next i_q"):
+    with pytest.raises(
+        BadInput, match=r"psi_q changes by -.* Wb from i_d = 0 A, i_q = -2 A to the next i_q"
+    ):
         load_drive(folder / "mine.toml")
 
 
@@ -154,9 +179,16 @@ def test_a_kept_fit_that_is_whole_but_no_fit_is_made_anew(folder, name, value):
 
 
 def test_currents_between_the_points_are_held_by_the_data():
-    """The SEW map: currents up to 16 A, corners beyond the circle without a value, i_d up to 1 A."""
+    """The SEW map: currents up to 16 A, corners beyond the circle without a value, i_d up to 1
+    A."""
     folder = real_data() / "sew_map"
-    values = {"name": "sew", "pole_pairs": 4, "resistance": 0.208, "inertia": 0.02, "rated_current": 8.0}
+    values = {
+        "name": "sew",
+        "pole_pairs": 4,
+        "resistance": 0.208,
+        "inertia": 0.02,
+        "rated_current": 8.0,
+    }
     values |= {"rated_torque": 4.4, "rated_speed_rpm": 3000.0}
     table = {"file": "LUT_SEW_jax_grad.mat", "cells": [6, 6], "smooth": 0.1}
     motor = mapped_motor(values, table, folder)

@@ -25,7 +25,9 @@ ARRAYS = {
     "deep": RNG.normal(size=(2, 3, 4)),
     "yes": np.array([True, False]),
     **{
-        f"{kind}{n}": np.arange(-3 if kind == "i" else 0, 7).astype(f"{kind}{n}") for kind in "iu" for n in (1, 2, 4, 8)
+        f"{kind}{n}": np.arange(-3 if kind == "i" else 0, 7).astype(f"{kind}{n}")
+        for kind in "iu"
+        for n in (1, 2, 4, 8)
     },
 }
 MAX_BYTES = 10_000_000
@@ -58,12 +60,16 @@ def structures(names):
 
 @pytest.mark.parametrize("packed", [False, True])
 def test_structures_in_an_array_are_signals_by_their_name_or_numbered(packed, tmp_path):
-    """Texts in SciPy's three ways: bytes, UTF-8, UTF-16; a name used twice, an empty one, and one of two lines tell
-    nothing."""
+    """Texts in SciPy's three ways: bytes, UTF-8, UTF-16; a name used twice, an empty one, and one
+    of two lines tell nothing."""
     names = ["i_a", "\u03c8", "twice", "twice", "", "two\nlines"]
     savemat(tmp_path / "m.mat", {"log": {"Y": structures(names)}}, do_compression=packed)
     found = read_mat(tmp_path / "m.mat", MAX_BYTES)
-    assert set(found) == {"i_a", "\u03c8", *(f"log.Y({k}).{n}" for k in (3, 4, 5, 6) for n in ("Data", "more.x"))}
+    assert set(found) == {
+        "i_a",
+        "\u03c8",
+        *(f"log.Y({k}).{n}" for k in (3, 4, 5, 6) for n in ("Data", "more.x")),
+    }
     np.testing.assert_array_equal(found["i_a"].ravel(), np.arange(3.0))
     np.testing.assert_array_equal(found["\u03c8"].ravel(), np.arange(3.0) + 1)
     np.testing.assert_array_equal(found["log.Y(4).Data"].ravel(), np.arange(3.0) + 3)
@@ -83,7 +89,12 @@ def test_a_measured_map_is_read_as_scipy_reads_it():
 def test_damage_is_refused_or_harmless(packed, tmp_path):
     """Every refusal is `Damaged`; what is read is never larger than its file can hold."""
     path = tmp_path / "m.mat"
-    arrays = {"x": ARRAYS["x"], "z": ARRAYS["z"], "log": {"i_a": np.arange(9.0)}, "Y": structures(["a", "b"])}
+    arrays = {
+        "x": ARRAYS["x"],
+        "z": ARRAYS["z"],
+        "log": {"i_a": np.arange(9.0)},
+        "Y": structures(["a", "b"]),
+    }
     savemat(path, arrays, do_compression=packed)
     whole, kinds = path.read_bytes(), set()
     for k in range(1500):

@@ -20,7 +20,15 @@ PRINTED = {
     "spm": (2, 3.4, 29.0, 400, 6.69, 155.4e-3, 58.6e-3, 5.01, 4.83, 1.83, 8.76, 1.18),
 }
 NAMES = [
-    *("pole_pairs", "rated_current", "rated_torque", "rated_speed_rpm", "resistance", "inductance_d", "inductance_q"),
+    *(
+        "pole_pairs",
+        "rated_current",
+        "rated_torque",
+        "rated_speed_rpm",
+        "resistance",
+        "inductance_d",
+        "inductance_q",
+    ),
     *("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04"),
 ]
 GOOD = """
@@ -59,7 +67,9 @@ def test_exchanged_differs_in_the_two_inductances_only(name):
 def test_magnet_flux_follows_from_rated_torque_and_peak_current():
     for name in PRINTED:
         m = load_drive(name).motor
-        assert m.magnet_flux == pytest.approx(m.rated_torque / (1.5 * m.pole_pairs * m.rated_current), rel=2e-3)
+        assert m.magnet_flux == pytest.approx(
+            m.rated_torque / (1.5 * m.pole_pairs * m.rated_current), rel=2e-3
+        )
 
 
 @pytest.mark.parametrize("name", [*motor_names(), *mapped_names()])
@@ -70,7 +80,11 @@ def test_every_value_says_where_it_comes_from(name):
     for table in ("motor", "drive", "injection"):
         for key in data[table]:
             if key not in ("name", "description"):
-                assert notes[key].split(":")[0].split(";")[0] in ("printed", "derived", "assumed"), key
+                assert notes[key].split(":")[0].split(";")[0] in (
+                    "printed",
+                    "derived",
+                    "assumed",
+                ), key
 
 
 def drive_file(tmp_path, text):
@@ -87,11 +101,15 @@ def test_user_motor_with_defaults(tmp_path):
     assert isinstance(drive.motor.rated_speed_rpm, float)
 
 
-@pytest.mark.parametrize("text", ["nan H", "inf mH", "1e400 mH", "1,000 H", "-1,250 mH", "45.8 H", "-1 mH"])
+@pytest.mark.parametrize(
+    "text", ["nan H", "inf mH", "1e400 mH", "1,000 H", "-1,250 mH", "45.8 H", "-1 mH"]
+)
 def test_nothing_is_suggested_that_is_no_value_or_not_clear(tmp_path, text):
     """45.8 H is beyond the bound; 1,000 may be one or a thousand."""
     with pytest.raises(BadInput, match="is not a number") as found:
-        load_drive(drive_file(tmp_path, GOOD.replace("inductance_d = 0.01", f"inductance_d = '{text}'")))
+        load_drive(
+            drive_file(tmp_path, GOOD.replace("inductance_d = 0.01", f"inductance_d = '{text}'"))
+        )
     assert "write" not in str(found.value)
 
 
@@ -110,9 +128,18 @@ def test_nothing_is_suggested_that_is_no_value_or_not_clear(tmp_path, text):
         ("inductance_d = 0.01|inductance_d = '0,060 H'", ("(H): write 0.06",)),
         ("inductance_d = 0.01|inductance_d = 45.8", ("H; is it mH? write 0.0458",)),
         ("resistance = 1.0|", ("lacks 'resistance'", "ohm")),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\npwm_frequency = '4000'", ("pwm_frequency", "number")),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nencoder_counts = -1", ("encoder_counts = -1",)),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 3", ("waveform = 3", "quotes")),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\npwm_frequency = '4000'",
+            ("pwm_frequency", "number"),
+        ),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nencoder_counts = -1",
+            ("encoder_counts = -1",),
+        ),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 3",
+            ("waveform = 3", "quotes"),
+        ),
         ("resistance = 1.0|resistance = 1" + 400 * "0", ("resistance = 1e+300", "ohm")),
         ("[motor]|x = " + 3000 * "[" + "\n[motor]", ("mine.toml",)),
         ("[motor]|[motor]\nname = 3", ("name = 3", "quotes")),
@@ -124,11 +151,26 @@ def test_nothing_is_suggested_that_is_no_value_or_not_clear(tmp_path, text):
             "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nsampling_period = 250",
             ("250", "0.01] s", "us? write 0.00025"),
         ),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nsampling_period = 0.25", ("ms? write 0.00025",)),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 'squar'", ("mean 'square'",)),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\ntracking = 'vesk'", ("mean 'vesc'",)),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nmodulation = 'SVPWM'", ("mean 'centred'",)),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nmodulation = 'SPWM'", ("'SPWM': sinusoidal PWM",)),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nsampling_period = 0.25",
+            ("ms? write 0.00025",),
+        ),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 'squar'",
+            ("mean 'square'",),
+        ),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\ntracking = 'vesk'",
+            ("mean 'vesc'",),
+        ),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nmodulation = 'SVPWM'",
+            ("mean 'centred'",),
+        ),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nmodulation = 'SPWM'",
+            ("'SPWM': sinusoidal PWM",),
+        ),
         ("resistance = 1.0|resistance = true", ("resistance = true is not a number",)),
         (
             "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nbetween_rows = 'held'",
@@ -152,11 +194,19 @@ def test_unknown_motor_and_missing_file():
         load_drive("nowhere.toml")
 
 
-SCALARS = st.one_of(st.floats(), st.integers(), st.booleans(), st.text(max_size=5), st.lists(st.integers(), max_size=2))
+SCALARS = st.one_of(
+    st.floats(),
+    st.integers(),
+    st.booleans(),
+    st.text(max_size=5),
+    st.lists(st.integers(), max_size=2),
+)
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.dictionaries(st.sampled_from([f.name for f in dataclasses.fields(Motor)] + ["x"]), SCALARS))
+@given(
+    st.dictionaries(st.sampled_from([f.name for f in dataclasses.fields(Motor)] + ["x"]), SCALARS)
+)
 def test_any_motor_table_is_taken_or_refused_in_one_sentence(values):
     from model.parameters import build
 

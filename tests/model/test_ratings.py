@@ -1,4 +1,5 @@
-"""Ratings that cannot belong to one motor are cautioned; 3/2 p psi i = 1.06 N m is what the paper's motor states."""
+"""Ratings that cannot belong to one motor are cautioned; 3/2 p psi i = 1.06 N m is what the paper's
+motor states."""
 
 import dataclasses
 
@@ -40,7 +41,8 @@ def test_a_value_in_another_unit_is_named(values, said):
     "values", [{"rated_current": 1.2 * 2**0.5}, {"rated_torque": 3.0}, {"rated_speed_rpm": 9000.0}]
 )
 def test_what_a_motor_may_have_is_not_cautioned(values):
-    """Rms for peak, a torque of three times what the magnet gives, field weakening to five times the base speed."""
+    """Rms for peak, a torque of three times what the magnet gives, field weakening to five times
+    the base speed."""
     assert cautions(changed(**values)) == ()
 
 
@@ -78,15 +80,19 @@ def small(**values):
         ({"inertia": 70.6}, "inertia in g cm^2"),
         ({"rated_current": 7100.0}, "rated_current in mA"),
         ({"rated_torque": 270.0}, "rated_torque in mN m"),
-        ({"inductance_d": 2e-7, "inductance_q": 3e-7}, "inductance_d and inductance_q 1000 times too small"),
-        ({"resistance": 3.6e-4}, "resistance 1000 times too small"),  # copper loses 0.02 % of the power
+        (
+            {"inductance_d": 2e-7, "inductance_q": 3e-7},
+            "inductance_d and inductance_q 1000 times too small",
+        ),
+        # copper loses 0.02 % of the power
+        ({"resistance": 3.6e-4}, "resistance 1000 times too small"),
         ({"inductance_q": 0.3}, "inductance_q in mH"),
         ({"inductance_d": 0.2}, "inductance_d in mH"),
     ],
 )
 def test_numbers_that_physics_binds_are_compared(values, said):
-    """R I, w L I, L I / psi, L / R, J w / T, T w, R I^2 / T w and L_q / L_d against link, time and power; the unit that
-    mends all is named."""
+    """R I, w L I, L I / psi, L / R, J w / T, T w, R I^2 / T w and L_q / L_d against link, time and
+    power; the unit that mends all is named."""
     assert cautions(small()) == ()
     assert said in " ".join(cautions(small(**values)))
 
@@ -116,13 +122,17 @@ def test_what_a_motors_file_does_not_state_is_said(tmp_path):
     ],
 )
 def test_a_flux_map_in_another_unit_is_named(amps, webers, said, tmp_path):
-    """9 and 20 mH, 0.05 Wb, 6 A: L I / psi is 1 and 2.4; a map of milliamperes makes it a thousandth of that."""
+    """9 and 20 mH, 0.05 Wb, 6 A: L I / psi is 1 and 2.4; a map of milliamperes makes it a
+    thousandth of that."""
     i = np.linspace(-12.0, 12.0, 9)
     i_d, i_q = (x.ravel() for x in np.meshgrid(i, i))
-    rows = np.stack([amps * i_d, amps * i_q, webers * (0.05 + 9e-3 * i_d), webers * 20e-3 * i_q], axis=1)
+    rows = np.stack(
+        [amps * i_d, amps * i_q, webers * (0.05 + 9e-3 * i_d), webers * 20e-3 * i_q], axis=1
+    )
     np.savetxt(tmp_path / "map.csv", rows, delimiter=",", header="i_d,i_q,psi_d,psi_q", comments="")
     (tmp_path / "mine.toml").write_text(
-        "[motor]\npole_pairs = 4\nresistance = 0.4\ninertia = 0.002\nrated_current = 6.0\nrated_torque = 3.4\n"
+        "[motor]\npole_pairs = 4\nresistance = 0.4\ninertia = 0.002\nrated_current = "
+        "6.0\nrated_torque = 3.4\n"
         'rated_speed_rpm = 3000.0\n[flux_map]\nfile = "map.csv"\ncells = [4, 4]\nsmooth = 1e-5\n'
         "[drive]\nsampling_period = 125e-6\ndc_bus_voltage = 320.0\n"
     )

@@ -1,4 +1,5 @@
-"""The periodic solution against closed forms and SciPy; the order of what the paper's averaging leaves out."""
+"""The periodic solution against closed forms and SciPy; the order of what the paper's averaging
+leaves out."""
 
 import math
 
@@ -21,7 +22,9 @@ def _square(amplitude, axis=0, n=N):
 
 def _solve(m, resistance, v, h, mean, threshold=0.0, delay=0.0):
     out = np.empty_like(v)
-    u_d, u_q, status = periodic(m, resistance, threshold, 0.02, 0.3, v, h, delay, *map(float, mean), out)
+    u_d, u_q, status = periodic(
+        m, resistance, threshold, 0.02, 0.3, v, h, delay, *map(float, mean), out
+    )
     assert status == 0
     return np.array([u_d, u_q]), out
 
@@ -33,7 +36,9 @@ def test_a_square_wave_makes_a_triangle_of_amplitude_u_over_4f():
 
 
 def test_any_waveform_has_the_primitive_of_its_own_shape():
-    n = 400  # fine sampling: F of cos is sin / omega up to (pi/n)^2/6 relative (held voltage, taken at midpoints)
+    # fine sampling: F of cos is sin / omega up to (pi/n)^2/6 relative (held voltage, taken at
+    # midpoints)
+    n = 400
     t = np.arange(n) * 1e-5
     omega = 2 * math.pi / (n * 1e-5)
     wanted = np.sin(omega * t) / omega
@@ -43,7 +48,8 @@ def test_any_waveform_has_the_primitive_of_its_own_shape():
 
 def test_linear_motor_follows_the_exponential_of_an_rl_circuit():
     resistance, inductance, v = 12.0, 0.05, _square(30.0)
-    a = math.exp(-resistance * H / inductance)  # exact step response of di/dt = (v - R i)/L over an interval
+    # exact step response of di/dt = (v - R i)/L over an interval
+    a = math.exp(-resistance * H / inductance)
     i = np.zeros(N)
     for _ in range(400):
         for k in range(N):
@@ -103,7 +109,8 @@ def test_remainder_and_amplitude_error_fall_as_the_square_of_the_period():
 
 
 def test_voltage_error_is_a_saturated_sign_of_each_phase():
-    # 4/3 threshold along a current on phase a (signs +, -, -), half of it where that phase alone saturates by half
+    # 4/3 threshold along a current on phase a (signs +, -, -), half of it where that phase alone
+    # saturates by half
     assert voltage_error(1.0, 0.0, 0.0, 2.0, 0.01) == pytest.approx((8 / 3, 0.0))
     e = voltage_error(0.005, 0.0, 0.0, 2.0, 0.01)  # 1/2, -1/4, -1/4: (2*1/2 + 1/2)/3 = 1/2
     assert e == pytest.approx((1.0, 0.0))
@@ -113,7 +120,8 @@ def test_voltage_error_is_a_saturated_sign_of_each_phase():
 
 
 def test_a_constant_current_needs_the_voltage_that_is_lost():
-    """Resistance and the inverter's error, on both axes; the injection is small, so no phase changes its sign."""
+    """Resistance and the inverter's error, on both axes; the injection is small, so no phase
+    changes its sign."""
     m, mean = Energy(1 / 0.05, 1 / 0.08, *5 * (0.0,)), (0.9, 1.4)
     u, _ = _solve(m, 12.0, _square(1.0), H, mean, threshold=2.0)
     lost = voltage_error(*mean, 0.3, 2.0, 0.02)
@@ -122,9 +130,11 @@ def test_a_constant_current_needs_the_voltage_that_is_lost():
 
 
 def test_late_pulses_are_read_in_the_zero_vector():
-    """Bench practice/p09: with pulses late by tau the reading stands tau before the middle of the zero vector."""
+    """Bench practice/p09: with pulses late by tau the reading stands tau before the middle of the
+    zero vector."""
     resistance, inductance, tau = 12.0, 0.05, 40e-6
     m = Energy(1 / inductance, 1 / 0.08, *5 * (0.0,))
-    read = 1.5  # A, of a constant current i with di/dt = -R i / L in the zero vector: i + tau R i / L
+    # A, of a constant current i with di/dt = -R i / L in the zero vector: i + tau R i / L
+    read = 1.5
     u, _ = _solve(m, resistance, _square(0.0), H, (read, 0.0), delay=tau)
     assert u[0] == pytest.approx(resistance * read / (1 + tau * resistance / inductance), rel=1e-12)

@@ -1,4 +1,5 @@
-"""Cross-saturation angles against brute force on finite differences, and the audit of every motor."""
+"""Cross-saturation angles against brute force on finite differences, and the audit of every
+motor."""
 
 from __future__ import annotations
 
@@ -19,8 +20,8 @@ from model.saliency import (
     tracking_sign,
 )
 
-# Angles in degrees at half rated, rated and 180 % of rated q current: (local, self-consistent), checked when the
-# project began by an independent program, rounded to 0.1 degree.
+# Angles in degrees at half rated, rated and 180 % of rated q current: (local, self-consistent),
+# checked when the project began by an independent program, rounded to 0.1 degree.
 TABLE = {
     "ipm_exchanged": ((-3.1, None), (-6.1, -5.9), (-10.6, -9.7)),
     "spm_exchanged": ((-12.0, -11.6), (-17.9, -15.9), (-20.2, -15.0)),
@@ -34,7 +35,9 @@ def test_angles_of_the_table(name):
         i_q = load * motor.rated_current
         assert math.degrees(local_angle(motor.energy, 0.0, i_q)) == pytest.approx(local, abs=0.051)
         if closed is not None:
-            assert math.degrees(self_consistent_angle(motor.energy, 0.0, i_q)) == pytest.approx(closed, abs=0.051)
+            assert math.degrees(self_consistent_angle(motor.energy, 0.0, i_q)) == pytest.approx(
+                closed, abs=0.051
+            )
 
 
 def test_ipm_as_printed_errs_to_the_other_side():
@@ -44,7 +47,8 @@ def test_ipm_as_printed_errs_to_the_other_side():
 
 
 def brute_force_q_ripple(motor, i_d, i_q, e):
-    """Return y_q at error e: currents from the paper's polynomials, fluxes by fsolve, L by differences, inverted."""
+    """Return y_q at error e: currents from the paper's polynomials, fluxes by fsolve, L by
+    differences, inverted."""
 
     def currents(phi):
         d, q = phi
@@ -89,7 +93,9 @@ def test_ripple_is_the_formula_of_the_notes():
     dd, dq, qq, e = 21.0, 1.7, 12.0, 0.3
     y_d, y_q = ripple(dd, dq, qq, e)
     assert y_q == pytest.approx(0.5 * (dd - qq) * math.sin(2 * e) + dq * math.cos(2 * e), rel=1e-14)
-    assert y_d == pytest.approx(0.5 * (dd + qq) + 0.5 * (dd - qq) * math.cos(2 * e) - dq * math.sin(2 * e), rel=1e-14)
+    assert y_d == pytest.approx(
+        0.5 * (dd + qq) + 0.5 * (dd - qq) * math.cos(2 * e) - dq * math.sin(2 * e), rel=1e-14
+    )
 
 
 @pytest.mark.parametrize("closed", [True, False])
@@ -101,7 +107,9 @@ def test_current_for_torque_gives_that_torque(closed):
         i_q, e = current_for_torque(motor, torque, closed)
         a = e if closed else 0.0
         d, q = en.flux_from_current(motor.energy, math.sin(a) * i_q, math.cos(a) * i_q)
-        assert float(en.torque.py_func(motor.energy, d, q, motor.magnet_flux, 6.0)) == pytest.approx(torque, abs=1e-7)
+        assert float(
+            en.torque.py_func(motor.energy, d, q, motor.magnet_flux, 6.0)
+        ) == pytest.approx(torque, abs=1e-7)
     with pytest.raises(PhysicsError, match="out of reach"):
         current_for_torque(motor, 1e3, closed)
 
@@ -113,7 +121,10 @@ def test_audit(name):
         assert not result.passed
         assert result.valid_radius == pytest.approx(0.786, abs=1e-3)
         nearest = result.violations[0]
-        assert (nearest["i_d"], nearest["i_q"]) == (pytest.approx(-0.786, abs=1e-3), pytest.approx(0.0, abs=1e-6))
+        assert (nearest["i_d"], nearest["i_q"]) == (
+            pytest.approx(-0.786, abs=1e-3),
+            pytest.approx(0.0, abs=1e-6),
+        )
         assert np.isnan(result.grid_eigenvalue).any()
     else:
         assert result.passed

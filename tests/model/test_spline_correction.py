@@ -1,6 +1,8 @@
-"""Energies that may be added to a flux map's: against the cells they are written as, and those against the coarse ones.
+"""Energies that may be added to a flux map's: against the cells they are written as, and those
+against the coarse ones.
 
-Gradients of the basis are SciPy's; `model.spline` evaluates cells by its own code, checked against SciPy elsewhere.
+Gradients of the basis are SciPy's; `model.spline` evaluates cells by its own code, checked against
+SciPy elsewhere.
 """
 
 import numpy as np
@@ -14,7 +16,8 @@ FLUX = np.random.default_rng(1).uniform([LOW_D, LOW_Q], [0.2, 0.15], size=(60, 2
 
 
 def a_map() -> SplineEnergy:
-    """Return cells of 6 along d and 6 along q, polynomials that have nothing to do with each other."""
+    """Return cells of 6 along d and 6 along q, polynomials that have nothing to do with each
+    other."""
     cells = np.random.default_rng(0).normal(size=(6, 6, 5, 5))
     return SplineEnergy(cells, LOW_D, LOW_Q, PER_D, PER_Q)
 
@@ -46,4 +49,5 @@ def test_energies_that_are_there_are_those_that_move_a_current():
     found = np.isin(np.arange(basis.size), basis.there(FLUX[:2]))
     moves = np.any(basis.gradients(FLUX[:2], np.arange(basis.size)) != 0.0, axis=(0, 2))
     assert not np.any(moves & ~found)
-    assert found.sum() <= moves.sum() + 4 < basis.size  # an energy that is flat at each of the fluxes
+    # an energy that is flat at each of the fluxes
+    assert found.sum() <= moves.sum() + 4 < basis.size

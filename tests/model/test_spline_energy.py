@@ -1,4 +1,5 @@
-"""The spline energy: its polynomials against SciPy, planted motors, symmetry, convexity, what it is fitted to."""
+"""The spline energy: its polynomials against SciPy, planted motors, symmetry, convexity, what it is
+fitted to."""
 
 import tracemalloc
 
@@ -37,18 +38,24 @@ def test_cells_are_the_b_spline_and_its_derivatives():
     full = c.reshape(box.n_d + 4, box.half) @ box.fold.T
 
     def exact(d, q, a, b):  # SciPy's tensor product, differentiated by SciPy
-        rows = [BSpline(k, np.eye(len(k) - 5), 4)(x, nu=n) for k, x, n in ((box.knots_d, d, a), (box.knots_q, q, b))]
+        rows = [
+            BSpline(k, np.eye(len(k) - 5), 4)(x, nu=n)
+            for k, x, n in ((box.knots_d, d, a), (box.knots_q, q, b))
+        ]
         return rows[0] @ full @ rows[1]
 
     for d, q in rng.uniform([-0.1, -0.2], [0.3, 0.2], size=(40, 2)):
         assert spline.energy(s, d, q) == pytest.approx(exact(d, q, 0, 0), rel=1e-9, abs=1e-9)
-        assert spline.currents(s, d, q) == pytest.approx((exact(d, q, 1, 0), exact(d, q, 0, 1)), rel=1e-8, abs=1e-7)
+        assert spline.currents(s, d, q) == pytest.approx(
+            (exact(d, q, 1, 0), exact(d, q, 0, 1)), rel=1e-8, abs=1e-7
+        )
         wanted = (exact(d, q, 2, 0), exact(d, q, 1, 1), exact(d, q, 0, 2))
         assert spline.hessian(s, d, q) == pytest.approx(wanted, rel=1e-7, abs=1e-5)
 
 
 def test_a_quartic_motor_is_carried(fitted):
-    s, _, motor = fitted  # a quartic is in the spline's own space: what is left is the smoothness weight
+    # a quartic is in the spline's own space: what is left is the smoothness weight
+    s, _, motor = fitted
     assert se.magnet_flux(s) == pytest.approx(motor.magnet_flux, abs=1e-6)
     for d, q in ((0.02, 0.05), (-0.05, -0.1), (0.03, 0.0)):
         wanted = currents(motor.energy, d, q)
@@ -101,7 +108,8 @@ def test_outside_the_map_is_an_error_that_names_the_current(fitted):
 
 
 @pytest.mark.parametrize(
-    ("file", "magnet", "goal"),  # held-out rms over the map's largest flux; issue: 0.5 % of rated flux
+    # held-out rms over the map's largest flux; issue: 0.5 % of rated flux
+    ("file", "magnet", "goal"),
     [
         ("baldor_pmsyrm/baldor_meas.npz", "d", 0.002),
         ("thor_fea/thor_fea.npz", "-q", 0.001),
@@ -113,7 +121,9 @@ def test_measured_maps_are_carried_between_their_points(file, magnet, goal):
     s = se.fit(*m.every(2).points())
     psi_d, psi_q, i_d, i_q = m.points()
     d, q = se.flux_from_current(s, i_d, i_q)
-    assert np.sqrt(np.mean((d - psi_d) ** 2 + (q - psi_q) ** 2)) < goal * np.max(np.hypot(psi_d, psi_q))
+    assert np.sqrt(np.mean((d - psi_d) ** 2 + (q - psi_q) ** 2)) < goal * np.max(
+        np.hypot(psi_d, psi_q)
+    )
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".mat", ".csv"])
@@ -163,9 +173,10 @@ def test_a_fit_says_before_it_starts_that_it_takes_too_much_memory():
 
 
 def test_a_map_that_bends_the_wrong_way_in_places_is_fitted_by_a_convex_energy():
-    """Noise of 5 % of the flux over a linear map, 30 x 30 points and 14 x 12 cells, little smoothed: least squares
-    would bend the energy the wrong way.  What is found bends it nowhere by less than half the floor at the points
-    where that is asked, and its currents are as near the data as the noise lets them: 0.01 Wb over 0.05 H, 0.2 A."""
+    """Noise of 5 % of the flux over a linear map, 30 x 30 points and 14 x 12 cells, little
+    smoothed: least squares would bend the energy the wrong way.  What is found bends it nowhere by
+    less than half the floor at the points where that is asked, and its currents are as near the
+    data as the noise lets them: 0.01 Wb over 0.05 H, 0.2 A."""
     i = np.linspace(-2.4, 2.4, 30)
     i_d, i_q = (x.ravel() for x in np.meshgrid(i, i, indexing="ij"))
     drawn = 0.05 * np.random.default_rng(0).standard_normal((2, i_d.size))
@@ -177,14 +188,18 @@ def test_a_map_that_bends_the_wrong_way_in_places_is_fitted_by_a_convex_energy()
         m = se.fit(psi_d, psi_q, i_d, i_q, (14, 12))
     assert asked  # inequalities were needed
     box = se._Box(psi_d, psi_q, (14, 12))
-    least = [min_eigenvalue(*spline.hessian(m, float(d), float(q))) for d, q in zip(*box.check_points(), strict=True)]
+    least = [
+        min_eigenvalue(*spline.hessian(m, float(d), float(q)))
+        for d, q in zip(*box.check_points(), strict=True)
+    ]
     assert min(least) > 0.0
     found = np.array([currents(m, float(d), float(q)) for d, q in zip(psi_d, psi_q, strict=True)])
     assert np.sqrt(np.mean((found[:, 0] - i_d) ** 2)) < 0.25
 
 
 def _told_and_taken(cells, lines, noise):
-    """What a fit says that it takes, and the most that NumPy's arrays took; of a map of so many lines each way."""
+    """What a fit says that it takes, and the most that NumPy's arrays took; of a map of so many
+    lines each way."""
     i = np.linspace(-2.4, 2.4, lines)
     i_d, i_q = (x.ravel() for x in np.meshgrid(i, i, indexing="ij"))
     drawn = noise * np.random.default_rng(0).standard_normal((2, i_d.size))
@@ -202,15 +217,16 @@ def _told_and_taken(cells, lines, noise):
 
 @pytest.mark.parametrize(("cells", "lines"), [((4, 4), 60), ((6, 6), 80)])
 def test_what_the_points_of_a_fit_take_is_what_is_told(cells, lines):
-    """Cells take 0.03 to 0.07 of it: half or double AT_POINTS would be 1.8 or 0.5 of what is taken."""
+    """Cells take 0.03 to 0.07 of it: half or double AT_POINTS would be 1.8 or 0.5 of what is
+    taken."""
     found, taken = _told_and_taken(cells, lines, 0.0)
     assert 0.8 < taken / found < 1.05
 
 
 @pytest.mark.parametrize("cells", [(14, 12), (16, 14)])
 def test_what_the_cells_of_a_fit_take_is_what_is_told(cells):
-    """100 points take 0.07 of it; their noise bends the energy the wrong way at most places, each an inequality: the
-    most that cells can take (a smooth map: 0.8 of it)."""
+    """100 points take 0.07 of it; their noise bends the energy the wrong way at most places, each
+    an inequality: the most that cells can take (a smooth map: 0.8 of it)."""
     found, taken = _told_and_taken(cells, 10, 1.0)
     assert 0.8 < taken / found < 1.05
     found, taken = _told_and_taken(cells, 10, 0.0)
@@ -218,7 +234,8 @@ def test_what_the_cells_of_a_fit_take_is_what_is_told(cells):
 
 
 def test_choices_that_take_too_much_memory_are_not_tried():
-    """20 x 16 cells (23 x 18 unknowns), 20 000 points: 0.98 GB; the smaller ones fit, and all on 3600 points."""
+    """20 x 16 cells (23 x 18 unknowns), 20 000 points: 0.98 GB; the smaller ones fit, and all on
+    3600 points."""
     psi = np.linspace(-1.0, 1.0, 20_000)
     assert {c for c, _ in se.affordable(psi, psi)} == {(10, 8), (14, 12)}
     assert se.affordable(psi[:3600], psi[:3600]) == se.CHOICES

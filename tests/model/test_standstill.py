@@ -1,4 +1,5 @@
-"""Steps at standstill: a planted resistance, voltage error and flux come back; the real recording stays carried."""
+"""Steps at standstill: a planted resistance, voltage error and flux come back; the real recording
+stays carried."""
 
 import dataclasses
 
@@ -12,11 +13,13 @@ from model.errors import BadInput
 from model.standstill import SMALL, StepTest, fit_axes, flux_of
 
 H, TOP, THRESHOLD = 1e-4, 2.0, 1.5
-MOTOR = dataclasses.replace(load_drive("ipm_exchanged").motor, alpha_30=0.0, alpha_12=0.0)  # even in both axes
+# even in both axes
+MOTOR = dataclasses.replace(load_drive("ipm_exchanged").motor, alpha_30=0.0, alpha_12=0.0)
 
 
 def _steps(axis, size, count=600, delay=0.0):
-    """A test whose voltage turns when the current passes TOP, integrated by SciPy interval by interval."""
+    """A test whose voltage turns when the current passes TOP, integrated by SciPy interval by
+    interval."""
     m, sign, x, rows = MOTOR.energy, 1.0, np.zeros(2), []
     for _ in range(count):
         i = np.array(currents.py_func(m, *x))
@@ -43,7 +46,8 @@ def planted():
 
 def test_resistance_voltage_error_and_flux_come_back(planted):
     fit = fit_axes([(planted[0], 0), (planted[1], 1)])
-    # trapezoids of the current on a 0.1 ms grid: h^2/12 i'' over corners of 2 * 60 V / 0.05 H leaves 1 % of a step
+    # trapezoids of the current on a 0.1 ms grid: h^2/12 i'' over corners of 2 * 60 V / 0.05 H
+    # leaves 1 % of a step
     assert fit.resistance == pytest.approx(MOTOR.resistance, rel=0.01)
     assert fit.threshold == pytest.approx(THRESHOLD, abs=0.1)
     assert fit.delay == pytest.approx(0.0, abs=3e-5)
@@ -75,7 +79,8 @@ def test_the_real_recording_is_carried():
     real_data()
     data = tests()
     fit = fit_axes([(data["d"], 0), (data["q"], 1)])
-    # no certified values: plausibility (drop at 4 A known to 5 %) and the residual of the loops, iron left out
+    # no certified values: plausibility (drop at 4 A known to 5 %) and the residual of the loops,
+    # iron left out
     assert 35.0 < 4.0 * fit.resistance + fit.threshold < 55.0
     assert 1.0e-4 <= fit.delay <= 4.0e-4
     assert fit.residual < 0.01 * 1.45

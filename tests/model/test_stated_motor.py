@@ -1,4 +1,5 @@
-"""Motors as other tools and data sheets state them: every conversion by hand, contradictions and gaps told."""
+"""Motors as other tools and data sheets state them: every conversion by hand, contradictions and
+gaps told."""
 
 import json
 import math
@@ -27,18 +28,41 @@ ODRIVE = {
     "axis0.config.motor.pole_pairs": 7,
     "axis0.config.motor.current_soft_max": 50.0,
 }
-MOTEUS = "motor.poles 14\nmotor.resistance_ohm 0.05\nmotor.v_per_hz 0.109\nservo.max_current_A 100\n"
+MOTEUS = (
+    "motor.poles 14\nmotor.resistance_ohm 0.05\nmotor.v_per_hz 0.109\nservo.max_current_A 100\n"
+)
 SIMPLEFOC = "BLDCMotor motor = BLDCMotor(7, 0.1664, 160.0f, 0.00003);\nmotor.current_limit = 5;\n"
 
 
 @pytest.mark.parametrize(
     ("text", "more", "wanted"),
     [
-        (VESC, [], {"inductance_d": 6e-6, "inductance_q": 8e-6, "magnet_flux": 0.00245, "rated_current": 60.0}),
-        (json.dumps(ODRIVE), ["voltage=24V"], {"resistance": 0.04, "magnet_flux": 0.03 / (1.5 * 7)}),
+        (
+            VESC,
+            [],
+            {
+                "inductance_d": 6e-6,
+                "inductance_q": 8e-6,
+                "magnet_flux": 0.00245,
+                "rated_current": 60.0,
+            },
+        ),
+        (
+            json.dumps(ODRIVE),
+            ["voltage=24V"],
+            {"resistance": 0.04, "magnet_flux": 0.03 / (1.5 * 7)},
+        ),
         # v_per_hz: V of a phase, peak, per mechanical Hz
-        (MOTEUS, ["voltage=24V", "inductance=30uH"], {"magnet_flux": 0.109 / (math.tau * 7), "rated_current": 100.0}),
-        (SIMPLEFOC, ["voltage=12V"], {"magnet_flux": 60 / (math.tau * math.sqrt(3) * 7 * 160), "inductance_q": 3e-5}),
+        (
+            MOTEUS,
+            ["voltage=24V", "inductance=30uH"],
+            {"magnet_flux": 0.109 / (math.tau * 7), "rated_current": 100.0},
+        ),
+        (
+            SIMPLEFOC,
+            ["voltage=12V"],
+            {"magnet_flux": 60 / (math.tau * math.sqrt(3) * 7 * 160), "inductance_q": 3e-5},
+        ),
     ],
     ids=["VESC", "ODrive", "moteus", "SimpleFOC"],
 )
@@ -66,10 +90,13 @@ def test_the_sweeps_of_moteus(name):
     ("word", "name", "value"),
     [
         ("kv=300", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
-        ("back_emf=3.333333 V/krpm", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),  # 1000/300
-        ("kt=0.0275664 Nm/A", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),  # 8.27/Kv, ODrive
+        # 1000/300
+        ("back_emf=3.333333 V/krpm", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
+        # 8.27/Kv, ODrive
+        ("kt=0.0275664 Nm/A", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
         ("flux=2,6 mWb", "magnet_flux", 2.6e-3),
-        # rms: sqrt(2) V peak a volt, sqrt(2) A peak an ampere, which stands below the line of a torque constant
+        # rms: sqrt(2) V peak a volt, sqrt(2) A peak an ampere, which stands below the line of a
+        # torque constant
         ("back_emf=2.357022 Vrms/krpm", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
         ("ke=2.357022 V rms/1000rpm", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
         ("kt=0.03898477 Nm/A rms", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
@@ -82,11 +109,14 @@ def test_the_sweeps_of_moteus(name):
     ],
 )
 def test_one_flux_by_four_statements(word, name, value):
-    assert getattr(stated_motor([*SIMPLE, word]).drive.motor, name) == pytest.approx(value, rel=1e-4)
+    assert getattr(stated_motor([*SIMPLE, word]).drive.motor, name) == pytest.approx(
+        value, rel=1e-4
+    )
 
 
 @pytest.mark.parametrize(
-    "word", ["20 A peak", "20 Apk", "20A (pk)", "14.1421356 A rms", "14.1421356 A_rms", "14.1421356Aeff"]
+    "word",
+    ["20 A peak", "20 Apk", "20A (pk)", "14.1421356 A rms", "14.1421356 A_rms", "14.1421356Aeff"],
 )
 def test_a_current_as_data_sheets_write_it(word):
     words = [*SIMPLE[:3], "kv=300", "voltage=24V", f"current={word}"]
@@ -94,7 +124,9 @@ def test_a_current_as_data_sheets_write_it(word):
 
 
 def test_values_between_terminals_and_rms():
-    motor = stated_motor(["p=7", "r_ll=0.1 Ω", "l_ll=0,06 mH", "kv=300", "current=20 A rms", "voltage=24"]).drive.motor
+    motor = stated_motor(
+        ["p=7", "r_ll=0.1 Ω", "l_ll=0,06 mH", "kv=300", "current=20 A rms", "voltage=24"]
+    ).drive.motor
     assert motor.resistance == pytest.approx(0.05)
     assert motor.inductance_q == pytest.approx(3e-5)
     assert motor.rated_current == pytest.approx(20.0 * math.sqrt(2.0))
@@ -115,7 +147,10 @@ def test_values_between_terminals_and_rms():
         (["nothing.xml"], "does not exist"),
         ([*SIMPLE[:4], "kv=300", "voltage=0"], "dc_bus_voltage = '0' must be above 0"),
         ([*SIMPLE, "kv=1e-320"], "magnet_flux = inf is out of range.*from 'kv = 1e-320"),
-        ([*SIMPLE[:2], *REST, "kv=300", "l=30"], r"inductance_d = 30.0 is out of range.*from 'l = 30'"),
+        (
+            [*SIMPLE[:2], *REST, "kv=300", "l=30"],
+            r"inductance_d = 30.0 is out of range.*from 'l = 30'",
+        ),
     ],
 )
 def test_what_is_wrong_is_told(words, said):
@@ -159,12 +194,14 @@ def test_every_conversion_of_a_configuration_is_shown(tmp_path):
         "rated_current": "current = 40 A",
     }
     assert {k: row(found, k).said for k in said} == said
-    (tmp_path / "old").write_text(VESC.replace("foc_f_zv", "foc_f_sw"))  # its name in firmware before 6
+    # its name in firmware before 6
+    (tmp_path / "old").write_text(VESC.replace("foc_f_zv", "foc_f_sw"))
     assert row(stated_motor([str(tmp_path / "old")]), "pwm_frequency").value == 15_000.0
 
 
 def test_a_configuration_of_two_motors(tmp_path):
-    """Two that differ are refused; an axis without a motor (resistance 0) and one that is the same are not."""
+    """Two that differ are refused; an axis without a motor (resistance 0) and one that is the same
+    are not."""
     second = {k.replace("axis0", "axis1"): v for k, v in ODRIVE.items()}
     other = {**second, "axis1.config.motor.phase_resistance": 0.09}
     path, more = tmp_path / "odrive.json", ["voltage=24V"]
@@ -179,7 +216,10 @@ def test_a_configuration_of_two_motors(tmp_path):
 def test_two_configurations_that_differ(tmp_path):
     for name, text in (("one", VESC), ("two", VESC.replace("0.015", "0.03"))):
         (tmp_path / name).write_text(text)
-    with pytest.raises(BadInput, match=r"foc_motor_r = 0.03 ohm, and another configuration says foc_motor_r = 0.015"):
+    with pytest.raises(
+        BadInput,
+        match=r"foc_motor_r = 0.03 ohm, and another configuration says foc_motor_r = 0.015",
+    ):
         stated_motor([str(tmp_path / "one"), str(tmp_path / "two")])
 
 
@@ -188,8 +228,14 @@ def test_a_sketch_as_people_write_it(tmp_path):
     (tmp_path / "sketch.ino").write_text(
         "#define POLE_PAIRS 7\nconst float KV = 160.0f;\n// BLDCMotor motor = BLDCMotor(11, 5.0);\n"
         "BLDCMotor motor = BLDCMotor(POLE_PAIRS, 0.1664 /* ohm */, KV);\nvoid setup() {\n"
-        "  // motor.current_limit = 50;\n  motor.current_limit = 5;\n  motor.phase_inductance = 30e-6;\n}\n"
+        "  // motor.current_limit = 50;\n  motor.current_limit = 5;\n  "
+        "motor.phase_inductance = 30e-6;\n}\n"
     )
     motor = stated_motor([str(tmp_path / "sketch.ino"), "voltage=12V"]).drive.motor
-    assert (motor.pole_pairs, motor.resistance, motor.inductance_d, motor.rated_current) == (7, 0.1664, 3e-5, 5.0)
+    assert (motor.pole_pairs, motor.resistance, motor.inductance_d, motor.rated_current) == (
+        7,
+        0.1664,
+        3e-5,
+        5.0,
+    )
     assert motor.magnet_flux == pytest.approx(60 / (math.tau * math.sqrt(3) * 7 * 160))

@@ -1,4 +1,5 @@
-"""Texts as programs write them: each stands for one table of numbers, which the reader has to find in it."""
+"""Texts as programs write them: each stands for one table of numbers, which the reader has to find
+in it."""
 
 import io
 
@@ -61,14 +62,17 @@ def same(table, columns=("t", "i_a", "theta"), rows=ROWS):
         "\n".join(f"> {x}" for x in lines().splitlines()),
         "\n".join(f"\x1b[32m{x}\x1b[0m" for x in lines().splitlines()),
         "3,-4.5\n" + lines(),  # a terminal that was opened in the middle of a row
-        '"t","i_a","theta"\n' + "\n".join(",".join(f'"{x!r}"' for x in row.tolist()) for row in ROWS),
+        '"t","i_a","theta"\n'
+        + "\n".join(",".join(f'"{x!r}"' for x in row.tolist()) for row in ROWS),
     ],
 )
 def test_a_table_is_found_in_what_a_program_writes(text):
     same(found(text))
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+@pytest.mark.parametrize(
+    "encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"]
+)
 def test_any_usual_encoding_is_read(tmp_path, encoding):
     path = tmp_path / "log.csv"
     path.write_bytes(lines(head="t,i_a [mA],theta [°]").encode(encoding))
@@ -85,8 +89,18 @@ def test_any_usual_encoding_is_read(tmp_path, encoding):
         ("t,I[0],I[1]", ["t", "I[0]", "I[1]"], {}, {}),
         ("t,theta,theta(raw)", ["t", "theta", "theta(raw)"], {}, {}),
         ("t,I [A],I [mA]", ["t", "I [A]", "I [mA]"], {"I [A]": "A", "I [mA]": "mA"}, {}),
-        ("Time (s),I [mA],x", ["Time", "I", "x"], {"Time": "s", "I": "mA"}, {"Time (s)": "Time", "I [mA]": "I"}),
-        ("t,State(num),x", ["t", "State(num)", "x"], {"State(num)": "num"}, {"State": "State(num)"}),
+        (
+            "Time (s),I [mA],x",
+            ["Time", "I", "x"],
+            {"Time": "s", "I": "mA"},
+            {"Time (s)": "Time", "I [mA]": "I"},
+        ),
+        (
+            "t,State(num),x",
+            ["t", "State(num)", "x"],
+            {"State(num)": "num"},
+            {"State": "State(num)"},
+        ),
         (
             "t/s,I/mA,n/(1/min)",
             ["t", "I", "n"],
@@ -99,7 +113,9 @@ def test_any_usual_encoding_is_read(tmp_path, encoding):
         (",x,y", ["column 1", "x", "y"], {}, {"": "column 1"}),
     ],
 )
-def test_a_bracket_is_a_unit_where_it_is_a_known_one_and_names_stay_apart(head, names, units, spelled):
+def test_a_bracket_is_a_unit_where_it_is_a_known_one_and_names_stay_apart(
+    head, names, units, spelled
+):
     table = found(lines(head=head))
     same(table, names)
     assert table.units == units

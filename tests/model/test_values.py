@@ -1,4 +1,5 @@
-"""Numbers of the model by hand: slope of the null, rays of an audit, a map's margin, intervals, what is refused."""
+"""Numbers of the model by hand: slope of the null, rays of an audit, a map's margin, intervals,
+what is refused."""
 
 import dataclasses
 import math
@@ -55,10 +56,15 @@ def test_a_map_s_box_reaches_three_hundredths_beyond_its_data():
 
 
 @pytest.mark.parametrize(("magnet", "kept"), [(-0.0009, 0.0), (-0.0011, -0.0011)])
-def test_a_flux_a_thousandth_below_zero_is_noise_of_a_motor_without_magnets(monkeypatch, tmp_path, magnet, kept):
-    """The map goes down to -1 Wb.  A motor that keeps a negative flux is refused: its bounds say so."""
+def test_a_flux_a_thousandth_below_zero_is_noise_of_a_motor_without_magnets(
+    monkeypatch, tmp_path, magnet, kept
+):
+    """The map goes down to -1 Wb.  A motor that keeps a negative flux is refused: its bounds say
+    so."""
     spline = SplineEnergy(np.zeros((1, 1, 5, 5)), -1.0, -1.0, 1.0, 1.0, 10.0, 20.0)
-    monkeypatch.setattr(mapped, "_remembered", lambda *_: SimpleNamespace(spline=spline, magnet=magnet))
+    monkeypatch.setattr(
+        mapped, "_remembered", lambda *_: SimpleNamespace(spline=spline, magnet=magnet)
+    )
     seen = {}
     monkeypatch.setattr(mapped, "build", lambda kind, values, where: seen.update(values) or 1 / 0)
     with pytest.raises(ZeroDivisionError):

@@ -1,4 +1,5 @@
-"""What users met in practice: each folder of `SENSORLESS_CASES` with what is right about it, by its README.
+"""What users met in practice: each folder of `SENSORLESS_CASES` with what is right about it, by its
+README.
 
 Skipped where the folder is absent; the kinds themselves have tests of their own that need no data.
 """
@@ -49,7 +50,8 @@ def test_04_brackets_that_are_no_units_belong_to_the_name(file):
 
 
 def test_06_an_angle_that_turns_too_far_follows_the_speed():
-    """Truth: inertia 3.0e-4 kg m^2, dry friction 0.05 N m, viscous 2.0e-4; within 2 %, as at 5 ms a row."""
+    """Truth: inertia 3.0e-4 kg m^2, dry friction 0.05 N m, viscous 2.0e-4; within 2 %, as at 5 ms a
+    row."""
     folder = cases_folder() / "06_aliased_angle"
     found = diagnose(folder, columns=folder / "map.toml", preset="vesc").as_json()
     assert found["motion"]["inertia"]["value"] == pytest.approx(3.0e-4, rel=0.02)
@@ -89,7 +91,8 @@ def test_09_any_zero_of_the_angle_and_any_order_of_phases(file, words):
     said = [text for level, text in found if level == "refused"]
     assert len(said) == 1
     assert all(w in said[0] for w in words), said
-    assert not any("injection" in text for _, text in found)  # a consequence is not told beside its cause
+    # a consequence is not told beside its cause
+    assert not any("injection" in text for _, text in found)
 
 
 def test_10_one_of_two_sensors_counts_the_other_way():
@@ -116,7 +119,9 @@ def test_13_a_motion_is_checked_as_any_log(file, words):
 
 def test_13_a_motion_as_it_is():
     """Truth: inertia 2.0e-4 kg m^2, dry friction 0.02 N m, viscous 1.0e-4."""
-    assert {level for level, _ in told("13_motion_without_checks", "plain.toml", "moteus")} == {"note"}
+    assert {level for level, _ in told("13_motion_without_checks", "plain.toml", "moteus")} == {
+        "note"
+    }
     folder = cases_folder() / "13_motion_without_checks"
     found = diagnose(folder, columns=folder / "plain.toml", preset="moteus").as_json()
     assert found["motion"]["inertia"]["value"] == pytest.approx(2.0e-4, rel=0.02)
@@ -129,7 +134,9 @@ def map_of(case, file):
 
 def test_14_the_error_is_that_of_the_fit_in_use():
     """As in the table's own cells: far worse, and cautioned."""
-    cells, auto = (map_of("14_map_error_of_another_fit", f).origin for f in ("cells.toml", "auto.toml"))
+    cells, auto = (
+        map_of("14_map_error_of_another_fit", f).origin for f in ("cells.toml", "auto.toml")
+    )
     errors = [map_quality(m.table, m.path.parent) for m in (cells, auto)]
     assert errors[0] != errors[1]
     assert "cells" in " ".join(cells.notes)
@@ -139,7 +146,8 @@ def test_15_a_map_is_read_as_programs_write_it():
     """The five files hold one map: the same currents and fluxes, to the digits that are written."""
     folder = cases_folder() / "15_map_as_text"
     one, *others = (
-        read_points(folder / f"{name}.csv") for name in ("comment", "mathworks", "semicolon", "tab", "units")
+        read_points(folder / f"{name}.csv")
+        for name in ("comment", "mathworks", "semicolon", "tab", "units")
     )
     for other in others:
         for own, expected in zip(other.points(), one.points(), strict=True):
@@ -160,8 +168,10 @@ def test_03_a_size_that_needs_a_rated_speed_is_not_said_without_one():
     found = check(folder, columns=folder / "no_ratings.toml")
     said = {e["name"]: e for e in found.as_json()["effects"]}
     assert said["iron_loss"] == {
-        "name": "iron_loss", "deviations": None, "visible": "cannot say, rated_speed_rpm is missing"
-    }  # fmt: skip
+        "name": "iron_loss",
+        "deviations": None,
+        "visible": "cannot say, rated_speed_rpm is missing",
+    }
     stated = check(folder, columns=folder / "ratings.toml")
     assert stated.cannot == {}
 

@@ -1,1 +1,2 @@
-"""What a person sees of comparisons, protocols and maps: pages, figures, traces, tables of texts."""
+"""What a person sees of comparisons, protocols and maps: pages, figures, traces, tables of
+texts."""

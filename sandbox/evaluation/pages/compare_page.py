@@ -1,4 +1,5 @@
-"""The page of a comparison: which estimator for this motor, what the saturated belief brings, runs looked at."""
+"""The page of a comparison: which estimator for this motor, what the saturated belief brings, runs
+looked at."""
 
 from __future__ import annotations
 
@@ -30,14 +31,17 @@ from sandbox.plant.sets import BENCH
 DRAWN = 600  # blocks of a line over time
 ESTIMATED = (0.16, 0.62, 0.36)  # of the estimated speed on the true one
 NOT_IN_IT = (
-    "It is a simulation: what the drive has beside this model (see `sensorless list effects`) is not in it unless it "
-    "was added by --effects; nothing was.",
+    "It is a simulation: what the drive has beside this model (see `sensorless list effects`) is "
+    "not in it unless it was added by --effects; nothing was.",
     "The saturated belief is the plant's own model, so it is as good as a model can be; ",
 )
-ASK = "`sensorless compare --tolerances` shows what is left of it when the model is known to some percent only."
+ASK = (
+    "`sensorless compare --tolerances` shows what is left of it when the model is known to "
+    "some percent only."
+)
 STANDINGS = (
-    "Worst mean: the largest mean position error of any segment of the scenario. Worst 95 %: in every segment 95 % of "
-    "the samples err by less. Lock lost: in how many segments. "
+    "Worst mean: the largest mean position error of any segment of the scenario. Worst 95 %: in "
+    "every segment 95 % of the samples err by less. Lock lost: in how many segments. "
 )
 MISSED = "Speed missed: in how many segments the rotor did not run at the speed asked for."
 NOT_ASKED = "This scenario asks for currents or imposes the speed, so no speed can be missed."
@@ -45,7 +49,8 @@ KNOWN = "What is left when the model is known to some percent only"
 
 
 class Known(NamedTuple):
-    """What is left where the belief is known to some percent only: heads and lines of a table, a drawing (SVG)."""
+    """What is left where the belief is known to some percent only: heads and lines of a table, a
+    drawing (SVG)."""
 
     heads: Sequence[str]
     lines: Sequence[Sequence[str]]
@@ -53,7 +58,8 @@ class Known(NamedTuple):
 
 
 def write_comparison(path: Path, c: Comparison, known: Known | None = None) -> None:
-    """Write the page of a comparison; known: what tolerances of the belief's parameters showed, where they were run."""
+    """Write the page of a comparison; known: what tolerances of the belief's parameters showed,
+    where they were run."""
     title = f"{c.drive.name}, {c.scenario.name}: which estimator, which belief"
     write_page(path, title, parts(c, title, known))
 
@@ -74,7 +80,9 @@ def _run_parts(c: Comparison, run: Run, title: str) -> Iterator[str]:
     yield answer("What is not in it?", _effects_said(c))
     yield figure(estimator_svg([run]), reading(c.runs))
     if (cost := standings(run.rows)[0:1]) and cost[0].loss_w is not None:
-        yield "<h2>What the injection costs</h2>" + table(*cost_table([replace(cost[0], closed_loop=True)]))
+        yield "<h2>What the injection costs</h2>" + table(
+            *cost_table([replace(cost[0], closed_loop=True)])
+        )
         yield f"<p class='soft'>{prose(COSTS)}</p>"
     yield from looked(c, [run])
     for heading, heads, rows in comparison_tables(c):
@@ -87,15 +95,22 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
     found = standings(c.rows)
     yield f"<h1>{prose(title)}</h1>"
     yield answer("Which estimator for this motor?", which(found, c.limits))
-    yield answer("What does believing the saturated model bring?", f"{gained(found)} {theory_held(c.rows)}")
+    yield answer(
+        "What does believing the saturated model bring?", f"{gained(found)} {theory_held(c.rows)}"
+    )
     yield from _lost(c)
     yield from _cautioned(c)
     then = f"see '{KNOWN}' below." if known else ASK
     yield answer("What is not in it?", f"{_effects_said(c)} {NOT_IN_IT[1]}{then}")
     asked = c.scenario.reference == "speed"
-    yield "<h2>All estimators, the estimate in control</h2>" + _standings([s for s in found if s.closed_loop], asked)
+    yield "<h2>All estimators, the estimate in control</h2>" + _standings(
+        [s for s in found if s.closed_loop], asked
+    )
     yield f"<p class='soft'>{prose(STANDINGS + (MISSED if asked else NOT_ASKED))}</p>"
-    yield fold("The same, the encoder in control", _standings([s for s in found if not s.closed_loop], asked))
+    yield fold(
+        "The same, the encoder in control",
+        _standings([s for s in found if not s.closed_loop], asked),
+    )
     if any(s.loss_w is not None for s in found):
         yield "<h2>What the injection costs</h2>" + table(*cost_table(found))
         yield figure(
@@ -105,13 +120,19 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
         yield f"<p class='soft'>{prose(COSTS)}</p>"
     if known:
         yield f"<h2>{KNOWN}</h2>" + table(known.heads, known.lines)
-        yield figure(known.drawing, "Each parameter of the belief is drawn evenly within ± so much; the plant stays.")
+        yield figure(
+            known.drawing,
+            "Each parameter of the belief is drawn evenly within ± so much; the plant stays.",
+        )
     yield "<h2>Position error by estimator, the estimate in control</h2>"
     groups: dict[str, list[Run]] = {}
     for run in c.runs:
         if run.closed_loop:
             groups.setdefault(run.estimator, []).append(run)
-    drawn = (f"<div><h3>{prose(name)}</h3>{figure(estimator_svg(own), '')}</div>" for name, own in groups.items())
+    drawn = (
+        f"<div><h3>{prose(name)}</h3>{figure(estimator_svg(own), '')}</div>"
+        for name, own in groups.items()
+    )
     yield from pairs(drawn)
     yield f"<p class='soft'>{prose(reading(c.runs))}</p>"
     chosen = next((s.estimator for s in best(found, c.limits)), next(iter(groups), None))
@@ -128,10 +149,12 @@ def _effects_said(c: Comparison) -> str:
     if not c.effects:
         return NOT_IN_IT[0]
     known = {name: p.unit for name, p in (parameters() | BENCH).items()}
-    effects = ", ".join(f"{k} = {float(v):g} {known.get(k, '')}".rstrip() for k, v in c.effects.items())
+    effects = ", ".join(
+        f"{k} = {float(v):g} {known.get(k, '')}".rstrip() for k, v in c.effects.items()
+    )
     return (
-        "It is a simulation: nothing that the drive has beside this model (see `sensorless list effects`) is in it but "
-        f"what was added, {effects}."
+        "It is a simulation: nothing that the drive has beside this model (see `sensorless list "
+        f"effects`) is in it but what was added, {effects}."
     )
 
 
@@ -149,11 +172,15 @@ def _cautioned(c: Comparison) -> Iterator[str]:
 
 def _made(c: Comparison) -> str:
     """Return how the runs were made, folded."""
-    return fold("How it was made", table(["", ""], [[name, str(value)] for name, value in c.properties.items()]))
+    return fold(
+        "How it was made",
+        table(["", ""], [[name, str(value)] for name, value in c.properties.items()]),
+    )
 
 
 def _standings(found: Sequence[Standing], asked: bool) -> str:
-    """Return the table of worst figures; asked: whether a speed was asked for, which can be missed."""
+    """Return the table of worst figures; asked: whether a speed was asked for, which can be
+    missed."""
     rows = []
     for s in found:
         lock = f"{s.lost} of {s.stretches}" if s.lost else "never"
@@ -161,12 +188,19 @@ def _standings(found: Sequence[Standing], asked: bool) -> str:
         p95 = "–" if s.worst_p95 is None else f"{s.worst_p95:.2f}°"
         missed = [f"{s.missed} of {s.stretches}" if s.missed else "never"] if asked else []
         rows.append([f"{s.estimator}, {s.belief}", worst, p95, lock, *missed])
-    heads = ["estimator, belief", "worst mean", "worst 95 %", "lock lost", *["speed missed"][:asked]]
+    heads = [
+        "estimator, belief",
+        "worst mean",
+        "worst 95 %",
+        "lock lost",
+        *["speed missed"][:asked],
+    ]
     return table(heads, rows)
 
 
 def looked(c: Comparison, runs: Sequence[Run]) -> Iterator[str]:
-    """Yield drawings of one estimator's runs, a belief each: time, currents, flux, spectra, angle."""
+    """Yield drawings of one estimator's runs, a belief each: time, currents, flux, spectra,
+    angle."""
     names, colours = [run.belief for run in runs], [colour_of(run.belief) for run in runs]
     kept = dict(zip(names, runs, strict=True))
     panels = [("error (°)", {n: _error(run) for n, run in kept.items()})]
@@ -175,28 +209,46 @@ def looked(c: Comparison, runs: Sequence[Run]) -> Iterator[str]:
     if turns:
         panels += _speeds(kept)
         colours += [ESTIMATED] if len(kept) == 1 else []
-    said = ", true and estimated speed." if turns else ". The rotor is locked, so there is no speed to draw."
+    said = (
+        ", true and estimated speed."
+        if turns
+        else ". The rotor is locked, so there is no speed to draw."
+    )
     asked = c.scenario.reference == "speed" and any(s.load for s in c.scenario.segments)
-    pushed = " A load that comes on pushes a free rotor away, until the integral of the speed loop has followed."
+    pushed = (
+        " A load that comes on pushes a free rotor away, until the integral of the speed "
+        "loop has followed."
+    )
     yield figure(
         lines_svg(panels, "time (s)", colours=colours, alike=True),
-        "Over time: true minus estimated position (lost lock left out) and true current" + said + pushed * asked,
+        "Over time: true minus estimated position (lost lock left out) and true current"
+        + said
+        + pushed * asked,
     )
     yield from pairs(_planes(c, kept))
     yield from pairs(_spectra(c, kept))
 
 
 def _speeds(kept: dict[str, Run]) -> list[tuple[str, dict[str, tuple[list[float], list[float]]]]]:
-    """Return panels of true and estimated speed: one of a single run, one each where there are several."""
+    """Return panels of true and estimated speed: one of a single run, one each where there are
+    several."""
     if len(kept) == 1:
         (run,) = kept.values()
-        return [("speed\n(rad/s el.)", {"true": _line(run, "omega"), "estimated": _line(run, "omega_hat")})]
+        return [
+            (
+                "speed\n(rad/s el.)",
+                {"true": _line(run, "omega"), "estimated": _line(run, "omega_hat")},
+            )
+        ]
     names = {"true speed\n(rad/s el.)": "omega", "estimated\n(rad/s el.)": "omega_hat"}
-    return [(head, {n: _line(run, name) for n, run in kept.items()}) for head, name in names.items()]
+    return [
+        (head, {n: _line(run, name) for n, run in kept.items()}) for head, name in names.items()
+    ]
 
 
 def _error(run: Run) -> tuple[list[float], list[float]]:
-    """Return the error (degrees) over time from the first evaluated segment on; NaN where it would hide all else."""
+    """Return the error (degrees) over time from the first evaluated segment on; NaN where it would
+    hide all else."""
     r = working(run)
     seen = [row.transient_max_deg for row in run.rows if row.transient_max_deg is not None]
     t, e = looks.thinned(r.t, np.degrees(r.error), DRAWN)
@@ -215,16 +267,19 @@ def _planes(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
     if plane is not None:
         yield figure(
             loci_svg(plane, paths, c.drive.motor.rated_current),
-            "Where the currents go (true ones, ripple averaged out) over what injection sees. Grey: saliency, green: "
-            "error of a linear belief in degrees, dotted: rated current.",
+            "Where the currents go (true ones, ripple averaged out) over what injection sees. "
+            "Grey: saliency, green: error of a linear belief in degrees, dotted: rated current.",
         )
     yield figure(
         hodograph_svg(
-            {n: planes.hodograph(c.drive, working(run), [row.t_end for row in run.rows]) for n, run in kept.items()},
+            {
+                n: planes.hodograph(c.drive, working(run), [row.t_end for row in run.rows])
+                for n, run in kept.items()
+            },
             c.drive.motor.magnet_flux,
         ),
-        "Hodograph: the flux linkage in the stator's frame, by the nominal model at these currents; dotted: the magnet "
-        "alone. Of a turning rotor the last turn of each segment.",
+        "Hodograph: the flux linkage in the stator's frame, by the nominal model at these "
+        "currents; dotted: the magnet alone. Of a turning rotor the last turn of each segment.",
     )
 
 
@@ -233,15 +288,30 @@ def _spectra(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
     found = {name: own for name, run in kept.items() if (own := spectra(c, run))}
     if found:
         panels = [
-            (title, {name: (own[key][0].tolist(), own[key][1].tolist()) for name, own in found.items()})
+            (
+                title,
+                {name: (own[key][0].tolist(), own[key][1].tolist()) for name, own in found.items()},
+            )
             for key, title in (("current", "i_dq (A)"), ("error", "error (°)"))
         ]
         yield figure(
-            lines_svg(panels, "frequency (Hz)", log="y", colours=[colour_of(name) for name in found], alike=True),
-            f"Spectrum of the true current in the rotor's frame and of the position error, longest evaluated segment "
-            f"in lock; injection at {c.drive.injection.frequency:g} Hz. Height: amplitude of a line there.",
+            lines_svg(
+                panels,
+                "frequency (Hz)",
+                log="y",
+                colours=[colour_of(name) for name in found],
+                alike=True,
+            ),
+            "Spectrum of the true current in the rotor's frame and of the position error, longest "
+            f"evaluated segment in lock; injection at {c.drive.injection.frequency:g} Hz. Height: "
+            "amplitude of a line there.",
         )
-    drawing = angle_svg({name: over for name, run in kept.items() if (over := over_angle(run)) is not None})
+    drawing = angle_svg(
+        {name: over for name, run in kept.items() if (over := over_angle(run)) is not None}
+    )
     if drawing:
-        caption = "Position error minus its segment's mean, against the rotor's angle: mean, and nine samples in ten."
+        caption = (
+            "Position error minus its segment's mean, against the rotor's angle: mean, and "
+            "nine samples in ten."
+        )
         yield figure(drawing, caption)

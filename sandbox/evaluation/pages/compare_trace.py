@@ -36,10 +36,18 @@ Array = NDArray[np.float64]
 FULL_RATE_SAMPLES = 300_000
 # Slow channels: one value for sixteen samples, which are two whole periods of 500 Hz at 4 kHz.
 SLOW = 16
-STATES: dict[str, Colour] = {"start-up": (110, 110, 110), "tracking": (50, 70, 70), "lost lock": (200, 0, 120)}
+STATES: dict[str, Colour] = {
+    "start-up": (110, 110, 110),
+    "tracking": (50, 70, 70),
+    "lost lock": (200, 0, 120),
+}
 # Views below the error and the angle: channel, title; two rows of three with the scenario's load.
 SLOW_VIEWS = (
-    (("current_d", "Current i_d (A)"), ("current_q", "Current i_q (A)"), ("load", "Load (% of rated)")),
+    (
+        ("current_d", "Current i_d (A)"),
+        ("current_q", "Current i_q (A)"),
+        ("load", "Load (% of rated)"),
+    ),
     (
         ("ripple_d", "Ripple d, estimated frame (A)"),
         ("ripple_q", "Ripple q, estimated frame (A)"),
@@ -49,10 +57,12 @@ SLOW_VIEWS = (
 
 
 def write_trace(path: Path, comparison: Comparison, looked: Tabs | None = None) -> None:
-    """Write all runs of a comparison to one `.rrd` with its layout; looked: tabs of what is seen beside time.
+    """Write all runs of a comparison to one `.rrd` with its layout; looked: tabs of what is seen
+    beside time.
 
-    Entities of a run stand under `run.name`: `error` (deg) and `angle` (true, estimated; rad) are recorded
-    samples; `current_d`, `current_q`, `ripple_d`, `ripple_q` (A), `speed` (true, estimated; rad/s) are slow.
+    Entities of a run stand under `run.name`: `error` (deg) and `angle` (true, estimated; rad) are
+    recorded samples; `current_d`, `current_q`, `ripple_d`, `ripple_q` (A), `speed` (true,
+    estimated; rad/s) are slow.
     Properties: those of the comparison, with motor, scenario, sample stride.
     Raises ValueError if there is no run, OSError if the file is not writable.
     """
@@ -89,9 +99,12 @@ def _send_run(trace: Trace, run: Run, stride: int) -> None:
         return Line(f"true, {run.belief} run", true, pale(colour)), said
 
     trace.lines(f"{name}/error", rec.t[thin], own(np.rad2deg(rec.error[thin])))
-    trace.lines(f"{name}/angle", rec.t[thin], *both(rec.theta[thin], rec.theta_hat[thin]), width=2.0)
+    trace.lines(
+        f"{name}/angle", rec.t[thin], *both(rec.theta[thin], rec.theta_hat[thin]), width=2.0
+    )
     trace.lines(f"{name}/speed", rec.t[thinner], *both(rec.omega[thinner], rec.omega_hat[thinner]))
-    # Single samples would meet the injected ripple at one phase only: currents are averaged instead.
+    # Single samples would meet the injected ripple at one phase only: currents are averaged
+    # instead.
     middle = means(rec.t, slow)
     for axis, current, ripple in (("d", rec.i_d, rec.ripple_d), ("q", rec.i_q, rec.ripple_q)):
         trace.lines(f"{name}/current_{axis}", middle, own(means(current, slow)))
@@ -101,13 +114,18 @@ def _send_run(trace: Trace, run: Run, stride: int) -> None:
 
 
 def _send_prediction(trace: Trace, run: Run, colour: Colour) -> None:
-    """Send the predicted mean error (deg) of each evaluation window as a line, with gaps between them."""
+    """Send the predicted mean error (deg) of each evaluation window as a line, with gaps between
+    them."""
     known = [(row.t_start, row.t_end, row.predicted_mean_deg) for row in run.rows]
     known = [window for window in known if window[2] is not None]
     if known:
         times = np.array([t for start, end, _ in known for t in (start, end, end + 1e-6)])
-        values = np.array([v for _, _, value in known for v in (value, value, math.nan)], dtype=np.float64)
-        trace.lines(f"{run.name}/predicted", times, Line(f"theory, {run.belief}", values, colour), width=3.0)
+        values = np.array(
+            [v for _, _, value in known for v in (value, value, math.nan)], dtype=np.float64
+        )
+        trace.lines(
+            f"{run.name}/predicted", times, Line(f"theory, {run.belief}", values, colour), width=3.0
+        )
 
 
 def _send_state(trace: Trace, run: Run) -> None:
@@ -139,13 +157,18 @@ def _send_properties(trace: Trace, comparison: Comparison, stride: int) -> None:
 
 
 def _layout(comparison: Comparison, looked: list[View]) -> list[View]:
-    """Return the pages: a summary with all errors, one per estimator and loop, then what is beside time."""
+    """Return the pages: a summary with all errors, one per estimator and loop, then what is beside
+    time."""
     groups: dict[str, list[Run]] = {}
     for run in comparison.runs:
-        groups.setdefault(f"{run.estimator}, {'closed' if run.closed_loop else 'open'} loop", []).append(run)
+        groups.setdefault(
+            f"{run.estimator}, {'closed' if run.closed_loop else 'open'} loop", []
+        ).append(run)
     bounds = [_reach(row) for run in comparison.runs for row in run.rows]
     reach = min(180.0, 1.25 * max([3.0, *bounds]))
-    errors = [_error_view(runs, f"{title}: error (° electrical)", reach) for title, runs in groups.items()]
+    errors = [
+        _error_view(runs, f"{title}: error (° electrical)", reach) for title, runs in groups.items()
+    ]
     overview = grid(errors, len({run.closed_loop for run in comparison.runs}))
     text = text_view("summary", "How to read, errors, provenance")
     front = side_by_side([text, overview], [2, 3], "Summary")
@@ -154,7 +177,8 @@ def _layout(comparison: Comparison, looked: list[View]) -> list[View]:
 
 
 def _reach(row: Row) -> float:
-    """Return the magnitude (deg) of error a row needs to see; a lost lock would hide all the others."""
+    """Return the magnitude (deg) of error a row needs to see; a lost lock would hide all the
+    others."""
     seen = [0.0] if row.lost_lock or row.error_deg.p95 is None else [row.error_deg.p95]
     return max(seen + ([] if row.predicted_mean_deg is None else [abs(row.predicted_mean_deg)]))
 
@@ -164,24 +188,31 @@ def _tab(title: str, runs: list[Run], reach: float) -> View:
     states = state_view("State", [f"/{run.name}/state" for run in runs])
     error = stacked([_error_view(runs, "Position error (° electrical)", reach), states], [5, 2])
     top = side_by_side([error, _angle_view(runs)], [2, 1])
-    rows = [side_by_side([_slow_view(runs, channel, name) for channel, name in row]) for row in SLOW_VIEWS]
+    rows = [
+        side_by_side([_slow_view(runs, channel, name) for channel, name in row])
+        for row in SLOW_VIEWS
+    ]
     return stacked([top, *rows], [5, 3, 3], title)
 
 
 def _error_view(runs: list[Run], name: str, reach: float) -> View:
-    """Return the error of all beliefs with theory, in the range (deg) that is common to all views."""
+    """Return the error of all beliefs with theory, in the range (deg) that is common to all
+    views."""
     contents = [f"/{run.name}/{channel}" for channel in ("error", "predicted") for run in runs]
     return time_view(name, contents, -reach, reach)
 
 
 def _slow_view(runs: list[Run], channel: str, name: str) -> View:
-    """Return one slow channel of all beliefs; the range drops rare peaks and leaves room for the legend."""
+    """Return one slow channel of all beliefs; the range drops rare peaks and leaves room for the
+    legend."""
     own = [f"/{run.name}/{channel}" for run in runs]
     if channel == "load":
         high = 100.0 * max(float(run.recording.load.max()) for run in runs)
         low = 100.0 * min(float(run.recording.load.min()) for run in runs)
         return time_view(name, ["/scenario/load"], 1.1 * low - 10.0, 1.3 * max(high, 10.0))
-    fields = {"current_d": ["i_d"], "current_q": ["i_q"], "speed": ["omega", "omega_hat"]}.get(channel, [channel])
+    fields = {"current_d": ["i_d"], "current_q": ["i_q"], "speed": ["omega", "omega_hat"]}.get(
+        channel, [channel]
+    )
     samples = np.concatenate([getattr(run.recording, field) for run in runs for field in fields])
     low, high = (float(bound) for bound in np.nanpercentile(samples, (0.5, 99.5)))
     room = max(high - low, 0.001 * abs(high), 1e-6)
@@ -191,7 +222,8 @@ def _slow_view(runs: list[Run], channel: str, name: str) -> View:
 
 
 def _angle_view(runs: list[Run]) -> View:
-    """Return true and estimated angle over a quarter turn: over a whole run they lie on each other."""
+    """Return true and estimated angle over a quarter turn: over a whole run they lie on each
+    other."""
     rec = runs[0].recording
     lost = {row.t_end for run in runs for row in run.rows if row.lost_lock}
     locked = [row.t_end for row in runs[0].rows if row.t_end not in lost]
@@ -202,4 +234,6 @@ def _angle_view(runs: list[Run]) -> View:
     low, high = sorted((float(rec.theta[first]), float(rec.theta[last])))
     name = f"Angle (rad electrical), quarter turn before {end:.1f} s"
     contents = [f"/{run.name}/angle" for run in runs]
-    return time_view(name, contents, low - 0.2, high + 0.6, (float(rec.t[first]), float(rec.t[last])))
+    return time_view(
+        name, contents, low - 0.2, high + 0.6, (float(rec.t[first]), float(rec.t[last]))
+    )

@@ -7,7 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sandbox.evaluation.choice import ANY, Limits, Standing
-from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, framed, page, plain_ticks, svg_text
+from sandbox.output.plots import (
+    AnyAxes,
+    colour_of,
+    drawn,
+    entitle,
+    framed,
+    page,
+    plain_ticks,
+    svg_text,
+)
 from sandbox.output.vector import PHONE, named
 
 if TYPE_CHECKING:
@@ -25,17 +34,24 @@ HEADS = (
     "volts lost",
 )
 READING = (
-    "What the injection adds beside the same currents and voltages averaged over it, the largest of all segments: "
-    "copper loss, and core loss where the plant has the effect iron_loss, in W and over the copper loss at rated "
-    "current; torque ripple (rms) over rated torque; a proxy for the sound, A-weighted radial and tangential force "
-    "against a thousandth of the rated ones, to compare methods on one motor (no sound pressure, no resonances), and "
-    "its loudest tone alone, far below it where it hisses and does not whistle; ripple of the link's current (rms) "
-    "below the PWM frequency; largest voltage that the control cannot have."
+    "What the injection adds beside the same currents and voltages averaged over it, the largest "
+    "of all segments: copper loss, and core loss where the plant has the effect iron_loss, in W "
+    "and over the copper loss at rated current; torque ripple (rms) over rated torque; a proxy "
+    "for the sound, A-weighted radial and tangential force against a thousandth of the rated "
+    "ones, to compare methods on one motor (no sound pressure, no resonances), and its loudest "
+    "tone alone, far below it where it hisses and does not whistle; ripple of the link's current "
+    "(rms) below the PWM frequency; largest voltage that the control cannot have."
 )
-AXES = (("worst_p95", "95 % of errors\nbelow (°)"), ("loss_w", "added loss (W)"), ("sound_db", "sound proxy (dB)"))
-WIDE = 3.0  # as many times from the smallest to the largest: an axis of powers; below, its names would overlap
+AXES = (
+    ("worst_p95", "95 % of errors\nbelow (°)"),
+    ("loss_w", "added loss (W)"),
+    ("sound_db", "sound proxy (dB)"),
+)
+# as many times from the smallest to the largest: an axis of powers; below, its names would overlap
+WIDE = 3.0
 MARKS = {"saturated": "o", "linear": "s"}
-LEAST = {"loss_w": 1e-3, "sound_db": 0.0}  # what is less is drawn there: it neither heats nor is heard
+# what is less is drawn there: it neither heats nor is heard
+LEAST = {"loss_w": 1e-3, "sound_db": 0.0}
 
 
 def cost_table(found: Sequence[Standing]) -> tuple[list[str], list[list[str]]]:
@@ -54,7 +70,10 @@ def _line(s: Standing) -> list[str]:
         (s.link_a, "{:.2g} A", 1.0),
         (s.injected_v, "{:.3g} V", 1.0),
     )
-    return [f"{s.estimator}, {s.belief}", *("–" if v is None else text.format(k * v) for v, text, k in values)]
+    return [
+        f"{s.estimator}, {s.belief}",
+        *("–" if v is None else text.format(k * v) for v, text, k in values),
+    ]
 
 
 def cost_figure(
@@ -66,14 +85,21 @@ def cost_figure(
     ax: AnyAxes = None,
     phone: bool = False,
 ) -> Figure:
-    """Draw error, added loss and sound of each estimator and belief side by side, the smallest error first.
+    """Draw error, added loss and sound of each estimator and belief side by side, the smallest
+    error first.
 
-    limits: drawn dashed; ax: three axes of your own to draw in, see `page`; phone: panels below each other.
+    limits: drawn dashed; ax: three axes of your own to draw in, see `page`; phone: panels below
+    each other.
     """
-    known = sorted((s for s in found if s.closed_loop and s.worst_p95 is not None), key=lambda s: s.worst_p95 or 0.0)
+    known = sorted(
+        (s for s in found if s.closed_loop and s.worst_p95 is not None),
+        key=lambda s: s.worst_p95 or 0.0,
+    )
     names = list(dict.fromkeys(s.estimator for s in known))
     rows, width = (len(AXES), PHONE) if phone else (1, 8.0)
-    figure, places = page((width, rows * (1.2 + 0.26 * len(names))), rows, len(AXES) // rows, ax, sharey=True)
+    figure, places = page(
+        (width, rows * (1.2 + 0.26 * len(names))), rows, len(AXES) // rows, ax, sharey=True
+    )
     panels = list(places.flat)
     bounds = {"loss_w": limits.loss_below, "sound_db": limits.quiet_below}
     for axes, (name, label) in zip(panels, AXES, strict=True):
@@ -96,8 +122,11 @@ def _draw(axes: Axes, known: Sequence[Standing], names: Sequence[str], quantity:
         own = [s for s in known if s.belief == belief and getattr(s, quantity) is not None]
         x = [max(getattr(s, quantity), LEAST.get(quantity, 0.0)) for s in own]
         y, mark = [names.index(s.estimator) for s in own], MARKS.get(belief, "D")
-        face = colour_of(belief) if belief == "saturated" else "none"  # both are seen where they are alike
-        axes.plot(x, y, mark, color=colour_of(belief), markerfacecolor=face, markersize=5, label=belief)
+        # both are seen where they are alike
+        face = colour_of(belief) if belief == "saturated" else "none"
+        axes.plot(
+            x, y, mark, color=colour_of(belief), markerfacecolor=face, markersize=5, label=belief
+        )
     low, high = axes.dataLim.intervalx
     if quantity != "sound_db" and known and high > WIDE * low:
         axes.set_xscale("log")

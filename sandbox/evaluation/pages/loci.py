@@ -1,4 +1,5 @@
-"""Drawings of a run beside time, for pages: paths of current and flux, spectra, error against angle and load."""
+"""Drawings of a run beside time, for pages: paths of current and flux, spectra, error against angle
+and load."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ LEAST_ANGLE = 0.1  # degrees; without saturation there is nothing to draw
 
 
 def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
-    """Return the paths of the currents (A) over the saliency map, {belief: path}; rated: current, A."""
+    """Return the paths of the currents (A) over the saliency map, {belief: path}; rated: current,
+    A."""
     drawing, panels = page((PHONE, 4.4), 1, 1)
     axes = panels[0, 0]
     i = plane.current
@@ -36,10 +38,18 @@ def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
         lines = axes.contour(i, i, plane.angle.T, levels=LEVELS, colors="#2a9d5c", linewidths=0.8)
         axes.clabel(lines, fontsize=8, fmt="%g°")
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
-    axes.plot(rated * np.cos(turn), rated * np.sin(turn), linestyle=(0, (1, 2)), color="#000000", linewidth=0.9)
+    axes.plot(
+        rated * np.cos(turn),
+        rated * np.sin(turn),
+        linestyle=(0, (1, 2)),
+        color="#000000",
+        linewidth=0.9,
+    )
     for width, (belief, own) in zip(widths(len(paths)), paths.items(), strict=True):
         axes.plot(*own, color=colour_of(belief), linewidth=width, label=belief)
-    axes.set(xlabel="i_d (A)", ylabel="i_q (A)", aspect="equal", xlim=(i[0], i[-1]), ylim=(i[0], i[-1]))
+    axes.set(
+        xlabel="i_d (A)", ylabel="i_q (A)", aspect="equal", xlim=(i[0], i[-1]), ylim=(i[0], i[-1])
+    )
     named(axes)
     return svg_text(drawing, "loci" + "".join(paths))
 
@@ -49,7 +59,13 @@ def hodograph_svg(paths: Mapping[str, Way], magnet_flux: float) -> str:
     drawing, panels = page((PHONE, 4.4), 1, 1)
     axes = panels[0, 0]
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
-    axes.plot(magnet_flux * np.cos(turn), magnet_flux * np.sin(turn), linestyle=(0, (1, 2)), color="#000000", lw=0.9)
+    axes.plot(
+        magnet_flux * np.cos(turn),
+        magnet_flux * np.sin(turn),
+        linestyle=(0, (1, 2)),
+        color="#000000",
+        lw=0.9,
+    )
     for width, (belief, own) in zip(widths(len(paths)), paths.items(), strict=True):
         axes.plot(*own, color=colour_of(belief), linewidth=width, label=belief)
     axes.set(xlabel="ψ_α (Wb)", ylabel="ψ_β (Wb)", aspect="equal")
@@ -59,7 +75,8 @@ def hodograph_svg(paths: Mapping[str, Way], magnet_flux: float) -> str:
 
 
 def angle_svg(errors: Mapping[str, tuple[Array, Array]]) -> str:
-    """Return the position error (degrees) over the electrical angle, {belief: (error, theta in rad)}.
+    """Return the position error (degrees) over the electrical angle, {belief: (error, theta in
+    rad)}.
 
     Empty where no rotor turned: lines are means, bands hold nine samples in ten.
     """
@@ -74,13 +91,19 @@ def angle_svg(errors: Mapping[str, tuple[Array, Array]]) -> str:
             axes.fill_between(at, low, high, color=colour_of(belief), alpha=0.25, linewidth=0)
             axes.plot(at, mean, color=colour_of(belief), linewidth=width, label=belief)
     axes.axhline(0.0, **FAINT)
-    axes.set(xlabel="electrical angle (°)", ylabel="position error (°)", xlim=(0, 360), xticks=range(0, 361, 60))
+    axes.set(
+        xlabel="electrical angle (°)",
+        ylabel="position error (°)",
+        xlim=(0, 360),
+        xticks=range(0, 361, 60),
+    )
     named(axes)
     return svg_text(drawing, "angle" + "".join(errors))
 
 
 def estimator_svg(runs: Sequence[Run]) -> str:
-    """Return the position error of one estimator, every belief, over load or segment, as `comparison_figure` does."""
+    """Return the position error of one estimator, every belief, over load or segment, as
+    `comparison_figure` does."""
     drawing, panels = page((PHONE, 3.1), 1, 1)
     axes = panels[0, 0]
     loads = by_load(runs)
@@ -91,7 +114,8 @@ def estimator_svg(runs: Sequence[Run]) -> str:
 
 
 def contours(plane: Plane) -> list[tuple[float, Array]]:
-    """Return lines of equal angle over the plane of currents: (degrees, points (n, 2) of i_d and i_q in A)."""
+    """Return lines of equal angle over the plane of currents: (degrees, points (n, 2) of i_d and
+    i_q in A)."""
     if not np.nanmax(np.abs(plane.angle)) > LEAST_ANGLE:
         return []
     _, panels = page((PHONE, PHONE), 1, 1)

@@ -1,4 +1,5 @@
-"""Figures over the plane of currents: where the model may be used, inductances and what injection sees."""
+"""Figures over the plane of currents: where the model may be used, inductances and what injection
+sees."""
 
 from __future__ import annotations
 
@@ -15,7 +16,9 @@ if TYPE_CHECKING:
     from sandbox.output.plots import Axes, Figure
 
 
-def audit_figure(drive: Drive, audit: Audit, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
+def audit_figure(
+    drive: Drive, audit: Audit, path: str | Path | None = None, ax: AnyAxes = None
+) -> Figure:
     """Draw the current plane (convexity, saliency) and the cross-saturation angle against load.
 
     ax: see `page`. Raises as `comparison_figure`.
@@ -27,9 +30,17 @@ def audit_figure(drive: Drive, audit: Audit, path: str | Path | None = None, ax:
         (audit.angle_local, "encoder controls (local)", "-"),
         (audit.angle_closed, "estimate controls (self-consistent)", (0, (4, 2))),
     ):
-        angles.plot(load, [math.degrees(v) for v in values], linestyle=style, color=colour_of("linear"), label=name)
+        angles.plot(
+            load,
+            [math.degrees(v) for v in values],
+            linestyle=style,
+            color=colour_of("linear"),
+            label=name,
+        )
     angles.axhline(0.0, color="0.6", linewidth=0.8)
-    angles.set(xlabel="load (% of rated, i_d = 0)", ylabel="error of a linear belief (° electrical)")
+    angles.set(
+        xlabel="load (% of rated, i_d = 0)", ylabel="error of a linear belief (° electrical)"
+    )
     angles.set_title("cross-saturation angle")
     angles.legend(frameon=False, fontsize=9)
     entitle(figure, f"{drive.name}: where the model may be used", ax)
@@ -43,7 +54,14 @@ def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
     filled.set_clip_path(circle(axes, audit.radius))
     axes.figure.colorbar(filled, ax=axes, label="smallest eigenvalue of the Hessian (1/H)")
     axes.add_patch(circle(axes, audit.rated_current, fill=False, color="0.2", linewidth=1.2))
-    axes.annotate("rated", (0.0, audit.rated_current), (0, 3), textcoords="offset points", ha="center", fontsize=9)
+    axes.annotate(
+        "rated",
+        (0.0, audit.rated_current),
+        (0, 3),
+        textcoords="offset points",
+        ha="center",
+        fontsize=9,
+    )
     if audit.violations:
         x, y = [v["i_d"] for v in audit.violations], [v["i_q"] for v in audit.violations]
         axes.plot(x, y, "x", color=colour_of("linear"), label="the model ends here")
@@ -53,7 +71,8 @@ def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
 
 
 def maps_figure(maps: Maps, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
-    """Draw inductances, cross-saturation angle and gain over the current plane, and the first order's error of L_dd.
+    """Draw inductances, cross-saturation angle and gain over the current plane, and the first
+    order's error of L_dd.
 
     ax: see `page`.
     """
@@ -66,7 +85,8 @@ def maps_figure(maps: Maps, path: str | Path | None = None, ax: AnyAxes = None) 
         ("gain of the null (of zero current)", maps.gain),
         ("L_dd, first order − exact (mH)", 1e3 * (maps.first_order["l_dd"] - maps.l_dd)),
     ]
-    if not (maps.first_order["l_dd"] == maps.first_order["l_dd"]).any():  # NaN: a flux map has no alphas
+    if not (maps.first_order["l_dd"] == maps.first_order["l_dd"]).any():
+        # NaN: a flux map has no alphas
         axes[-1, -1].set_axis_off()
         panels = panels[:-1]
     for panel, (title, values) in zip(axes.flat, panels, strict=False):

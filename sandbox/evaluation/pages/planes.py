@@ -26,12 +26,15 @@ class Plane(NamedTuple):
     """What injection sees over the plane of currents: NaN where the model is not valid."""
 
     current: Array  # (n,) A, of both axes
-    angle: Array  # (n, n) degrees over i_d (first axis) and i_q: error of a linear belief where the encoder controls
+    # (n, n) degrees over i_d (first axis) and i_q: error of a linear belief where the encoder
+    # controls
+    angle: Array
     gain: Array  # (n, n) slope of the null relative to zero current
 
 
 def plane(drive: Drive, reach: float) -> Plane | None:
-    """Return the saliency over currents up to `reach` (A) on both axes; None for a motor without saliency."""
+    """Return the saliency over currents up to `reach` (A) on both axes; None for a motor without
+    saliency."""
     m, i = drive.motor.energy, np.linspace(-reach, reach, GRID)
     zero = abs(m.gamma_d - m.gamma_q)
     if zero < LEAST_SALIENCY * max(m.gamma_d, m.gamma_q):
@@ -48,30 +51,43 @@ def plane(drive: Drive, reach: float) -> Plane | None:
 
 
 def currents(drive: Drive, recording: Recording) -> tuple[Array, Array]:
-    """Return a run's way through the plane of currents (i_d, i_q in A), means over whole injection periods."""
+    """Return a run's way through the plane of currents (i_d, i_q in A), means over whole injection
+    periods."""
     width = _injected(drive) * max(2, math.ceil(len(recording) / (_injected(drive) * POINTS)))
     return means(recording.i_d, width), means(recording.i_q, width)
 
 
 def hodograph(drive: Drive, recording: Recording, ends: Sequence[float]) -> tuple[Array, Array]:
-    """Return the flux linkage (Wb) in the stator's frame, by the nominal model at the currents of a run.
+    """Return the flux linkage (Wb) in the stator's frame, by the nominal model at the currents of a
+    run.
 
-    Of a rotor that turns: the last electrical turn before each of the `ends` (s), NaN between them, as all turns would
-    hide each other; else the whole way. NaN outside the model's domain, too.
+    Of a rotor that turns: the last electrical turn before each of the `ends` (s), NaN between them,
+    as all turns would hide each other; else the whole way. NaN outside the model's domain, too.
     """
     turn = 2.0 * math.pi
     if len(recording) == 0 or np.ptp(recording.theta) < turn:
         return _flux(
-            drive, recording, _injected(drive) * max(1, math.ceil(len(recording) / (_injected(drive) * POINTS)))
+            drive,
+            recording,
+            _injected(drive) * max(1, math.ceil(len(recording) / (_injected(drive) * POINTS))),
         )
     parts = []
     for end in ends:
         before = recording.between(-math.inf, end)
-        away = np.flatnonzero(np.abs(before.theta - before.theta[-1]) > turn) if len(before) else np.array([])
+        away = (
+            np.flatnonzero(np.abs(before.theta - before.theta[-1]) > turn)
+            if len(before)
+            else np.array([])
+        )
         if away.size and before.t[-1] - before.t[away[-1]] < SLOWEST_TURN:
-            parts.append(_flux(drive, recording.between(float(before.t[away[-1]]), end), _injected(drive)))
+            parts.append(
+                _flux(drive, recording.between(float(before.t[away[-1]]), end), _injected(drive))
+            )
     gap = np.array([np.nan])
-    pair = [np.concatenate([x for part in parts for x in (part[k], gap)]) if parts else gap for k in (0, 1)]
+    pair = [
+        np.concatenate([x for part in parts for x in (part[k], gap)]) if parts else gap
+        for k in (0, 1)
+    ]
     return pair[0], pair[1]
 
 

@@ -19,7 +19,8 @@ Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # heads and lines of a ta
 def protocol_figure(
     by_motor: Mapping[str, Cells], note: str, path: str | Path | None = None, ax: AnyAxes = None
 ) -> Figure:
-    """Draw a page: a panel per motor, a line per estimator and belief, a column per test, coloured by the verdict.
+    """Draw a page: a panel per motor, a line per estimator and belief, a column per test, coloured
+    by the verdict.
 
     ax: see `page`.
     """
@@ -36,8 +37,11 @@ def protocol_figure(
     return drawn(figure, path)
 
 
-def _draw_cells(axes: Axes, heads: Sequence[str], names: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
-    """Draw a table of texts: green where there is a tick before the goal, red for a cross, grey for all else."""
+def _draw_cells(
+    axes: Axes, heads: Sequence[str], names: Sequence[str], cells: Sequence[Sequence[str]]
+) -> None:
+    """Draw a table of texts: green where there is a tick before the goal, red for a cross, grey for
+    all else."""
     colours = {"✓": "#cfe8d5", "✗": "#f3cdc7", "○": "0.93"}
     for y, row in enumerate(cells):
         for x, text in enumerate(row):

@@ -1,4 +1,5 @@
-"""The page of a protocol: which estimator for each motor, what the saturated belief brings, what breaks them."""
+"""The page of a protocol: which estimator for each motor, what the saturated belief brings, what
+breaks them."""
 
 from __future__ import annotations
 
@@ -8,17 +9,36 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sandbox.evaluation.choice import ANY, MANY, Limits, either, few
-from sandbox.evaluation.pages.protocol_cells import BAD, CHECKS, GOOD, HOLDS, reading, table, tables, why_lost
+from sandbox.evaluation.pages.protocol_cells import (
+    BAD,
+    CHECKS,
+    GOOD,
+    HOLDS,
+    reading,
+    table,
+    tables,
+    why_lost,
+)
 from sandbox.evaluation.protocol import PEER, SHARED, TESTS, Protocol, Row
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
-from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
+from sandbox.output.document import (
+    answer,
+    bullets,
+    figure,
+    fold,
+    pairs,
+    prose,
+    verdicts,
+    write_page,
+)
 from sandbox.output.vector import SERIES, bars_svg, dots_svg
 
 DEAREST = 1.25  # times the cheapest's step: dearer is named after it
-GAINED = ("static_map", "load_step", "creep")  # tests whose worst mean error is drawn for both beliefs
+# tests whose worst mean error is drawn for both beliefs
+GAINED = ("static_map", "load_step", "creep")
 NOT_IN_IT = (
-    "These are simulations in which the saturated belief is the plant's own model; only `robustness` changes the "
-    "plant. Goals are the project's (see the table), not your drive's."
+    "These are simulations in which the saturated belief is the plant's own model; only "
+    "`robustness` changes the plant. Goals are the project's (see the table), not your drive's."
 )
 
 
@@ -26,8 +46,8 @@ NOT_IN_IT = (
 class Merit:
     """How an estimator with the saturated belief did on one motor.
 
-    worst_p95: degrees, over the tests of GAINED; step_ns: CPU of a step; loss_w, sound_db: added by its injection at
-    rated load, the larger of standstill and speed; None where not measured.
+    worst_p95: degrees, over the tests of GAINED; step_ns: CPU of a step; loss_w, sound_db: added by
+    its injection at rated load, the larger of standstill and speed; None where not measured.
     """
 
     estimator: str
@@ -41,7 +61,8 @@ class Merit:
 
     @property
     def rank(self) -> tuple[int, int, int]:
-        """What the best is smallest in: missed goals, those not judged, tests with a speed not reached in time."""
+        """What the best is smallest in: missed goals, those not judged, tests with a speed not
+        reached in time."""
         return len(self.missed), -self.judged, len(self.slow)
 
     def order(self) -> tuple[tuple[int, int, int], float]:
@@ -52,7 +73,11 @@ class Merit:
 
 def merits(rows: Sequence[Row], motor: str) -> tuple[Merit, ...]:
     """Return every estimator's merit on a motor, the best first."""
-    own = [r for r in rows if r.unit.motor == motor and r.unit.belief == "saturated" and r.unit.test not in SHARED]
+    own = [
+        r
+        for r in rows
+        if r.unit.motor == motor and r.unit.belief == "saturated" and r.unit.test not in SHARED
+    ]
     out = []
     for name in dict.fromkeys(r.unit.estimator for r in own):
         mine = [r for r in own if r.unit.estimator == name]
@@ -69,7 +94,10 @@ def merits(rows: Sequence[Row], motor: str) -> tuple[Merit, ...]:
 
 def _larger(metrics: Mapping[str, float | None], name: str) -> float | None:
     """Return the larger of a cost's two values, at standstill and at speed."""
-    return max((v for v in (metrics.get(name), metrics.get(f"{name}_at_speed")) if v is not None), default=None)
+    return max(
+        (v for v in (metrics.get(name), metrics.get(f"{name}_at_speed")) if v is not None),
+        default=None,
+    )
 
 
 def which(rows: Sequence[Row], motor: str, limits: Limits = ANY) -> str:
@@ -90,7 +118,10 @@ def _which(found: Sequence[Merit], rows: Sequence[Row], motor: str) -> str:
     names, some = either(few([m.estimator for m in first])), _some(rows)
     if not first[0].missed:
         verb = "meets" if len(first) == 1 else "each meets"
-        text = f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{some}{_cheapest(first)}"
+        text = (
+            f"{names} with the saturated belief: {verb} "
+            f"{_all(first[0].judged)}.{some}{_cheapest(first)}"
+        )
         own = [r for r in rows if r.unit.motor == motor]
         return text + speed_missed(first) + held(own, [m.estimator for m in first])
     text = f"None meets every goal. Nearest: {names} with the saturated belief"
@@ -100,20 +131,30 @@ def _which(found: Sequence[Merit], rows: Sequence[Row], motor: str) -> str:
 
 
 def speed_missed(first: Sequence[Merit]) -> str:
-    """Return in which tests these estimators did not let the drive reach its speed in time, nothing where in none."""
+    """Return in which tests these estimators did not let the drive reach its speed in time, nothing
+    where in none."""
     tests: dict[tuple[str, ...], list[str]] = {}
     for m in first:
         if m.slow:
             tests.setdefault(m.slow, []).append(m.estimator)
     return "".join(
-        f" But with {', '.join(few(names))} the speed asked for was not reached in time in {', '.join(slow)} ({HOLDS})."
+        f" But with {', '.join(few(names))} the speed asked for was not reached in time "
+        f"in {', '.join(slow)} ({HOLDS})."
         for slow, names in tests.items()
     )
 
 
 def held(rows: Sequence[Row], names: Sequence[str]) -> str:
-    """Return how large the errors were where lock alone is asked for, saturated belief of these estimators."""
-    text, own = "", [r for r in rows if r.unit.estimator in names and r.unit.belief == "saturated" and not r.failure]
+    """Return how large the errors were where lock alone is asked for, saturated belief of these
+    estimators."""
+    text, own = (
+        "",
+        [
+            r
+            for r in rows
+            if r.unit.estimator in names and r.unit.belief == "saturated" and not r.failure
+        ],
+    )
     for test, key, unit, what in (
         ("robustness", "mean_deg", "°", "the worst mean error there is"),
         ("attraction", "reversed", " %", "the share that ends at the wrong pole is"),
@@ -122,7 +163,10 @@ def held(rows: Sequence[Row], names: Sequence[str]) -> str:
         sizes = [(100.0 if unit == " %" else 1.0) * abs(v) for v in found if v is not None]
         if sizes and max(sizes) > 0.0:
             ends = list(dict.fromkeys(f"{v:.3g}" for v in (min(sizes), max(sizes))))
-            text += f" `{test}` asks for no more than '{CHECKS[test]}'; {what} {' to '.join(ends)}{unit}."
+            text += (
+                f" `{test}` asks for no more than '{CHECKS[test]}'; {what} "
+                f"{' to '.join(ends)}{unit}."
+            )
     return text
 
 
@@ -134,7 +178,11 @@ def left_out(rows: Sequence[Row]) -> list[str]:
 def _some(rows: Sequence[Row]) -> str:
     """Return how many of the protocol's tests were run, nothing where all were."""
     ran, every = len(TESTS) - len(left_out(rows)), len(TESTS)
-    return f" Only {ran} of the protocol's {every} tests {'was' if ran == 1 else 'were'} run." if ran < every else ""
+    return (
+        f" Only {ran} of the protocol's {every} tests {'was' if ran == 1 else 'were'} run."
+        if ran < every
+        else ""
+    )
 
 
 def _all(judged: int) -> str:
@@ -142,7 +190,8 @@ def _all(judged: int) -> str:
 
 
 def _cheapest(first: Sequence[Merit]) -> str:
-    """Return which of estimators alike in merit costs least, nothing where that is unknown or one is left."""
+    """Return which of estimators alike in merit costs least, nothing where that is unknown or one
+    is left."""
     costs = sorted((m.step_ns, m.estimator) for m in first if m.step_ns is not None)
     if len(costs) < 2:
         return ""
@@ -155,7 +204,11 @@ def why(row: Row) -> str:
     m = row.outcome.metrics
     if row.failure:
         return f"{row.unit.test} ({row.failure[:120]})"
-    lost = [name.partition(":")[0] for name, value in m.items() if name.endswith(": mean_deg") and value is None]
+    lost = [
+        name.partition(":")[0]
+        for name, value in m.items()
+        if name.endswith(": mean_deg") and value is None
+    ]
     if lost:
         return f"{row.unit.test} (lock lost with {', '.join(lost)})"
     if m.get("lost"):
@@ -163,24 +216,31 @@ def why(row: Row) -> str:
     if m.get("mean_deg") is not None and m.get("p95_deg") is not None:
         return f"{row.unit.test} (mean {m['mean_deg']:.2g}°, 95 % within {m['p95_deg']:.2g}°)"
     if m.get("elsewhere") is not None:
-        return f"{row.unit.test} ({100.0 * (m['elsewhere'] or 0.0):.0f} % of wrong starts end at a third place)"
+        return (
+            f"{row.unit.test} ({100.0 * (m['elsewhere'] or 0.0):.0f} % of wrong starts end "
+            "at a third place)"
+        )
     return row.unit.test
 
 
 def gained(rows: Sequence[Row], motor: str) -> str:
-    """Return what the saturated belief brings on a motor: worst mean errors of the tests in GAINED."""
+    """Return what the saturated belief brings on a motor: worst mean errors of the tests in
+    GAINED."""
     pairs_ = _both(rows, motor)
     if not pairs_:
         return "No test was run with both beliefs."
     said = "; ".join(f"{name} {a:.2g}° → {b:.2g}°" for name, (a, b) in pairs_.items())
     if len(pairs_) > MANY:
         ends = [sorted((pair[k], name) for name, pair in pairs_.items()) for k in (0, 1)]
-        said = " → ".join(f"{e[0][0]:.2g}° ({e[0][1]}) to {e[-1][0]:.2g}° ({e[-1][1]})" for e in ends)
+        said = " → ".join(
+            f"{e[0][0]:.2g}° ({e[0][1]}) to {e[-1][0]:.2g}° ({e[-1][1]})" for e in ends
+        )
     return f"Worst mean error, linear → saturated belief: {said}."
 
 
 def _both(rows: Sequence[Row], motor: str) -> dict[str, tuple[float, float]]:
-    """Return worst mean errors (degrees) by estimator: linear, saturated, over the tests both were in lock in."""
+    """Return worst mean errors (degrees) by estimator: linear, saturated, over the tests both were
+    in lock in."""
     return {
         name: (max(a for a, _ in means.values()), max(b for _, b in means.values()))
         for name, means in _means(rows, motor).items()
@@ -193,19 +253,27 @@ def _seen(rows: Sequence[Row], motor: str) -> list[str]:
 
 
 def _means(rows: Sequence[Row], motor: str) -> dict[str, dict[str, tuple[float, float]]]:
-    """Return mean errors (degrees), linear and saturated, by estimator and test of GAINED, where both are known."""
-    own = {(r.unit.estimator, r.unit.belief, r.unit.test): r.outcome.metrics for r in rows if r.unit.motor == motor}
+    """Return mean errors (degrees), linear and saturated, by estimator and test of GAINED, where
+    both are known."""
+    own = {
+        (r.unit.estimator, r.unit.belief, r.unit.test): r.outcome.metrics
+        for r in rows
+        if r.unit.motor == motor
+    }
     out: dict[str, dict[str, tuple[float, float]]] = {}
     for name in dict.fromkeys(e for e, _, _ in own):
         for test in GAINED:
-            linear, saturated = (own.get((name, b, test), {}).get("mean_deg") for b in ("linear", "saturated"))
+            linear, saturated = (
+                own.get((name, b, test), {}).get("mean_deg") for b in ("linear", "saturated")
+            )
             if linear is not None and saturated is not None:
                 out.setdefault(name, {})[test] = linear, saturated
     return out
 
 
 def broken(rows: Sequence[Row], motor: str) -> list[str]:
-    """Return one sentence for each change of the plant that costs an estimator its lock, saturated belief."""
+    """Return one sentence for each change of the plant that costs an estimator its lock, saturated
+    belief."""
     lost: dict[str, list[str]] = {}
     for r in rows:
         if r.unit.motor == motor and r.unit.test == "robustness" and r.unit.belief == "saturated":
@@ -229,7 +297,9 @@ def parts(result: Protocol, title: str) -> Iterator[str]:
     for motor in motors:
         yield answer(f"Which estimator for {motor}?", which(result.rows, motor, result.limits))
     for motor in motors:
-        yield answer(f"What does believing the saturated model bring on {motor}?", gained(result.rows, motor))
+        yield answer(
+            f"What does believing the saturated model bring on {motor}?", gained(result.rows, motor)
+        )
     missing = left_out(result.rows)
     tests = f" Tests that were not run: {', '.join(missing)}." if missing else ""
     yield answer("What is not in it?", NOT_IN_IT + tests)
@@ -252,7 +322,10 @@ def parts(result: Protocol, title: str) -> Iterator[str]:
     ]
     if failed:
         yield fold("Runs that ended early, and why", bullets(failed))
-    yield f"<p class='soft'>Seed {result.seed}; {sum(r.cpu_seconds for r in result.rows):.0f} s of CPU.</p>"
+    yield (
+        f"<p class='soft'>Seed {result.seed}; {sum(r.cpu_seconds for r in result.rows):.0f} "
+        "s of CPU.</p>"
+    )
 
 
 def _figures(rows: Sequence[Row], motor: str) -> Iterator[str]:
@@ -266,30 +339,40 @@ def _figures(rows: Sequence[Row], motor: str) -> Iterator[str]:
         over = ", ".join(_seen(rows, motor))
         yield figure(
             dots_svg(list(both), series, "worst mean error (°)", mark=MEAN_GOAL),
-            f"Worst mean position error over {over}; dashed: the goal of the saturated belief, {MEAN_GOAL:g}°.",
+            f"Worst mean position error over {over}; dashed: the goal of the saturated "
+            f"belief, {MEAN_GOAL:g}°.",
         )
     costs = {m.estimator: m.step_ns for m in merits(rows, motor) if m.step_ns is not None}
     if costs:
         names = [name for name in both if name in costs] or list(costs)
         blue = [SERIES[1]]
         yield figure(
-            bars_svg(names, {"saturated": [costs[name] or 0.0 for name in names]}, "CPU of a step (ns)", colours=blue),
+            bars_svg(
+                names,
+                {"saturated": [costs[name] or 0.0 for name in names]},
+                "CPU of a step (ns)",
+                colours=blue,
+            ),
             "What a step of the estimator costs on this machine.",
         )
 
 
 def _cases(rows: Sequence[Row], motor: str) -> str:
-    """Return the table of worst mean errors (degrees) by change of the plant, saturated belief; lost lock is marked."""
+    """Return the table of worst mean errors (degrees) by change of the plant, saturated belief;
+    lost lock is marked."""
     own: dict[str, Mapping[str, float | None]] = {
         r.unit.estimator: r.outcome.metrics
         for r in rows
         if (r.unit.motor, r.unit.test, r.unit.belief) == (motor, "robustness", "saturated")
     }
-    cases = list(dict.fromkeys(k for metrics in own.values() for k in metrics if k.endswith(": mean_deg")))
+    cases = list(
+        dict.fromkeys(k for metrics in own.values() for k in metrics if k.endswith(": mean_deg"))
+    )
     if not cases:
         return ""
     lines = [
-        [case.partition(":")[0], *("" if case not in m else _mean(m[case]) for m in own.values())] for case in cases
+        [case.partition(":")[0], *("" if case not in m else _mean(m[case]) for m in own.values())]
+        for case in cases
     ]
     return verdicts(["worst mean (°)", *own], lines)
 

@@ -1,6 +1,8 @@
-"""Evidence by algebra: what a hypothesis reaches from one point's normal equations, and how far they can be trusted.
+"""Evidence by algebra: what a hypothesis reaches from one point's normal equations, and how far
+they can be trusted.
 
-Priors are Gaussian, cut off at a parameter's bounds: where the most probable value would lie beyond, it is held there.
+Priors are Gaussian, cut off at a parameter's bounds: where the most probable value would lie
+beyond, it is held there.
 """
 
 from __future__ import annotations
@@ -41,13 +43,16 @@ def prior_of(coordinates: Sequence[Coordinate]) -> Prior:
     """Return the priors that coordinates carry."""
     bounds = [c.bounds() for c in coordinates]
     return Prior(
-        np.array([c.mean for c in coordinates]), np.array([c.deviation for c in coordinates]),
-        np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds]),
-    )  # fmt: skip
+        np.array([c.mean for c in coordinates]),
+        np.array([c.deviation for c in coordinates]),
+        np.array([b[0] for b in bounds]),
+        np.array([b[1] for b in bounds]),
+    )
 
 
 class MostProbable(NamedTuple):
-    """The most probable values (p,), which of them are free (inside their bounds), and the objective there."""
+    """The most probable values (p,), which of them are free (inside their bounds), and the
+    objective there."""
 
     x: Array
     free: NDArray[np.bool_]
@@ -64,7 +69,8 @@ class Algebra:
     x: Array
 
     def damped(self, share: float) -> Algebra:
-        """Return the same with steps from x held back: that share of A's diagonal on top (Marquardt 1963)."""
+        """Return the same with steps from x held back: that share of A's diagonal on top (Marquardt
+        1963)."""
         return Algebra(self.a + share * np.diag(np.diag(self.a)), self.g, self.rr, self.x)
 
     def scaled(self, noise: float) -> Algebra:
@@ -74,8 +80,8 @@ class Algebra:
     def most_probable(self, prior: Prior) -> MostProbable:
         """Return the most probable values under a prior.
 
-        Least squares within bounds, in prior deviations.  Where a prediction overflowed nothing is probable: the
-        objective is infinite.
+        Least squares within bounds, in prior deviations.  Where a prediction overflowed nothing is
+        probable: the objective is infinite.
         """
         movable = prior.deviation > 0.0
         if not (np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)):
@@ -84,7 +90,9 @@ class Algebra:
         x = np.clip(prior.mean, prior.low, prior.high)
         start = x[movable]
         hessian = size[:, None] * self.a[np.ix_(movable, movable)] * size + np.eye(len(size))
-        pull = size * (self.g + self.a @ (self.x - x))[movable] + (prior.mean[movable] - start) / size
+        pull = (
+            size * (self.g + self.a @ (self.x - x))[movable] + (prior.mean[movable] - start) / size
+        )
         low, high = (prior.low[movable] - start) / size, (prior.high[movable] - start) / size
         step, inside = within_bounds(hessian, pull, low, high)
         free = movable.copy()
@@ -93,7 +101,8 @@ class Algebra:
         return MostProbable(x, free, self.objective(x, prior))
 
     def objective(self, x: Array, prior: Prior) -> float:
-        """Return r'r predicted at x (p,) and the squared deviations from the prior's means together."""
+        """Return r'r predicted at x (p,) and the squared deviations from the prior's means
+        together."""
         shift, free = x - self.x, prior.deviation > 0.0
         away = (x - prior.mean)[free] / prior.deviation[free]
         return float(self.rr - 2.0 * shift @ self.g + shift @ self.a @ shift + np.sum(away**2))
@@ -101,10 +110,10 @@ class Algebra:
     def log_evidence(self, prior: Prior) -> float:
         """Return the log evidence (Laplace) under a prior.
 
-        A size that can only be positive has half a Gaussian as its prior: where the most probable value lies at the
-        bound the posterior is its tail, where it is free the part beyond the bound is missing.  The same tail where any
-        other value is held at a bound.  The free values follow each held one along its tail; of several held ones each
-        has its own.
+        A size that can only be positive has half a Gaussian as its prior: where the most probable
+        value lies at the bound the posterior is its tail, where it is free the part beyond the
+        bound is missing.  The same tail where any other value is held at a bound.  The free values
+        follow each held one along its tail; of several held ones each has its own.
         """
         x, free, objective = self.most_probable(prior)
         if not math.isfinite(objective):
@@ -113,22 +122,33 @@ class Algebra:
         halved = moves & ((prior.low == prior.mean) | (prior.high == prior.mean))
         inner, outer = halved & free, moves & ~free
         sd = prior.deviation[free]
-        factor = cho_factor(sd[:, None] * self.a[np.ix_(free, free)] * sd + np.eye(len(sd)), check_finite=False)
+        factor = cho_factor(
+            sd[:, None] * self.a[np.ix_(free, free)] * sd + np.eye(len(sd)), check_finite=False
+        )
         out = -0.5 * objective - np.sum(np.log(np.diag(factor[0])))
         if inner.any():
             spread = sd * np.sqrt(np.diag(cho_solve(factor, np.eye(len(sd)), check_finite=False)))
-            out += np.sum(np.log(2.0) + log_ndtr(np.abs(x - prior.mean)[inner] / spread[inner[free]]))
+            out += np.sum(
+                np.log(2.0) + log_ndtr(np.abs(x - prior.mean)[inner] / spread[inner[free]])
+            )
         if outer.any():
             slope, curve = self._pushed(x, free, np.flatnonzero(outer), prior)
-            half = np.where(halved[outer], 1.0, 0.5)  # a whole Gaussian has half its weight on either side
+            # a whole Gaussian has half its weight on either side
+            half = np.where(halved[outer], 1.0, 0.5)
             out += np.sum(
-                np.log(half * erfcx(slope / np.sqrt(2.0 * curve)) / (prior.deviation[outer] * np.sqrt(curve)))
+                np.log(
+                    half
+                    * erfcx(slope / np.sqrt(2.0 * curve))
+                    / (prior.deviation[outer] * np.sqrt(curve))
+                )
             )
         return float(out)
 
-    def _pushed(self, x: Array, free: NDArray[np.bool_], held: NDArray[np.int64], prior: Prior) -> tuple[Array, Array]:
-        """Return how hard values held at bounds are pushed there (h,), and the curvature that each sees (h,) while the
-        free ones follow and the other held ones stay."""
+    def _pushed(
+        self, x: Array, free: NDArray[np.bool_], held: NDArray[np.int64], prior: Prior
+    ) -> tuple[Array, Array]:
+        """Return how hard values held at bounds are pushed there (h,), and the curvature that each
+        sees (h,) while the free ones follow and the other held ones stay."""
         sd, own = prior.deviation[held], prior.deviation[free]
         slope = np.abs((self.g - self.a @ (x - self.x))[held] - (x - prior.mean)[held] * sd**-2)
         across = own[:, None] * self.a[np.ix_(free, held)]
@@ -145,10 +165,11 @@ class Algebra:
         return out
 
     def tails(self, prior: Prior, share: float = 0.05) -> Array:
-        """Return how far (p,) from its bound a value that is held there may lie: all but `share` of its posterior.
+        """Return how far (p,) from its bound a value that is held there may lie: all but `share` of
+        its posterior.
 
-        The posterior is the tail of a Gaussian whose slope at the bound pushes outwards, the others following; zero
-        where free.
+        The posterior is the tail of a Gaussian whose slope at the bound pushes outwards, the others
+        following; zero where free.
         """
         x, free, _ = self.most_probable(prior)
         out, held = np.zeros_like(x), np.flatnonzero((prior.deviation > 0.0) & ~free)
@@ -158,12 +179,15 @@ class Algebra:
         return out
 
 
-def within_bounds(hessian: Array, pull: Array, low: Array, high: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the x (p,) in [low, high] with the least x'Hx/2 - pull'x, and which of its values are free.
+def within_bounds(
+    hessian: Array, pull: Array, low: Array, high: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the x (p,) in [low, high] with the least x'Hx/2 - pull'x, and which of its values are
+    free.
 
-    Values beyond a bound are held there and those freed that would leave theirs inwards, all at once, until none is
-    left (Hintermueller, Ito, Kunisch, SIAM J. Optim. 13 (2002) 865); should that go round in circles, one at a time
-    (Stark, Parker, Comput. Stat. 10 (1995) 129).
+    Values beyond a bound are held there and those freed that would leave theirs inwards, all at
+    once, until none is left (Hintermueller, Ito, Kunisch, SIAM J. Optim. 13 (2002) 865); should
+    that go round in circles, one at a time (Stark, Parker, Comput. Stat. 10 (1995) 129).
     """
     below = above = np.zeros(len(pull), dtype=bool)
     for _ in range(EXCHANGES):
@@ -171,14 +195,23 @@ def within_bounds(hessian: Array, pull: Array, low: Array, high: Array) -> tuple
         x = np.where(below, low, np.where(above, high, 0.0))
         if free.any():
             rest = pull[free] - hessian[np.ix_(free, ~free)] @ x[~free]
-            x[free] = cho_solve(cho_factor(hessian[np.ix_(free, free)], check_finite=False), rest, check_finite=False)
+            x[free] = cho_solve(
+                cho_factor(hessian[np.ix_(free, free)], check_finite=False),
+                rest,
+                check_finite=False,
+            )
         outwards = pull - hessian @ x
-        under, over = (x < low) | (below & (outwards <= 0.0)), (x > high) | (above & (outwards >= 0.0))
+        under, over = (
+            (x < low) | (below & (outwards <= 0.0)),
+            (x > high) | (above & (outwards >= 0.0)),
+        )
         if (under == below).all() and (over == above).all():
             return x, free
         below, above = under, over
     factor = np.linalg.cholesky(hessian)
-    found = lsq_linear(factor.T, solve_triangular(factor, pull, lower=True), (low, high), method="bvls")
+    found = lsq_linear(
+        factor.T, solve_triangular(factor, pull, lower=True), (low, high), method="bvls"
+    )
     return found.x, found.active_mask == 0
 
 
@@ -191,8 +224,8 @@ def algebra(n: Normal, weights=None) -> Algebra:
 def sandwich(n: Normal, x: Array, covariance: Array) -> Array:
     """Return the covariance (p, p) of estimates x that allows for residuals alike within a block.
 
-    Sum over blocks of score times score between two plain covariances (Huber 1967; White, Econometrica 48 (1980) 817);
-    the priors' part of the plain covariance is kept.
+    Sum over blocks of score times score between two plain covariances (Huber 1967; White,
+    Econometrica 48 (1980) 817); the priors' part of the plain covariance is kept.
     """
     v, a = np.zeros_like(covariance), np.zeros_like(covariance)
     for s in n.segments:
@@ -204,10 +237,11 @@ def sandwich(n: Normal, x: Array, covariance: Array) -> Array:
 
 
 def between_segments(n: Normal, x: Array, covariance: Array) -> Array:
-    """Return the covariance (p, p) of estimates x told by how segments disagree: one score each, as clusters.
+    """Return the covariance (p, p) of estimates x told by how segments disagree: one score each, as
+    clusters.
 
-    What is alike over a whole recording, encoder counts that beat with the samples for instance, shows here only
-    (Liang, Zeger, Biometrika 73 (1986) 13, with k/(k - 1) for k segments).
+    What is alike over a whole recording, encoder counts that beat with the samples for instance,
+    shows here only (Liang, Zeger, Biometrika 73 (1986) 13, with k/(k - 1) for k segments).
     """
     v = np.zeros_like(covariance)
     for s in n.segments:

@@ -1,14 +1,15 @@
-"""Fit of one hypothesis: damped Gauss-Newton to the most probable point, and the evidence of a hypothesis there.
+"""Fit of one hypothesis: damped Gauss-Newton to the most probable point, and the evidence of a
+hypothesis there.
 
-A hypothesis is a list of effects.  Its coordinates are the ordinary deviations with their narrow priors, and its
-effects' with wide ones; the objective is the sum of squared residuals over their floor plus that of deviations over
-their priors.  Slopes are kept from step to step; only slopes that were taken near the end say that it is one.  Near
-the most probable point all is Gaussian:
+A hypothesis is a list of effects.  Its coordinates are the ordinary deviations with their narrow
+priors, and its effects' with wide ones; the objective is the sum of squared residuals over their
+floor plus that of deviations over their priors.  Slopes are kept from step to step; only slopes
+that were taken near the end say that it is one.  Near the most probable point all is Gaussian:
 
     log evidence = -1/2 objective - 1/2 log det(A + P^-1) - sum log deviation,
 
-A summed over recordings (Laplace's approximation; MacKay, Neural Comput. 4 (1992) 415).  Checked against direct
-integration in tests/sandbox/gap/test_evidence.py.
+A summed over recordings (Laplace's approximation; MacKay, Neural Comput. 4 (1992) 415).  Checked
+against direct integration in tests/sandbox/gap/test_evidence.py.
 """
 
 from __future__ import annotations
@@ -28,26 +29,31 @@ from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinar
 
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
-# Of the objective over the squared residual (`noise_at`): a step that gains less changes no decision, since far from
-# the floor the data counts for as much less.
+# Of the objective over the squared residual (`noise_at`): a step that gains less changes no
+# decision, since far from the floor the data counts for as much less.
 TOLERANCE = 0.2
-SHORTEST = 0.05  # share of a step that is still tried: along a bent valley short steps gain, damped ones hardly
+# share of a step that is still tried: along a bent valley short steps gain, damped ones hardly
+SHORTEST = 0.05
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
-STEPS, SLOPES = 30, 8  # of a part of a fit: steps, each of one simulation, and points at which slopes are taken
+# of a part of a fit: steps, each of one simulation, and points at which slopes are taken
+STEPS, SLOPES = 30, 8
 CHORDS = 4  # steps on the same slopes: more of them would only creep
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
-ENOUGH = 0.25  # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
-# Times what changes no decision, gained since slopes were taken: 2 at the floor, a way of 1.4 standard deviations.  On
-# so short a way slopes hold.
+# of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
+ENOUGH = 0.25
+# Times what changes no decision, gained since slopes were taken: 2 at the floor, a way of 1.4
+# standard deviations.  On so short a way slopes hold.
 HERE = 10.0
-# Share of the distance to the best rival: a step that gains less does not change which of them is ahead.
+# Share of the distance to the best rival: a step that gains less does not change which of them is
+# ahead.
 LACKS = 5e-4
-ROUGH = 0.03  # share of what is left beside noise: a rough fit leaves the rest to the equations taken at its end
+# share of what is left beside noise: a rough fit leaves the rest to the equations taken at its end
+ROUGH = 0.03
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
 SIGN = ("bench.soft_current", "bench.soft_shape")
-# Floors.  A wrong shape of the sign left 1.02 beside a usual dead time; the excess J^2 - 1 grows as its square, so 1.9
-# beside one eight times as large.
+# Floors.  A wrong shape of the sign left 1.02 beside a usual dead time; the excess J^2 - 1 grows as
+# its square, so 1.9 beside one eight times as large.
 NEAR = 3.0
 WIDENED = 4  # times that bounds of the search double, or the motion is smoothed again
 
@@ -68,8 +74,11 @@ class Fit:
         return self.normal.coordinates
 
 
-def coordinates_of(point: Point, effects: Sequence[str], begun: Point | None = None) -> list[Coordinate]:
-    """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others.
+def coordinates_of(
+    point: Point, effects: Sequence[str], begun: Point | None = None
+) -> list[Coordinate]:
+    """Return the ordinary coordinates, those that an effect widens replaced, then the effects'
+    others.
 
     begun: where the fit began, if not at the point.
     """
@@ -93,26 +102,29 @@ def fit(
     near: Normal | None = None,
     workers: int = 1,
 ) -> Fit:
-    """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
+    """Return the most probable point of a hypothesis on the recordings that `weights` names, by
+    Gauss-Newton.
 
-    The first part of a fit holds how a current's sign goes through zero, the second frees it where the residual is near
-    its floor (`_within_bounds`).  rough: floors above which the first part is enough, as long as steps gain more than
-    ROUGH of what is left; 0 for always.
+    The first part of a fit holds how a current's sign goes through zero, the second frees it where
+    the residual is near its floor (`_within_bounds`).  rough: floors above which the first part is
+    enough, as long as steps gain more than ROUGH of what is left; 0 for always.
 
     near: equations with slopes at a point near the start, which serve the first steps.
 
     leader: the objective of the best rival; a fit far behind it ends as soon as steps
     gain little of what it lacks.
 
-    Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
-    rotors' motion, smoothed again at the point that was found, fits better.
+    Where an effect's value ends at the bound of the search, the bound widens and the fit goes on;
+    so it does where free rotors' motion, smoothed again at the point that was found, fits better.
     """
     task = Task(start, effects, weights, leader, workers, rough, near)
     found, smoother = _within_bounds(task, start)
     if normalised(found.normal, weights) > rough:
         return found
     for _ in range(WIDENED):
-        claimed = [c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)]
+        claimed = [
+            c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)
+        ]
         if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
             break
         at = found.point.resmoothed() if smoother >= SMOOTHER else found.point
@@ -125,11 +137,18 @@ def fit(
 
 
 def attempted(
-    start: Point, effects: Sequence[str], weights: Weights, *, smooth: bool = False, leader: float = math.inf,
-    rough: float = math.inf, near: Normal | None = None, workers: int = 1,
-) -> Fit | None:  # fmt: skip
-    """Return the fit of a set, None where no drive can have it or it predicts nothing finite; smooth: free rotors'
-    motion is smoothed at the start; leader, rough, near: as in `fit`."""
+    start: Point,
+    effects: Sequence[str],
+    weights: Weights,
+    *,
+    smooth: bool = False,
+    leader: float = math.inf,
+    rough: float = math.inf,
+    near: Normal | None = None,
+    workers: int = 1,
+) -> Fit | None:
+    """Return the fit of a set, None where no drive can have it or it predicts nothing finite;
+    smooth: free rotors' motion is smoothed at the start; leader, rough, near: as in `fit`."""
     try:
         at = start.resmoothed() if smooth else start
         found = fit(at, effects, weights, leader=leader, rough=rough, near=near, workers=workers)
@@ -152,18 +171,23 @@ def excess(f: Fit) -> float:
 
 def rms_of(f: Fit) -> float:
     """Return the normalised rms of a fit over all segments."""
-    return float(np.sqrt(sum(s.rr.sum() for s in f.normal.segments) / sum(s.n.sum() for s in f.normal.segments)))
+    return float(
+        np.sqrt(
+            sum(s.rr.sum() for s in f.normal.segments) / sum(s.n.sum() for s in f.normal.segments)
+        )
+    )
 
 
 def excess_of(n: Normal, weights: Weights) -> float:
-    """Return the squared residual above what noise alone makes of it, over the recordings that count."""
+    """Return the squared residual above what noise alone makes of it, over the recordings that
+    count."""
     own = [s for s in n.segments if weights.get((s.recording, s.channel), 0.0)]
     return float(sum(s.rr.sum() - s.n.sum() for s in own))
 
 
 class Task(NamedTuple):
-    """What is fitted: where it begins, effects, recordings that count, the best rival's objective, threads, floors
-    above which its first part is enough, and equations near the start."""
+    """What is fitted: where it begins, effects, recordings that count, the best rival's objective,
+    threads, floors above which its first part is enough, and equations near the start."""
 
     start: Point
     effects: Sequence[str]
@@ -178,7 +202,8 @@ class Task(NamedTuple):
         return normalised(n, self.weights) > self.rough
 
     def begun(self, at: Point, coordinates: Sequence[Coordinate]) -> tuple[Normal, bool]:
-        """Return the equations at a point, and whether their slopes were taken there, not only near it."""
+        """Return the equations at a point, and whether their slopes were taken there, not only near
+        it."""
         own = None if self.near is None else self.near.of(coordinates)
         if own is None:
             return normal(at, coordinates, workers=self.workers), True
@@ -186,17 +211,20 @@ class Task(NamedTuple):
 
 
 def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
-    """Return the most probable point within the bounds of the search as they are at a point, and what smoothing again
-    would gain.
+    """Return the most probable point within the bounds of the search as they are at a point, and
+    what smoothing again would gain.
 
-    How a current's sign goes through zero is freed once all else has brought the residual near its floor: far from it
-    the sign walks away with what is missing, and takes hundreds of simulations to do so.
+    How a current's sign goes through zero is freed once all else has brought the residual near its
+    floor: far from it the sign walks away with what is missing, and takes hundreds of simulations
+    to do so.
     """
     coordinates = coordinates_of(at, task.effects, task.start)
     n, taken_here = task.begun(at, coordinates)
     free = prior_of(n.coordinates)
     sign = np.array([c.label in SIGN for c in n.coordinates])
-    held = replace(free, mean=np.where(sign, n.x, free.mean), deviation=np.where(sign, 0.0, free.deviation))
+    held = replace(
+        free, mean=np.where(sign, n.x, free.mean), deviation=np.where(sign, 0.0, free.deviation)
+    )
     d = Descent(task, coordinates, at, n, n.simulations)
     if not taken_here:
         d.taken, d.steps, d.way = 0, 1, math.inf
@@ -209,7 +237,11 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
             d.again(free)
         d.down(free, confirm=not task.enough(d.n))
     smoother = 0.0
-    if task.effects and not task.enough(d.n) and any(r.rotor == "free" for r in d.point.prepared.recordings):
+    if (
+        task.effects
+        and not task.enough(d.n)
+        and any(r.rotor == "free" for r in d.point.prepared.recordings)
+    ):
         again = tried(d.n, d.point.resmoothed(), prior, task.weights, task.workers)[0]
         smoother, d.cost = d.value - again, d.cost + 1.0
     found, value = d.n.bare(), objective(d.n, free, task.weights)
@@ -223,7 +255,8 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
 class Descent:
     """A fit under way: its coordinates, point, equations there, simulations.
 
-    taken: times that slopes were taken; steps, way: steps made since then, and what they gained; value: the objective.
+    taken: times that slopes were taken; steps, way: steps made since then, and what they gained;
+    value: the objective.
     """
 
     task: Task
@@ -237,19 +270,24 @@ class Descent:
     value: float = math.inf
 
     def down(self, prior: Prior, confirm: bool) -> None:
-        """Step to the most probable point under a prior; confirm: slopes that were taken near it say that it is there.
+        """Step to the most probable point under a prior; confirm: slopes that were taken near it
+        say that it is there.
 
-        Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
+        Slopes are kept from step to step (each costs one simulation) until they promise more than a
+        step gains.
         """
         self.value = objective(self.n, prior, self.task.weights)
         if not math.isfinite(self.value):
             return
-        damping, share, falling = 0, 1.0, False  # falling: sizes in proportion; share: of a whole step
+        # falling: sizes in proportion; share: of a whole step
+        damping, share, falling = 0, 1.0, False
         little, most = self.little(), self.taken + SLOPES - 1
         for _ in range(STEPS):
             straight, promised = _step(self.n, prior, self.task.weights, DAMPING[damping], share)
             x = fallen(self.n.x, straight, prior) if falling else straight
-            gained, stepped = self.stepped(x, prior, 0.0 if damping else max(0.0, ENOUGH * promised))
+            gained, stepped = self.stepped(
+                x, prior, 0.0 if damping else max(0.0, ENOUGH * promised)
+            )
             near = not confirm or self.way <= HERE * self.little()
             if stepped:
                 damping, share = max(0, damping - 1), min(1.0, 2.0 * share)
@@ -260,7 +298,11 @@ class Descent:
             elif promised < little and near:
                 return
             elif not self.steps:
-                if not falling and not damping and np.any(fallen(self.n.x, straight, prior) != straight):
+                if (
+                    not falling
+                    and not damping
+                    and np.any(fallen(self.n.x, straight, prior) != straight)
+                ):
                     falling = True
                     continue
                 share = shorter(share, promised, promised - gained)
@@ -281,7 +323,8 @@ class Descent:
         return max(TOLERANCE * noise_at(self.n, self.task.weights), LACKS * behind, left)
 
     def stepped(self, x: Array, prior: Prior, least: float) -> tuple[float, bool]:
-        """Go to x where the objective falls by more than `least`; return by how much it would fall, and whether."""
+        """Go to x where the objective falls by more than `least`; return by how much it would fall,
+        and whether."""
         trial = self.point.moved(self.n.coordinates, x)
         reached, at_trial = tried(self.n, trial, prior, self.task.weights, self.task.workers)
         self.cost += 1.0
@@ -303,8 +346,8 @@ class Descent:
 
 
 def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:
-    """Return by label the ordinary deviations of a fit, those that its effects claim left out, and how many of their
-    standard deviations they go."""
+    """Return by label the ordinary deviations of a fit, those that its effects claim left out, and
+    how many of their standard deviations they go."""
     usual = {c.label: c.deviation for c in ordinary(f.point.prepared.campaign)}
     return {
         c.label: (c, float(x - c.mean) / c.deviation)
@@ -313,8 +356,11 @@ def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:
     }
 
 
-def tried(n: Normal, trial: Point, prior: Prior, weights: Weights, workers: int) -> tuple[float, Normal | None]:
-    """Return the objective and the equations at a trial; infinite where the point is none a drive can have."""
+def tried(
+    n: Normal, trial: Point, prior: Prior, weights: Weights, workers: int
+) -> tuple[float, Normal | None]:
+    """Return the objective and the equations at a trial; infinite where the point is none a drive
+    can have."""
     try:
         reached = n.at(trial, workers=workers)
     except BadInput:
@@ -331,20 +377,24 @@ def objective(n: Normal, prior: Prior, weights: Weights) -> float:
 
 
 def shorter(share: float, promised: float, missed: float) -> float:
-    """Return the share of a step that gains most, where `share` of it misses what it promised by so much.
+    """Return the share of a step that gains most, where `share` of it misses what it promised by so
+    much.
 
-    A bend of the residual along the step makes the objective miss by the fourth power of the share a (of this one):
-    2 a - a^2 of the promise less a^4 of what was missed, largest near (promised / 2 missed)^(1/3).
+    A bend of the residual along the step makes the objective miss by the fourth power of the share
+    a (of this one): 2 a - a^2 of the promise less a^4 of what was missed, largest near (promised /
+    2 missed)^(1/3).
     """
     best = (0.5 * promised / missed) ** (1.0 / 3.0)
     return share * min(max(best, 0.1), 0.5)
 
 
 def fallen(x: Array, to: Array, prior: Prior) -> Array:
-    """Return the end of a step on which sizes that cannot be negative fall in proportion: to x e^(d/x), not to x + d.
+    """Return the end of a step on which sizes that cannot be negative fall in proportion: to x
+    e^(d/x), not to x + d.
 
-    Both begin in the same direction.  Where a size and a time constant stand for each other, as a skin effect's do, the
-    way that fits as well is straight in proportions; the other one ends at no size at all.
+    Both begin in the same direction.  Where a size and a time constant stand for each other, as a
+    skin effect's do, the way that fits as well is straight in proportions; the other one ends at no
+    size at all.
     """
     size = (prior.low == 0.0) & (x > 0.0) & (to < x)
     safe = np.where(size, x, 1.0)
@@ -352,16 +402,20 @@ def fallen(x: Array, to: Array, prior: Prior) -> Array:
 
 
 def noise_at(n: Normal, weights: Weights) -> float:
-    """Return the squared residual over its floor, at least 1: as much of the objective as noise of the residual's size
-    would make of one value."""
+    """Return the squared residual over its floor, at least 1: as much of the objective as noise of
+    the residual's size would make of one value."""
     return max(1.0, normalised(n, weights) ** 2)
 
 
-def _step(n: Normal, prior: Prior, weights: Weights, damping: float, share: float) -> tuple[Array, float]:
+def _step(
+    n: Normal, prior: Prior, weights: Weights, damping: float, share: float
+) -> tuple[Array, float]:
     """Return where a share of a step leads, and the objective it promises to gain.
 
     Far from the floor as if the noise were as large as the residual, so that priors keep a say.
     """
     equations = algebra(n, weights)
-    x = n.x + share * (equations.scaled(noise_at(n, weights)).damped(damping).most_probable(prior).x - n.x)
+    x = n.x + share * (
+        equations.scaled(noise_at(n, weights)).damped(damping).most_probable(prior).x - n.x
+    )
     return x, equations.objective(n.x, prior) - equations.objective(x, prior)

@@ -1,7 +1,8 @@
-"""How large the gap is: residuals over their floor, before and after an effect is added, on recordings held out.
+"""How large the gap is: residuals over their floor, before and after an effect is added, on
+recordings held out.
 
-`before` lets ordinary deviations move as far as ordinary goes (`priors.ORDINARY` standard deviations): what would only
-fit with a resistance ten deviations off is a gap, not a deviation.
+`before` lets ordinary deviations move as far as ordinary goes (`priors.ORDINARY` standard
+deviations): what would only fit with a resistance ten deviations off is a gap, not a deviation.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from sandbox.gap.evidence.normal import Normal
 
 Array = NDArray[np.float64]
 DRAWS = 400
-FEWEST = 8  # blocks of time: of 8 a bootstrap is 0.78 as wide as Student's interval, of 4 half as wide
+# blocks of time: of 8 a bootstrap is 0.78 as wide as Student's interval, of 4 half as wide
+FEWEST = 8
 UNDEFINED = 0.05  # of the draws, without a gap to close: more, and there is no interval
 
 
@@ -33,8 +35,8 @@ class OfRecording(NamedTuple):
 
 @dataclass(frozen=True)
 class Size:
-    """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its interval (or None),
-    and of each recording."""
+    """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its
+    interval (or None), and of each recording."""
 
     raw: float
     before: float
@@ -45,7 +47,8 @@ class Size:
 
 
 def squares(n: Normal, recordings: Sequence[int]) -> tuple[Array, Array]:
-    """Return sums of squares and counts (b,) of all blocks of time; channels read at one time scatter together."""
+    """Return sums of squares and counts (b,) of all blocks of time; channels read at one time
+    scatter together."""
     own = [[s for s in n.segments if s.recording == k] for k in recordings]
     rr = [np.sum([s.rr for s in x], axis=0) for x in own if x]
     count = [np.sum([s.n for s in x], axis=0) for x in own if x]
@@ -63,17 +66,25 @@ def share_closed(before: float, after: float) -> float:
     return (before**2 - after**2) / (before**2 - 1.0)
 
 
-def size_of(raw: Normal, before: Fit, after: Fit, held_out: Sequence[int], files: Sequence[str], seed: int = 0) -> Size:
+def size_of(
+    raw: Normal,
+    before: Fit,
+    after: Fit,
+    held_out: Sequence[int],
+    files: Sequence[str],
+    seed: int = 0,
+) -> Size:
     """Return how large the gap is; without recordings held out, on all.
 
-    The interval is a bootstrap over blocks of time, where there are FEWEST.  Draws without a gap (rms at most 1) have
-    no share; where these are more than UNDEFINED of all there is no interval, since the rest would tell one given that
-    there is a gap.
+    The interval is a bootstrap over blocks of time, where there are FEWEST.  Draws without a gap
+    (rms at most 1) have no share; where these are more than UNDEFINED of all there is no interval,
+    since the rest would tell one given that there is a gap.
     """
     chosen = list(held_out) or list(range(len(files)))
     j0, j1 = rms(before.normal, chosen), rms(after.normal, chosen)
     each = tuple(
-        OfRecording(f, rms(before.normal, [k]), rms(after.normal, [k]), k in held_out) for k, f in enumerate(files)
+        OfRecording(f, rms(before.normal, [k]), rms(after.normal, [k]), k in held_out)
+        for k, f in enumerate(files)
     )
     closed = interval = None
     if after.effects and j0 > 1.0:

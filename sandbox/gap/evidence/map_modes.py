@@ -1,10 +1,11 @@
 """Modes of what a flux map may be off by: the few directions of its error that recordings can see.
 
-Prior: an energy of independent B-splines on the map's own cells, each cut in two along d, all of one size;
-together they move the current, at the recordings' operating points, as the map's own flux is off by between its points:
-the flux error that its fit makes at points left out of it, over the inductances at zero current.  Of its
-hundreds of directions recordings tell those whose answer in the readings stands above the noise; the others keep their
-prior, which moves nothing, and are left away.
+Prior: an energy of independent B-splines on the map's own cells, each cut in two along d, all of
+one size; together they move the current, at the recordings' operating points, as the map's own flux
+is off by between its points: the flux error that its fit makes at points left out of it, over the
+inductances at zero current.  Of its hundreds of directions recordings tell those whose answer in
+the readings stands above the noise; the others keep their prior, which moves nothing, and are left
+away.
 """
 
 from __future__ import annotations
@@ -29,14 +30,17 @@ from sandbox.replay.replay import replay
 
 Array = NDArray[np.float64]
 FINER = (2, 1)  # parts of the map's cells along d and q
-FINEST = max(cells[0] for cells, _ in CHOICES)  # cells along d that a fit may have: one that has more was cut before
-MIN_INFORMATION = 1.0  # of the prior's precision: information in the recordings below which a direction is left away
+# cells along d that a fit may have: one that has more was cut before
+FINEST = max(cells[0] for cells, _ in CHOICES)
+# of the prior's precision: information in the recordings below which a direction is left away
+MIN_INFORMATION = 1.0
 MAX_DIRECTIONS = 64  # directions, the best told ones
 SAMPLES = 40_000  # that directions are looked for in
 
 
 def map_error(campaign: Campaign) -> float:
-    """Return what the current at a flux of a motor's map is off by, A rms of both components; 0 without a map."""
+    """Return what the current at a flux of a motor's map is off by, A rms of both components; 0
+    without a map."""
     motor = campaign.drive.motor
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         return 0.0
@@ -48,7 +52,8 @@ def map_error(campaign: Campaign) -> float:
 
 
 def with_modes(point: Point, size: float) -> Point:
-    """Return the point with modes of its motor's flux map, none of them there yet; as it is where the motor has no map.
+    """Return the point with modes of its motor's flux map, none of them there yet; as it is where
+    the motor has no map.
 
     size: rms of the current that the map is off by, A.
     """
@@ -73,8 +78,8 @@ def with_modes(point: Point, size: float) -> Point:
 
 
 def _without(answers: Array, along: Array) -> Array:
-    """Return squares of answers (c, c) with nothing along a direction (c,): of current at no flux, as a map begins
-    where its magnet's flux is, which has a coordinate of its own."""
+    """Return squares of answers (c, c) with nothing along a direction (c,): of current at no flux,
+    as a map begins where its magnet's flux is, which has a coordinate of its own."""
     size = float(along @ along)
     if size == 0.0:
         return answers
@@ -83,8 +88,8 @@ def _without(answers: Array, along: Array) -> Array:
 
 
 def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64]]:
-    """Return of energies that recordings meet the mean square of all their currents (A^2), the squares of how readings
-    answer (c, c), and their places (c,)."""
+    """Return of energies that recordings meet the mean square of all their currents (A^2), the
+    squares of how readings answer (c, c), and their places (c,)."""
     prepared, drive = point.turned(), point.prepared.campaign.drive
     motor = true_motor(drive.motor, dict(point.values), keep_map=True)
     told = replay(prepared, [point.values])
@@ -93,7 +98,8 @@ def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64
         dq = rotor_currents(read[:, :, 0], r.motion.angle)
         paths.append((r, dq, fluxes(motor.energy, dq)))
     chosen = basis.there(np.concatenate([psi for _, _, psi in paths]))
-    room = SHARE * prepared.spare / (8.0 * 12.0 * max(1, len(chosen)))  # of a sample: six arrays of two components
+    # of a sample: six arrays of two components
+    room = SHARE * prepared.spare / (8.0 * 12.0 * max(1, len(chosen)))
     share = min(1.0, SAMPLES / prepared.samples, room / prepared.samples)
     squares, total = 0.0, np.zeros((len(chosen), len(chosen)))
     for r, dq, psi in paths:
@@ -104,7 +110,12 @@ def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64
         squares += float(np.sum(x**2))
         period = drive.converter.sampling_period
         answer = x + added_current(
-            motor.energy, motor.resistance, period, dq[own], r.motion.angle[own], -motor.resistance * x
+            motor.energy,
+            motor.resistance,
+            period,
+            dq[own],
+            r.motion.angle[own],
+            -motor.resistance * x,
         )
         rows = np.ascontiguousarray(answer.transpose(0, 2, 1)).reshape(-1, len(chosen))
         total += 1.5 / share * rows.T @ rows  # three phases hold 3/2 of the squares of d and q

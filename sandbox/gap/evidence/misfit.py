@@ -1,19 +1,20 @@
 """What the residual has beside noise, by recording, and how far it makes the data count for less.
 
-What a wrong model misses is no noise: it follows the operating point, so in one recording it takes few independent
-shapes, however many readings there are.  A residual with the excess E (sum of squares beyond noise, in the noise's
-variance) that takes d shapes alike puts E/d on each of them.  A cause that is sought moves readings along one shape, so
-its estimate meets the variance
+What a wrong model misses is no noise: it follows the operating point, so in one recording it takes
+few independent shapes, however many readings there are.  A residual with the excess E (sum of
+squares beyond noise, in the noise's variance) that takes d shapes alike puts E/d on each of them.
+A cause that is sought moves readings along one shape, so its estimate meets the variance
 
     v = w + E/d,
 
-w the white part.  White is what all frequencies of the recording's discrete cosine transform have alike (their median):
-noise, and what is as rough as noise.  E is what lines, and thirds of an octave of the rest, have beyond it and by more
-than chance.  Most likely values would have v = 1 + e with e the mean excess of a reading: that is the case d = n, noise
-of another size, and it made a few per cent of misfit in a long recording worth thousands of nats.
+w the white part.  White is what all frequencies of the recording's discrete cosine transform have
+alike (their median): noise, and what is as rough as noise.  E is what lines, and thirds of an
+octave of the rest, have beyond it and by more than chance.  Most likely values would have v = 1 + e
+with e the mean excess of a reading: that is the case d = n, noise of another size, and it made a
+few per cent of misfit in a long recording worth thousands of nats.
 
-d is a number of the settings (`Settings.shapes`): sizes of absent effects, as a fit's residual shows them, have
-z^2 = 1 + E/d in the mean.
+d is a number of the settings (`Settings.shapes`): sizes of absent effects, as a fit's residual
+shows them, have z^2 = 1 + E/d in the mean.
 """
 
 from __future__ import annotations
@@ -31,12 +32,14 @@ from sandbox.gap.settings import USUAL
 from sandbox.replay.segments import channel
 
 Array = NDArray[np.float64]
-CHANCE = 1e-4  # of a band that white noise alone has more: one in 20 campaigns has one such band of 500
+# of a band that white noise alone has more: one in 20 campaigns has one such band of 500
+CHANCE = 1e-4
 BANDS = 3  # an octave
 
 
 def misfit(point: Point) -> dict[tuple[int, str], float]:
-    """Return the variance that estimates meet in every (recording, channel), in units of the noise's; 1 is noise."""
+    """Return the variance that estimates meet in every (recording, channel), in units of the
+    noise's; 1 is noise."""
     out = {}
     for k, r in enumerate(shown(point)):
         for name in ("current", "motion", "angle"):

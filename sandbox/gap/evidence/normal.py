@@ -1,14 +1,18 @@
-"""Normal equations of a campaign at one point: how readings answer to every coordinate, block by block in time.
+"""Normal equations of a campaign at one point: how readings answer to every coordinate, block by
+block in time.
 
-A segment is one channel (currents, motion, angle) of one recording; its residuals over the noise floor are cut into
-blocks of BLOCK seconds, and each block keeps A = J'J, g = J'r and r'r.  Everything after the replay (fits, evidence,
-held-out errors, robust covariances) is algebra on these, no further simulation.
+A segment is one channel (currents, motion, angle) of one recording; its residuals over the noise
+floor are cut into blocks of BLOCK seconds, and each block keeps A = J'J, g = J'r and r'r.
+Everything after the replay (fits, evidence, held-out errors, robust covariances) is algebra on
+these, no further simulation.
 
-A fit takes many steps on the slopes of one point: `Normal.at` replays another point and keeps the slopes.
+A fit takes many steps on the slopes of one point: `Normal.at` replays another point and keeps the
+slopes.
 
-Every recording has an angle of its own beside the encoder's offset: a locked rotor stands somewhere within a count, and
-counts that beat with the sampling leave a bias in a motion, too: coordinate "turn:FILE" of that recording only.  What a
-flux map may be off by has coordinates, too ("map:1", ...), in units of their prior (`sandbox.replay.map_error`).
+Every recording has an angle of its own beside the encoder's offset: a locked rotor stands somewhere
+within a count, and counts that beat with the sampling leave a bias in a motion, too: coordinate
+"turn:FILE" of that recording only.  What a flux map may be off by has coordinates, too ("map:1",
+...), in units of their prior (`sandbox.replay.map_error`).
 """
 
 from __future__ import annotations
@@ -40,7 +44,8 @@ from sandbox.replay.walking import Block
 Array = NDArray[np.float64]
 BLOCK = 0.05  # s: several electrical time constants
 STEP = 1e-4  # of a coordinate's prior deviation: the difference a slope is taken over
-MANY = 2000  # blocks of a campaign: of a longer one (100 s) they grow, since each holds equations of its own
+# blocks of a campaign: of a longer one (100 s) they grow, since each holds equations of its own
+MANY = 2000
 MOVING = 0.3  # of a reading's rms: bias that counts leave in the smoothed angle of a moving rotor
 LOCK = "bench.lock_angle"
 _COUNT: ContextVar[Callable[[float], None]] = ContextVar("count", default=lambda _: None)
@@ -48,8 +53,8 @@ _COUNT: ContextVar[Callable[[float], None]] = ContextVar("count", default=lambda
 
 @contextmanager
 def counted(count: Callable[[float], None]) -> Iterator[None]:
-    """Call `count` with the cost of everything simulated here from now on, in simulations of the whole campaign; who
-    counted already goes on doing so."""
+    """Call `count` with the cost of everything simulated here from now on, in simulations of the
+    whole campaign; who counted already goes on doing so."""
     outer = _COUNT.get()
 
     def both(cost: float) -> None:
@@ -66,7 +71,8 @@ def counted(count: Callable[[float], None]) -> Iterator[None]:
 
 @contextmanager
 def part_of(share: float) -> Iterator[None]:
-    """Count what is simulated here as so large a share: of a campaign of which only a part is looked at."""
+    """Count what is simulated here as so large a share: of a campaign of which only a part is
+    looked at."""
     outer = _COUNT.get()
     before = _COUNT.set(lambda cost: outer(share * cost))
     try:
@@ -81,7 +87,8 @@ def simulated(cost: float) -> None:
 
 
 class Sums(NamedTuple):
-    """Normal equations: A (p, p), g (p,) and r'r, as the residual's squares are r'r - 2 g'dx + dx'A dx."""
+    """Normal equations: A (p, p), g (p,) and r'r, as the residual's squares are r'r - 2 g'dx + dx'A
+    dx."""
 
     a: Array
     g: Array
@@ -90,9 +97,9 @@ class Sums(NamedTuple):
 
 @dataclass(frozen=True)
 class Normal:
-    """All segments at a point: coordinates (those of the point last), their values x (p,), the cost in simulations of
-    the whole campaign; rows: slopes (n c, q) of each segment, as long as `at` is wanted; values: where these were
-    taken."""
+    """All segments at a point: coordinates (those of the point last), their values x (p,), the cost
+    in simulations of the whole campaign; rows: slopes (n c, q) of each segment, as long as `at` is
+    wanted; values: where these were taken."""
 
     coordinates: tuple[Coordinate, ...]
     x: Array
@@ -109,12 +116,20 @@ class Normal:
         return self.at_each([point], workers=workers)[0]
 
     def at_each(self, points: Sequence[Point], *, workers: int = 1) -> list[Normal]:
-        """Return `at` for points of one campaign turned alike, side by side: one simulation each."""
+        """Return `at` for points of one campaign turned alike, side by side: one simulation
+        each."""
         drive = points[0].prepared.campaign.drive
         sets = [complete(drive.motor, drive.converter, p.values) for p in points]
         prepared = points[0].turned()
-        streaming, together, cut = StreamingReplay(prepared), plan(prepared, sets), block_length(prepared)
-        out = [[replace(s, g=np.empty_like(s.g), rr=np.empty_like(s.rr)) for s in self.segments] for _ in points]
+        streaming, together, cut = (
+            StreamingReplay(prepared),
+            plan(prepared, sets),
+            block_length(prepared),
+        )
+        out = [
+            [replace(s, g=np.empty_like(s.g), rr=np.empty_like(s.rr)) for s in self.segments]
+            for _ in points
+        ]
 
         def task(job: tuple[Stretch, Block]) -> None:
             """Square one block of sets on one stretch with the slopes of every channel there."""
@@ -122,16 +137,23 @@ class Normal:
             shown = residual_of(prepared, stretch, streaming.over(stretch, block))
             for k, (s, rows) in enumerate(zip(self.segments, self.rows, strict=True)):
                 if s.recording == stretch.recording:
-                    each = [(channel(shown, s.channel, j), out[m][k]) for j, m in enumerate(block.members)]
+                    each = [
+                        (channel(shown, s.channel, j), out[m][k])
+                        for j, m in enumerate(block.members)
+                    ]
                     squared(each, rows, stretch, cut)
 
         a_sample = 8 * 2 * 4 * ROOMS[-1] * workers  # its predictions and residuals
-        for group in stretches([r.samples for r in prepared.recordings], SHARE * prepared.spare / a_sample, cut):
+        for group in stretches(
+            [r.samples for r in prepared.recordings], SHARE * prepared.spare / a_sample, cut
+        ):
             in_threads(task, [(stretch, block) for stretch in group for block in together], workers)
         _COUNT.get()(float(len(points)))
         return [self._with(*x) for x in zip(points, sets, out, strict=True)]
 
-    def _with(self, point: Point, values: Mapping[str, float], segments: Sequence[Segment]) -> Normal:
+    def _with(
+        self, point: Point, values: Mapping[str, float], segments: Sequence[Segment]
+    ) -> Normal:
         """Return the equations with segments squared at a point."""
         x = [point.own(c) if c.of_point else c.value(values) for c in self.coordinates]
         return replace(self, x=np.array(x), segments=tuple(segments), simulations=1.0)
@@ -141,10 +163,11 @@ class Normal:
         return replace(self, rows=())
 
     def of(self, coordinates: Sequence[Coordinate]) -> Normal | None:
-        """Return the equations of some of the coordinates and all of the point's own, with their slopes; None where
-        one of these has no column here.
+        """Return the equations of some of the coordinates and all of the point's own, with their
+        slopes; None where one of these has no column here.
 
-        A column is told by how its coordinate moves the parameters: its label and its prior do not matter.
+        A column is told by how its coordinate moves the parameters: its label and its prior do not
+        matter.
         """
         own = {self._move(c): k for k, c in enumerate(self.coordinates) if not c.of_point}
         turns = [k for k, c in enumerate(self.coordinates) if c.of_point]
@@ -161,15 +184,22 @@ class Normal:
             rows.append(r.of(old) if isinstance(r, Kept) else r[:, old])
         whole = (*coordinates, *(self.coordinates[k] for k in turns))
         return replace(
-            self, coordinates=whole, x=self.x[kept], segments=tuple(segments), rows=tuple(rows), simulations=0.0
+            self,
+            coordinates=whole,
+            x=self.x[kept],
+            segments=tuple(segments),
+            rows=tuple(rows),
+            simulations=0.0,
         )
 
     def _move(self, c: Coordinate) -> tuple[object, ...]:
-        """Return what tells one column from another; parameters along with it that are there already move nothing."""
+        """Return what tells one column from another; parameters along with it that are there
+        already move nothing."""
         return c.form, c.names, tuple((k, v) for k, v in c.along if self.values.get(k) != v), c.step
 
     def summed(self, weights: Mapping[tuple[int, str], float] | None = None) -> Sums:
-        """Return A (p, p), g (p,) and r'r over all segments; weights: per (recording, channel), 0 leaves one out."""
+        """Return A (p, p), g (p,) and r'r over all segments; weights: per (recording, channel), 0
+        leaves one out."""
         p = len(self.x)
         a, g, rr = np.zeros((p, p)), np.zeros(p), 0.0
         for s in self.segments:
@@ -181,8 +211,11 @@ class Normal:
         return Sums(a, g, rr)
 
 
-def equations_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array) -> Normal:
-    """Return normal equations of some coordinates, the others held at values (p,); coordinates: what to call these."""
+def equations_of(
+    n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array
+) -> Normal:
+    """Return normal equations of some coordinates, the others held at values (p,); coordinates:
+    what to call these."""
     place = {k: m for m, k in enumerate(kept)}
     shift = held - n.x
     segments = []
@@ -193,13 +226,18 @@ def equations_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinat
         g = s.g - s.a @ move
         rr = s.rr - (s.g + g) @ move
         places = np.array([place[int(s.places[m])] for m in inside], dtype=np.int64)
-        segments.append(Segment(s.recording, s.channel, places, s.a[:, inside][:, :, inside], g[:, inside], rr, s.n))
+        segments.append(
+            Segment(
+                s.recording, s.channel, places, s.a[:, inside][:, :, inside], g[:, inside], rr, s.n
+            )
+        )
     return Normal(tuple(coordinates), n.x[list(kept)], tuple(segments), 0.0)
 
 
 @dataclass(frozen=True)
 class Point:
-    """Where a fit stands: the prepared campaign, a completed set, and how far (rad) recordings' angles are turned."""
+    """Where a fit stands: the prepared campaign, a completed set, and how far (rad) recordings'
+    angles are turned."""
 
     prepared: Prepared
     values: Mapping[str, float]
@@ -213,13 +251,18 @@ class Point:
                 turns[c.names[0]] = c.bounded(float(to))
             elif not c.of_point:
                 values |= c.changes(values, c.bounded(float(to)))
-        sizes = {int(c.names[0]): float(to) for c, to in zip(coordinates, x, strict=True) if c.form == "map"}
+        sizes = {
+            int(c.names[0]): float(to)
+            for c, to in zip(coordinates, x, strict=True)
+            if c.form == "map"
+        }
         if sizes and prepared.map_error is not None:
             prepared = with_map_error(prepared, prepared.map_error.moved(sizes))
         return Point(prepared, values, turns)
 
     def own(self, c: Coordinate) -> float:
-        """Return the value of a coordinate that is none of the parameters' (`Coordinate.of_point`)."""
+        """Return the value of a coordinate that is none of the parameters'
+        (`Coordinate.of_point`)."""
         if c.form == "turn":
             return self.turns.get(c.names[0], 0.0)
         assert self.prepared.map_error is not None
@@ -235,23 +278,28 @@ class Point:
         return replace(self.prepared, recordings=tuple(recordings))
 
     def resmoothed(self) -> Point:
-        """Return the point with the motion of free rotors smoothed again, by the torque of its own set."""
+        """Return the point with the motion of free rotors smoothed again, by the torque of its own
+        set."""
         p = self.prepared
         base = {k: v for k, v in self.values.items() if v == v}
         recordings = tuple(
-            inputs_of(p.campaign, p.campaign[r.file], base) if r.rotor == "free" else r for r in p.recordings
+            inputs_of(p.campaign, p.campaign[r.file], base) if r.rotor == "free" else r
+            for r in p.recordings
         )
         return Point(replace(p, recordings=recordings, base=base), self.values, self.turns)
 
 
 def turns(prepared: Prepared) -> list[Coordinate]:
-    """Return one coordinate for each of `Prepared.angles`: known to a count, or to what counts leave of a motion, and
-    to the zero of one that was made."""
+    """Return one coordinate for each of `Prepared.angles`: known to a count, or to what counts
+    leave of a motion, and to the zero of one that was made."""
     own = {
         r.angle_name: math.hypot((1.0 if r.rotor == "locked" else MOVING) * r.angle_floor, r.zero)
         for r in prepared.recordings
     }
-    return [Coordinate(f"turn:{name}", 0.0, size, "turn", (name,), within=FARTHEST) for name, size in own.items()]
+    return [
+        Coordinate(f"turn:{name}", 0.0, size, "turn", (name,), within=FARTHEST)
+        for name, size in own.items()
+    ]
 
 
 def modes(prepared: Prepared) -> list[Coordinate]:
@@ -261,7 +309,8 @@ def modes(prepared: Prepared) -> list[Coordinate]:
 
 
 def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1) -> Normal:
-    """Return the normal equations of a campaign at a point for the coordinates and all of the point's own.
+    """Return the normal equations of a campaign at a point for the coordinates and all of the
+    point's own.
 
     BadInput where the point is none a drive can have (masses, delays that bound each other).
     """
@@ -275,7 +324,9 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     for c, at in zip(coordinates, x, strict=True):
         step = {"share": 1.0, "presence": -1.0}.get(c.form, c.step or STEP * c.deviation)
         ahead, back = ({**values, **c.changes(values, at + s)} for s in (step, -step))
-        if c.bounded(at + step) != at + step or (not possible(drive, ahead) and possible(drive, back)):
+        if c.bounded(at + step) != at + step or (
+            not possible(drive, ahead) and possible(drive, back)
+        ):
             ahead, step = back, -step
         moves.append(ahead)
         steps.append(step)
@@ -284,7 +335,9 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
         steps.append(STEP * own_turns[0].deviation)
         moves.append({**values, name: values[name] + steps[-1]})
         mechanical.append(False)
-    parts = squared_slopes(prepared, Moves(values, moves, np.array(steps), mechanical), block_length(prepared), workers)
+    parts = squared_slopes(
+        prepared, Moves(values, moves, np.array(steps), mechanical), block_length(prepared), workers
+    )
     x = np.append(x, [point.own(c) for c in own])
     free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
@@ -295,7 +348,8 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
 
 
 def possible(drive: Drive, values: Mapping[str, float]) -> bool:
-    """Return whether a drive can have a set: parameters that bound each other (masses, delays) keep apart."""
+    """Return whether a drive can have a set: parameters that bound each other (masses, delays) keep
+    apart."""
     try:
         complete(drive.motor, drive.converter, values)
     except BadInput:
@@ -304,6 +358,7 @@ def possible(drive: Drive, values: Mapping[str, float]) -> bool:
 
 
 def block_length(prepared: Prepared) -> int:
-    """Return the samples of a block: BLOCK seconds, longer where there would be more than MANY of them."""
+    """Return the samples of a block: BLOCK seconds, longer where there would be more than MANY of
+    them."""
     usual = max(1, round(BLOCK / prepared.campaign.drive.converter.sampling_period))
     return max(usual, math.ceil(prepared.samples / MANY))

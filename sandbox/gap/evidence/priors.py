@@ -1,8 +1,10 @@
-"""What a diagnosis may move: coordinates of a parameter set, and how far each may be expected to move.
+"""What a diagnosis may move: coordinates of a parameter set, and how far each may be expected to
+move.
 
-A coordinate is a direction in which a fit is close to linear: a value, its logarithm or reciprocal, or one component of
-an amplitude with a phase; cards say which (`model.effects.card`).  A hypothesis is nothing but a list of effects whose
-coordinates get a wide prior; every ordinary deviation of motor and bench keeps the narrow one the campaign states.
+A coordinate is a direction in which a fit is close to linear: a value, its logarithm or reciprocal,
+or one component of an amplitude with a phase; cards say which (`model.effects.card`).  A hypothesis
+is nothing but a list of effects whose coordinates get a wide prior; every ordinary deviation of
+motor and bench keeps the narrow one the campaign states.
 """
 
 from __future__ import annotations
@@ -27,16 +29,19 @@ STEPS = ("share", "presence")  # forms that are there or not, nothing between
 REACHED = 0.99  # of them: a value there is at its bound
 BELOW = 1.0 - 1e-6  # of a limit that a value must stay below: what a fit may reach
 ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
-SOFT_SPREAD = 1.5  # standard deviation of the logarithm of the width in which a current's sign goes through zero
+# standard deviation of the logarithm of the width in which a current's sign goes through zero
+SOFT_SPREAD = 1.5
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One direction of a fit: label, prior mean and standard deviation, the parameter(s) it moves and how.
+    """One direction of a fit: label, prior mean and standard deviation, the parameter(s) it moves
+    and how.
 
-    form: "linear", "log", "reciprocal", or "cosine"/"sine" of the pair (amplitude, phase); "share" is a step from the
-    neutral value (0) to the values `along` (1), "presence" one from where the point stands (1) to the neutral values
-    `along` (0), nothing between; with other forms `along` goes with a move.
+    form: "linear", "log", "reciprocal", or "cosine"/"sine" of the pair (amplitude, phase); "share"
+    is a step from the neutral value (0) to the values `along` (1), "presence" one from where the
+    point stands (1) to the neutral values `along` (0), nothing between; with other forms `along`
+    goes with a move.
     """
 
     label: str
@@ -47,7 +52,8 @@ class Coordinate:
     along: tuple[tuple[str, float], ...] = ()
     within: float = math.inf  # deviations from the mean beyond which it is no longer ordinary
     most: float = math.inf  # beyond which no drive can have it (a limit of the effect's card)
-    step: float = 0.0  # finite change (a chord) that its slope is taken over, 0: a difference so small that it is one
+    # finite change (a chord) that its slope is taken over, 0: a difference so small that it is one
+    step: float = 0.0
 
     @property
     def effect(self) -> str:
@@ -56,7 +62,8 @@ class Coordinate:
 
     @property
     def of_point(self) -> bool:
-        """Whether it is none of the parameters': a recording's turn, or a mode of what the flux map is off by."""
+        """Whether it is none of the parameters': a recording's turn, or a mode of what the flux map
+        is off by."""
         return self.form in OF_POINT
 
     @property
@@ -82,7 +89,8 @@ class Coordinate:
         return x
 
     def changes(self, values: Set, to: float) -> dict[str, float]:
-        """Return the parameters that bring the coordinate to a value, the others unchanged (polar: its other part)."""
+        """Return the parameters that bring the coordinate to a value, the others unchanged (polar:
+        its other part)."""
         name, companions = self.names[0], dict(self.along)
         if self.form == "share":
             return companions if to else {}
@@ -112,7 +120,8 @@ class Coordinate:
             return 0.0, 1.5
         p = BENCH.get(self.names[0]) or library.parameters().get(self.names[0])
         if self.form in ("cosine", "sine") and p is not None:
-            return -p.high * math.sqrt(0.5), p.high * math.sqrt(0.5)  # both there: the amplitude at its own
+            # both there: the amplitude at its own
+            return -p.high * math.sqrt(0.5), p.high * math.sqrt(0.5)
         if self.form not in ("linear", "log") or p is None:
             return -math.inf, math.inf
         if self.form == "log":
@@ -126,30 +135,39 @@ class Coordinate:
 
 
 def ordinary(campaign: Campaign) -> list[Coordinate]:
-    """Return the ordinary deviations: `[uncertainty]` of the motor, `[background]` of the bench (or usual ones)."""
+    """Return the ordinary deviations: `[uncertainty]` of the motor, `[background]` of the bench (or
+    usual ones)."""
     motor = campaign.drive.motor
     out = []
     for name, p in library.parameters().items():
         if p.ordinary is not None:
             mean = p.neutral_for(motor)
-            out.append(Coordinate(name, mean, deviation_of(campaign, p.ordinary, mean), "linear", (name,)))
+            out.append(
+                Coordinate(name, mean, deviation_of(campaign, p.ordinary, mean), "linear", (name,))
+            )
     for name, b in BENCH.items():
         if b.ordinary is not None:
             mean = b.neutral or 0.0
-            out.append(Coordinate(name, mean, deviation_of(campaign, b.ordinary, mean), "linear", (name,)))
+            out.append(
+                Coordinate(name, mean, deviation_of(campaign, b.ordinary, mean), "linear", (name,))
+            )
     out = [replace(c, within=ORDINARY) for c in out if c.deviation > 0.0]
     return [*out, *soft_sign(motor)]
 
 
 def soft_sign(motor: Motor) -> list[Coordinate]:
-    """Return the coordinates of how a current's sign goes through zero: width and shape, of which little is known.
+    """Return the coordinates of how a current's sign goes through zero: width and shape, of which
+    little is known.
 
-    Measured zones reach from a switch as hard as readings can tell to half-widths of 12 % of rated current (0.54 A of
-    4.5 A, a published inverter table), eight times the usual one; shapes from linear to tanh.
+    Measured zones reach from a switch as hard as readings can tell to half-widths of 12 % of rated
+    current (0.54 A of 4.5 A, a published inverter table), eight times the usual one; shapes from
+    linear to tanh.
     """
     width = math.log(soft_current(motor))
     return [
-        Coordinate("bench.soft_current", width, SOFT_SPREAD, "log", ("bench.soft_current",), within=3.0),
+        Coordinate(
+            "bench.soft_current", width, SOFT_SPREAD, "log", ("bench.soft_current",), within=3.0
+        ),
         Coordinate("bench.soft_shape", 0.0, 1.0, "linear", ("bench.soft_shape",)),
     ]
 
@@ -157,8 +175,8 @@ def soft_sign(motor: Motor) -> list[Coordinate]:
 def with_usual_sign(values: Set, motor: Motor) -> dict[str, float]:
     """Return a set whose currents' signs go through zero as they usually do.
 
-    Where an effect is missing its fit bends the sign to either end, from which no slope leads back: a fit that has the
-    effect begins with the usual one.
+    Where an effect is missing its fit bends the sign to either end, from which no slope leads back:
+    a fit that has the effect begins with the usual one.
     """
     out = dict(values)
     for c in soft_sign(motor):
@@ -167,7 +185,8 @@ def with_usual_sign(values: Set, motor: Motor) -> dict[str, float]:
 
 
 def deviation_of(campaign: Campaign, o: Ordinary, mean: float) -> float:
-    """Return the standard deviation of an ordinary deviation about its mean, as the campaign states it or usual."""
+    """Return the standard deviation of an ordinary deviation about its mean, as the campaign states
+    it or usual."""
     if o.of_motor:
         return seen(campaign.uncertainty.get(o.stated, o.usual)) * abs(mean)
     usual = o.usual * scales(campaign.drive.motor, campaign.drive.converter)[o.relative_to]
@@ -177,24 +196,29 @@ def deviation_of(campaign: Campaign, o: Ordinary, mean: float) -> float:
 def seen(deviation: float) -> float:
     """Return a relative deviation of the stated from the true value as seen from the stated one.
 
-    True = stated/(1 + x): three deviations too low a statement, 1 - 3 s of the truth, is 3 s/(1 - 3 s) of itself off.
+    True = stated/(1 + x): three deviations too low a statement, 1 - 3 s of the truth, is 3 s/(1 - 3
+    s) of itself off.
     """
     return deviation / (1.0 - min(3.0 * deviation, 0.6))
 
 
 def of_effect(effect: str, drive: Drive, start: Set, at: Set | None = None) -> list[Coordinate]:
-    """Return an effect's coordinates with their wide priors: about neutral, or about where a search starts.
+    """Return an effect's coordinates with their wide priors: about neutral, or about where a search
+    starts.
 
-    start: completed set with the effect's companions (time constants, frequencies, ...) at the values to start from;
-    at: where a fit stands, if not there: bounds that it has reached widen.  Of an effect that can have several parts,
-    those that are on at the start.
+    start: completed set with the effect's companions (time constants, frequencies, ...) at the
+    values to start from;
+    at: where a fit stands, if not there: bounds that it has reached widen.  Of an effect that can
+    have several parts, those that are on at the start.
     """
     card = library.load_effect(effect)
     on = [1, *further_parts(card, start, library.neutral(drive.motor))]
     return [c for k in on for c in of_part(card, k, drive, start, at)]
 
 
-def of_part(card: Effect, k: int, drive: Drive, start: Set, at: Set | None = None) -> list[Coordinate]:
+def of_part(
+    card: Effect, k: int, drive: Drive, start: Set, at: Set | None = None
+) -> list[Coordinate]:
     """Return the coordinates of an effect's k-th part, on or off."""
     out: list[Coordinate] = []
     part = card.part(k)
@@ -212,7 +236,10 @@ def of_part(card: Effect, k: int, drive: Drive, start: Set, at: Set | None = Non
             out.append(Coordinate(name, 0.0, WIDE / size, "reciprocal", (name,)))
         elif p.name in amplitudes(part):
             pair = (name, card.public(k, amplitudes(part)[p.name]))
-            out += [Coordinate(f"{name} {form}", 0.0, WIDE * size, form, pair) for form in ("cosine", "sine")]
+            out += [
+                Coordinate(f"{name} {form}", 0.0, WIDE * size, form, pair)
+                for form in ("cosine", "sine")
+            ]
         elif p.scan:
             out.append(Coordinate(name, start[name], p.spread, "linear", (name,)))
         else:
@@ -223,7 +250,8 @@ def of_part(card: Effect, k: int, drive: Drive, start: Set, at: Set | None = Non
 
 
 def limited(card: Effect, drive: Drive, values: Set) -> dict[str, float]:
-    """Return the limits of a card that are of a parameter itself, by public name; none of sums and of products."""
+    """Return the limits of a card that are of a parameter itself, by public name; none of sums and
+    of products."""
     try:
         asked = list(card.limits_at(values, drive.motor, drive.converter))
     except BadInput:  # the values have none, as a shaft without a load
@@ -238,7 +266,8 @@ def _most(c: Coordinate, limits: Mapping[str, float]) -> float:
 
 
 def reach(c: Coordinate, values: Set) -> float:
-    """Return how many deviations an effect's coordinate may move: FARTHEST, twice as far as a point that is there."""
+    """Return how many deviations an effect's coordinate may move: FARTHEST, twice as far as a point
+    that is there."""
     if c.form in STEPS:
         return FARTHEST
     at = abs(c.value(values) - c.mean) / c.deviation

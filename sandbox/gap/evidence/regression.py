@@ -1,16 +1,19 @@
 """How much of what remains a free regression could still close: a bound that names no effect.
 
-After the best hypothesis the residual is regressed on functions of (i_d, i_q, speed, angle): products of low powers,
-harmonics of the angle, the signs of currents.  Each may act as a current itself (what a sensor or a flux would add) and
-as a voltage (what an inverter or a resistance would add: its response through the motor's own equations).  Ridge
-regression on the recordings that were not held out; which kinds of functions enter, and how hard they are held back, is
-chosen by leaving each of these out in turn; what counts is what it predicts of those held out, so fitting noise closes
-nothing.  The regressors come from predicted currents: noise of a reading cannot explain itself.  Where few recordings
-resemble each other it finds little: then it bounds what such a regression closes, not what could be closed.
+After the best hypothesis the residual is regressed on functions of (i_d, i_q, speed, angle):
+products of low powers, harmonics of the angle, the signs of currents.  Each may act as a current
+itself (what a sensor or a flux would add) and as a voltage (what an inverter or a resistance would
+add: its response through the motor's own equations).  Ridge regression on the recordings that were
+not held out; which kinds of functions enter, and how hard they are held back, is chosen by leaving
+each of these out in turn; what counts is what it predicts of those held out, so fitting noise
+closes nothing.  The regressors come from predicted currents: noise of a reading cannot explain
+itself.  Where few recordings resemble each other it finds little: then it bounds what such a
+regression closes, not what could be
+closed.
 
-Whether what it finds is structure is told by the same computation on residuals whose sign is turned block by block
-(Wu, Annals of Statistics 14 (1986) 1261): that keeps how samples of a block resemble each other and breaks their tie to
-the operating point.
+Whether what it finds is structure is told by the same computation on residuals whose sign is turned
+block by block (Wu, Annals of Statistics 14 (1986) 1261): that keeps how samples of a block resemble
+each other and breaks their tie to the operating point.
 """
 
 from __future__ import annotations
@@ -32,7 +35,8 @@ from sandbox.replay.replay import Prepared, Residual, replay, residuals
 
 Array = NDArray[np.float64]
 DEGREE = 3  # of the powers of currents
-ANGULAR = (1, 2, 6)  # electrical orders, rotor frame: offsets, asymmetries, a three-phase machine's harmonics
+# electrical orders, rotor frame: offsets, asymmetries, a three-phase machine's harmonics
+ANGULAR = (1, 2, 6)
 SIGN = 0.02  # of rated current: width of a sign
 RIDGE = 10.0 ** np.arange(-6.0, 1.1)  # of the columns' mean square
 DRAWS = 200
@@ -43,9 +47,10 @@ STRUCTURE = 0.01  # chance below which structure is not the noise's
 class Remains:
     """What remains on the recordings held out, and what a free regression could still close of it.
 
-    excess: J^2 - 1 after the best hypothesis.  closable: what the regression takes off it (None: nothing stands above
-    the floor), of_gap: the same as a share of the gap before.  chance: that residuals without structure let it close
-    as much.  alike: variance of sums over blocks of 50 ms over that of white noise of the same size; 1 is white.
+    excess: J^2 - 1 after the best hypothesis.  closable: what the regression takes off it (None:
+    nothing stands above the floor), of_gap: the same as a share of the gap before.  chance: that
+    residuals without structure let it close as much.  alike: variance of sums over blocks of 50 ms
+    over that of white noise of the same size; 1 is white.
     """
 
     excess: float
@@ -57,7 +62,8 @@ class Remains:
 
     @property
     def structure(self) -> bool:
-        """Whether the regression predicts more of the recordings held out than noise would let it."""
+        """Whether the regression predicts more of the recordings held out than noise would let
+        it."""
         return self.chance < STRUCTURE
 
     def as_json(self) -> dict[str, object]:
@@ -68,8 +74,8 @@ class Remains:
 
 @dataclass(frozen=True)
 class Part:
-    """One channel of one recording: regressors x (n, c, p), c components a sample, of which kind (p,), where blocks
-    begin, the angle."""
+    """One channel of one recording: regressors x (n, c, p), c components a sample, of which kind
+    (p,), where blocks begin, the angle."""
 
     recording: int
     channel: str
@@ -88,13 +94,20 @@ def remains(point: Point, held_out: Sequence[int], before: float) -> Remains | N
         return None
     prediction = replay(point.turned(), [point.values])
     shown = residuals(point.prepared, prediction)
-    return judged(regressors(point, [c[:, :, 0] for c in prediction.currents]), shown, held_out, before)
+    return judged(
+        regressors(point, [c[:, :, 0] for c in prediction.currents]), shown, held_out, before
+    )
 
 
 def judged(
-    parts: Sequence[Part], shown: Sequence[Residual], held_out: Sequence[int], before: float, seed: int = 0
+    parts: Sequence[Part],
+    shown: Sequence[Residual],
+    held_out: Sequence[int],
+    before: float,
+    seed: int = 0,
 ) -> Remains:
-    """Return what residuals leave and what regressors could close of it, on the recordings held out."""
+    """Return what residuals leave and what regressors could close of it, on the recordings held
+    out."""
     rng = np.random.default_rng(seed)
     y = [component(p, shown[p.recording]) for p in parts]
     signs = [rng.choice((-1.0, 1.0), (len(p.starts), DRAWS)) for p in parts]
@@ -103,7 +116,9 @@ def judged(
     gain, blocks = np.zeros(DRAWS), []
     for channel in dict.fromkeys(p.channel for p in parts):
         own = [k for k, p in enumerate(parts) if p.channel == channel]
-        drawn, each = _gains([parts[k] for k in own], [y[k] for k in own], [signs[k] for k in own], held_out)
+        drawn, each = _gains(
+            [parts[k] for k in own], [y[k] for k in own], [signs[k] for k in own], held_out
+        )
         gain += drawn
         blocks.append(each)
     total = [(np.sum(_squares(x)), _squares(x).size) for k, x in enumerate(shown) if k in held_out]
@@ -129,7 +144,8 @@ def _squares(x: Residual) -> Array:
 
 
 def component(part: Part, x: Residual) -> Array:
-    """Return what a part's regressors are to predict (n, c): d and q with unit variance, or the channel itself."""
+    """Return what a part's regressors are to predict (n, c): d and q with unit variance, or the
+    channel itself."""
     if part.channel == "current":
         return in_rotor_frame(x.current[:, :, 0], part.theta)
     own = x.motion if part.channel == "motion" else x.angle
@@ -138,15 +154,16 @@ def component(part: Part, x: Residual) -> Array:
 
 
 def in_rotor_frame(phases: Array, theta: Array) -> Array:
-    """Return three phases' values (n, 3) along d and q (n, 2), scaled so that white noise keeps its variance."""
+    """Return three phases' values (n, 3) along d and q (n, 2), scaled so that white noise keeps its
+    variance."""
     z = (2.0 / 3.0) * phases @ LEGS
     turned = math.sqrt(1.5) * (z[:, 0] + 1j * z[:, 1]) * np.exp(-1j * theta)
     return np.column_stack([turned.real, turned.imag])
 
 
 def regressors(point: Point, currents: Sequence[Array]) -> list[Part]:
-    """Return every channel's regressors, each of mean square 1; currents: predicted readings (n, 3) in A of every
-    recording."""
+    """Return every channel's regressors, each of mean square 1; currents: predicted readings (n, 3)
+    in A of every recording."""
     turned = point.turned()
     out = [p for k, read in enumerate(currents) for p in unscaled(turned, point.values, k, read)]
     _scale(out)
@@ -154,7 +171,8 @@ def regressors(point: Point, currents: Sequence[Array]) -> list[Part]:
 
 
 def unscaled(prepared: Prepared, values: Mapping[str, float], k: int, read: Array) -> list[Part]:
-    """Return the regressors of recording k, a part for each of its channels; read: predicted readings (n, 3) in A."""
+    """Return the regressors of recording k, a part for each of its channels; read: predicted
+    readings (n, 3) in A."""
     r, drive = prepared.recordings[k], prepared.campaign.drive
     motor = true_motor(drive.motor, dict(values), keep_map=True)
     period, rated = drive.converter.sampling_period, drive.motor.rated_current
@@ -168,7 +186,9 @@ def unscaled(prepared: Prepared, values: Mapping[str, float], k: int, read: Arra
     functions, kind = np.column_stack([f for f, _ in own]), np.array([x for _, x in own])
     starts = np.arange(0, max(1, len(read) - cut // 2), cut)
     vectors = np.concatenate([_on_both_axes(functions), _leg_signs(read / rated, theta)], axis=1)
-    driven = added_current(motor.energy, motor.resistance, period, dq, theta, np.ascontiguousarray(vectors))
+    driven = added_current(
+        motor.energy, motor.resistance, period, dq, theta, np.ascontiguousarray(vectors)
+    )
     kinds = np.tile([*kind, *kind, 0, 0, 0], 2)
     x = np.concatenate([vectors, driven], axis=1).transpose(0, 2, 1)
     out = [Part(k, "current", x, kinds, starts, theta)]
@@ -178,9 +198,11 @@ def unscaled(prepared: Prepared, values: Mapping[str, float], k: int, read: Arra
 
 
 def scalars(i: Array, speed: Array, theta: Array) -> Iterator[tuple[Array, int]]:
-    """Yield the functions of the operating point and their kinds: of currents only (0), of the angle (1), of speed (2).
+    """Yield the functions of the operating point and their kinds: of currents only (0), of the
+    angle (1), of speed (2).
 
-    i (n, 2) over rated current, speed (n,) over the campaign's top speed, theta (n,) electrical rad.
+    i (n, 2) over rated current, speed (n,) over the campaign's top speed, theta (n,) electrical
+    rad.
     """
     one = np.ones(len(i))
     for a, b in itertools.product(range(DEGREE + 1), repeat=2):
@@ -214,7 +236,9 @@ def _scale(parts: Sequence[Part]) -> None:
     """Give the columns of each channel mean square 1 over all recordings, in place."""
     for channel in {p.channel for p in parts}:
         own = [p.x for p in parts if p.channel == channel]
-        mean = sum(np.einsum("ncp,ncp->p", x, x) for x in own) / sum(x.shape[0] * x.shape[1] for x in own)
+        mean = sum(np.einsum("ncp,ncp->p", x, x) for x in own) / sum(
+            x.shape[0] * x.shape[1] for x in own
+        )
         for x in own:
             x *= np.where(mean > 0.0, mean, 1.0) ** -0.5
 
@@ -222,7 +246,8 @@ def _scale(parts: Sequence[Part]) -> None:
 def _gains(
     parts: Sequence[Part], y: Sequence[Array], signs: Sequence[Array], held_out: Sequence[int]
 ) -> tuple[Array, Array]:
-    """Return how much a channel's regression lowers the squares held out: each draw's (d,), the first's by block."""
+    """Return how much a channel's regression lowers the squares held out: each draw's (d,), the
+    first's by block."""
     flat = [p.x.reshape(-1, p.x.shape[2]) for p in parts]
     a = [x.T @ x for x in flat]
     g = [
@@ -240,14 +265,19 @@ def _gains(
     each = []
     for k in left:
         predicted = parts[k].x @ x[:, 0]
-        each.append(np.add.reduceat(np.sum(y[k] ** 2 - (y[k] - predicted) ** 2, axis=1), parts[k].starts))
+        each.append(
+            np.add.reduceat(np.sum(y[k] ** 2 - (y[k] - predicted) ** 2, axis=1), parts[k].starts)
+        )
     return gain, np.concatenate(each)
 
 
-def _chosen(a: Sequence[Array], g: Sequence[Array], rows: Sequence[int], kinds: NDArray[np.int64]) -> Array:
+def _chosen(
+    a: Sequence[Array], g: Sequence[Array], rows: Sequence[int], kinds: NDArray[np.int64]
+) -> Array:
     """Return coefficients (p, d) of each draw; 0 at the most.
 
-    Which kinds of functions enter, and how hard they are held back, is what leaving each recording out in turn says.
+    Which kinds of functions enter, and how hard they are held back, is what leaving each recording
+    out in turn says.
     """
     best, chosen = np.zeros(g[0].shape[1]), np.zeros_like(g[0])
     for most in range(int(kinds.max()) + 1):
@@ -272,7 +302,9 @@ def ridged(a: Array, ridge: float, g: Array) -> Array:
     """Return x of (a + ridge) x = g, a (p, p) symmetric and not negative; by Cholesky's factors."""
     held = a.copy()
     held.flat[:: len(a) + 1] += ridge
-    return np.asarray(cho_solve(cho_factor(held, overwrite_a=True, check_finite=False), g, check_finite=False))
+    return np.asarray(
+        cho_solve(cho_factor(held, overwrite_a=True, check_finite=False), g, check_finite=False)
+    )
 
 
 def _lowered(a: Array, g: Array, x: Array) -> Array:

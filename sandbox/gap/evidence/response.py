@@ -1,4 +1,5 @@
-"""The currents that small voltages on top of a recording's own would add: the reverse of `voltage`."""
+"""The currents that small voltages on top of a recording's own would add: the reverse of
+`voltage`."""
 
 from __future__ import annotations
 
@@ -13,10 +14,12 @@ Array = NDArray[np.float64]
 
 @kernel
 def added_current(m, resistance, period, current, theta, voltage):
-    """Return currents (n, c, 2) in A that c small voltages (n, c, 2) in V would add at operating points current (n, 2).
+    """Return currents (n, c, 2) in A that c small voltages (n, c, 2) in V would add at operating
+    points current (n, 2).
 
-    All in the rotor's frame, theta (n,) its angle in rad; a voltage goes linearly from sample to sample.  The flux that
-    they link decays with R times the incremental inductances' inverse, implicitly, so that no period is too long.
+    All in the rotor's frame, theta (n,) its angle in rad; a voltage goes linearly from sample to
+    sample.  The flux that they link decays with R times the incremental inductances' inverse,
+    implicitly, so that no period is too long.
     """
     n, c, _ = voltage.shape
     out = np.empty((n, c, 2))
@@ -31,7 +34,10 @@ def added_current(m, resistance, period, current, theta, voltage):
             h = resistance * period
             det = (1.0 + h * g_dd) * (1.0 + h * g_qq) - (h * g_dq) ** 2
             for j in range(c):
-                x, y = psi[j, 0] + 0.5 * period * voltage[k - 1, j, 0], psi[j, 1] + 0.5 * period * voltage[k - 1, j, 1]
+                x, y = (
+                    psi[j, 0] + 0.5 * period * voltage[k - 1, j, 0],
+                    psi[j, 1] + 0.5 * period * voltage[k - 1, j, 1],
+                )
                 x, y = (
                     co * x + si * y + 0.5 * period * voltage[k, j, 0],
                     co * y - si * x + 0.5 * period * voltage[k, j, 1],

@@ -1,4 +1,5 @@
-"""Searches before a fit: which frequency of the link, which order of the shaft, is worth starting from."""
+"""Searches before a fit: which frequency of the link, which order of the shaft, is worth starting
+from."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ from sandbox.replay.voltage import voltage_residual
 Array = NDArray[np.float64]
 PEAKS = 3
 NEIGHBOURS = 101  # bins over which a spectrum's own level is taken
-FINEST = 100_000  # frequencies at most that are tried near a line: four a bin of some three hours at 1 Hz either way
+# frequencies at most that are tried near a line: four a bin of some three hours at 1 Hz either way
+FINEST = 100_000
 
 
 def shown(point: Point) -> list[Residual]:
@@ -38,7 +40,8 @@ def whole_turns(angle: Array, per_turn: float, turns: float) -> list[tuple[int, 
 
 
 def link_lines(point: Point, low: float, high: float) -> list[float]:
-    """Return the PEAKS frequencies (Hz) at which the voltage residual along the command stands out most.
+    """Return the PEAKS frequencies (Hz) at which the voltage residual along the command stands out
+    most.
 
     Residual times command, of every recording.
     """
@@ -46,17 +49,24 @@ def link_lines(point: Point, low: float, high: float) -> list[float]:
     period = prepared.campaign.drive.converter.sampling_period
     parts = []
     for k, res in enumerate(shown(point)):
-        u = prepared.recordings[k].mean_duty()[:-1] * prepared.campaign.drive.converter.dc_bus_voltage
+        u = (
+            prepared.recordings[k].mean_duty()[:-1]
+            * prepared.campaign.drive.converter.dc_bus_voltage
+        )
         v = voltage_residual(prepared, point.values, k, res.current)
         parts.append((prepared.recordings[k].first, np.asarray(np.sum(v * u, axis=1))))
     return lines(parts, period, low, high)
 
 
-def lines(parts: Sequence[tuple[int, Array]], period: float, low: float, high: float) -> list[float]:
-    """Return the PEAKS frequencies (Hz) that stand out most in parts of recordings: first sample there, and values.
+def lines(
+    parts: Sequence[tuple[int, Array]], period: float, low: float, high: float
+) -> list[float]:
+    """Return the PEAKS frequencies (Hz) that stand out most in parts of recordings: first sample
+    there, and values.
 
-    One periodogram of the sum where all parts begin their recordings, which share the phase there.  Else the sum of
-    every part's own finds the lines, and each is looked for more finely near there, all parts in phase.
+    One periodogram of the sum where all parts begin their recordings, which share the phase there.
+    Else the sum of every part's own finds the lines, and each is looked for more finely near there,
+    all parts in phase.
     """
     length = max(len(x) for _, x in parts) + 1
     together = all(first == 0 for first, _ in parts)
@@ -70,13 +80,20 @@ def lines(parts: Sequence[tuple[int, Array]], period: float, low: float, high: f
     out: list[float] = []
     for _ in range(PEAKS):
         k = int(np.argmax(clear))
-        out.append(float(frequency[k]) if together else in_phase(parts, period, frequency[k], 1.0 / (length * period)))
+        out.append(
+            float(frequency[k])
+            if together
+            else in_phase(parts, period, frequency[k], 1.0 / (length * period))
+        )
         clear[max(0, k - 4) : k + 5] = 0.0
     return out
 
 
-def in_phase(parts: Sequence[tuple[int, Array]], period: float, about: float, within: float) -> float:
-    """Return the frequency (Hz), at most so far from one, at which parts in phase with each other sum up to most."""
+def in_phase(
+    parts: Sequence[tuple[int, Array]], period: float, about: float, within: float
+) -> float:
+    """Return the frequency (Hz), at most so far from one, at which parts in phase with each other
+    sum up to most."""
     span = period * max(first + len(x) for first, x in parts)
     count = min(FINEST, 4 * math.ceil(2.0 * within * span))
     tried = np.linspace(about - within, about + within, count)
@@ -88,8 +105,11 @@ def in_phase(parts: Sequence[tuple[int, Array]], period: float, about: float, wi
     return float(tried[int(np.argmax(np.abs(total)))])
 
 
-def best_values(point: Point, pair: tuple[str, str], parameter: str, values: Sequence[float]) -> list[float]:
-    """Return the PEAKS values of a parameter at which an amplitude with a phase would explain most, by simulation."""
+def best_values(
+    point: Point, pair: tuple[str, str], parameter: str, values: Sequence[float]
+) -> list[float]:
+    """Return the PEAKS values of a parameter at which an amplitude with a phase would explain most,
+    by simulation."""
     prepared = point.prepared
     chosen = prepared.recordings
     if mechanical_only(parameter):

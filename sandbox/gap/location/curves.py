@@ -1,4 +1,5 @@
-"""Curves that a hypothesis' effects are, with what they may be off by: the picture where no simpler form is named."""
+"""Curves that a hypothesis' effects are, with what they may be off by: the picture where no simpler
+form is named."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ STEP = 1e-4  # of a coordinate's standard deviation: the difference a curve's sl
 
 @dataclass(frozen=True)
 class CurveFound:
-    """An effect's curve: what stands at its axes, with units; value and ends of its 95 % band at places in rising
-    order; in words, what it is in simpler forms."""
+    """An effect's curve: what stands at its axes, with units; value and ends of its 95 % band at
+    places in rising order; in words, what it is in simpler forms."""
 
     effect: str
     across: str
@@ -49,14 +50,19 @@ def _curve(effect: str, j: EvaluatedModel) -> CurveFound | None:
     value, slopes = card.curve.value(values, drive.motor, at), []
     for k in own:
         c, step = s.coordinates[k], STEP * float(s.sd[k])
-        moved = card.curve.value({**values, **c.changes(values, c.value(values) + step)}, drive.motor, at)
+        moved = card.curve.value(
+            {**values, **c.changes(values, c.value(values) + step)}, drive.motor, at
+        )
         slopes.append((moved - value) / step if step else np.zeros(len(at)))
     plain = algebra(j.fit.normal).covariance(prior_of(j.fit.coordinates))[np.ix_(own, own)]
     size = np.sqrt(np.diag(plain))
-    wider = np.divide(s.sd[own], size, out=np.zeros(len(own)), where=size > 0.0)  # as the parameters' own intervals
+    # as the parameters' own intervals
+    wider = np.divide(s.sd[own], size, out=np.zeros(len(own)), where=size > 0.0)
     covariance = plain * np.outer(wider, wider)
     off = Z * np.sqrt(np.maximum(np.einsum("ki,kl,li->i", slopes, covariance, slopes), 0.0))
     low, high = (tuple(map(float, value + sign * off)) for sign in (-1.0, 1.0))
     said = card.curve.said(values, drive.motor, drive.converter)
     about = (card.curve.across, card.curve.unit_across, card.curve.of, card.curve.unit)
-    return CurveFound(effect, *about, tuple(map(float, at)), tuple(map(float, value)), low, high, said)
+    return CurveFound(
+        effect, *about, tuple(map(float, at)), tuple(map(float, value)), low, high, said
+    )

@@ -1,9 +1,11 @@
-"""A residual taken apart: by recording, channel, direction, operating region, order, injection band, fixed frequency.
+"""A residual taken apart: by recording, channel, direction, operating region, order, injection
+band, fixed frequency.
 
-All shares are of the excess: the sum of squares of residuals over their floors, less what noise alone would have.
-Directions and dependences are read off the voltage that would explain the current residual, noise taken off by the same
-analysis of white noise.  Orders are of the rotor's frame: 0 turns with the rotor, -1 stands still in the stator (an
-offset), -2 turns backwards (an asymmetry), +-6 are a three-phase machine's or inverter's harmonics.
+All shares are of the excess: the sum of squares of residuals over their floors, less what noise
+alone would have. Directions and dependences are read off the voltage that would explain the current
+residual, noise taken off by the same analysis of white noise.  Orders are of the rotor's frame: 0
+turns with the rotor, -1 stands still in the stator (an offset), -2 turns backwards (an
+asymmetry), +-6 are a three-phase machine's or inverter's harmonics.
 """
 
 from __future__ import annotations
@@ -26,14 +28,24 @@ from sandbox.replay.voltage import voltage_residual
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 CHANNELS = ("currents", "motion", "position")
-SPEEDS = (0.02, 0.3, 0.65)  # of the campaign's top speed: bounds of standstill, low, medium and high speed
+# of the campaign's top speed: bounds of standstill, low, medium and high speed
+SPEEDS = (0.02, 0.3, 0.65)
 SPEED_NAMES = ("at standstill", "at low speed", "at medium speed", "at high speed")
 CURRENTS = (0.15, 0.5, 0.85)  # of rated current
-CURRENT_NAMES = ("near zero current", "at low current", "at medium current", "around rated current and above")
+CURRENT_NAMES = (
+    "near zero current",
+    "at low current",
+    "at medium current",
+    "around rated current and above",
+)
 DIRECTIONS = (
-    "along the current", "across the current", "along the voltage command", "across the voltage command",
-    "on the d axis", "on the q axis",
-)  # fmt: skip
+    "along the current",
+    "across the current",
+    "along the voltage command",
+    "across the voltage command",
+    "on the d axis",
+    "on the q axis",
+)
 LEAST_CURRENT = 0.02  # of rated: below that a direction is noise
 LOW, SLOTS = 13, (18, 24, 30, 36)  # orders looked at one by one; further ones, of a machine's slots
 ORDERS = (*(-n for n in reversed(SLOTS)), *range(-LOW, LOW + 1), *SLOTS)
@@ -47,10 +59,11 @@ VARIANCE = 2.0  # of 1.5 |z|^2, z the stationary residual of three unit-variance
 
 @dataclass(frozen=True)
 class Decomposition:
-    """Shares of the excess of a residual; amplitude (4, 4): rms voltage (V) in the leading direction
-    by speed and current, NaN where nothing was recorded.
+    """Shares of the excess of a residual; amplitude (4, 4): rms voltage (V) in the leading
+    direction by speed and current, NaN where nothing was recorded.
 
-    direction: the one that holds most of the voltage, and how much; line: (Hz, share) of a fixed frequency, or None;
+    direction: the one that holds most of the voltage, and how much; line: (Hz, share) of a fixed
+    frequency, or None;
     readings: the same residual as errors of the measured currents, in A.
     """
 
@@ -86,10 +99,19 @@ def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
     directions, amplitude = _directions(point, shown, recordings)
     z = [_stationary(x) * np.exp(-1j * r.motion.angle) for r, x in zip(own, shown, strict=True)]
     return Decomposition(
-        total, recordings, channels, directions, speed, current, amplitude,
-        _orders(own, z, total), _mechanical(own, shown, total), _injection(point, z, total), _line(point, z, total),
+        total,
+        recordings,
+        channels,
+        directions,
+        speed,
+        current,
+        amplitude,
+        _orders(own, z, total),
+        _mechanical(own, shown, total),
+        _injection(point, z, total),
+        _line(point, z, total),
         readings(shown, point.prepared.noise_std, _of_readings(point, shown)),
-    )  # fmt: skip
+    )
 
 
 def _squares(x: Residual) -> dict[str, Array]:
@@ -118,7 +140,9 @@ def _speed(point: Point, r: Inputs) -> Array:
 
 def _size(point: Point, r: Inputs) -> Array:
     i = (2.0 / 3.0) * r.read @ LEGS
-    return np.asarray(np.hypot(i[:, 0], i[:, 1]) / point.prepared.campaign.drive.motor.rated_current)
+    return np.asarray(
+        np.hypot(i[:, 0], i[:, 1]) / point.prepared.campaign.drive.motor.rated_current
+    )
 
 
 def _bins(point, parts, where, bounds, names, total) -> dict[str, float]:
@@ -127,14 +151,17 @@ def _bins(point, parts, where, bounds, names, total) -> dict[str, float]:
     for squares, at in zip(parts.values(), where, strict=True):
         bins = np.digitize(at, bounds)
         for channel, v in squares.items():
-            sums = np.bincount(np.repeat(bins, 3) if channel == "currents" else bins, v - 1.0, len(names))
+            sums = np.bincount(
+                np.repeat(bins, 3) if channel == "currents" else bins, v - 1.0, len(names)
+            )
             for name, s in zip(names, sums, strict=True):
                 out[name] += float(s) / total
     return {k: max(0.0, v) for k, v in out.items()}
 
 
 def _directions(point: Point, shown: Sequence[Residual], weight: dict[str, float]):
-    """Return shares of the voltage by direction, and rms voltage in the leading one by speed and current (4, 4)."""
+    """Return shares of the voltage by direction, and rms voltage in the leading one by speed and
+    current (4, 4)."""
     rng = np.random.default_rng(0)
     blocks = [_projected(point, k, x, rng) for k, x in enumerate(shown)]
     shares = dict.fromkeys(DIRECTIONS, 0.0)
@@ -154,15 +181,21 @@ def _directions(point: Point, shown: Sequence[Residual], weight: dict[str, float
 
 
 def _of_readings(point: Point, shown: Sequence[Residual]) -> Array:
-    """Return rms residual of a phase (noise floors, noise taken off) by speed and current (4, 4)."""
+    """Return rms residual of a phase (noise floors, noise taken off) by speed and current (4,
+    4)."""
     own = point.prepared.recordings
     rms = np.concatenate([np.sqrt(np.mean(x.current[:, :, 0] ** 2, axis=1)) for x in shown])
     speed, size = (np.concatenate([of(point, r) for r in own]) for of in (_speed, _size))
-    return _amplitudes(rms, np.ones_like(rms), np.digitize(speed, SPEEDS), np.digitize(size, CURRENTS))
+    return _amplitudes(
+        rms, np.ones_like(rms), np.digitize(speed, SPEEDS), np.digitize(size, CURRENTS)
+    )
 
 
-def _projected(point: Point, k: int, x: Residual, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
-    """Return block means (b, 6) of voltage in all DIRECTIONS, the same of white noise, speed and current (b,)."""
+def _projected(
+    point: Point, k: int, x: Residual, rng: np.random.Generator
+) -> tuple[Array, Array, Array, Array]:
+    """Return block means (b, 6) of voltage in all DIRECTIONS, the same of white noise, speed and
+    current (b,)."""
     r, drive = point.prepared.recordings[k], point.prepared.campaign.drive
     i = ((2.0 / 3.0) * r.read @ LEGS)[:-1]
     current = i[:, 0] + 1j * i[:, 1]
@@ -170,7 +203,9 @@ def _projected(point: Point, k: int, x: Residual, rng: np.random.Generator) -> t
     duty = r.mean_duty()[:-1]
     command = duty[:, 0] + 1j * duty[:, 1]
     units = (
-        np.where(size > LEAST_CURRENT * drive.motor.rated_current, current / np.maximum(size, 1e-12), 0.0),
+        np.where(
+            size > LEAST_CURRENT * drive.motor.rated_current, current / np.maximum(size, 1e-12), 0.0
+        ),
         command / np.maximum(np.abs(command), 1e-12),
         np.exp(1j * r.motion.angle[:-1]),
     )
@@ -191,18 +226,22 @@ def _means(x: Array, width: int) -> Array:
 
 
 def _amplitudes(p: Array, noise: Array, speed, current) -> Array:
-    """Return rms by speed and current (4, 4); NaN where fewer than FEWEST blocks, or noise alone, were seen."""
+    """Return rms by speed and current (4, 4); NaN where fewer than FEWEST blocks, or noise alone,
+    were seen."""
     out = np.full((len(SPEED_NAMES), len(CURRENT_NAMES)), np.nan)
     for s in range(len(SPEED_NAMES)):
         for c in range(1, len(CURRENT_NAMES)):
             own = (speed == s) & (current == c)
-            power = np.mean(p[own] ** 2) - np.mean(noise[own] ** 2) if own.sum() >= FEWEST else np.nan
+            power = (
+                np.mean(p[own] ** 2) - np.mean(noise[own] ** 2) if own.sum() >= FEWEST else np.nan
+            )
             out[s, c] = math.sqrt(power) if power > 0.0 else np.nan
     return out
 
 
 def _orders(own: Sequence[Inputs], z: Sequence[Complex], total: float) -> dict[int, float]:
-    """Return the share of each electrical order of currents, in the rotor's frame, over turning recordings.
+    """Return the share of each electrical order of currents, in the rotor's frame, over turning
+    recordings.
 
     An order counts where a turn has samples enough for it.
     """
@@ -244,12 +283,15 @@ def _injection(point: Point, z: Sequence[Complex], total: float) -> float:
         m = 16 * n
         own = values[: len(values) // m * m].reshape(-1, m)
         spectrum = 1.5 * np.abs(np.fft.fft(own, axis=1)) ** 2 / m - VARIANCE
-        out += float(np.sum(spectrum[:, [16 * h % m for h in range(-n // 2 + 1, n // 2 + 1, 1) if h % 2]]))
+        out += float(
+            np.sum(spectrum[:, [16 * h % m for h in range(-n // 2 + 1, n // 2 + 1, 1) if h % 2]])
+        )
     return max(0.0, out) / total
 
 
 def _line(point: Point, z: Sequence[Complex], total: float) -> tuple[float, float] | None:
-    """Return frequency (Hz) and share of the clearest line at locked rotor, injection's own left out."""
+    """Return frequency (Hz) and share of the clearest line at locked rotor, injection's own left
+    out."""
     drive = point.prepared.campaign.drive
     period = drive.converter.sampling_period
     window = np.hanning(BINS)
@@ -257,15 +299,22 @@ def _line(point: Point, z: Sequence[Complex], total: float) -> tuple[float, floa
     for r, values in zip(point.prepared.recordings, z, strict=True):
         if r.rotor == "locked" and len(values) >= BINS:
             own = values[: len(values) // BINS * BINS].reshape(-1, BINS)
-            power += np.sum(np.abs(np.fft.fft(own * window, axis=1)) ** 2, axis=0) / np.sum(window**2)
+            power += np.sum(np.abs(np.fft.fft(own * window, axis=1)) ** 2, axis=0) / np.sum(
+                window**2
+            )
             kept += len(own)
     if not kept:
         return None
     power = 1.5 * power[1 : BINS // 2] + 1.5 * power[:0:-1][: BINS // 2 - 1]
     f = np.fft.fftfreq(BINS, period)[1 : BINS // 2]
-    near = np.abs(f / drive.injection.frequency - np.rint(f / drive.injection.frequency)) * drive.injection.frequency
+    near = (
+        np.abs(f / drive.injection.frequency - np.rint(f / drive.injection.frequency))
+        * drive.injection.frequency
+    )
     clear = np.where((near > 4.0 * f[0]) & (f > 8.0 * f[0]), power, 0.0)
-    level = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(power, 20, mode="reflect"), 41), axis=1)
+    level = np.median(
+        np.lib.stride_tricks.sliding_window_view(np.pad(power, 20, mode="reflect"), 41), axis=1
+    )
     k = int(np.argmax(clear / level))
     peak = slice(max(0, k - 2), k + 3)
     share = float(np.sum(power[peak] - level[peak])) / total

@@ -1,4 +1,5 @@
-"""What recordings say of a flux map that is off: by how much, what it would leave as stated, and the motor with it."""
+"""What recordings say of a flux map that is off: by how much, what it would leave as stated, and
+the motor with it."""
 
 from __future__ import annotations
 
@@ -21,8 +22,9 @@ from sandbox.replay.replay import replay
 
 @dataclass(frozen=True)
 class MapFound:
-    """By how much the current at a flux is off where recordings are, A rms and at most; normalised rms of all residuals
-    with the map as found, and with it as stated, all else fitted anew (as the equations at the fit's point say)."""
+    """By how much the current at a flux is off where recordings are, A rms and at most; normalised
+    rms of all residuals with the map as found, and with it as stated, all else fitted anew (as the
+    equations at the fit's point say)."""
 
     rms: float
     largest: float
@@ -32,9 +34,10 @@ class MapFound:
     def text(self, rated: float) -> str:
         """Return one sentence; rated: current, A."""
         return (
-            f"The flux map was fitted, too: where recordings are, the current at a flux is {self.rms:.3g} A rms off "
-            f"({100.0 * self.rms / rated:.2g} % of rated_current), at most {self.largest:.3g} A. With the map as "
-            f"stated residuals would be {self.as_stated:.2f} times the noise floor, with the one found they are "
+            "The flux map was fitted, too: where recordings are, the current at a flux is "
+            f"{self.rms:.3g} A rms off ({100.0 * self.rms / rated:.2g} % of rated_current), at "
+            f"most {self.largest:.3g} A. With the map as stated residuals would be "
+            f"{self.as_stated:.2f} times the noise floor, with the one found they are "
             f"{self.residual:.2f}. The map beside motor.toml is the one found."
         )
 
@@ -69,10 +72,12 @@ def as_stated(found: Fit) -> float:
 
 
 def with_map_found(motor: Motor, found: Fit) -> tuple[Motor, bytes | None]:
-    """Return a motor with the flux map of a fit, and the file it is read from; as it is where none was fitted."""
+    """Return a motor with the flux map of a fit, and the file it is read from; as it is where none
+    was fitted."""
     if found.point.prepared.map_error is None or not isinstance(motor, MappedMotor):
         return motor, None
     try:
         return corrected(motor, found.point.prepared.map_error.energy())
-    except BadInput:  # no energy of a motor any more: values beside it stand, the map as it was stated
+    except BadInput:
+        # no energy of a motor any more: values beside it stand, the map as it was stated
         return motor, None

@@ -1,7 +1,9 @@
-"""What currents are read wrongly by, in amperes: the sensors' part of a gap as it is, not as a voltage.
+"""What currents are read wrongly by, in amperes: the sensors' part of a gap as it is, not as a
+voltage.
 
-An error of a reading is no voltage: told as one, a constant offset would grow with speed and inductance.  So it is told
-by its size, by how much of it is constant in each phase, and by where in speed and current it is larger.
+An error of a reading is no voltage: told as one, a constant offset would grow with speed and
+inductance.  So it is told by its size, by how much of it is constant in each phase, and by where in
+speed and current it is larger.
 """
 
 from __future__ import annotations
@@ -22,8 +24,9 @@ MOSTLY = 0.5  # share from which a part is most of the whole
 
 @dataclass(frozen=True)
 class Readings:
-    """Errors of the measured currents: rms of a phase (A, noise taken off), its mean in each phase (A) and the share of
-    its squares that each mean has; amplitude (4, 4): rms (A) by speed and current, NaN where nothing was recorded."""
+    """Errors of the measured currents: rms of a phase (A, noise taken off), its mean in each phase
+    (A) and the share of its squares that each mean has; amplitude (4, 4): rms (A) by speed and
+    current, NaN where nothing was recorded."""
 
     rms: float
     means: dict[str, float]
@@ -32,14 +35,18 @@ class Readings:
 
 
 def readings(shown: Sequence[Residual], floor: float, amplitude: Array) -> Readings:
-    """Return the errors of readings from residuals over their floor (A); amplitude: rms in floors, as in `Readings`."""
+    """Return the errors of readings from residuals over their floor (A); amplitude: rms in floors,
+    as in `Readings`."""
     x = np.concatenate([r.current[:, :, 0] for r in shown])
     squares = max(float(np.sum(x**2 - 1.0)), 0.0)
     means = x.mean(axis=0)
     excess = np.maximum(len(x) * means**2 - 1.0, 0.0)  # a mean of noise alone has 1
     share = np.minimum(excess / squares, 1.0) if squares > 0.0 else np.zeros(3)
     return Readings(
-        floor * float(np.sqrt(squares / x.size)), _by_phase(floor * means), _by_phase(share), floor * amplitude
+        floor * float(np.sqrt(squares / x.size)),
+        _by_phase(floor * means),
+        _by_phase(share),
+        floor * amplitude,
     )
 
 

@@ -1,4 +1,5 @@
-"""Charts on the page of where the gap lies: each subsystem's part by direction, region and order."""
+"""Charts on the page of where the gap lies: each subsystem's part by direction, region and
+order."""
 
 from __future__ import annotations
 
@@ -12,19 +13,22 @@ from sandbox.output.document import figure, fold, pairs, prose
 from sandbox.output.vector import bars_svg, lines_svg
 
 PARTS = (
-    "A subsystem's part is what is left where its effects alone are taken out again and all else is fitted. The "
-    "sentences above and the charts below are of these parts."
+    "A subsystem's part is what is left where its effects alone are taken out again and all else "
+    "is fitted. The sentences above and the charts below are of these parts."
 )
 SQUARES = (
-    "Bars of speed and current are shares of squared residuals, so regions with more samples or less impedance weigh "
-    "more: they may rise where the rms falls."
+    "Bars of speed and current are shares of squared residuals, so regions with more samples or "
+    "less impedance weigh more: they may rise where the rms falls."
 )
 
 
 def of_parts(parts: Sequence[Part], before: Decomposition, rest: Decomposition) -> Iterator[str]:
-    """Yield charts of the parts that sentences speak of, the largest open; of the whole where none is spoken of."""
+    """Yield charts of the parts that sentences speak of, the largest open; of the whole where none
+    is spoken of."""
     if len(parts) < 2:
-        yield from pairs(shares(parts[0].left, rest, parts[0].of_readings) if parts else shares(before, rest))
+        yield from pairs(
+            shares(parts[0].left, rest, parts[0].of_readings) if parts else shares(before, rest)
+        )
         return
     yield f'<p class="soft">{prose(PARTS)}</p>'
     for k, p in enumerate(parts):
@@ -44,8 +48,8 @@ def of_curves(curves: Sequence[CurveFound]) -> Iterator[str]:
 
 
 def shares(part: Decomposition, rest: Decomposition, of_readings: bool = False) -> Iterator[str]:
-    """Yield the shares by direction, region and order that stand out, before and after; of current readings by what is
-    constant in each phase instead of by a voltage's direction."""
+    """Yield the shares by direction, region and order that stand out, before and after; of current
+    readings by what is constant in each phase instead of by a voltage's direction."""
     scale = rest.excess / part.excess
     labels: list[str] = []
     both: list[list[float]] = []
@@ -63,10 +67,18 @@ def shares(part: Decomposition, rest: Decomposition, of_readings: bool = False) 
         f"{what}, speed, current.{adds} {SQUARES}",
     )
     orders = sorted({abs(n) for n in part.electrical})
-    by_order = [[100.0 * sum(x.electrical.get(s, 0.0) for s in {n, -n}) for n in orders] for x in (part, rest)]
+    by_order = [
+        [100.0 * sum(x.electrical.get(s, 0.0) for s in {n, -n}) for n in orders]
+        for x in (part, rest)
+    ]
     if max(by_order[0]) > 1.0:
         yield figure(
-            bars_svg([str(n) for n in orders], {"before": by_order[0], "after": [scale * x for x in by_order[1]]},
-                     "share of the gap before (%)", ylabel="electrical order"),
-            "Electrical orders of the currents in the rotor's frame, turning recordings (0: turns with the rotor).",
-        )  # fmt: skip
+            bars_svg(
+                [str(n) for n in orders],
+                {"before": by_order[0], "after": [scale * x for x in by_order[1]]},
+                "share of the gap before (%)",
+                ylabel="electrical order",
+            ),
+            "Electrical orders of the currents in the rotor's frame, turning recordings "
+            "(0: turns with the rotor).",
+        )

@@ -1,4 +1,5 @@
-"""The page of a plan: what to record in which order, its setpoints drawn over time, and what it will tell."""
+"""The page of a plan: what to record in which order, its setpoints drawn over time, and what it
+will tell."""
 
 from __future__ import annotations
 
@@ -29,11 +30,19 @@ def parts(plan: Plan, title: str, repeats: int) -> Iterator[str]:
     """Yield what stands on the page."""
     yield f"<h1>{prose(title)}</h1>"
     names = ", ".join(p.entry.name for p in plan.experiments)
-    each = f"Record each of these {repeats} times, one to be fitted and one to be held out: {names}."
+    each = (
+        f"Record each of these {repeats} times, one to be fitted and one to be held out: {names}."
+    )
     yield answer("What to record?", each)
     heads = ["experiment", "rotor", "seconds", "settings", "adds"]
     rows = [
-        [p.entry.name, p.entry.rotor, f"{p.entry.seconds:.3g}", p.settings, many(len(p.adds), "effect")]
+        [
+            p.entry.name,
+            p.entry.rotor,
+            f"{p.entry.seconds:.3g}",
+            p.settings,
+            many(len(p.adds), "effect"),
+        ]
         for p in plan.experiments
     ]
     yield table(heads, rows)
@@ -44,18 +53,26 @@ def parts(plan: Plan, title: str, repeats: int) -> Iterator[str]:
 
 def _experiment(k: int, p: Planned, drive: Drive) -> Iterator[str]:
     """Yield one experiment: what to do, what it tells, its setpoints over time."""
-    yield f"<h2>{k}. {prose(p.entry.name)}</h2><p>{prose(p.entry.description)}; {prose(p.settings)}.</p>"
+    yield (
+        f"<h2>{k}. {prose(p.entry.name)}</h2><p>{prose(p.entry.description)}; "
+        f"{prose(p.settings)}.</p>"
+    )
     first = "tells" if k == 1 else "tells beyond those before it"
     yield f"<p>It {first}: {prose(', '.join(p.adds))}.</p>"
-    injected = [f"{u:.3g} V on {axis}" for axis, u in zip("dq", p.entry.injection, strict=True) if u]
+    injected = [
+        f"{u:.3g} V on {axis}" for axis, u in zip("dq", p.entry.injection, strict=True) if u
+    ]
     also = f" Injected beside: a square wave of {' and '.join(injected)}." if injected else ""
     link = f"DC link {p.entry.link * drive.converter.dc_bus_voltage:.4g} V."
     told = f"Setpoints of {p.entry.name}, every millisecond in {p.entry.name}.csv. {link}{also}"
     yield figure(lines_svg(setpoint_lines(p, drive), "time (s)", alike=True), told)
 
 
-def setpoint_lines(p: Planned, drive: Drive) -> list[tuple[str, dict[str, tuple[list[float], list[float]]]]]:
-    """Return panels of an experiment's setpoints: currents (A), and speed (rpm) where it is imposed."""
+def setpoint_lines(
+    p: Planned, drive: Drive
+) -> list[tuple[str, dict[str, tuple[list[float], list[float]]]]]:
+    """Return panels of an experiment's setpoints: currents (A), and speed (rpm) where it is
+    imposed."""
     e, period = p.entry, drive.converter.sampling_period
     some = np.unique(np.linspace(0, len(e.i_d) - 1, min(DRAWN, len(e.i_d)), dtype=int))
     t = (some * period).tolist()
@@ -72,7 +89,10 @@ def _together(plan: Plan) -> Iterator[str]:
     yield "<h2>What they tell together</h2>"
     by_size = sorted(v.sizes, key=lambda e: -v.sizes[e])
     sizes = {"all recordings": [max(v.sizes[e], LEAST) for e in by_size]}
-    caption = f"Typical size of each effect in standard deviations; dashed: {CLEAR:g} of them, from where it is told."
+    caption = (
+        f"Typical size of each effect in standard deviations; dashed: {CLEAR:g} of them, "
+        "from where it is told."
+    )
     yield figure(dots_svg(by_size, sizes, "standard deviations", mark=CLEAR), caption)
     said = []
     for word, text in (("faint", "only faintly told"), ("not", "not told")):

@@ -21,8 +21,11 @@ POINTS = 1200  # drawn of a line
 WINDOW = 0.04  # s of currents shown sample by sample
 
 
-def waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: Sequence[Residual]) -> Iterator[str]:
-    """Yield the residual of the recording that holds most of the gap, over time, and its currents where it is worst."""
+def waves(
+    a: Answers, part: Decomposition, before: Sequence[Residual], after: Sequence[Residual]
+) -> Iterator[str]:
+    """Yield the residual of the recording that holds most of the gap, over time, and its currents
+    where it is worst."""
     files = [r.file for r in a.diagnosis.start.prepared.recordings]
     k = max(range(len(files)), key=lambda k: part.recordings[files[k]])
     r = a.diagnosis.start.prepared.recordings[k]
@@ -43,28 +46,40 @@ def waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: Se
     ]
     own, rest = before[k].motion, after[k].motion
     if own is not None and rest is not None:
-        panels.append(("motion\n(noise floors)", {"before": (t, peaks(own[:, 0])), "after": (t, peaks(rest[:, 0]))}))
+        panels.append(
+            (
+                "motion\n(noise floors)",
+                {"before": (t, peaks(own[:, 0])), "after": (t, peaks(rest[:, 0]))},
+            )
+        )
     yield f"<h2>Residuals in {prose(r.file)}</h2>"
     spectra = {name: looks.spectrum(floor * x.current[:, :, 0], period) for name, x in both.items()}
     lines = {name: (f.tolist(), size.tolist()) for name, (f, size) in spectra.items()}
     first, last = _worst(before[k].current[:, :, 0], max(2, round(WINDOW / period)))
-    yield from pairs([
-        figure(
-            lines_svg(panels, "t (s)", bands=[floor] * 3 + [1.0]),
-            f"Residual over time: measured minus simulated. Grey: one noise floor either way ({amperes(floor)}, rms of "
-            "the noise). Of each short interval the largest value is drawn.",
-        ),
-        figure(
-            lines_svg(_currents(a.diagnosis, k, before[k], after[k], slice(first, last), period), "t (s)"),
-            f"Currents where the gap is largest, sample by sample, {1e3 * (last - first) * period:.0f} ms. The noise "
-            f"floor is {amperes(floor)}.",
-        ),
-        figure(
-            lines_svg([("amplitude (A)", lines)], "frequency (Hz)", log="y"),
-            "Spectrum of the same residuals of the currents, all phases together, without their means: the height of a "
-            f"line, in A. White noise alone is flat; its rms is {amperes(floor)}.",
-        ),
-    ])  # fmt: skip
+    yield from pairs(
+        [
+            figure(
+                lines_svg(panels, "t (s)", bands=[floor] * 3 + [1.0]),
+                "Residual over time: measured minus simulated. Grey: one noise floor "
+                f"either way ({amperes(floor)}, rms of "
+                "the noise). Of each short interval the largest value is drawn.",
+            ),
+            figure(
+                lines_svg(
+                    _currents(a.diagnosis, k, before[k], after[k], slice(first, last), period),
+                    "t (s)",
+                ),
+                "Currents where the gap is largest, sample by sample, "
+                f"{1e3 * (last - first) * period:.0f} ms. The noise floor is {amperes(floor)}.",
+            ),
+            figure(
+                lines_svg([("amplitude (A)", lines)], "frequency (Hz)", log="y"),
+                "Spectrum of the same residuals of the currents, all phases together, "
+                "without their means: the height of a "
+                f"line, in A. White noise alone is flat; its rms is {amperes(floor)}.",
+            ),
+        ]
+    )
 
 
 def phases_of(d: Diagnosis, k: int) -> tuple[Array, Array, Array]:
@@ -74,7 +89,8 @@ def phases_of(d: Diagnosis, k: int) -> tuple[Array, Array, Array]:
 
 
 def _worst(residual: Array, width: int) -> tuple[int, int]:
-    """Return first and last sample of the interval (width samples) whose residuals (n, 3) are largest."""
+    """Return first and last sample of the interval (width samples) whose residuals (n, 3) are
+    largest."""
     sums = np.concatenate([[0.0], np.cumsum(np.sum(residual**2, axis=1))])
     width = min(width, len(residual))
     first = int(np.argmax(sums[width:] - sums[:-width]))

@@ -1,1 +1,2 @@
-"""The recording that would tell hypotheses apart: a menu of experiments, and what each would bring."""
+"""The recording that would tell hypotheses apart: a menu of experiments, and what each would
+bring."""

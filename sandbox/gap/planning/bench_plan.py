@@ -1,7 +1,8 @@
-"""What to record on a bench that does not exist yet: experiments within its limits, and what each would tell.
+"""What to record on a bench that does not exist yet: experiments within its limits, and what each
+would tell.
 
-The menu is that of `next_recording`; each experiment is simulated with the nominal motor, and the effects whose typical
-size stands clear of noise and ordinary deviations are listed (`visible`).
+The menu is that of `next_recording`; each experiment is simulated with the nominal motor, and the
+effects whose typical size stands clear of noise and ordinary deviations are listed (`visible`).
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ ENCODER = 4096  # counts a turn, where the motor's file names none
 
 @dataclass(frozen=True)
 class Planned:
-    """An experiment with its settings in words and what it would tell; adds: effects that those before it do not."""
+    """An experiment with its settings in words and what it would tell; adds: effects that those
+    before it do not."""
 
     entry: Entry
     settings: str
@@ -56,18 +58,27 @@ class Plan:
         return tuple(e for e, z in self.together.sizes.items() if z >= CLEAR and e not in alone)
 
 
-def plan(drive: Drive, limits: Limits, *, workers: int = 1, progress: Callable[[float], None] | None = None) -> Plan:
-    """Return experiments within a bench's limits, each the one that adds most to those before it, until none adds any.
+def plan(
+    drive: Drive,
+    limits: Limits,
+    *,
+    workers: int = 1,
+    progress: Callable[[float], None] | None = None,
+) -> Plan:
+    """Return experiments within a bench's limits, each the one that adds most to those before it,
+    until none adds any.
 
-    progress: called with the share of the time that is over, as far as what is done tells (`over`).  BadInput where the
-    limits leave no experiment.
+    progress: called with the share of the time that is over, as far as what is done tells (`over`).
+    BadInput where the limits leave no experiment.
     """
     began, compiled, ends = time.monotonic(), WATCH.seconds, list[float]()
     if drive.converter.encoder_counts is None:
         drive = replace(drive, converter=replace(drive.converter, encoder_counts=ENCODER))
     entries = allowed(drive, limits)
     if not entries:
-        raise BadInput("no experiment of the menu is within these limits; allow more current, speed or voltage")
+        raise BadInput(
+            "no experiment of the menu is within these limits; allow more current, speed or voltage"
+        )
     told: list[tuple[Entry, Visible]] = []
     simulated: dict[str, Campaign] = {}
     for k, entry in enumerate(entries):
@@ -81,14 +92,18 @@ def plan(drive: Drive, limits: Limits, *, workers: int = 1, progress: Callable[[
             continue
     chosen = _ordered(drive, told)
     if not chosen:
-        raise BadInput("within these limits no effect of typical size stands clear of the noise; allow more current")
+        raise BadInput(
+            "within these limits no effect of typical size stands clear of the noise; "
+            "allow more current"
+        )
     recordings = tuple(r for p in chosen for r in simulated[p.entry.name].recordings)
     whole = replace(simulated[chosen[0].entry.name], recordings=recordings)
     return Plan(drive, tuple(chosen), visible(whole, workers=workers))
 
 
 def over(ends: Sequence[float], compiling: float, pieces: int) -> float:
-    """Return the share of the time that is over when some of the pieces have ended (s), 0 before the first has.
+    """Return the share of the time that is over when some of the pieces have ended (s), 0 before
+    the first has.
 
     The first compiles what all others need (s); how long those take is known once there are two.
     """
@@ -104,7 +119,9 @@ def _ordered(drive: Drive, told: Sequence[tuple[Entry, Visible]]) -> list[Planne
     seen: set[str] = set()
     rest, out = list(told), list[Planned]()
     while rest:
-        news = [tuple(e for e, z in v.sizes.items() if z >= CLEAR and e not in seen) for _, v in rest]
+        news = [
+            tuple(e for e, z in v.sizes.items() if z >= CLEAR and e not in seen) for _, v in rest
+        ]
         k = int(np.argmax([len(n) for n in news]))
         if not news[k]:
             return out
@@ -128,12 +145,19 @@ def _simulated(drive: Drive, entry: Entry) -> Campaign:
 
 
 def setpoints(entry: Entry, drive: Drive) -> list[dict[str, float]]:
-    """Return an experiment's setpoints every millisecond: s, A, rpm; injected square wave (V) and link (V)."""
+    """Return an experiment's setpoints every millisecond: s, A, rpm; injected square wave (V) and
+    link (V)."""
     step = max(1, round(1e-3 / drive.converter.sampling_period))
     rpm = 60.0 / math.tau / drive.motor.pole_pairs
     return [
-        {"t_s": k * drive.converter.sampling_period, "i_d_A": float(entry.i_d[k]), "i_q_A": float(entry.i_q[k]),
-         "speed_rpm": float(entry.speed[k]) * rpm, "injected_d_V": entry.injection[0],
-         "injected_q_V": entry.injection[1], "link_V": entry.link * drive.converter.dc_bus_voltage}
+        {
+            "t_s": k * drive.converter.sampling_period,
+            "i_d_A": float(entry.i_d[k]),
+            "i_q_A": float(entry.i_q[k]),
+            "speed_rpm": float(entry.speed[k]) * rpm,
+            "injected_d_V": entry.injection[0],
+            "injected_q_V": entry.injection[1],
+            "link_V": entry.link * drive.converter.dc_bus_voltage,
+        }
         for k in range(0, len(entry.i_d), step)
-    ]  # fmt: skip
+    ]

@@ -1,8 +1,10 @@
-"""A recommended recording as a table that a bench can play: setpoints and phase voltages, sample by sample.
+"""A recommended recording as a table that a bench can play: setpoints and phase voltages, sample by
+sample.
 
-Currents, speed and link voltage are what a bench's own control is asked for.  The phase voltages are the ones that the
-refitted motor needs for them at the angle beside them: for a drive that plays voltages at a locked rotor, or turned at
-that speed from that angle; a free rotor turns as the refitted shaft does, so play its currents.
+Currents, speed and link voltage are what a bench's own control is asked for.  The phase voltages
+are the ones that the refitted motor needs for them at the angle beside them: for a drive that plays
+voltages at a locked rotor, or turned at that speed from that angle; a free rotor turns as the
+refitted shaft does, so play its currents.
 """
 
 from __future__ import annotations
@@ -30,8 +32,8 @@ DIGITS = "%.7g"
 
 @dataclass(frozen=True)
 class BenchTable:
-    """An experiment's settings in words, its columns by name (n,), what [[recording]] has to say of it, the largest
-    values in it, and what its bench may do."""
+    """An experiment's settings in words, its columns by name (n,), what [[recording]] has to say of
+    it, the largest values in it, and what its bench may do."""
 
     entry: Entry
     settings: str
@@ -44,19 +46,30 @@ class BenchTable:
 def bench_table(campaign: Campaign, following: Next, drive: Drive) -> BenchTable | None:
     """Return a recommended recording's table; drive: with the refitted motor.
 
-    [limits] hold for what that motor is predicted to do (where there are none, what `menu` asks for); None where it
-    cannot do the experiment within them.
+    [limits] hold for what that motor is predicted to do (where there are none, what `menu` asks
+    for); None where it cannot do the experiment within them.
     """
     drive = drive.at_full_rate()
-    wanted = next(e for e in menu(campaign.drive.at_full_rate(), following.seconds) if e.name == following.entry)
+    wanted = next(
+        e
+        for e in menu(campaign.drive.at_full_rate(), following.seconds)
+        if e.name == following.entry
+    )
     entry = within(wanted, drive, campaign.limits)
     if entry is None:
         return None
     values = complete(drive.motor, drive.converter)
-    r = recording_of(Campaign(campaign.name, drive, (), {}, {}, False), entry, shaft(values, drive)).recordings[0]
+    r = recording_of(
+        Campaign(campaign.name, drive, (), {}, {}, False), entry, shaft(values, drive)
+    ).recordings[0]
     rpm = 60.0 / math.tau / drive.motor.pole_pairs
-    injected = {f"injected_{x}_V": u * injected_wave(len(r.t)) for x, u in zip("dq", entry.injection, strict=True)}
-    voltages = dict(zip(("u_a_V", "u_b_V", "u_c_V"), phases.py_func(r.u_alpha, r.u_beta), strict=True))
+    injected = {
+        f"injected_{x}_V": u * injected_wave(len(r.t))
+        for x, u in zip("dq", entry.injection, strict=True)
+    }
+    voltages = dict(
+        zip(("u_a_V", "u_b_V", "u_c_V"), phases.py_func(r.u_alpha, r.u_beta), strict=True)
+    )
     speed = np.gradient(r.theta, r.t) if entry.rotor == "free" else entry.speed
     columns = {"t_s": r.t, "i_d_A": entry.i_d, "i_q_A": entry.i_q, "speed_rpm": rpm * speed}
     columns |= {**injected, "link_V": r.u_dc, "theta_rad": r.theta, **voltages}
@@ -65,16 +78,22 @@ def bench_table(campaign: Campaign, following: Next, drive: Drive) -> BenchTable
     if entry.link != 1.0:
         said["dc_bus_voltage"] = entry.link * drive.converter.dc_bus_voltage
     limits = {
-        "current": largest_current(entry, drive), "speed_rpm": float(np.max(np.abs(rpm * speed))),
-        "voltage": float(np.max(np.hypot(r.u_alpha, r.u_beta))), "link": float(r.u_dc[0]),
-    }  # fmt: skip
+        "current": largest_current(entry, drive),
+        "speed_rpm": float(np.max(np.abs(rpm * speed))),
+        "voltage": float(np.max(np.hypot(r.u_alpha, r.u_beta))),
+        "link": float(r.u_dc[0]),
+    }
     return BenchTable(entry, settings(entry, drive), columns, said, limits, campaign.limits)
 
 
 def stated(bench: Limits) -> str:
     """Return a bench's limits in words, empty where there are none."""
     units = {"current": "A peak", "speed_rpm": "rpm", "voltage": "V link"}
-    return ", ".join(f"{getattr(bench, k):g} {unit}" for k, unit in units.items() if getattr(bench, k) is not None)
+    return ", ".join(
+        f"{getattr(bench, k):g} {unit}"
+        for k, unit in units.items()
+        if getattr(bench, k) is not None
+    )
 
 
 def write_bench_table(path: Path, table: BenchTable, following: Next) -> None:
@@ -82,18 +101,24 @@ def write_bench_table(path: Path, table: BenchTable, following: Next) -> None:
     told = "; or ".join(" + ".join(s) or "no effect" for s in following.separates)
     limits, allowed = table.limits, stated(table.bench)
     most = (
-        f"{limits['current']:.4g} A peak, {limits['voltage']:.4g} V phase peak, {limits['speed_rpm']:.0f} rpm, link "
-        f"{limits['link']:.4g} V"
+        f"{limits['current']:.4g} A peak, {limits['voltage']:.4g} V phase peak, "
+        f"{limits['speed_rpm']:.0f} rpm, link {limits['link']:.4g} V"
     )
-    entry = " ".join(f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v:g}" for k, v in table.recording.items())
+    entry = " ".join(
+        f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v:g}" for k, v in table.recording.items()
+    )
     lines = [
         f"# {table.entry.description} ({table.settings}), for {following.seconds:g} s",
         f"# tells apart, with probability {following.power:.2f}: {told}",
-        f"# at most: {most}; rotor {table.entry.rotor}" + (f"; [limits]: {allowed}" if allowed else ""),
-        f"# afterwards, in campaign.toml: [[recording]] file = \"...\" {entry}",
-        "# u_a_V ...: the refitted motor's phase voltages at theta_rad (electrical); or follow i and speed",
+        f"# at most: {most}; rotor {table.entry.rotor}"
+        + (f"; [limits]: {allowed}" if allowed else ""),
+        f'# afterwards, in campaign.toml: [[recording]] file = "..." {entry}',
+        (
+            "# u_a_V ...: the refitted motor's phase voltages at theta_rad (electrical); or "
+            "follow i and speed"
+        ),
         ",".join(table.columns),
-    ]  # fmt: skip
+    ]
     rows = np.column_stack(list(table.columns.values()))
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write("\n".join(lines) + "\n")

@@ -1,4 +1,5 @@
-"""The menu's currents where a motor's flux map has an end: cut to what the map holds, as a bench would have to."""
+"""The menu's currents where a motor's flux map has an end: cut to what the map holds, as a bench
+would have to."""
 
 from __future__ import annotations
 
@@ -14,7 +15,9 @@ INSIDE = 0.02  # of the map's flux on each axis: as near to its edge a current i
 HALVINGS = 30
 
 
-def held(i_d: Array, i_q: Array, energy: AnyEnergy, swing: tuple[float, float]) -> tuple[Array, Array]:
+def held(
+    i_d: Array, i_q: Array, energy: AnyEnergy, swing: tuple[float, float]
+) -> tuple[Array, Array]:
     """Return currents (n,) in A cut to a motor's flux map, as they are where it has none.
 
     swing: Wb on d and q that an injection adds to both sides.
@@ -31,7 +34,8 @@ def held(i_d: Array, i_q: Array, energy: AnyEnergy, swing: tuple[float, float]) 
 
 
 def furthest_d(energy: AnyEnergy, wanted: float) -> float:
-    """Return the largest i_d (A) up to a wanted one, at i_q = 0, that a motor's magnetic model holds."""
+    """Return the largest i_d (A) up to a wanted one, at i_q = 0, that a motor's magnetic model
+    holds."""
     if flux_newton(energy, wanted, 0.0, 0.0, 0.0)[2] == SOLVED:
         return wanted
     low, high = 0.0, wanted
@@ -43,7 +47,8 @@ def furthest_d(energy: AnyEnergy, wanted: float) -> float:
 
 
 def _range(start: float, span: float, swing: float) -> tuple[float, float]:
-    """Return between which fluxes (Wb) of an axis currents may be asked for; 0, no current, is always among them."""
+    """Return between which fluxes (Wb) of an axis currents may be asked for; 0, no current, is
+    always among them."""
     margin = INSIDE * span + swing
     return min(start + margin, 0.0), max(start + span - margin, 0.0)
 
@@ -55,8 +60,11 @@ def _edge(energy: SplineEnergy, d: Array | float, q: Array | float) -> tuple[Arr
     return both[:, 0], both[:, 1]
 
 
-def _between(values: Array, other: Array, least: tuple[Array, Array], most: tuple[Array, Array]) -> Array:
-    """Return values (n,) cut between two edges, each given as (the other axis' current, this axis' current)."""
+def _between(
+    values: Array, other: Array, least: tuple[Array, Array], most: tuple[Array, Array]
+) -> Array:
+    """Return values (n,) cut between two edges, each given as (the other axis' current, this axis'
+    current)."""
     low, high = (np.interp(other, *_sorted(edge)) for edge in (least, most))
     return np.asarray(np.clip(values, np.minimum(low, 0.0), np.maximum(high, 0.0)))
 

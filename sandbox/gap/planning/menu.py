@@ -1,7 +1,9 @@
-"""A menu of further recordings: what a bench can do in seconds, as commands and motion, before anything is measured.
+"""A menu of further recordings: what a bench can do in seconds, as commands and motion, before
+anything is measured.
 
-Voltages are those of the nominal model for the currents that a bench's control reaches and for the speed (open loop),
-so any parameter set can be asked what it would read.  Currents are in units of rated current, speeds of rated speed.
+Voltages are those of the nominal model for the currents that a bench's control reaches and for the
+speed (open loop), so any parameter set can be asked what it would read.  Currents are in units of
+rated current, speeds of rated speed.
 """
 
 from __future__ import annotations
@@ -25,16 +27,20 @@ Array = NDArray[np.float64]
 DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record shorter, as many samples
 STEPS = 4  # a period, of a free rotor whose friction changes within it
 SETTLE = 0.1  # s at the start, until open-loop currents stand
-FOLLOWS = 5e-3  # s: how slowly a bench's current control follows what is wanted; no step asks for the whole link
+# s: how slowly a bench's current control follows what is wanted; no step asks for the whole link
+FOLLOWS = 5e-3
 HALF_WAVE = 4  # samples of half a period of what is injected
-LARGEST_SHARE = 0.95  # of the voltage limit that an experiment's commands may reach; larger ones are cut
-FULL, TIGHTEST = 0.86, 0.25  # of the voltage limit at the most (control needs the rest); least share of the link
+# of the voltage limit that an experiment's commands may reach; larger ones are cut
+LARGEST_SHARE = 0.95
+# of the voltage limit at the most (control needs the rest); least share of the link
+FULL, TIGHTEST = 0.86, 0.25
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One experiment: a name that stays, what a person would do, kind of rotor, wanted i_d, i_q (n,) in A and speed
-    (n,) in rad/s electrical, the link's share, voltages injected on d and q, length in seconds."""
+    """One experiment: a name that stays, what a person would do, kind of rotor, wanted i_d, i_q
+    (n,) in A and speed (n,) in rad/s electrical, the link's share, voltages injected on d and q,
+    length in seconds."""
 
     name: str
     description: str
@@ -48,7 +54,8 @@ class Entry:
 
 
 def ramp(t: Array, *points: tuple[float, float]) -> Array:
-    """Return straight lines through (share of the duration, value); t (n,): shares of the duration."""
+    """Return straight lines through (share of the duration, value); t (n,): shares of the
+    duration."""
     return np.asarray(np.interp(t, [p[0] for p in points], [p[1] for p in points]))
 
 
@@ -64,7 +71,10 @@ def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
     t = np.linspace(0.0, 1.0, round(seconds / period), endpoint=False)
     zero, one = np.zeros_like(t), np.ones_like(t)
     fade = np.minimum(seconds * t / SETTLE, 1.0)
-    rate, pulse = drive.motor.rated_current, drive.injection.amplitude or 0.07 * drive.converter.dc_bus_voltage
+    rate, pulse = (
+        drive.motor.rated_current,
+        drive.injection.amplitude or 0.07 * drive.converter.dc_bus_voltage,
+    )
     rated = drive.motor.rated_omega
     around = math.tau * 2.0 * t
     crossing = 0.15 * np.sin(2.0 * around)
@@ -75,55 +85,149 @@ def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
     both = ramp(t, (0.0, 0.8), (0.35, 0.8), (0.65, -0.8), (1.0, -0.8))
     link, top, high = tight(drive)
     out = [
-        Entry("locked_low_current", "locked rotor, current slowly through zero", "locked",
-              crossing, crossing * np.cos(around), zero),
-        Entry("locked_low_current_half_link", "locked rotor, current slowly through zero at half the DC-link voltage",
-              "locked", crossing, crossing * np.cos(around), zero, link=0.5),
-        Entry("locked_circle", "locked rotor, current slowly around the circle", "locked",
-              fade * np.cos(around), fade * np.sin(around), zero),
-        Entry("locked_steps", "locked rotor, large steps along d and q", "locked",
-              steps, np.roll(steps, len(t) // 5), zero),
-        Entry("locked_q_inject_d", "locked rotor, injection along d over a staircase on q", "locked",
-              zero, stairs, zero, injection=(pulse, 0.0)),
-        Entry("locked_d_inject_q", "locked rotor, injection along q over a staircase on d", "locked",
-              stairs, zero, zero, injection=(0.0, pulse)),
-        Entry("driven_fast_q", "driven fast both ways, current on q", "driven",
-              zero, fade, both * rated),
-        Entry("driven_fast_idle", "driven fast both ways without current", "driven",
-              zero, zero, both * rated),
-        Entry("driven_idle_half_link", "driven both ways without current at half the DC-link voltage", "driven",
-              zero, zero, 0.5 * both * rated, link=0.5),
-        Entry("driven_tight_link", "driven both ways, current along d, the DC-link voltage nearly used up", "driven",
-              high * fade, zero, ramp(t, (0, 0.8), (0.35, 1.0), (0.45, 1.0), (0.65, -0.8), (1, -1.0)) * top, link=link),
-        Entry("driven_slow_dq", "driven slowly, current on d and q", "driven",
-              0.35 * fade, 0.35 * fade, turn * one),
-        Entry("free_coast", "free rotor, accelerated and left to coast to standstill", "free",
-              zero, ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)), zero),
-        Entry("free_swing", "free rotor, torque reversed faster and faster", "free", zero, swing, zero),
-    ]  # fmt: skip
+        Entry(
+            "locked_low_current",
+            "locked rotor, current slowly through zero",
+            "locked",
+            crossing,
+            crossing * np.cos(around),
+            zero,
+        ),
+        Entry(
+            "locked_low_current_half_link",
+            "locked rotor, current slowly through zero at half the DC-link voltage",
+            "locked",
+            crossing,
+            crossing * np.cos(around),
+            zero,
+            link=0.5,
+        ),
+        Entry(
+            "locked_circle",
+            "locked rotor, current slowly around the circle",
+            "locked",
+            fade * np.cos(around),
+            fade * np.sin(around),
+            zero,
+        ),
+        Entry(
+            "locked_steps",
+            "locked rotor, large steps along d and q",
+            "locked",
+            steps,
+            np.roll(steps, len(t) // 5),
+            zero,
+        ),
+        Entry(
+            "locked_q_inject_d",
+            "locked rotor, injection along d over a staircase on q",
+            "locked",
+            zero,
+            stairs,
+            zero,
+            injection=(pulse, 0.0),
+        ),
+        Entry(
+            "locked_d_inject_q",
+            "locked rotor, injection along q over a staircase on d",
+            "locked",
+            stairs,
+            zero,
+            zero,
+            injection=(0.0, pulse),
+        ),
+        Entry(
+            "driven_fast_q",
+            "driven fast both ways, current on q",
+            "driven",
+            zero,
+            fade,
+            both * rated,
+        ),
+        Entry(
+            "driven_fast_idle",
+            "driven fast both ways without current",
+            "driven",
+            zero,
+            zero,
+            both * rated,
+        ),
+        Entry(
+            "driven_idle_half_link",
+            "driven both ways without current at half the DC-link voltage",
+            "driven",
+            zero,
+            zero,
+            0.5 * both * rated,
+            link=0.5,
+        ),
+        Entry(
+            "driven_tight_link",
+            "driven both ways, current along d, the DC-link voltage nearly used up",
+            "driven",
+            high * fade,
+            zero,
+            ramp(t, (0, 0.8), (0.35, 1.0), (0.45, 1.0), (0.65, -0.8), (1, -1.0)) * top,
+            link=link,
+        ),
+        Entry(
+            "driven_slow_dq",
+            "driven slowly, current on d and q",
+            "driven",
+            0.35 * fade,
+            0.35 * fade,
+            turn * one,
+        ),
+        Entry(
+            "free_coast",
+            "free rotor, accelerated and left to coast to standstill",
+            "free",
+            zero,
+            ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)),
+            zero,
+        ),
+        Entry(
+            "free_swing", "free rotor, torque reversed faster and faster", "free", zero, swing, zero
+        ),
+    ]
     scaled = (replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q, seconds=seconds) for e in out)
     return [_in_map(e, drive) for e in scaled]
 
 
 def _in_map(entry: Entry, drive: Drive) -> Entry:
-    """Return an entry with its currents cut to a motor's flux map, its injection's swing beside them."""
+    """Return an entry with its currents cut to a motor's flux map, its injection's swing beside
+    them."""
     half = HALF_WAVE * drive.converter.sampling_period
-    i_d, i_q = held(entry.i_d, entry.i_q, drive.motor.energy, (half * entry.injection[0], half * entry.injection[1]))
+    i_d, i_q = held(
+        entry.i_d,
+        entry.i_q,
+        drive.motor.energy,
+        (half * entry.injection[0], half * entry.injection[1]),
+    )
     return replace(entry, i_d=i_d, i_q=i_q)
 
 
 def settings(entry: Entry, drive: Drive) -> str:
     """Return an entry's largest values in the drive's units, as a person sets them on a bench."""
     rpm = 60.0 / math.tau / drive.motor.pole_pairs
-    told = [f"i_{axis} {x.min():.3g} to {x.max():.3g} A" for axis, x in (("d", entry.i_d), ("q", entry.i_q)) if x.any()]
+    told = [
+        f"i_{axis} {x.min():.3g} to {x.max():.3g} A"
+        for axis, x in (("d", entry.i_d), ("q", entry.i_q))
+        if x.any()
+    ]
     if entry.rotor == "driven":
         told.insert(0, f"{rpm * entry.speed.min():.0f} to {rpm * entry.speed.max():.0f} rpm")
-    told += [f"{u:.3g} V square wave on {axis}" for axis, u in zip("dq", entry.injection, strict=True) if u]
+    told += [
+        f"{u:.3g} V square wave on {axis}"
+        for axis, u in zip("dq", entry.injection, strict=True)
+        if u
+    ]
     return ", ".join([*told, f"DC link {entry.link * drive.converter.dc_bus_voltage:.4g} V"])
 
 
 def tight(drive: Drive) -> tuple[float, float, float]:
-    """Return share of the link, speed (rad/s electrical) and i_d over rated current that use up FULL of the voltage."""
+    """Return share of the link, speed (rad/s electrical) and i_d over rated current that use up
+    FULL of the voltage."""
     motor, limit = drive.motor, FULL * drive.converter.voltage_limit
     high = furthest_d(motor.energy, 0.4 * motor.rated_current) / motor.rated_current
     flux = flux_from_current(motor.energy, high * motor.rated_current, 0.0)[0] + motor.magnet_flux
@@ -132,15 +236,20 @@ def tight(drive: Drive) -> tuple[float, float, float]:
 
 
 def reached(wanted: Array, period: float) -> Array:
-    """Return the current (n,) that control reaches: the one wanted (n,) through a first-order lag."""
+    """Return the current (n,) that control reaches: the one wanted (n,) through a first-order
+    lag."""
     decay = math.exp(-period / FOLLOWS)
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], wanted))
 
 
-def demand(entry: Entry, drive: Drive, torque_to_motion: Callable[[Array], Array]) -> tuple[Array, Array, Array, Array]:
-    """Return an entry's angle (rad) and speed (rad/s, both electrical), and the voltages u_d, u_q (V) it needs, (n,).
+def demand(
+    entry: Entry, drive: Drive, torque_to_motion: Callable[[Array], Array]
+) -> tuple[Array, Array, Array, Array]:
+    """Return an entry's angle (rad) and speed (rad/s, both electrical), and the voltages u_d, u_q
+    (V) it needs, (n,).
 
-    torque_to_motion: the motion (rad, electrical) that the wanted torque (n,) in N m gives a free rotor.
+    torque_to_motion: the motion (rad, electrical) that the wanted torque (n,) in N m gives a free
+    rotor.
     """
     motor, period = drive.motor, drive.converter.sampling_period
     i_d, i_q = reached(entry.i_d, period), reached(entry.i_q, period)
@@ -163,8 +272,11 @@ def injected_wave(n: int) -> Array:
     return np.where(np.arange(n) % (2 * HALF_WAVE) < HALF_WAVE, 1.0, -1.0)
 
 
-def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[Array], Array]) -> Campaign:
-    """Return a campaign of one recording with an entry's commands and angles; its currents are still zero.
+def recording_of(
+    campaign: Campaign, entry: Entry, torque_to_motion: Callable[[Array], Array]
+) -> Campaign:
+    """Return a campaign of one recording with an entry's commands and angles; its currents are
+    still zero.
 
     torque_to_motion: as `demand`.
     """
@@ -179,15 +291,21 @@ def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[A
     co, si = np.cos(half), np.sin(half)
     columns: dict[str, Array] = {
         "t": np.linspace(0.0, len(theta) * period, len(theta), endpoint=False),
-        "u_alpha": co * u_d - si * u_q, "u_beta": si * u_d + co * u_q,
-        **{f"i_{phase}": np.zeros(len(theta)) for phase in "abc"}, "theta": theta, "u_dc": np.full(len(theta), link),
-    }  # fmt: skip
-    one = CampaignRecording("next.parquet", entry.rotor, "none", columns, None if entry.link == 1.0 else link)
+        "u_alpha": co * u_d - si * u_q,
+        "u_beta": si * u_d + co * u_q,
+        **{f"i_{phase}": np.zeros(len(theta)) for phase in "abc"},
+        "theta": theta,
+        "u_dc": np.full(len(theta), link),
+    }
+    one = CampaignRecording(
+        "next.parquet", entry.rotor, "none", columns, None if entry.link == 1.0 else link
+    )
     return replace(campaign, recordings=(one,))
 
 
 def shaft(values: Mapping[str, float], drive: Drive) -> Callable[[Array], Array]:
-    """Return how a free rotor moves from rest: angle (n,) rad electrical of torque (n,), by a parameter set's shaft."""
+    """Return how a free rotor moves from rest: angle (n,) rad electrical of torque (n,), by a
+    parameter set's shaft."""
     features = features_of(drive.motor, values)
 
     def move(torque: Sequence[float] | Array) -> Array:
@@ -195,7 +313,14 @@ def shaft(values: Mapping[str, float], drive: Drive) -> Callable[[Array], Array]
         batch, out = batch_of(drive.motor, drive.converter, [values], 1), np.zeros(len(torque))
         for row in ("load_gain", "load_offset"):
             batch[row][:] = 0.0
-        turned_by(batch, features, np.asarray(torque, dtype=float), drive.converter.sampling_period, STEPS, out)
+        turned_by(
+            batch,
+            features,
+            np.asarray(torque, dtype=float),
+            drive.converter.sampling_period,
+            STEPS,
+            out,
+        )
         return out
 
     return move

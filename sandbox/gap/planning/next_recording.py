@@ -1,16 +1,19 @@
-"""The one further recording that would tell the hypotheses of an ambiguity set apart best, by simulation.
+"""The one further recording that would tell the hypotheses of an ambiguity set apart best, by
+simulation.
 
-Hypothesis a, at its fit, predicts an experiment's readings.  How well a hypothesis j, with what the campaign left it (a
-Gaussian of covariance C around its fit), foretells them with their noise is in the mean
+Hypothesis a, at its fit, predicts an experiment's readings.  How well a hypothesis j, with what the
+campaign left it (a Gaussian of covariance C around its fit), foretells them with their noise is in
+the mean
 
     1/2 (r'r - g' (A + C^-1)^-1 g) + 1/2 [log det(1 + C A) - tr A (A + C^-1)^-1],
 
-r, g, A the residual and normal equations of j's simulation: what it cannot follow, and how widely it had to spread its
-bets.  That of b less that of a is the log evidence for a over b that the experiment is expected to bring if a is true;
-estimates meet the variance that the misfit of the recordings so far gives.
+r, g, A the residual and normal equations of j's simulation: what it cannot follow, and how widely
+it had to spread its bets.  That of b less that of a is the log evidence for a over b that the
+experiment is expected to bring if a is true; estimates meet the variance that the misfit of the
+recordings so far gives.
 
-What a simulator misses of its bench leans, by chance, to one of the two: it counts as noise beside the
-recording's own.  `unknown` foretells nothing, so no recording parts it from the others.
+What a simulator misses of its bench leans, by chance, to one of the two: it counts as noise beside
+the recording's own.  `unknown` foretells nothing, so no recording parts it from the others.
 """
 
 from __future__ import annotations
@@ -37,10 +40,13 @@ from sandbox.replay.replay import Prepared, prepare, replay
 Array = NDArray[np.float64]
 Rivals = Sequence[tuple[float, EvaluatedModel]]
 LEAST_POWER, SURE = 0.5, 0.95
-# What a simulator may miss of a recording that is not there yet: of its readings' squares, and of the gap that effects
-# make in it.  More than fits leave (`evidence/misfit.py`), as nothing was fitted to it.
+# What a simulator may miss of a recording that is not there yet: of its readings' squares, and of
+# the gap that effects make in it.  More than fits leave (`evidence/misfit.py`), as nothing was
+# fitted to it.
 FLOOR, SHARE = 0.012, 3e-4
-LEANS = 0.3  # correlation of what a simulator misses with the difference of two hypotheses; a choice, not measured
+# correlation of what a simulator misses with the difference of two hypotheses; a choice, not
+# measured
+LEANS = 0.3
 LONGER = (2.0, 4.0)  # times a menu's duration that a recording may take, where its own does not do
 RIVALS, CLOSER = 4, 3  # hypotheses looked at; entries that all of them are tried on
 DRAWS = 4000
@@ -48,9 +54,9 @@ DRAWS = 4000
 
 @dataclass(frozen=True)
 class Tried:
-    """An entry with what it is expected to bring for the hypothesis of a row, if true, over that of a column: log
-    evidence (n, n), the part (n, n) of it that readings bring which the other cannot follow, and that (n,) of what the
-    simulator misses."""
+    """An entry with what it is expected to bring for the hypothesis of a row, if true, over that of
+    a column: log evidence (n, n), the part (n, n) of it that readings bring which the other cannot
+    follow, and that (n,) of what the simulator misses."""
 
     entry: Entry
     told: Array
@@ -58,14 +64,18 @@ class Tried:
     missed: Array
 
     def longer(self, times: float) -> Tried:
-        """Return the same for a recording so many times as long, as if that brought as much more."""
-        return replace(self, told=times * self.told, apart=times * self.apart, missed=times * self.missed)
+        """Return the same for a recording so many times as long, as if that brought as much
+        more."""
+        return replace(
+            self, told=times * self.told, apart=times * self.apart, missed=times * self.missed
+        )
 
 
 @dataclass(frozen=True)
 class Next:
-    """A recommended recording: the menu's name for it, description, seconds it takes, the hypotheses it separates,
-    expected log evidence (least between two of them), probability that it leaves the true one of them alone."""
+    """A recommended recording: the menu's name for it, description, seconds it takes, the
+    hypotheses it separates, expected log evidence (least between two of them), probability that it
+    leaves the true one of them alone."""
 
     entry: str
     description: str
@@ -75,14 +85,20 @@ class Next:
     power: float
 
 
-def simulate_experiment(campaign: Campaign, entry: Entry, a: EvaluatedModel) -> tuple[Campaign, dict[str, float]]:
-    """Return an experiment as a campaign with the readings that a hypothesis predicts, without noise, and its set."""
+def simulate_experiment(
+    campaign: Campaign, entry: Entry, a: EvaluatedModel
+) -> tuple[Campaign, dict[str, float]]:
+    """Return an experiment as a campaign with the readings that a hypothesis predicts, without
+    noise, and its set."""
     drive = campaign.drive
     motion = shaft(a.fit.point.values, drive)
     fitted = {k: v for k, v in a.fit.point.values.items() if v == v}
     planned = encoded(recording_of(campaign, entry, motion), fitted)
     read = replay(prepare(planned, fitted, steps=1), [fitted]).currents[0][:, :, 0]
-    columns = {**planned.recordings[0].columns, **{f"i_{p}": read[:, k].copy() for k, p in enumerate("abc")}}
+    columns = {
+        **planned.recordings[0].columns,
+        **{f"i_{p}": read[:, k].copy() for k, p in enumerate("abc")},
+    }
     return replace(planned, recordings=(replace(planned.recordings[0], columns=columns),)), fitted
 
 
@@ -94,8 +110,9 @@ def expected_evidence(
     variance: float,
     workers: int = 1,
 ) -> tuple[Array, Array, float]:
-    """Return the log evidence (n,) for a over each of the others that an experiment is expected to bring if a is true,
-    its part (n,) that they cannot follow, and that of what the simulator misses of a's effects."""
+    """Return the log evidence (n,) for a over each of the others that an experiment is expected to
+    bring if a is true, its part (n,) that they cannot follow, and that of what the simulator misses
+    of a's effects."""
     told, truth = simulate_experiment(campaign, entry, a)
     (own, wide), *rest = (_surprise(told, truth, j, variance, workers) for j in (a, *others))
     apart = np.array([q - own for q, _ in rest])
@@ -103,7 +120,8 @@ def expected_evidence(
 
 
 def _missed(told: Campaign, truth: Mapping[str, float], a: EvaluatedModel) -> float:
-    """Return half the squares of what a simulator misses of a recording, by the gap that a's effects make."""
+    """Return half the squares of what a simulator misses of a recording, by the gap that a's
+    effects make."""
     neutral = library.neutral(told.drive.motor)
     gone = tuple(f"{e}." for e in a.effects)
     without = {**truth, **{k: v for k, v in neutral.items() if k.startswith(gone)}}
@@ -115,14 +133,17 @@ def _missed(told: Campaign, truth: Mapping[str, float], a: EvaluatedModel) -> fl
 def _surprise(
     told: Campaign, truth: Mapping[str, float], j: EvaluatedModel, variance: float, workers: int
 ) -> tuple[float, float]:
-    """Return how badly a hypothesis foretells a recording that a truth has told: what it cannot follow, its spread."""
+    """Return how badly a hypothesis foretells a recording that a truth has told: what it cannot
+    follow, its spread."""
     belief = dict(j.fit.point.values)
     point = Point(as_predicted(prepare(told, belief, steps=1), truth), belief)
     own = [c for c in j.normal.coordinates if c.form not in (*OF_POINT, *STEPS)]
     n = normal(point, own, workers=workers)
     a, g, rr = n.summed()
     place = {c.label: k for k, c in enumerate(j.normal.coordinates)}
-    known = j.equations.a / variance + np.diag(np.where(j.prior.deviation > 0.0, j.prior.deviation, 1e-12) ** -2)
+    known = j.equations.a / variance + np.diag(
+        np.where(j.prior.deviation > 0.0, j.prior.deviation, 1e-12) ** -2
+    )
     inside = [place[c.label] for c in own]
     prior = np.diag([c.deviation**-2 for c in n.coordinates])
     prior[: len(own), : len(own)] = np.linalg.inv(np.linalg.inv(known)[np.ix_(inside, inside)])
@@ -130,11 +151,11 @@ def _surprise(
 
 
 def surprise(a: Array, g: Array, rr: float, prior: Array) -> tuple[float, float]:
-    """Return minus the log density of noisy data that a Gaussian belief foretells, up to what all beliefs share: what
-    it cannot follow, and its spread in the mean over noise.
+    """Return minus the log density of noisy data that a Gaussian belief foretells, up to what all
+    beliefs share: what it cannot follow, and its spread in the mean over noise.
 
-    a (p, p), g (p,), rr: normal equations of the data without noise at the belief's mean; prior (p, p): inverse of its
-    covariance.
+    a (p, p), g (p,), rr: normal equations of the data without noise at the belief's mean; prior (p,
+    p): inverse of its covariance.
     """
     follow, share = np.linalg.solve(a + prior, g), np.trace(np.linalg.solve(a + prior, a))
     wider = np.linalg.slogdet(a + prior)[1] - np.linalg.slogdet(prior)[1]
@@ -142,7 +163,8 @@ def surprise(a: Array, g: Array, rr: float, prior: Array) -> tuple[float, float]
 
 
 def encoded(planned: Campaign, truth: Mapping[str, float]) -> Campaign:
-    """Return a campaign of one recording whose driven rotor is read by an encoder as eccentric as a truth has it."""
+    """Return a campaign of one recording whose driven rotor is read by an encoder as eccentric as a
+    truth has it."""
     r, pairs = planned.recordings[0], planned.drive.motor.pole_pairs
     if r.rotor != "driven":
         return planned
@@ -155,51 +177,71 @@ def encoded(planned: Campaign, truth: Mapping[str, float]) -> Campaign:
 
 
 def as_predicted(prepared: Prepared, truth: Mapping[str, float]) -> Prepared:
-    """Return recordings as a truth would read them on their motion: its currents, and the angle that its torque gives.
+    """Return recordings as a truth would read them on their motion: its currents, and the angle
+    that its torque gives.
 
-    The wanted motion is that of wanted currents; the predicted ones turn a free rotor otherwise.  An innovation of the
-    motion filter without correction is the reading less that free run, so taking it off leaves the truth none.
+    The wanted motion is that of wanted currents; the predicted ones turn a free rotor otherwise.
+    An innovation of the motion filter without correction is the reading less that free run, so
+    taking it off leaves the truth none.
     """
     free_run = []
     for r in prepared.recordings:
         none = np.zeros(r.samples)
-        track = with_columns(r.track, {"gain_angle": none, "gain_speed": none, "scale": np.ones(r.samples)})
+        track = with_columns(
+            r.track, {"gain_angle": none, "gain_speed": none, "scale": np.ones(r.samples)}
+        )
         free_run.append(replace(r, track=track))
     found = replay(replace(prepared, recordings=tuple(free_run)), [truth])
     out = []
     for r, current, miss in zip(prepared.recordings, found.currents, found.motion, strict=True):
-        track = r.track if miss is None else with_columns(r.track, {"read": r.track["read"] - miss[:, 0]})
+        track = (
+            r.track
+            if miss is None
+            else with_columns(r.track, {"read": r.track["read"] - miss[:, 0]})
+        )
         out.append(replace(r, read=np.ascontiguousarray(current[:, :, 0]), track=track))
     return replace(prepared, recordings=tuple(out))
 
 
 def recommend(
-    campaign: Campaign, rivals: Rivals, variance: float, names: Sequence[str] | None = None, workers: int = 1
+    campaign: Campaign,
+    rivals: Rivals,
+    variance: float,
+    names: Sequence[str] | None = None,
+    workers: int = 1,
 ) -> Next | None:
-    """Return the recording that is most likely to leave the true one of the rivals alone, no longer than it has to be.
+    """Return the recording that is most likely to leave the true one of the rivals alone, no longer
+    than it has to be.
 
-    rivals: (probability, hypothesis), the most probable first; names: of the entries to choose from (all).  Every entry
-    is tried on the first two, the best ones on all; longer ones are tried where they promise to do.  None with fewer
-    than two, or where no experiment is likely to separate them (LEAST_POWER).
+    rivals: (probability, hypothesis), the most probable first; names: of the entries to choose from
+    (all).  Every entry is tried on the first two, the best ones on all; longer ones are tried where
+    they promise to do.  None with fewer than two, or where no experiment is likely to separate them
+    (LEAST_POWER).
     """
     rivals = rivals[:RIVALS]
     if len(rivals) < 2:
         return None
     campaign = replace(campaign, drive=campaign.drive.at_full_rate())
-    entries = [e for e in allowed(campaign.drive, campaign.limits) if names is None or e.name in names]
+    entries = [
+        e for e in allowed(campaign.drive, campaign.limits) if names is None or e.name in names
+    ]
     if campaign.rated_from_data and all(r.rotor == "locked" for r in campaign.recordings):
         entries = [e for e in entries if e.rotor == "locked"]  # nothing says how fast it may turn
     found = [x for e in entries if (x := _tried(campaign, e, rivals[:2], variance, workers))]
     if len(rivals) > 2:
         found.sort(key=lambda x: (power(rivals[:2], x), x.told.min()), reverse=True)
-        found = [x for y in found[:CLOSER] if (x := _tried(campaign, y.entry, rivals, variance, workers))]
+        found = [
+            x for y in found[:CLOSER] if (x := _tried(campaign, y.entry, rivals, variance, workers))
+        ]
     known = list(found)
     for length in LONGER if found else ():
         if max(power(rivals, x) for x in known) >= SURE:
             break
         promising = max(found, key=lambda x: (power(rivals, x.longer(length)), float(x.told.min())))
         if power(rivals, promising.longer(length)) >= LEAST_POWER:
-            slower = allowed(campaign.drive, campaign.limits, length * usual_seconds(campaign.drive))
+            slower = allowed(
+                campaign.drive, campaign.limits, length * usual_seconds(campaign.drive)
+            )
             entries = [e for e in slower if e.name == promising.entry.name]
             known += [x for e in entries if (x := _tried(campaign, e, rivals, variance, workers))]
     best = _best(rivals, known)
@@ -212,8 +254,8 @@ def recommend(
 
 
 def _best(rivals: Rivals, known: Sequence[Tried]) -> Tried | None:
-    """Return what surely settles it with the least gap, as a larger one shows more of the simulator's own error; else
-    the most telling; None below LEAST_POWER."""
+    """Return what surely settles it with the least gap, as a larger one shows more of the
+    simulator's own error; else the most telling; None below LEAST_POWER."""
     told = [(power(rivals, x), x) for x in known]
     sure = [x for p, x in told if p >= SURE]
     if sure:
@@ -222,10 +264,17 @@ def _best(rivals: Rivals, known: Sequence[Tried]) -> Tried | None:
     return known[max(likely)[2]] if likely else None
 
 
-def _tried(campaign: Campaign, entry: Entry, rivals: Rivals, variance: float, workers: int) -> Tried | None:
-    """Return what an entry tells about rivals; None where it cannot be simulated, or not with finite currents."""
+def _tried(
+    campaign: Campaign, entry: Entry, rivals: Rivals, variance: float, workers: int
+) -> Tried | None:
+    """Return what an entry tells about rivals; None where it cannot be simulated, or not with
+    finite currents."""
     judged = [j for _, j in rivals]
-    told, apart, missed = np.full((len(judged),) * 2, np.inf), np.zeros((len(judged),) * 2), np.zeros(len(judged))
+    told, apart, missed = (
+        np.full((len(judged),) * 2, np.inf),
+        np.zeros((len(judged),) * 2),
+        np.zeros(len(judged)),
+    )
     try:
         for k, a in enumerate(judged):
             others = [m for m in range(len(judged)) if m != k]
@@ -239,10 +288,12 @@ def _tried(campaign: Campaign, entry: Entry, rivals: Rivals, variance: float, wo
 
 
 def power(rivals: Rivals, tried: Tried) -> float:
-    """Return the probability that the true rival comes to stand alone among them (CREDIBLE), from DRAWS draws.
+    """Return the probability that the true rival comes to stand alone among them (CREDIBLE), from
+    DRAWS draws.
 
-    Log evidence is normal (a Gaussian likelihood ratio): its variance is twice the part that the other cannot follow,
-    and more by what the simulator misses; two rivals that lie on one side of the truth go together.
+    Log evidence is normal (a Gaussian likelihood ratio): its variance is twice the part that the
+    other cannot follow, and more by what the simulator misses; two rivals that lie on one side of
+    the truth go together.
     """
     p = np.array([x for x, _ in rivals])
     draws = np.random.default_rng(0).standard_normal((DRAWS, len(p) - 1))
@@ -265,6 +316,10 @@ def as_json(n: Next | None) -> Mapping[str, object] | None:
     if n is None:
         return None
     return {
-        "entry": n.entry, "description": n.description, "seconds": n.seconds,
-        "separates": [list(s) for s in n.separates], "gain": n.gain, "power": n.power,
-    }  # fmt: skip
+        "entry": n.entry,
+        "description": n.description,
+        "seconds": n.seconds,
+        "separates": [list(s) for s in n.separates],
+        "gain": n.gain,
+        "power": n.power,
+    }

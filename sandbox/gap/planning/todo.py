@@ -1,4 +1,5 @@
-"""What to do about the effects of the likely hypotheses: a sentence each, the largest share of the gap first."""
+"""What to do about the effects of the likely hypotheses: a sentence each, the largest share of the
+gap first."""
 
 from __future__ import annotations
 
@@ -12,8 +13,9 @@ FIRST = "Find first what is outside the library: it may bend these sizes. Then, 
 
 
 def todo(d: Diagnosis, r: Ranking | None) -> list[str]:
-    """Return what to do about each effect of the likely hypotheses; behind an "if" where not all of them hold it, and
-    after what is outside the library where that is more likely than not. Nothing where no effect is named."""
+    """Return what to do about each effect of the likely hypotheses; behind an "if" where not all of
+    them hold it, and after what is outside the library where that is more likely than not. Nothing
+    where no effect is named."""
     if r is None or not d.best.effects:
         return []
     own = [set(h.effects) - {UNKNOWN} for h in d.ambiguity_set]
@@ -25,4 +27,6 @@ def todo(d: Diagnosis, r: Ranking | None) -> list[str]:
             head = words(e) if e in sure else f"if it is {words(e)}"
             out.append(stopped(f"{head}: {said[e]}"))
     first = FIRST if chance_of_unknown(d) >= HALF else ""
-    return [(first + t if first else capital(t)) if not k else capital(t) for k, t in enumerate(out)]
+    return [
+        (first + t if first else capital(t)) if not k else capital(t) for k, t in enumerate(out)
+    ]

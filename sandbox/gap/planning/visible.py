@@ -1,8 +1,10 @@
-"""Which effects recordings could tell, before any residual is looked at: slopes at typical size beside the noise.
+"""Which effects recordings could tell, before any residual is looked at: slopes at typical size
+beside the noise.
 
-An effect's typical size is worth z standard deviations of what ordinary deviations leave of it.  Only an excerpt of
-each recording is replayed; z grows with the root of the samples.  What an encoder's misalignment of any size would do
-as well is no sign of another error of its reading: at a rotor that never turns an eccentric disc is not told.
+An effect's typical size is worth z standard deviations of what ordinary deviations leave of it.
+Only an excerpt of each recording is replayed; z grows with the root of the samples.  What an
+encoder's misalignment of any size would do as well is no sign of another error of its reading: at a
+rotor that never turns an eccentric disc is not told.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ ALIKE = 0.98  # cosine from which two effects look the same here
 
 @dataclass(frozen=True)
 class Visible:
-    """How many standard deviations each effect's typical size is worth, largest first, and which two look alike."""
+    """How many standard deviations each effect's typical size is worth, largest first, and which
+    two look alike."""
 
     sizes: dict[str, float]
     alike: tuple[tuple[str, str, float], ...]
@@ -64,7 +67,10 @@ def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
     a, _, _ = n.summed()
     place = {c.label: k for k, c in enumerate(n.coordinates)}
     ordinary = {c.label for c in own} | {c.label for c in n.coordinates if c.of_point}
-    size = {e: _move(own_, {c.label: k for k, c in enumerate(own_)}, groups[e]) for e, own_ in moved.items()}
+    size = {
+        e: _move(own_, {c.label: k for k, c in enumerate(own_)}, groups[e])
+        for e, own_ in moved.items()
+    }
     precision = np.array([c.deviation**-2 if c.label in ordinary else 0.0 for c in n.coordinates])
     aligned = _misaligned(precision, place, moved)
     left = {
@@ -77,13 +83,16 @@ def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
 
 
 def _excerpt(r: CampaignRecording, settling: int, period: float) -> CampaignRecording:
-    """Return the stretch of a recording in which currents and angle move most, of at most EXCERPT samples, after so
-    many in which states settle."""
+    """Return the stretch of a recording in which currents and angle move most, of at most EXCERPT
+    samples, after so many in which states settle."""
     n = len(r.t)
     if n <= EXCERPT:
         return r
     starts = range(0, n - EXCERPT + 1, EXCERPT // 2)
-    spread = [float(np.ptp(r.i_a[k : k + EXCERPT])) + 1e-3 * float(np.ptp(r.theta[k : k + EXCERPT])) for k in starts]
+    spread = [
+        float(np.ptp(r.i_a[k : k + EXCERPT])) + 1e-3 * float(np.ptp(r.theta[k : k + EXCERPT]))
+        for k in starts
+    ]
     k = list(starts)[int(np.argmax(spread))]
     return excerpt(r, slice(k, k + EXCERPT), settling, period)
 
@@ -99,8 +108,11 @@ def reads_angle(effect: str) -> bool:
     return effect in effect_names() and any(at.port == "angle" for at in load_effect(effect).at)
 
 
-def _misaligned(precision: Array, place: dict[str, int], moved: dict[str, list[Coordinate]]) -> Array:
-    """Return the precisions of ordinary deviations with an encoder that may be as far off as the effect has it."""
+def _misaligned(
+    precision: Array, place: dict[str, int], moved: dict[str, list[Coordinate]]
+) -> Array:
+    """Return the precisions of ordinary deviations with an encoder that may be as far off as the
+    effect has it."""
     out = precision.copy()
     for c in moved.get(ANGLE_OFFSET.partition(".")[0], ()):
         out[place[c.label]] = c.deviation**-2
@@ -117,10 +129,15 @@ def _left(a: Array, precision: Array, places: list[int]) -> Array:
 
 
 def _alike(
-    a: Array, precision: Array, groups: dict[str, list[str]], place: dict[str, int], size: dict[str, Array],
+    a: Array,
+    precision: Array,
+    groups: dict[str, list[str]],
+    place: dict[str, int],
+    size: dict[str, Array],
     sizes: dict[str, float],
-) -> tuple[tuple[str, str, float], ...]:  # fmt: skip
-    """Return pairs of effects, both to be seen, whose typical moves look the same beside ordinary deviations."""
+) -> tuple[tuple[str, str, float], ...]:
+    """Return pairs of effects, both to be seen, whose typical moves look the same beside ordinary
+    deviations."""
     shown = [e for e in groups if sizes[e] >= FAINT]
     out = []
     for k, e in enumerate(shown):
@@ -131,6 +148,9 @@ def _alike(
             joint = _left(a, precision, [*own, *other])
             n, d, g = len(own), size[e], size[f]
             whole = float(d @ joint[:n, :n] @ d) * float(g @ joint[n:, n:] @ g)
-            if whole > 0.0 and (cosine := abs(float(d @ joint[:n, n:] @ g)) / math.sqrt(whole)) > ALIKE:
+            if (
+                whole > 0.0
+                and (cosine := abs(float(d @ joint[:n, n:] @ g)) / math.sqrt(whole)) > ALIKE
+            ):
                 out.append((e, f, cosine))
     return tuple(sorted(out, key=lambda x: -x[2]))

@@ -1,7 +1,8 @@
-"""The menu's experiments as a bench may run them: shrunk into its limits of current, speed and link voltage.
+"""The menu's experiments as a bench may run them: shrunk into its limits of current, speed and link
+voltage.
 
-What counts is what the motor is predicted to do, not what is asked for: an injection's ripple adds to the current, and
-a free rotor's speed follows from the torque.
+What counts is what the motor is predicted to do, not what is asked for: an injection's ripple adds
+to the current, and a free rotor's speed follows from the torque.
 """
 
 from __future__ import annotations
@@ -19,17 +20,22 @@ from sandbox.gap.planning.menu import HALF_WAVE, LARGEST_SHARE, Entry, demand, m
 from sandbox.plant.sets import complete
 
 Array = NDArray[np.float64]
-FASTEST = 1.2  # of rated speed: what a free rotor may reach where no limit is stated, as the menu's driven ones do
+# of rated speed: what a free rotor may reach where no limit is stated, as the menu's driven ones do
+FASTEST = 1.2
 LEAST = 0.05  # of an experiment's own currents; with less there is nothing to see
-TRIES, MARGIN = 12, 0.99  # of shrinking; of a limit, at which it aims where the first proportion was not enough
-FAR = 20.0  # times a limit (or no number, where the motor cannot have such currents): halved until it comes near
+# of shrinking; of a limit, at which it aims where the first proportion was not enough
+TRIES, MARGIN = 12, 0.99
+# times a limit (or no number, where the motor cannot have such currents): halved until it comes
+# near
+FAR = 20.0
 ROUNDING = 1.0 + 1e-9
 STEP = 1e-3  # s between the instants that are looked at
 
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest current (A, with an injection's ripple), speed (rad/s electrical) and voltage (V) of an experiment."""
+    """Largest current (A, with an injection's ripple), speed (rad/s electrical) and voltage (V) of
+    an experiment."""
 
     current: float
     speed: float
@@ -37,7 +43,9 @@ class Peaks:
 
     def over(self, room: Peaks) -> float:
         """Return how many times the room these are, the worst of the three."""
-        return max(self.current / room.current, self.speed / room.speed, self.voltage / room.voltage)
+        return max(
+            self.current / room.current, self.speed / room.speed, self.voltage / room.voltage
+        )
 
 
 def allowed(drive: Drive, limits: Limits, seconds: float | None = None) -> list[Entry]:
@@ -46,10 +54,11 @@ def allowed(drive: Drive, limits: Limits, seconds: float | None = None) -> list[
 
 
 def within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
-    """Return an experiment with its link, speeds and currents shrunk into the limits, None where the bench cannot do
-    it, or where less than LEAST of its currents would remain.
+    """Return an experiment with its link, speeds and currents shrunk into the limits, None where
+    the bench cannot do it, or where less than LEAST of its currents would remain.
 
-    An imposed speed is shrunk into the limit of speed, and further only where the voltage does not suffice.
+    An imposed speed is shrunk into the limit of speed, and further only where the voltage does not
+    suffice.
     """
     if entry.rotor not in limits.can or (limits.fixed_link and entry.link != 1.0):
         return None
@@ -72,7 +81,9 @@ def within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
         turning *= step if peaks.voltage > ROUNDING * room.voltage else 1.0
         if share < LEAST:
             return None
-        found = replace(slower, i_d=share * entry.i_d, i_q=share * entry.i_q, speed=turning * slower.speed)
+        found = replace(
+            slower, i_d=share * entry.i_d, i_q=share * entry.i_q, speed=turning * slower.speed
+        )
     return None
 
 
@@ -81,17 +92,28 @@ def _room(entry: Entry, drive: Drive, limits: Limits) -> Peaks:
     motor = drive.motor
     current = math.inf if limits.current is None else limits.current
     speed = FASTEST * motor.rated_omega if entry.rotor == "free" else math.inf
-    speed = speed if limits.speed_rpm is None else motor.pole_pairs * limits.speed_rpm * math.pi / 30.0
+    speed = (
+        speed if limits.speed_rpm is None else motor.pole_pairs * limits.speed_rpm * math.pi / 30.0
+    )
     link = math.inf if limits.voltage is None else entry.link * drive.converter.voltage_limit
     return Peaks(current, speed, LARGEST_SHARE * link)
 
 
 def _peaks(entry: Entry, drive: Drive) -> Peaks:
-    """Return an experiment's peaks, looked at every STEP; infinite where the motor cannot have such currents."""
+    """Return an experiment's peaks, looked at every STEP; infinite where the motor cannot have such
+    currents."""
     every = max(1, round(STEP / drive.converter.sampling_period))
-    slow = replace(drive, converter=replace(
-        drive.converter, sampling_period=every * drive.converter.sampling_period, pwm_frequency=None))  # fmt: skip
-    thin = replace(entry, i_d=entry.i_d[::every], i_q=entry.i_q[::every], speed=entry.speed[::every])
+    slow = replace(
+        drive,
+        converter=replace(
+            drive.converter,
+            sampling_period=every * drive.converter.sampling_period,
+            pwm_frequency=None,
+        ),
+    )
+    thin = replace(
+        entry, i_d=entry.i_d[::every], i_q=entry.i_q[::every], speed=entry.speed[::every]
+    )
     try:
         motion = shaft(complete(slow.motor, slow.converter), slow)
         speed, u_d, u_q = demand(thin, slow, motion)[1:]
@@ -102,10 +124,11 @@ def _peaks(entry: Entry, drive: Drive) -> Peaks:
 
 
 def largest_current(entry: Entry, drive: Drive) -> float:
-    """Return the largest current (A peak) of an experiment, with its injection's ripple on the motor's own map.
+    """Return the largest current (A peak) of an experiment, with its injection's ripple on the
+    motor's own map.
 
-    The wave starts with a whole half period, so that the flux at first swings to one side.  PhysicsError where the
-    motor cannot have these currents.
+    The wave starts with a whole half period, so that the flux at first swings to one side.
+    PhysicsError where the motor cannot have these currents.
     """
     asked = np.hypot(entry.i_d, entry.i_q)
     if not any(entry.injection):

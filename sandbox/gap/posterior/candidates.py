@@ -1,8 +1,9 @@
 """Candidates: every effect of the library with the values of its companions that it may begin from.
 
-An effect that is strongly nonlinear stands in the equations with several candidates: its time constant, frequency,
-stiffness or order at trial values, and a delay by finite changes (chords) beside its slope.  The same algebra then
-chooses the set of effects and where each of them begins; nothing is probed or scanned elsewhere.
+An effect that is strongly nonlinear stands in the equations with several candidates: its time
+constant, frequency, stiffness or order at trial values, and a delay by finite changes (chords)
+beside its slope.  The same algebra then chooses the set of effects and where each of them begins;
+nothing is probed or scanned elsewhere.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ from sandbox.gap.evidence.priors import WIDE, Coordinate, of_effect, of_part
 from sandbox.gap.evidence.spectrum import best_values, link_lines
 from sandbox.plant.sets import complete, further_parts, soft_current
 
-CHORDS = (2.0, 4.0, 8.0, 16.0, 32.0)  # typical sizes: octaves up to three sampling periods of a delay
-ZONES = (1.0, 5.0, 25.0)  # times the usual zone of a current's sign: where an effect's other form begins
+# typical sizes: octaves up to three sampling periods of a delay
+CHORDS = (2.0, 4.0, 8.0, 16.0, 32.0)
+# times the usual zone of a current's sign: where an effect's other form begins
+ZONES = (1.0, 5.0, 25.0)
 BEGUN = 1e-3  # of an amplitude's typical size: a part that a fit begins with is on, and hardly more
 
 
@@ -32,8 +35,9 @@ BEGUN = 1e-3  # of an amplitude's typical size: a part that a fit begins with is
 class Candidate:
     """An effect, or a further part of one, and where it may begin.
 
-    start: values of its companions; chord: the finite change (in the size's unit) that stands for its slope, 0: the
-    slope; part: which of the effect's parts; tried: how many values of the companions were looked at to find these.
+    start: values of its companions; chord: the finite change (in the size's unit) that stands for
+    its slope, 0: the slope; part: which of the effect's parts; tried: how many values of the
+    companions were looked at to find these.
     """
 
     effect: str
@@ -43,7 +47,8 @@ class Candidate:
     tried: int = 1
 
     def coordinates(self, point: Point, label: str = "") -> list[Coordinate]:
-        """Return the columns that the candidate adds to the equations at a point where the effect is off."""
+        """Return the columns that the candidate adds to the equations at a point where the effect
+        is off."""
         drive, values = point.prepared.campaign.drive, {**point.values, **self.start}
         card, along = library.load_effect(self.effect), tuple(self.start.items())
         if self.part > 1:
@@ -55,14 +60,19 @@ class Candidate:
             first = next(iter(self.start))
             return [Coordinate(f"{self.effect}{label}", 0.0, 1.0, "share", (first,), along)]
         if self.chord:
-            off = [replace(c, step=self.chord, within=2.0 * abs(self.chord) / c.deviation) for c in off]
+            off = [
+                replace(c, step=self.chord, within=2.0 * abs(self.chord) / c.deviation) for c in off
+            ]
         return [replace(c, label=f"{c.label}{label}", along=along) for c in off]
 
     @property
     def slope(self) -> Candidate:
-        """The same effect by its slope, in its first form: in the other one it has none where it is off."""
+        """The same effect by its slope, in its first form: in the other one it has none where it is
+        off."""
         forms = library.load_effect(self.effect).otherwise is not None
-        return replace(self, chord=0.0, start=dict.fromkeys(self.start, 0.0) if forms else self.start)
+        return replace(
+            self, chord=0.0, start=dict.fromkeys(self.start, 0.0) if forms else self.start
+        )
 
     def begun(self, point: Point) -> dict[str, float]:
         """Return the values with which a fit begins that has the candidate."""
@@ -70,7 +80,9 @@ class Candidate:
         if self.part > 1:
             drive, card = point.prepared.campaign.drive, library.load_effect(self.effect)
             part = card.part(self.part)
-            moved = {c.names[0] for c in of_part(card, self.part, drive, {**point.values, **self.start})}
+            moved = {
+                c.names[0] for c in of_part(card, self.part, drive, {**point.values, **self.start})
+            }
             for p in part.parameters:
                 name = card.public(self.part, p.name)
                 if p.name in part.switches and name in moved:
@@ -78,9 +90,12 @@ class Candidate:
         return out
 
 
-def candidates(point: Point, exclude: Sequence[str] = (), *, left: float = math.inf) -> list[Candidate]:
-    """Return all candidates of the library at a point that leaves so many floors: of much, finite changes of delays
-    beside their slopes; of more, other forms of effects, which are told by their typical size alone."""
+def candidates(
+    point: Point, exclude: Sequence[str] = (), *, left: float = math.inf
+) -> list[Candidate]:
+    """Return all candidates of the library at a point that leaves so many floors: of much, finite
+    changes of delays beside their slopes; of more, other forms of effects, which are told by their
+    typical size alone."""
     out = []
     for effect in library.causes():
         if effect not in exclude:
@@ -94,13 +109,15 @@ def candidates(point: Point, exclude: Sequence[str] = (), *, left: float = math.
 
 
 def free_forms(point: Point, exclude: Sequence[str] = ()) -> list[Candidate]:
-    """Return the candidates that are curves: they fit nearly anything at their place, so other effects come first."""
+    """Return the candidates that are curves: they fit nearly anything at their place, so other
+    effects come first."""
     cards = map(library.load_effect, library.effect_names())
     return [x for c in cards if c.free and c.name not in exclude for x in _beginnings(point, c)]
 
 
 def further(point: Point, effects: Sequence[str]) -> list[Candidate]:
-    """Return the next part of effects that can have several, at the orders that explain most of the residual."""
+    """Return the next part of effects that can have several, at the orders that explain most of the
+    residual."""
     out = []
     for effect in effects:
         card = library.load_effect(effect)
@@ -111,7 +128,10 @@ def further(point: Point, effects: Sequence[str]) -> list[Candidate]:
         part, choices, tried = card.part(k), [], 1
         for p in part.parameters:
             if p.scan and p.scan[2]:
-                values, name = scanned(p, point.prepared.campaign.drive.motor.pole_pairs), card.public(k, p.name)
+                values, name = (
+                    scanned(p, point.prepared.campaign.drive.motor.pole_pairs),
+                    card.public(k, p.name),
+                )
                 tried *= len(values)
                 if part.polar:
                     pair = (card.public(k, part.polar[0]), card.public(k, part.polar[1]))
@@ -143,25 +163,36 @@ def _beginnings(point: Point, card: Effect) -> Iterator[Candidate]:
 
 
 def _chords(point: Point, slope: Candidate) -> Iterator[Candidate]:
-    """Yield finite changes of an effect that is one time (s): pulses that move past each other are no straight line."""
+    """Yield finite changes of an effect that is one time (s): pulses that move past each other are
+    no straight line."""
     drive = point.prepared.campaign.drive
     own = of_effect(slope.effect, drive, point.values)
-    if len(own) != 1 or own[0].form != "linear" or library.parameters()[own[0].names[0]].unit != "s":
+    if (
+        len(own) != 1
+        or own[0].form != "linear"
+        or library.parameters()[own[0].names[0]].unit != "s"
+    ):
         return
     low, high = replace(own[0], within=np.inf).bounds()
     size = own[0].deviation / WIDE
     for to in (sign * k * size for k in CHORDS for sign in (1.0, -1.0)):
-        if low <= own[0].mean + to <= high and possible(point, own[0].changes(point.values, own[0].mean + to)):
+        if low <= own[0].mean + to <= high and possible(
+            point, own[0].changes(point.values, own[0].mean + to)
+        ):
             yield replace(slope, chord=to)
 
 
 def _other_forms(point: Point, effect: str) -> Iterator[Candidate]:
-    """Yield an effect in its other form, as the finite change to its typical size; it has none at no size at all."""
+    """Yield an effect in its other form, as the finite change to its typical size; it has none at
+    no size at all."""
     drive, card = point.prepared.campaign.drive, library.load_effect(effect)
     if card.otherwise is None:
         return
     for width in ZONES:
-        first = {**point.values, **{card.public(1, p.name): 0.0 for p in card.parameters if p.fit == "log"}}
+        first = {
+            **point.values,
+            **{card.public(1, p.name): 0.0 for p in card.parameters if p.fit == "log"},
+        }
         (size,) = (c for c in of_effect(effect, drive, first) if c.form == "linear")
         typical = size.mean + size.deviation / WIDE
         values = {**first, **size.changes(first, typical)}
@@ -171,8 +202,10 @@ def _other_forms(point: Point, effect: str) -> Iterator[Candidate]:
 
 
 def scanned(p: Parameter, pole_pairs: int) -> list[float]:
-    """Return the values of a parameter with a scan in steps that are tried; beyond the last, multiples of the number of
-    poles where its card says so: the torque of slots has the least common multiple of slots and poles (Zhu, Howe)."""
+    """Return the values of a parameter with a scan in steps that are tried; beyond the last,
+    multiples of the number of poles where its card says so: the torque of slots has the least
+    common multiple of slots and
+    poles (Zhu, Howe)."""
     low, high, step = p.scan or (1.0, 0.0, 1.0)
     values = np.arange(low, high + 0.5 * step, step)
     poles = 2.0 * pole_pairs * np.arange(1.0, p.scan_poles + 1.0)
@@ -180,7 +213,8 @@ def scanned(p: Parameter, pole_pairs: int) -> list[float]:
 
 
 def possible(point: Point, start: Mapping[str, float]) -> bool:
-    """Return whether a drive can have these values beside those of a point (masses, delays that bound each other)."""
+    """Return whether a drive can have these values beside those of a point (masses, delays that
+    bound each other)."""
     drive = point.prepared.campaign.drive
     try:
         complete(drive.motor, drive.converter, {**point.values, **start})
@@ -190,7 +224,8 @@ def possible(point: Point, start: Mapping[str, float]) -> bool:
 
 
 def at_typical(point: Point, exclude: Sequence[str] = ()) -> list[Candidate]:
-    """Return one candidate an effect, its companions at typical values: what is known before looking at residuals."""
+    """Return one candidate an effect, its companions at typical values: what is known before
+    looking at residuals."""
     drive = point.prepared.campaign.drive
     out = []
     for effect in library.causes():

@@ -1,4 +1,5 @@
-"""Parameters of a hypothesis with intervals that allow for residuals alike within a block, or within a recording."""
+"""Parameters of a hypothesis with intervals that allow for residuals alike within a block, or
+within a recording."""
 
 from __future__ import annotations
 
@@ -12,7 +13,14 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from model.effects.card import Effect
-from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, between_segments, prior_of, sandwich
+from sandbox.gap.evidence.algebra import (
+    Algebra,
+    Prior,
+    algebra,
+    between_segments,
+    prior_of,
+    sandwich,
+)
 from sandbox.gap.evidence.priors import REACHED, Coordinate, ordinary
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.plant.sets import BENCH
@@ -25,7 +33,8 @@ TRACES = 0.5  # of the move that traces of other effects bring, taken as one sta
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter by its public name: value, 95 % interval, unit; whether it is held at a bound of the search."""
+    """A parameter by its public name: value, 95 % interval, unit; whether it is held at a bound of
+    the search."""
 
     value: float
     low: float
@@ -35,8 +44,8 @@ class Estimate:
 
 
 class Spread(NamedTuple):
-    """Coordinates, a set, and of each coordinate value, standard deviation, ends of the 95 % interval, and whether it
-    is inside its bounds (p,)."""
+    """Coordinates, a set, and of each coordinate value, standard deviation, ends of the 95 %
+    interval, and whether it is inside its bounds (p,)."""
 
     coordinates: Sequence[Coordinate]
     values: Mapping[str, float]
@@ -54,18 +63,20 @@ class Spread(NamedTuple):
 def estimates(j: EvaluatedModel) -> dict[str, Estimate]:
     """Return the parameters of a hypothesis' effects, by public name.
 
-    Values are those of the hypothesis alone; the interval also allows for what ordinary traces of all other effects
-    would move them by.  Where a value is held at its bound, the interval reaches from there as far as its tail.
+    Values are those of the hypothesis alone; the interval also allows for what ordinary traces of
+    all other effects would move them by.  Where a value is held at its bound, the interval reaches
+    from there as far as its tail.
     """
     s = spread(j)
     return {name: e for effect in j.effects for name, e in _of_effect(effect, s).items()}
 
 
 def estimates_beside(j: EvaluatedModel, equations: Algebra) -> dict[str, Estimate]:
-    """Return the same by other equations of its table: those with a free regression integrated out (`beside`).
+    """Return the same by other equations of its table: those with a free regression integrated out
+    (`beside`).
 
-    An interval is as much wider than the ordinary one as the regression makes the plain covariance, so that residuals
-    that are alike, recordings that disagree and traces count as ever.
+    An interval is as much wider than the ordinary one as the regression makes the plain covariance,
+    so that residuals that are alike, recordings that disagree and traces count as ever.
     """
     ordinary, own = spread(j), unbounded(j.prior)
     x, free, _ = equations.most_probable(j.prior)
@@ -79,8 +90,8 @@ def estimates_beside(j: EvaluatedModel, equations: Algebra) -> dict[str, Estimat
 
 
 def of_motor(j: EvaluatedModel) -> dict[str, Estimate]:
-    """Return the motor's values at a hypothesis' fit by their names in [motor], effects on them and ordinary deviations
-    taken together."""
+    """Return the motor's values at a hypothesis' fit by their names in [motor], effects on them and
+    ordinary deviations taken together."""
     s, motor, out = spread(j), j.fit.point.prepared.campaign.drive.motor, dict[str, Estimate]()
     place = s.place
     for name, key in {**library.replaced(), **library.scaled()}.items():
@@ -102,7 +113,9 @@ def spread(j: EvaluatedModel) -> Spread:
     apart = between_segments(j.fit.normal, x, plain)
     beside, _, _ = j.equations.most_probable(j.prior)
     there = {c.label: float(y) for c, y in zip(j.normal.coordinates, beside, strict=True)}
-    traces = np.array([there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)])
+    traces = np.array(
+        [there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)]
+    )
     variance = np.max([np.diag(c) for c in (plain, robust, apart)], axis=0)
     variance = _as_if_free(own, prior, free, variance)
     wider = np.sqrt(SPREAD**2 * variance + (TRACES * traces) ** 2)
@@ -113,14 +126,15 @@ def spread(j: EvaluatedModel) -> Spread:
 
 
 def _as_if_free(own: Algebra, prior: Prior, free: NDArray[np.bool_], variance: Array) -> Array:
-    """Return variances (p,), those of values held at a bound as if they were free: a bound is no measurement."""
+    """Return variances (p,), those of values held at a bound as if they were free: a bound is no
+    measurement."""
     held = (prior.deviation > 0.0) & ~free
     return np.where(held, np.diag(own.covariance(unbounded(prior))), variance)
 
 
 class Held(NamedTuple):
-    """An ordinary deviation that stands at its bound: public name, value with interval, and how many standard
-    deviations the bound is away from the value that the campaign states."""
+    """An ordinary deviation that stands at its bound: public name, value with interval, and how
+    many standard deviations the bound is away from the value that the campaign states."""
 
     name: str
     estimate: Estimate
@@ -128,8 +142,8 @@ class Held(NamedTuple):
 
 
 def held_ordinary(j: EvaluatedModel) -> list[Held]:
-    """Return the ordinary deviations of a hypothesis' fit that stand at their bound, those that an effect has made wide
-    left out; a recording's angle as `angles.<file>`, as in effects.toml."""
+    """Return the ordinary deviations of a hypothesis' fit that stand at their bound, those that an
+    effect has made wide left out; a recording's angle as `angles.<file>`, as in effects.toml."""
     s = spread(j)
     usual = {c.label: c for c in ordinary(j.fit.point.prepared.campaign)}
     out = []
@@ -139,7 +153,11 @@ def held_ordinary(j: EvaluatedModel) -> list[Held]:
             continue
         name = f"angles.{c.names[0]}" if c.form == "turn" else c.names[0]
         value, *ends = (public(c.form, c.bounded(float(to[k]))) for to in (s.x, *s.ends))
-        out.append(Held(name, Estimate(value, min(ends), max(ends), unit_of(name), at_bound=True), c.within))
+        out.append(
+            Held(
+                name, Estimate(value, min(ends), max(ends), unit_of(name), at_bound=True), c.within
+            )
+        )
     return out
 
 
@@ -151,14 +169,23 @@ def unit_of(name: str) -> str:
 
 def unbounded(prior: Prior) -> Prior:
     """Return a prior without bounds."""
-    return Prior(prior.mean, prior.deviation, np.full_like(prior.low, -np.inf), np.full_like(prior.high, np.inf))
+    return Prior(
+        prior.mean,
+        prior.deviation,
+        np.full_like(prior.low, -np.inf),
+        np.full_like(prior.high, np.inf),
+    )
 
 
 def _of_effect(effect: str, s: Spread) -> dict[str, Estimate]:
     """Return an effect's parameters by public name, those of its further parts behind."""
     card = library.load_effect(effect)
     labels = tuple(s.place)
-    on = [k for k in range(2, card.repeats + 1) if any(x.startswith(card.public(k, "")) for x in labels)]
+    on = [
+        k
+        for k in range(2, card.repeats + 1)
+        if any(x.startswith(card.public(k, "")) for x in labels)
+    ]
     return {name: e for k in [1, *on] for name, e in _of_part(card, k, s).items()}
 
 

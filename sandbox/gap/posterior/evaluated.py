@@ -16,7 +16,8 @@ from sandbox.gap.settings import USUAL, Settings
 
 @dataclass(frozen=True)
 class EvaluatedModel:
-    """A set of effects fitted and weighed: its fit, the equations of all effects there, prior and log evidence."""
+    """A set of effects fitted and weighed: its fit, the equations of all effects there, prior and
+    log evidence."""
 
     fit: Fit
     model: LinearModel
@@ -49,10 +50,17 @@ def evaluate(
     settings: Settings = USUAL,
     workers: int = 1,
 ) -> EvaluatedModel:
-    """Return a fitted set weighed at its own point, traces of all other effects (one candidate each) beside it; known:
-    equations that were taken there."""
+    """Return a fitted set weighed at its own point, traces of all other effects (one candidate
+    each) beside it; known: equations that were taken there."""
     model = linear_model(
-        found.point, candidates, found.effects, trace, weights, known, settings=settings, workers=workers
+        found.point,
+        candidates,
+        found.effects,
+        trace,
+        weights,
+        known,
+        settings=settings,
+        workers=workers,
     )
     prior = model.prior(found.effects)
     settled = model.settled(prior, weights, workers)
@@ -64,12 +72,19 @@ def by_algebra(near: EvaluatedModel, effects: tuple[str, ...]) -> EvaluatedModel
     t = near.model
     prior = t.prior(effects, alone=True)
     kept = [k for k, c in enumerate(t.coordinates) if prior.deviation[k] > 0.0 or c.of_point]
-    own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
+    own = [
+        replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k]))
+        for k in kept
+    ]
     n = equations_of(t.normal, kept, own, prior.mean)
     x, _, objective = t.equations.most_probable(prior)
     whole = [k for k in kept if t.coordinates[k].form not in STEPS]
     at = t.point.moved([t.coordinates[k] for k in whole], x[whole])
-    shapes = [c for c, own in zip(t.candidates, t.places, strict=True) if t.coordinates[own[0]].form == "share"]
+    shapes = [
+        c
+        for c, own in zip(t.candidates, t.places, strict=True)
+        if t.coordinates[own[0]].form == "share"
+    ]
     begun = {k: v for c in shapes if c.effect in effects for k, v in c.start.items()}
     at = replace(at, values={**at.values, **begun})
     found = Fit(effects, at, n, objective, 0.0)

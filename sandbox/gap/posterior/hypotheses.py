@@ -30,9 +30,10 @@ class Hypothesis:
 def hypotheses(found: Inference, noise: float, *, workers: int = 1) -> list[Hypothesis]:
     """Return hypotheses, the most probable first; probabilities sum to 1.
 
-    P(set, unknown) = P(unknown) P(set | unknown), with P(unknown) from what every fitted set leaves (a set that was not
-    fitted leaves what the best one does).  Where something outside is likely, a free regression stands beside the
-    effects in P(set | unknown), so that a name which only imitates it has no place.
+    P(set, unknown) = P(unknown) P(set | unknown), with P(unknown) from what every fitted set leaves
+    (a set that was not fitted leaves what the best one does).  Where something outside is likely, a
+    free regression stands beside the effects in P(set | unknown), so that a name which only
+    imitates it has no place.
     noise: by how much of itself the noise's square may be misstated.
     """
     outside = {k: unmodeled(found.null, e.fit, noise) for k, e in found.evaluated.items()}
@@ -44,7 +45,11 @@ def hypotheses(found: Inference, noise: float, *, workers: int = 1) -> list[Hypo
         given = {(): 0.0} | (beside_regression(found, workers) or given)
     scale = chance / (sum(given.values()) or 1.0)
     out = [Hypothesis(k, p, m) for k, p in inside.items() if (m := model_of(found, k, p))]
-    out += [Hypothesis((*k, UNKNOWN), p * scale, m) for k, p in given.items() if (m := model_of(found, k, p * scale))]
+    out += [
+        Hypothesis((*k, UNKNOWN), p * scale, m)
+        for k, p in given.items()
+        if (m := model_of(found, k, p * scale))
+    ]
     total = sum(h.probability for h in out)
     told = [Hypothesis(h.effects, h.probability / total, h.evaluated) for h in out]
     return sorted(told, key=lambda h: (-h.probability, h.effects))
@@ -60,8 +65,8 @@ def model_of(found: Inference, key: Set, probability: float) -> EvaluatedModel |
 
 
 def beside_regression(found: Inference, workers: int) -> dict[Set, float]:
-    """Return the probability of sets beside a free regression, which is integrated out; none where it predicts
-    nothing."""
+    """Return the probability of sets beside a free regression, which is integrated out; none where
+    it predicts nothing."""
     best = found.best
     short = replace(best.model, point=shortened(best.model.point))
     freed = beside(short, best.prior, workers=workers)
@@ -69,7 +74,8 @@ def beside_regression(found: Inference, workers: int) -> dict[Set, float]:
         return {}
     sets = SetPosterior(replace(best.model, equations=freed.equations.scaled(found.mean_variance)))
     sets.enumerate([k for k, e in enumerate(sets.effects) if e in best.effects])
-    told = {k: v for k, v in sets.by_name().items() if len(k) <= len(best.effects)}  # nothing more: it may be imitated
+    # nothing more: it may be imitated
+    told = {k: v for k, v in sets.by_name().items() if len(k) <= len(best.effects)}
     top = max(told.values())
     return {k: math.exp(v - top) for k, v in told.items()}
 

@@ -1,7 +1,8 @@
-"""Inference: which sets of effects explain a campaign, how probable each is, and where its fit lies.
+"""Inference: which sets of effects explain a campaign, how probable each is, and where its fit
+lies.
 
-The search (`search`) ends at the most probable set.  Sets within a few nats of it are then fitted themselves and
-weighed at their own points; all others keep the chance that the algebra gives them.
+The search (`search`) ends at the most probable set.  Sets within a few nats of it are then fitted
+themselves and weighed at their own points; all others keep the chance that the algebra gives them.
 """
 
 from __future__ import annotations
@@ -21,16 +22,17 @@ from sandbox.gap.posterior.search import Problem, Search
 from sandbox.gap.posterior.sets import Set, SetPosterior, log_prior, possible
 from sandbox.gap.unstated.unstated import Unstated
 
-STRAIGHT = 0.1  # of an effect's wide prior: a move on which slopes hold (the curvature of a delay makes 5 % of it)
+# of an effect's wide prior: a move on which slopes hold (the curvature of a delay makes 5 % of it)
+STRAIGHT = 0.1
 SMALL = 1e-6  # probability below which a set is not listed
 
 
 @dataclass(frozen=True)
 class Inference:
-    """The answer: ordinary deviations alone (far from the floor the first part of a fit), every fitted set evaluated,
-    probability of sets of effects (the most probable first), the variance that estimates meet in every segment; linear:
-    the last equations of all candidates; start, known: the campaign's nominal point with what it does not state and was
-    found, and that."""
+    """The answer: ordinary deviations alone (far from the floor the first part of a fit), every
+    fitted set evaluated, probability of sets of effects (the most probable first), the variance
+    that estimates meet in every segment; linear: the last equations of all candidates; start,
+    known: the campaign's nominal point with what it does not state and was found, and that."""
 
     start: Point
     known: Unstated
@@ -45,7 +47,9 @@ class Inference:
         """The variance that estimates meet in currents, mean over readings."""
         own = [s for s in self.null.normal.segments if s.channel == "current"]
         count = [float(s.n.sum()) for s in own]
-        return float(np.average([self.variance[s.recording, "current"] for s in own], weights=count))
+        return float(
+            np.average([self.variance[s.recording, "current"] for s in own], weights=count)
+        )
 
     @property
     def best(self) -> EvaluatedModel:
@@ -91,42 +95,64 @@ class _Weighing:
             else:
                 fitted[key] = self.evaluated(new, variance)
         total = sum(math.exp(v) for v in told.values())
-        sets = {k: math.exp(v) / total for k, v in sorted(told.items(), key=lambda x: (-x[1], x[0]))}
+        sets = {
+            k: math.exp(v) / total for k, v in sorted(told.items(), key=lambda x: (-x[1], x[0]))
+        }
         assert self.search.linear is not None
         kept = {k: p for k, p in sets.items() if p > SMALL or k in fitted}
         null = fitted[()].fit if () in fitted else self.search.null
-        return Inference(self.problem.start, self.problem.known, null, fitted, kept, variance, self.search.linear)
+        return Inference(
+            self.problem.start, self.problem.known, null, fitted, kept, variance, self.search.linear
+        )
 
     def evaluated(
         self, found: Fit, variance: Mapping[tuple[int, str], float], known: Normal | None = None
     ) -> EvaluatedModel:
-        """Return a fitted set weighed at its own point, traces of all other effects beside it; known: equations that
-        were taken there."""
+        """Return a fitted set weighed at its own point, traces of all other effects beside it;
+        known: equations that were taken there."""
         p, own = self.problem, self.search.candidates()
-        return evaluate(found, own, self.search.trace, weights(variance), known, settings=p.settings, workers=p.workers)
+        return evaluate(
+            found,
+            own,
+            self.search.trace,
+            weights(variance),
+            known,
+            settings=p.settings,
+            workers=p.workers,
+        )
 
     def posterior(
         self, fitted: Mapping[Set, EvaluatedModel], impossible: set[Set]
     ) -> tuple[dict[Set, float], list[Set]]:
-        """Return the log posterior of all sets, the best fitted one's 0, and the sets that ought to be fitted, the most
-        probable first.
+        """Return the log posterior of all sets, the best fitted one's 0, and the sets that ought to
+        be fitted, the most probable first.
 
-        Fitted sets have the evidence of their own points; any other one stands to the best of them as the equations at
-        its point say.  It ought to be fitted where that is more than the best one's, where it is near and parameters
-        would move by more than slopes hold for, and where it only exchanges an effect for one that stands in for it.
-        None ought where the best one leaves several floors: something outside the library decides then, not one set or
-        another.
+        Fitted sets have the evidence of their own points; any other one stands to the best of them
+        as the equations at its point say.  It ought to be fitted where that is more than the best
+        one's, where it is near and parameters would move by more than slopes hold for, and where it
+        only exchanges an effect for one that stands in for it. None ought where the best one leaves
+        several floors: something outside the library decides then, not one set or another.
         """
         own = {k: e.log_evidence + log_prior(k, self.problem.settings) for k, e in fitted.items()}
         leader = max(own, key=lambda k: (own[k], k))
         sets = SetPosterior(fitted[leader].model)
         sets.enumerate([k for k, c in enumerate(sets.model.candidates) if c.effect in leader])
         by_name, top = sets.by_name(), own[leader]
-        told = {k: v - by_name[leader] for k, v in by_name.items() if k not in fitted and k not in impossible}
-        near = [k for k, v in told.items() if v > 0.0 or (v > -self.problem.settings.near and _far(sets, leader, k))]
+        told = {
+            k: v - by_name[leader]
+            for k, v in by_name.items()
+            if k not in fitted and k not in impossible
+        }
+        near = [
+            k
+            for k, v in told.items()
+            if v > 0.0 or (v > -self.problem.settings.near and _far(sets, leader, k))
+        ]
         near = sorted(near, key=lambda k: (-told[k], k))
         if leader not in self.stand_ins:
-            self.stand_ins[leader] = stand_ins(fitted[leader].model, leader, self.problem.settings.bend)
+            self.stand_ins[leader] = stand_ins(
+                fitted[leader].model, leader, self.problem.settings.bend
+            )
         near += [k for k in self.stand_ins[leader] if k not in {*near, *fitted, *impossible}]
         if rms_of(fitted[leader].fit) > NEAR:
             near = []
@@ -135,9 +161,14 @@ class _Weighing:
 
 
 def stand_ins(model: LinearModel, effects: Set, bend: float) -> list[Set]:
-    """Return the sets with one of the effects, which the model's point has, exchanged for another one that moves
-    readings the same way: but for less than slopes err by, a share of what the effect moves.  The nearest first."""
-    whole, point = model.equations.most_probable(model.prior(effects, alone=True)), model.narrow.mean
+    """Return the sets with one of the effects, which the model's point has, exchanged for another
+    one that moves readings the same way: but for less than slopes err by, a share of what the
+    effect moves.  The
+    nearest first."""
+    whole, point = (
+        model.equations.most_probable(model.prior(effects, alone=True)),
+        model.narrow.mean,
+    )
     found = []
     for gone in effects:
         own = list(model.members[gone])
@@ -147,7 +178,10 @@ def stand_ins(model: LinearModel, effects: Set, bend: float) -> list[Set]:
         for new in model.members:
             other = tuple(sorted({*effects, new} - {gone}))
             if new not in effects and possible(other):
-                lost = model.equations.most_probable(model.prior(other, alone=True)).objective - whole.objective
+                lost = (
+                    model.equations.most_probable(model.prior(other, alone=True)).objective
+                    - whole.objective
+                )
                 if lost < room:
                     found.append((lost, other))
     return [other for _, other in sorted(found)]

@@ -1,12 +1,14 @@
-"""The campaign linearised at a point: equations of all coordinates, and their priors with and without each effect.
+"""The campaign linearised at a point: equations of all coordinates, and their priors with and
+without each effect.
 
-Every effect has a trace, too, a small share of its wide prior: unless a set names an effect, its columns stay in the
-equations with that narrow prior (spike and slab).  So a trace of an effect, or of the simulator's own error that
-resembles one, is no discovery.  That error grows with what there is to explain, and the trace with it.  A companion
-(time constant, frequency) is a shape, not a size: one prior for both.  Traces may have either sign.
+Every effect has a trace, too, a small share of its wide prior: unless a set names an effect, its
+columns stay in the equations with that narrow prior (spike and slab).  So a trace of an effect, or
+of the simulator's own error that resembles one, is no discovery.  That error grows with what there
+is to explain, and the trace with it.  A companion (time constant, frequency) is a shape, not a
+size: one prior for both.  Traces may have either sign.
 
-How large a named effect is nobody knows beforehand: its evidence is the mean over `Settings.sizes`, shares of the wide
-prior, each on top of the trace.
+How large a named effect is nobody knows beforehand: its evidence is the mean over `Settings.sizes`,
+shares of the wide prior, each on top of the trace.
 """
 
 from __future__ import annotations
@@ -29,15 +31,17 @@ from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
-ROUNDS, SETTLED = 8, 0.5  # steps to the most probable point; promised gain of the objective that ends them
+# steps to the most probable point; promised gain of the objective that ends them
+ROUNDS, SETTLED = 8, 0.5
 TRACE = 4.0  # deviations that a trace may have, to either side
-HELD = 1e-4  # of its deviation: how far a candidate of nothing but shapes may move that is not named
+# of its deviation: how far a candidate of nothing but shapes may move that is not named
+HELD = 1e-4
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """Equations at a point, priors where no effect and where every candidate is named, places of each candidate's
-    coordinates; of_effects: coordinates that are no ordinary deviation (p,)."""
+    """Equations at a point, priors where no effect and where every candidate is named, places of
+    each candidate's coordinates; of_effects: coordinates that are no ordinary deviation (p,)."""
 
     point: Point
     normal: Normal
@@ -63,7 +67,8 @@ class LinearModel:
         return out
 
     def prior(self, effects: Sequence[str], *, alone: bool = False) -> Prior:
-        """Return the prior of a set of effects: wide for these, narrow for all others (alone: none of the others)."""
+        """Return the prior of a set of effects: wide for these, narrow for all others (alone: none
+        of the others)."""
         named, n, w = self._places(effects), self.narrow, self.wide
         if alone:
             n = n.with_deviation(np.where(self.of_effects, 0.0, n.deviation))
@@ -79,10 +84,15 @@ class LinearModel:
         traces = self.of_effects & ~self._places(effects) & (prior.deviation < self.wide.deviation)
         reach = TRACE * prior.deviation
         low = np.where(traces, prior.mean - reach, prior.low)
-        loose = Prior(prior.mean, prior.deviation, low, np.where(traces, prior.mean + reach, prior.high))
+        loose = Prior(
+            prior.mean, prior.deviation, low, np.where(traces, prior.mean + reach, prior.high)
+        )
         level, averaged = 0.0 if effects else self.equations.log_evidence(loose), 0.0
         for effect in effects:
-            sized = [loose.with_deviation(self._sized(effect, loose.deviation, x)) for x in self.settings.sizes]
+            sized = [
+                loose.with_deviation(self._sized(effect, loose.deviation, x))
+                for x in self.settings.sizes
+            ]
             told = np.array([self.equations.log_evidence(p) for p in sized])
             k = int(np.argmax(told))
             if not math.isfinite(told[k]):
@@ -99,7 +109,8 @@ class LinearModel:
         return out
 
     def _sized(self, effect: str, deviation: Array, share: float) -> Array:
-        """Return deviations (p,) with an effect's a share of its wide ones, on top of its trace's."""
+        """Return deviations (p,) with an effect's a share of its wide ones, on top of its
+        trace's."""
         own = np.hypot(self.narrow.deviation, share * self.wide.deviation)
         size = self._places([effect]) & (self.narrow.deviation < self.wide.deviation)
         return np.where(size, own, deviation)
@@ -107,7 +118,8 @@ class LinearModel:
     def settled(self, prior: Prior, weights: Weights, workers: int) -> LinearModel:
         """Return the model at its most probable point under a prior, slopes kept.
 
-        All coordinates move together (shapes alone never): a part of the way where the whole one leads up.
+        All coordinates move together (shapes alone never): a part of the way where the whole one
+        leads up.
         """
         t, value, part = self, objective(self.normal, prior, weights), 1.0
         shares = np.array([c.form in STEPS for c in t.coordinates])
@@ -145,14 +157,19 @@ def linear_model(
 ) -> LinearModel:
     """Return the equations of all candidates at a point.
 
-    active: effects that are on there, of which no other candidate counts (but further parts); trace: share of the wide
-    prior that a trace has; weights: of segments; known: equations that were taken at this very point.
+    active: effects that are on there, of which no other candidate counts (but further parts);
+    trace: share of the wide prior that a trace has; weights: of segments; known: equations that
+    were taken at this very point.
     """
     usual = ordinary(point.prepared.campaign)
     columns = _Columns({c.label: c for c in usual}, {c.label: c for c in usual}, [], [])
-    count = {e: sum(c.effect == e and c.part == 1 for c in candidates) for e in library.effect_names()}
+    count = {
+        e: sum(c.effect == e and c.part == 1 for c in candidates) for e in library.effect_names()
+    }
     for effect in active:
-        first = next((c for c in candidates if c.effect == effect and c.part == 1), Candidate(effect))
+        first = next(
+            (c for c in candidates if c.effect == effect and c.part == 1), Candidate(effect)
+        )
         drive = point.prepared.campaign.drive
         columns.add(first, _active(first, drive, point.values), trace)
     for k, c in enumerate(candidates):
@@ -163,8 +180,10 @@ def linear_model(
 
 
 def _active(known: Candidate, drive: Drive, values: Mapping[str, float]) -> list[Coordinate]:
-    """Return the coordinates of an effect that is on; of one that has no size, whether it is there."""
-    start = {k: x for k, x in known.start.items() if (x == 0.0) == (values[k] == 0.0)}  # of the form that is on
+    """Return the coordinates of an effect that is on; of one that has no size, whether it is
+    there."""
+    # of the form that is on
+    start = {k: x for k, x in known.start.items() if (x == 0.0) == (values[k] == 0.0)}
     own = of_effect(known.effect, drive, {**values, **start}, values)
     if any(c.form != "log" for c in own):
         return own
@@ -175,7 +194,8 @@ def _active(known: Candidate, drive: Drive, values: Mapping[str, float]) -> list
 
 @dataclass
 class _Columns:
-    """Columns as they come in: by label with their narrow and wide priors; candidates with their labels."""
+    """Columns as they come in: by label with their narrow and wide priors; candidates with their
+    labels."""
 
     narrow: dict[str, Coordinate]
     wide: dict[str, Coordinate]
@@ -192,7 +212,11 @@ class _Columns:
         share = trace * library.load_effect(candidate.effect).trace
         for c in own:
             shape = c.form == "log" or (c.form not in STEPS and c.names[0] in candidate.start)
-            narrow = c if shape else replace(c, deviation=(HELD if c.form in STEPS else share) * c.deviation)
+            narrow = (
+                c
+                if shape
+                else replace(c, deviation=(HELD if c.form in STEPS else share) * c.deviation)
+            )
             self.narrow.setdefault(c.label, narrow)
             if c.deviation >= self.wide.get(c.label, c).deviation:
                 self.wide[c.label] = c
@@ -203,7 +227,10 @@ class _Columns:
         self, point: Point, weights: Weights, settings: Settings, known: Normal | None, workers: int
     ) -> LinearModel:
         """Return the equations of all columns: of those that are known, else taken at the point."""
-        usual, own = {c.label for c in ordinary(point.prepared.campaign)}, [self.wide[label] for label in self.narrow]
+        usual, own = (
+            {c.label for c in ordinary(point.prepared.campaign)},
+            [self.wide[label] for label in self.narrow],
+        )
         n = (known.of(own) if known is not None else None) or normal(point, own, workers=workers)
         place = {c.label: k for k, c in enumerate(n.coordinates)}
         other = np.array([c.label not in usual and not c.of_point for c in n.coordinates])

@@ -15,8 +15,9 @@ from sandbox.gap.settings import USUAL, Settings
 
 @dataclass(frozen=True)
 class Unexplained:
-    """Share of the gap that nothing in the library explains, 0 to 1, what the simulator is known to miss taken off; its
-    95 % interval, None where a gap is too near to what the simulator misses for one."""
+    """Share of the gap that nothing in the library explains, 0 to 1, what the simulator is known to
+    miss taken off; its 95 % interval, None where a gap is too near to what the simulator misses for
+    one."""
 
     value: float
     ci95: tuple[float, float] | None
@@ -24,8 +25,8 @@ class Unexplained:
 
 @dataclass(frozen=True)
 class Remainder:
-    """Excess J^2 - 1 before and after on all recordings, share of it explained; share that nothing explains, None where
-    no gap stands above what the simulator is known to miss."""
+    """Excess J^2 - 1 before and after on all recordings, share of it explained; share that nothing
+    explains, None where no gap stands above what the simulator is known to miss."""
 
     before: float
     after: float
@@ -34,8 +35,9 @@ class Remainder:
 
 
 def remainder(before: Fit, after: Fit, noise: float, settings: Settings = USUAL) -> Remainder:
-    """Return what remains of the gap on all recordings; before, after: fits to all of them, without and with the best
-    hypothesis; noise: by how much of itself the noise's square may be misstated."""
+    """Return what remains of the gap on all recordings; before, after: fits to all of them, without
+    and with the best hypothesis; noise: by how much of itself the noise's square may be
+    misstated."""
     every = range(1 + max(s.recording for s in before.normal.segments))
     j0, j1 = rms(before.normal, every) ** 2 - 1.0, rms(after.normal, every) ** 2 - 1.0
     explained = min(1.0, max(0.0, 1.0 - j1 / j0)) if j0 > 0.0 else 0.0
@@ -49,9 +51,9 @@ def unexplained(
 ) -> Unexplained | None:
     """Return the share of the gap on all recordings that is left beyond what the simulator misses.
 
-    least: excess J^2 that it may leave.  None without a gap beyond that.  The interval is a bootstrap over blocks of
-    time, as that of the share closed; draws without a gap have no share, and where these are more than UNDEFINED, or of
-    fewer than FEWEST blocks, there is no interval.
+    least: excess J^2 that it may leave.  None without a gap beyond that.  The interval is a
+    bootstrap over blocks of time, as that of the share closed; draws without a gap have no share,
+    and where these are more than UNDEFINED, or of fewer than FEWEST blocks, there is no interval.
     """
     every = range(1 + max(s.recording for s in before.segments))
     (a, n), (b, _) = squares(before, every), squares(after, every)
@@ -61,7 +63,9 @@ def unexplained(
     there = gap > least
     if not there[0] or not np.isfinite(left[0]):
         return None
-    share = np.clip((left - least) / np.where(there, gap, np.nan) - settings.misses_of_gap, 0.0, 1.0)
+    share = np.clip(
+        (left - least) / np.where(there, gap, np.nan) - settings.misses_of_gap, 0.0, 1.0
+    )
     low, high = (float(x) for x in np.nanpercentile(share[1:], [2.5, 97.5]))
     told = len(n) >= FEWEST and np.mean(~there) <= UNDEFINED
     return Unexplained(float(share[0]), (low, high) if told else None)

@@ -1,10 +1,12 @@
 """Search: the most probable set of effects, and its fit.
 
-    residual and slopes of all candidates at a point -> posterior over sets by algebra -> fit of the most probable set
+    residual and slopes of all candidates at a point -> posterior over sets by algebra -> fit of the
+    most probable set
 
-until no other set is more probable. Far from the floor the misfit (`misfit`) makes the data count for less, each
-set's own: sets are weighed by what the best of them leaves, and one is taken only where its own fit proves better. Of
-a long campaign the first rounds look at excerpts; what these name is only where the rounds on all of it begin.
+until no other set is more probable. Far from the floor the misfit (`misfit`) makes the data count
+for less, each set's own: sets are weighed by what the best of them leaves, and one is taken only
+where its own fit proves better. Of a long campaign the first rounds look at excerpts; what these
+name is only where the rounds on all of it begin.
 """
 
 from __future__ import annotations
@@ -33,13 +35,15 @@ from sandbox.replay.map_error import same_map
 Array = NDArray[np.float64]
 Parts = tuple[tuple[str, int], ...]
 Report = Callable[[str], None]
-REWEIGHTED = 8  # times at most that sets are weighed anew by what the best of them leaves; chosen, to end circles
+# times at most that sets are weighed anew by what the best of them leaves; chosen, to end circles
+REWEIGHTED = 8
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is asked: a campaign at its nominal point, recordings that count, effects that are no candidates, sets that
-    are fitted whatever else is, settings, threads, and whom to tell; excerpts: the same of parts of a long campaign;
+    """What is asked: a campaign at its nominal point, recordings that count, effects that are no
+    candidates, sets that are fitted whatever else is, settings, threads, and whom to tell;
+    excerpts: the same of parts of a long campaign;
     known: what the campaign does not state and was found already."""
 
     start: Point
@@ -55,14 +59,18 @@ class Problem:
     def stating(self, new: Unstated) -> Problem:
         """Return the same of a campaign that states what was found."""
         short = None if self.excerpts is None else new.at(self.excerpts)
-        return replace(self, start=new.at(self.start), excerpts=short, known=self.known.and_then(new))
+        return replace(
+            self, start=new.at(self.start), excerpts=short, known=self.known.and_then(new)
+        )
 
 
 class Search:
-    """A run of the loop: candidates by effect with which sets are fitted, the last equations of all candidates."""
+    """A run of the loop: candidates by effect with which sets are fitted, the last equations of all
+    candidates."""
 
     def __init__(self, problem: Problem, *, rough: float = math.inf) -> None:
-        """rough: floors above which ordinary deviations need no more than the first part of a fit."""
+        """rough: floors above which ordinary deviations need no more than the first part of a
+        fit."""
         self.problem, self.rough = problem, rough
         problem.report("fitting ordinary deviations")
         self.null = fit(problem.start, (), problem.fitted, rough=rough, workers=problem.workers)
@@ -70,18 +78,22 @@ class Search:
         self.linear: LinearModel | None = None
         self.met: Weights = {}  # of segments, at their point
         self.chosen: dict[str, Candidate] = {}
-        self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
+        # all candidates, as the residual of ordinary deviations alone shows them
+        self.found: list[Candidate] = []
         self.looked = False  # whether nothing was found that the campaign does not state
 
     def begun(self) -> tuple[Fit, bool]:
-        """Return the fit of the set that excerpts name, without effects where there are none, and where ordinary
-        deviations leave little for them to name; and whether it is no more than the first part of one: near the floor
-        the set is mostly the answer, and is fitted whole before all candidates are linearised there."""
+        """Return the fit of the set that excerpts name, without effects where there are none, and
+        where ordinary deviations leave little for them to name; and whether it is no more than the
+        first part of one: near the floor the set is mostly the answer, and is fitted whole before
+        all candidates are linearised there."""
         p, alone = self.problem, (self.null, rms_of(self.null) > self.rough)
         if p.excerpts is None or rms_of(self.null) <= p.settings.gap:
             return alone
         parts = p.excerpts.prepared.recordings
-        short = replace(p, start=p.excerpts, fitted=weights_of(len(parts)), excerpts=None, report=lambda _: None)
+        short = replace(
+            p, start=p.excerpts, fitted=weights_of(len(parts)), excerpts=None, report=lambda _: None
+        )
         with part_of(p.excerpts.prepared.samples / p.start.prepared.samples):
             first = Search(short, rough=0.0)
             found, _ = first.grown(first.null, True, whole=False)
@@ -90,9 +102,17 @@ class Search:
             p, alone = self.problem, (self.null, rms_of(self.null) > self.rough)
         if not found.effects:
             return alone
-        self.chosen = {e: c for e, c in first.chosen.items() if e in found.effects or not library.load_effect(e).free}
+        self.chosen = {
+            e: c
+            for e, c in first.chosen.items()
+            if e in found.effects or not library.load_effect(e).free
+        }
         p.report(f"fitting {' + '.join(found.effects)}")
-        at = replace(p.start, values=found.point.values, prepared=same_map(p.start.prepared, found.point.prepared))
+        at = replace(
+            p.start,
+            values=found.point.values,
+            prepared=same_map(p.start.prepared, found.point.prepared),
+        )
         new = attempted(at, found.effects, p.fitted, smooth=True, rough=NEAR, workers=p.workers)
         if new is None:
             return alone
@@ -100,11 +120,11 @@ class Search:
         return (new if rough else self.best_form(new, new.effects, False)), rough
 
     def grown(self, here: Fit, rough: bool, *, whole: bool = True) -> tuple[Fit, Normal | None]:
-        """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other; and
-        the equations of all candidates at its point, where they are known.
+        """Return the fit of the most probable set: fitted, linearised anew, until the posterior
+        names no other; and the equations of all candidates at its point, where they are known.
 
-        here: where the first round begins; rough: it is no more than the first part of a fit; whole: the last fit is
-        one, else its first part is enough.
+        here: where the first round begins; rough: it is no more than the first part of a fit;
+        whole: the last fit is one, else its first part is enough.
         """
         known: Normal | None = None
         seen: set[Parts] = {_parts(here.effects), ()}
@@ -114,7 +134,10 @@ class Search:
         wide = 1 if here.effects else 2  # rounds that look at all candidates
         for turn in range(self.problem.settings.rounds):
             sets = self.linearised(here, self.found if turn < wide else self.candidates())
-            known, self.linear = sets.model.normal, replace(sets.model, normal=sets.model.normal.bare())
+            known, self.linear = (
+                sets.model.normal,
+                replace(sets.model, normal=sets.model.normal.bare()),
+            )
             new = self.better(here, known, sets, seen, tried)
             if new is not None:
                 here, known, rough = new, None, True
@@ -140,15 +163,19 @@ class Search:
         return here, known
 
     def restated(self, here: Fit, *, excerpts: bool) -> Fit | None:
-        """Return a set fitted again to the campaign that states what its fit's residual tells; None where that tells
-        nothing, or stating it leaves more: then nothing is looked for again, as curves join, which hide it."""
+        """Return a set fitted again to the campaign that states what its fit's residual tells; None
+        where that tells nothing, or stating it leaves more: then nothing is looked for again, as
+        curves join, which
+        hide it."""
         if self.looked:
             return None
         p = self.problem
         new, again = unstated(here, p.known, p.settings, excerpts=excerpts), None
         if new:
             p.report("fitting what the campaign does not state")
-            again = attempted(new.at(here.point), here.effects, p.fitted, smooth=True, workers=p.workers)
+            again = attempted(
+                new.at(here.point), here.effects, p.fitted, smooth=True, workers=p.workers
+            )
         if again is None or rms_of(again) >= rms_of(here):
             self.looked = True
             return None
@@ -162,7 +189,8 @@ class Search:
         self.trace = p.settings.trace_at(rms_of(self.null))
 
     def freed(self, here: Fit) -> bool:
-        """Return whether curves join the candidates: once, where no set of the others leaves but noise."""
+        """Return whether curves join the candidates: once, where no set of the others leaves but
+        noise."""
         known = {c.effect for c in self.found} | set(self.chosen)
         new = [c for c in free_forms(here.point, self.problem.exclude) if c.effect not in known]
         if rms_of(here) <= self.problem.settings.gap or not new:
@@ -170,19 +198,28 @@ class Search:
         self.found = [*self.candidates(), *new]
         return True
 
-    def better(self, here: Fit, known: Normal, sets: SetPosterior, seen: set[Parts], tried: set[Parts]) -> Fit | None:
-        """Return the fit, its first part, of a more probable set than the one that is fitted here; None where there is
-        none.  seen: sets that were fitted here before; tried: those that were none better since the last one was.
+    def better(
+        self, here: Fit, known: Normal, sets: SetPosterior, seen: set[Parts], tried: set[Parts]
+    ) -> Fit | None:
+        """Return the fit, its first part, of a more probable set than the one that is fitted here;
+        None where there is none.  seen: sets that were fitted here before; tried: those that were
+        none better since the last one was.
 
-        Near the floor slopes are right, and the most probable set is taken.  Far from it they say little of sets far
-        from here: the most probable ones are tried, and the first whose own residual makes it more probable, weighed
-        as the one here is, is taken.
+        Near the floor slopes are right, and the most probable set is taken.  Far from it they say
+        little of sets far from here: the most probable ones are tried, and the first whose own
+        residual makes it more
+        probable, weighed as the one here is, is taken.
         """
         settings, far = self.problem.settings, rms_of(here) > NEAR
-        own = max((k for k in sets.known if sets.parts(k) == _parts(here.effects)), key=sets.known.__getitem__)
+        own = max(
+            (k for k in sets.known if sets.parts(k) == _parts(here.effects)),
+            key=sets.known.__getitem__,
+        )
         least = sets.known[own] - settings.near if far else sets.known[sets.best()]
         near: dict[Parts, Chosen] = {}
-        for k in sorted((k for k, v in sets.known.items() if v >= least), key=lambda k: (-sets.known[k], k)):
+        for k in sorted(
+            (k for k, v in sets.known.items() if v >= least), key=lambda k: (-sets.known[k], k)
+        ):
             near.setdefault(sets.parts(k), k)
         barred = seen | tried if far else seen
         level = self.weighed(here, sets, own) if far else -math.inf
@@ -198,15 +235,18 @@ class Search:
         return None
 
     def weighed(self, found: Fit, sets: SetPosterior, chosen: Chosen) -> float:
-        """Return the log posterior of a fitted set, up to a constant: at its own point, with the weights and the price
-        of its candidates in `sets`."""
-        return log_posterior(found, self.met, self.problem.settings) - sum(sets.price[k] for k in chosen)
+        """Return the log posterior of a fitted set, up to a constant: at its own point, with the
+        weights and the price of its candidates in `sets`."""
+        return log_posterior(found, self.met, self.problem.settings) - sum(
+            sets.price[k] for k in chosen
+        )
 
     def linearised(self, here: Fit, found: Sequence[Candidate]) -> SetPosterior:
         """Return the posterior over sets at a fit's point.
 
-        What a set leaves tells how far the data count: it is weighed anew by what the best set leaves, as slopes say,
-        until that is the best one, REWEIGHTED times at most.  So what is behind a large gap is named in one round.
+        What a set leaves tells how far the data count: it is weighed anew by what the best set
+        leaves, as slopes say, until that is the best one, REWEIGHTED times at most.  So what is
+        behind a large gap is named in one round.
         """
         p, more, variance = self.problem, further(here.point, here.effects), misfit(here.point)
         model = linear_model(
@@ -218,7 +258,9 @@ class Search:
             settings=p.settings,
             workers=p.workers,
         )
-        own = tuple(k for k, c in enumerate(model.candidates) if c.effect in here.effects and c.part == 1)
+        own = tuple(
+            k for k, c in enumerate(model.candidates) if c.effect in here.effects and c.part == 1
+        )
         best, sets, self.met = own, SetPosterior(model), weights(variance)
         sets.enumerate(own)
         for _ in range(REWEIGHTED):
@@ -244,18 +286,24 @@ class Search:
                 levels[c.effect], self.chosen[c.effect] = told, c
 
     def candidates(self) -> list[Candidate]:
-        """Return the chosen candidates, of those that are chords the slopes, too: which of both the truth is nearer to
-        depends on what stands in its place."""
+        """Return the chosen candidates, of those that are chords the slopes, too: which of both the
+        truth is nearer to depends on what stands in its place."""
         own = list(self.chosen.values())
         return [x for c in own for x in ((c.slope, c) if c.chord else (c,))]
 
     def fit_of(
-        self, key: Set, near: Fit, known: Normal | None, sets: SetPosterior | None = None, best: Chosen = ()
+        self,
+        key: Set,
+        near: Fit,
+        known: Normal | None,
+        sets: SetPosterior | None = None,
+        best: Chosen = (),
     ) -> Fit | None:
-        """Return the fit of a set that begins at another one's point; None where no drive can have it.
+        """Return the fit of a set that begins at another one's point; None where no drive can have
+        it.
 
-        known: equations there; sets, best: the posterior that chose it: then its first part is enough, for the next
-        round's equations.
+        known: equations there; sets, best: the posterior that chose it: then its first part is
+        enough, for the next round's equations.
         """
         self.problem.report(f"fitting {' + '.join(key) or 'ordinary deviations'}")
         p = self.problem
@@ -264,7 +312,13 @@ class Search:
             at = self.moved(at, near, sets, best)
         rough = sets is not None
         found = attempted(
-            at, key, p.fitted, smooth=True, rough=0.0 if rough else math.inf, near=known, workers=p.workers
+            at,
+            key,
+            p.fitted,
+            smooth=True,
+            rough=0.0 if rough else math.inf,
+            near=known,
+            workers=p.workers,
         )
         new = set(key) - set(near.effects)
         if found is None or (rough and not new):
@@ -272,22 +326,35 @@ class Search:
         return self.best_form(found, [e for e in key if e in new or key == near.effects], rough)
 
     def best_form(self, found: Fit, effects: Sequence[str], rough: bool) -> Fit:
-        """Return a fit, or that of the same set with one of these effects in its other form where that fits better."""
+        """Return a fit, or that of the same set with one of these effects in its other form where
+        that fits better."""
         p, point = self.problem, found.point
         drive, width = point.prepared.campaign.drive, point.values["bench.soft_current"]
         for effect in effects:
             card = library.load_effect(effect)
             if card.otherwise is None:
                 continue
-            at = replace(point, values={**point.values, **card.otherwise(point.values, width, drive.converter)})
-            new = attempted(at, found.effects, p.fitted, rough=0.0, leader=found.objective, workers=p.workers)
+            at = replace(
+                point,
+                values={**point.values, **card.otherwise(point.values, width, drive.converter)},
+            )
+            new = attempted(
+                at, found.effects, p.fitted, rough=0.0, leader=found.objective, workers=p.workers
+            )
             if new is not None and new.objective < found.objective:
-                whole = None if rough else attempted(new.point, found.effects, p.fitted, smooth=True, workers=p.workers)
+                whole = (
+                    None
+                    if rough
+                    else attempted(
+                        new.point, found.effects, p.fitted, smooth=True, workers=p.workers
+                    )
+                )
                 found = whole or new
         return found
 
     def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
-        """Return a point with chords at the size that the algebra gives them, and further parts begun."""
+        """Return a point with chords at the size that the algebra gives them, and further parts
+        begun."""
         x, values = sets.most_probable(best), dict(at.values)
         for k in best:
             c, places = sets.model.candidates[k], sets.model.places[k]
@@ -300,8 +367,8 @@ class Search:
 
 
 def log_posterior(f: Fit, met: Weights, settings: Settings) -> float:
-    """Return the log posterior of a fitted set, up to a constant: Laplace's approximation at its point, which need not
-    be the most probable one; met: weights of segments."""
+    """Return the log posterior of a fitted set, up to a constant: Laplace's approximation at its
+    point, which need not be the most probable one; met: weights of segments."""
     prior, own = prior_of(f.normal.coordinates), equations(f.normal, met)
     short = own.objective(own.x, prior) - own.most_probable(prior).objective
     return log_prior(f.effects, settings) + own.log_evidence(prior) - 0.5 * short
@@ -312,9 +379,12 @@ def _parts(effects: Sequence[str]) -> Parts:
     return tuple((e, 1) for e in sorted(effects))
 
 
-def left_by(model: LinearModel, x: Array, variance: Mapping[tuple[int, str], float]) -> dict[tuple[int, str], float]:
-    """Return the variance that estimates meet in every segment with coordinates at x (p,), as the equations at the
-    model's point say; variance: at that point.  Its excess falls in proportion to the squared residual's."""
+def left_by(
+    model: LinearModel, x: Array, variance: Mapping[tuple[int, str], float]
+) -> dict[tuple[int, str], float]:
+    """Return the variance that estimates meet in every segment with coordinates at x (p,), as the
+    equations at the model's point say; variance: at that point.  Its excess falls in proportion to
+    the squared residual's."""
     out = {}
     for s in model.normal.segments:
         move, here, n = (x - model.normal.x)[s.places], float(s.rr.sum()), float(s.n.sum())
@@ -325,8 +395,8 @@ def left_by(model: LinearModel, x: Array, variance: Mapping[tuple[int, str], flo
 
 
 def towards(best: Fit, key: Sequence[str], chosen: Sequence[Candidate]) -> Point:
-    """Return a fit's point with the effects that another set lacks at neutral, and those it has more begun; without
-    effects so far, signs of currents go through zero as they usually do."""
+    """Return a fit's point with the effects that another set lacks at neutral, and those it has
+    more begun; without effects so far, signs of currents go through zero as they usually do."""
     campaign = best.point.prepared.campaign
     neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
     gone = tuple(f"{e}." for e in best.effects if e not in key)

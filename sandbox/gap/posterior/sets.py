@@ -1,16 +1,19 @@
-"""Prior over sets of effects, and posterior over sets of candidates by algebra on one point's equations.
+"""Prior over sets of effects, and posterior over sets of candidates by algebra on one point's
+equations.
 
-A set is a choice of priors on the same equations: wide for its candidates (slab), narrow for all others (spike).  With
-M = A + P^-1 for no candidate, b = g at the priors' means, C = M^-1 and c = C b, a set S whose k coordinates get the
-deviations w in place of n changes the log evidence by
+A set is a choice of priors on the same equations: wide for its candidates (slab), narrow for all
+others (spike).  With M = A + P^-1 for no candidate, b = g at the priors' means, C = M^-1 and c = C
+b, a set S whose k coordinates get the deviations w in place of n changes the log evidence by
 
     1/2 y'K^-1 y - 1/2 log det K - sum log(w / n),   K = I - r (C_SS / n n') r,   y = r c_S / n,   r^2 = 1 - (n / w)^2,
 
-k equations instead of p (the matrix determinant lemma; Woodbury).  A size that can only be positive has half a Gaussian
-as prior: the factor 2 Phi(x / s) with its posterior mean x and deviation s.  A hundred thousand sets take a second, so
-the sets near the best one are enumerated: best first, each by adding, dropping and exchanging a candidate, until none
-that is left lies within reach.  Checked against `LinearModel.log_evidence` and against brute force.
-"""
+k equations instead of p (the matrix determinant lemma; Woodbury).  A size that can only be positive
+has half a Gaussian as prior: the factor 2 Phi(x / s) with its posterior mean x and deviation s.  A
+hundred thousand
+sets take a second, so the sets near the best one are enumerated: best first, each by adding,
+dropping and exchanging a candidate, until none that is left lies within reach.  Checked against
+`LinearModel.log_evidence` and against brute force.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -30,20 +33,26 @@ from sandbox.gap.settings import USUAL, Settings
 Array = NDArray[np.float64]
 Set = tuple[str, ...]  # of effects
 Chosen = tuple[int, ...]  # places of candidates
-REACH = 12.0  # nats behind the best set within which sets are enumerated: beyond, a thousand of them make 1 %
+# nats behind the best set within which sets are enumerated: beyond, a thousand of them make 1 %
+REACH = 12.0
 PARENTS = 80  # sets whose neighbours are looked at; the best first
 KEPT = 24  # neighbours of each that are weighed with sizes averaged over
 
 
 def log_prior(effects: Sequence[str], settings: Settings = USUAL) -> float:
-    """Return the log prior of a set: its number of effects is geometric, all sets of one size are alike."""
+    """Return the log prior of a set: its number of effects is geometric, all sets of one size are
+    alike."""
     n, whole = len(effects), len(library.causes())
     return math.log((1.0 - settings.more) * settings.more**n / math.comb(whole, n))
 
 
 def contained(effect: str) -> frozenset[str]:
-    """Return the effects whose parameters are part of an effect's own: never claimed together with it."""
-    whole = {own.partition(".")[0]: double.partition(".")[0] for double, own in library.same_numbers().items()}
+    """Return the effects whose parameters are part of an effect's own: never claimed together with
+    it."""
+    whole = {
+        own.partition(".")[0]: double.partition(".")[0]
+        for double, own in library.same_numbers().items()
+    }
     return frozenset({whole[effect]} if effect in whole else ())
 
 
@@ -55,7 +64,8 @@ def possible(effects: Iterable[str]) -> bool:
 
 @dataclass
 class SetPosterior:
-    """Log posterior of sets of candidates at a point, up to one constant; known: those weighed so far."""
+    """Log posterior of sets of candidates at a point, up to one constant; known: those weighed so
+    far."""
 
     model: LinearModel
     known: dict[Chosen, float] = field(default_factory=dict)
@@ -73,10 +83,15 @@ class SetPosterior:
         self.none = float(-0.5 * level + 0.5 * pull @ self.mean + np.sum(np.log(np.diag(factor))))
         self.ratio = np.maximum(wide / self.narrow, 1.0)
         one_sided = (m.wide.low == m.wide.mean) | (m.wide.high == m.wide.mean)
-        self.sign = np.where(one_sided & (wide > self.narrow), np.where(m.wide.low == m.wide.mean, 1.0, -1.0), 0.0)
+        self.sign = np.where(
+            one_sided & (wide > self.narrow), np.where(m.wide.low == m.wide.mean, 1.0, -1.0), 0.0
+        )
         self.effects = [c.effect for c in m.candidates]
         self.contained = {e: contained(e) for e in self.effects}
-        self.price = [math.log(c.tried) + math.log(sum(_rival(c, d) for d in m.candidates)) for c in m.candidates]
+        self.price = [
+            math.log(c.tried) + math.log(sum(_rival(c, d) for d in m.candidates))
+            for c in m.candidates
+        ]
 
     def weigh(self, chosen: Iterable[int]) -> float:
         """Return the log posterior of a set, sizes averaged over."""
@@ -87,7 +102,8 @@ class SetPosterior:
         return self.known[key]
 
     def enumerate(self, start: Iterable[int] = ()) -> dict[Chosen, float]:
-        """Return the sets within REACH of the best one, with their log posterior; start: a set to begin at."""
+        """Return the sets within REACH of the best one, with their log posterior; start: a set to
+        begin at."""
         self.weigh(())
         self.weigh(start)
         seen: set[Chosen] = set()
@@ -115,7 +131,8 @@ class SetPosterior:
         return [k for k in sorted({tuple(sorted(s)) for s in out}) if self.allowed(k)]
 
     def allowed(self, chosen: Chosen) -> bool:
-        """Return whether a set holds each effect (and part) once, and none that is part of another."""
+        """Return whether a set holds each effect (and part) once, and none that is part of
+        another."""
         own = [self.model.candidates[k] for k in chosen]
         parts = [(c.effect, c.part > 1) for c in own]
         names = {c.effect for c in own}
@@ -131,7 +148,8 @@ class SetPosterior:
         return tuple(sorted({(c.effect, c.part) for c in own}))
 
     def by_name(self) -> dict[Set, float]:
-        """Return the log posterior of the sets weighed so far by their effects, candidates summed over."""
+        """Return the log posterior of the sets weighed so far by their effects, candidates summed
+        over."""
         out: dict[Set, float] = {}
         for k, v in self.known.items():
             out[self.names(k)] = np.logaddexp(out.get(self.names(k), -math.inf), v)
@@ -152,14 +170,19 @@ class SetPosterior:
         return mean + deviation * np.linalg.solve(scaled, deviation * (eq.g + eq.a @ (eq.x - mean)))
 
     def _prior(self, chosen: Chosen) -> float:
-        return log_prior(self.names(chosen), self.model.settings) - sum(self.price[k] for k in chosen)
+        return log_prior(self.names(chosen), self.model.settings) - sum(
+            self.price[k] for k in chosen
+        )
 
     def _evidence(self, sets: Sequence[Chosen], sizes: Array) -> Array:
         """Return by how much sets (m,) change the log evidence."""
         places = self.model.places
         members = [[(k, c) for c, one in enumerate(chosen) for k in places[one]] for chosen in sets]
         most = max(1, max(map(len, members)))
-        index, group = np.zeros((len(sets), most), dtype=np.int64), np.full((len(sets), most), -1, dtype=np.int64)
+        index, group = (
+            np.zeros((len(sets), most), dtype=np.int64),
+            np.full((len(sets), most), -1, dtype=np.int64),
+        )
         for row, own in enumerate(members):
             for j, (k, c) in enumerate(own):
                 index[row, j], group[row, j] = k, c
@@ -175,15 +198,17 @@ def _rival(a: Candidate, b: Candidate) -> bool:
 
 @kernel
 def _widened(ratio, size):
-    """Return the deviation of a named size, in its trace's; 1 of a shape (ratio 1), which has one prior."""
+    """Return the deviation of a named size, in its trace's; 1 of a shape (ratio 1), which has one
+    prior."""
     return math.hypot(1.0, size * ratio) if ratio > 1.0 else 1.0
 
 
 @kernel
 def _weigh(index, group, c, mean, ratio, sign, sizes, out):
-    """Write the change of the log evidence of sets (m,): places (m, k), which of the set's candidates each belongs to
-    (-1: none), covariance (p, p) and mean (p,) in narrow deviations, wide over narrow deviation, sign of a size that
-    has one; each candidate's size averaged over one after the other."""
+    """Write the change of the log evidence of sets (m,): places (m, k), which of the set's
+    candidates each belongs to (-1: none), covariance (p, p) and mean (p,) in narrow deviations,
+    wide over narrow deviation, sign of a size that has one; each candidate's size averaged over one
+    after the other."""
     most = index.shape[1]
     w = np.ones(most)
     told = np.empty(sizes.size)
@@ -271,7 +296,8 @@ def _change(index, k, w, c, mean, ratio, sign):
 
 @kernel
 def _log_phi(x):
-    """Return the log of the normal distribution function; far below zero by its asymptotic series."""
+    """Return the log of the normal distribution function; far below zero by its asymptotic
+    series."""
     if x > -8.0:
         return math.log(0.5 * math.erfc(-x / math.sqrt(2.0)))
     return -0.5 * x * x - math.log(-x * math.sqrt(2.0 * math.pi)) - 1.0 / (x * x)

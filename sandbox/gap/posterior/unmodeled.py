@@ -1,14 +1,16 @@
-"""How likely it is that something outside the library is at work: a part of the model, weighed by its evidence.
+"""How likely it is that something outside the library is at work: a part of the model, weighed by
+its evidence.
 
-Each recording leaves an excess e = J^2 - 1 beyond noise.  With all causes named, e is what the replay misses:
-a Pareto distribution (Lomax's, of heavy tail) with a mean that is known (`Settings.misses`), plus the scatter of
-noise's own square.  With a cause outside the library, a share f of the recordings (prior: Jeffreys), nobody knows
-which, has an excess of any order of magnitude
-(log-uniform up to `Settings.farthest`).  The Bayes factor is the mean over f of the product over recordings.
+Each recording leaves an excess e = J^2 - 1 beyond noise.  With all causes named, e is what the
+replay misses: a Pareto distribution (Lomax's, of heavy tail) with a mean that is known
+(`Settings.misses`), plus the scatter of noise's own square.  With a cause outside the library, a
+share f of the recordings (prior: Jeffreys), nobody knows which, has an excess of any order of
+magnitude (log-uniform up to `Settings.farthest`).  The Bayes factor is the mean over f of the
+product over recordings.
 
-A cause outside can also hide: named effects imitate it (`Settings.imitated` for each of them), and an ordinary
-deviation has to go further than it usually does to make up for the rest.  One of them, it is not known which, is then
-drawn from a Gaussian of `Settings.stretch` standard deviations.
+A cause outside can also hide: named effects imitate it (`Settings.imitated` for each of them), and
+an ordinary deviation has to go further than it usually does to make up for the rest.  One of them,
+it is not known which, is then drawn from a Gaussian of `Settings.stretch` standard deviations.
 """
 
 from __future__ import annotations
@@ -33,8 +35,8 @@ SHARES = np.sin(0.5 * np.pi * (np.arange(100) + 0.5) / 100.0) ** 2
 def unmodeled(before: Fit, after: Fit, noise: float = 0.0, settings: Settings = USUAL) -> float:
     """Return the posterior probability of a cause outside the library beside a fitted set.
 
-    before, after: fits to all recordings without and with the set; noise: by how much of itself the noise's square may
-    be misstated.
+    before, after: fits to all recordings without and with the set; noise: by how much of itself the
+    noise's square may be misstated.
     """
     shown = math.log(settings.unknown / (1.0 - settings.unknown))
     shown += log_bayes_factor(before.normal, after.normal, noise, settings)
@@ -44,7 +46,9 @@ def unmodeled(before: Fit, after: Fit, noise: float = 0.0, settings: Settings = 
     return float(expit(np.logaddexp(shown, hidden)))
 
 
-def log_bayes_factor(before: Normal, after: Normal, noise: float, settings: Settings = USUAL) -> float:
+def log_bayes_factor(
+    before: Normal, after: Normal, noise: float, settings: Settings = USUAL
+) -> float:
     """Return the log Bayes factor of a cause outside from what a fit leaves."""
     gap, _ = excess(before)
     left, count = excess(after)
@@ -57,7 +61,8 @@ def log_bayes_factor(before: Normal, after: Normal, noise: float, settings: Sett
 
 
 def excess(n: Normal) -> tuple[Array, Array]:
-    """Return J^2 - 1 of every recording (r,), all its channels together, and how many readings that is."""
+    """Return J^2 - 1 of every recording (r,), all its channels together, and how many readings that
+    is."""
     size = 1 + max(s.recording for s in n.segments)
     squares, count = np.zeros(size), np.zeros(size)
     for s in n.segments:
@@ -66,11 +71,14 @@ def excess(n: Normal) -> tuple[Array, Array]:
     return squares / count - 1.0, count
 
 
-def _log_densities(e: float, scatter: float, mean: float, settings: Settings) -> tuple[float, float]:
-    """Return the log density of an excess that is a miss of the replay, and of one that a cause outside makes.
+def _log_densities(
+    e: float, scatter: float, mean: float, settings: Settings
+) -> tuple[float, float]:
+    """Return the log density of an excess that is a miss of the replay, and of one that a cause
+    outside makes.
 
-    A cause outside leaves what the replay misses in the mean, or more: up to `Settings.farthest`, at least DECADES
-    times as much.
+    A cause outside leaves what the replay misses in the mean, or more: up to `Settings.farthest`,
+    at least DECADES times as much.
     """
     farthest = max(settings.farthest, DECADES * mean)
     z = np.linspace(math.log(mean / DECADES), math.log(farthest), GRID)
@@ -78,14 +86,20 @@ def _log_densities(e: float, scatter: float, mean: float, settings: Settings) ->
     wide = np.hypot(scatter, 0.5 * step * size)  # no gaps between the grid's values
     told = -0.5 * ((e - size) / wide) ** 2 - np.log(wide * math.sqrt(math.tau))
     scale = mean * (settings.tail - 1.0)
-    misses = math.log(settings.tail / scale) - (settings.tail + 1.0) * np.log1p(size / scale) + z + math.log(step)
+    misses = (
+        math.log(settings.tail / scale)
+        - (settings.tail + 1.0) * np.log1p(size / scale)
+        + z
+        + math.log(step)
+    )
     outside = np.where(size >= mean, math.log(step / math.log(farthest / mean)), -np.inf)
     return float(np.logaddexp.reduce(told + misses)), float(np.logaddexp.reduce(told + outside))
 
 
 def log_stretched(after: Fit, settings: Settings = USUAL) -> float:
-    """Return by how much the ordinary deviations of a fit are likelier (log) if one of them was stretched than if none
-    was; at least 0: nothing speaks against an outside cause that ordinary deviations need not make up for."""
+    """Return by how much the ordinary deviations of a fit are likelier (log) if one of them was
+    stretched than if none was; at least 0: nothing speaks against an outside cause that ordinary
+    deviations need not make up for."""
     z = np.array([x for _, x in stray(after).values()])
     wider = 0.5 * z**2 * (1.0 - settings.stretch**-2) - math.log(settings.stretch)
     return max(0.0, float(np.logaddexp.reduce(wider) - math.log(z.size))) if z.size else 0.0

@@ -1,4 +1,5 @@
-"""A diagnosis in words: where, which, how far, what next; the same sentences for terminal and report."""
+"""A diagnosis in words: where, which, how far, what next; the same sentences for terminal and
+report."""
 
 from __future__ import annotations
 
@@ -36,12 +37,14 @@ from sandbox.replay.memory import USUAL
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 MET = 1.1  # times the floor: a recording that is met so well contradicts nothing any more
-FEW = 1.2  # times the floor on recordings held out that ordinary deviations explain when fitted to all
+# times the floor on recordings held out that ordinary deviations explain when fitted to all
+FEW = 1.2
 
 
 @dataclass(frozen=True)
 class Answers:
-    """A diagnosis with what a person asks of it; parts: the subsystems' parts of the gap that `where` speaks of;
+    """A diagnosis with what a person asks of it; parts: the subsystems' parts of the gap that
+    `where` speaks of;
     no_position: why there is no position error."""
 
     diagnosis: Diagnosis
@@ -65,7 +68,9 @@ class Answers:
     @property
     def shares(self) -> dict[str, float]:
         """Return effects' shares of the gap, as far as they are known."""
-        return {} if self.ranking is None else {e: s.value for e, s in self.ranking.shares.of.items()}
+        return (
+            {} if self.ranking is None else {e: s.value for e, s in self.ranking.shares.of.items()}
+        )
 
     @property
     def badge(self) -> str:
@@ -73,7 +78,8 @@ class Answers:
         return which.badge(self.diagnosis)
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of absurd sets: nothing is probable there
+# of absurd sets: nothing is probable there
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def answer(
     campaign: Campaign,
     *,
@@ -83,13 +89,16 @@ def answer(
     memory: float = USUAL,
     report: Callable[[str], None] = lambda _: None,
 ) -> Answers:
-    """Return a campaign's diagnosis and all answers; BadInput for an unknown effect or a campaign that is none.
+    """Return a campaign's diagnosis and all answers; BadInput for an unknown effect or a campaign
+    that is none.
 
     rivals, memory (GB): as `diagnose`.
     """
     for name in exclude:
         library.load_effect(name)
-    d = diagnose(campaign, exclude=exclude, rivals=rivals, workers=workers, memory=memory, report=report)
+    d = diagnose(
+        campaign, exclude=exclude, rivals=rivals, workers=workers, memory=memory, report=report
+    )
     report("where it lies")
     apart = parts(d)
     found = where(d, apart)
@@ -110,8 +119,9 @@ def answer(
 
 
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
-    """Return the recording that would tell the named hypotheses of an ambiguity set apart; None with one of them, or
-    where nothing but slight effects might be there beside ordinary deviations."""
+    """Return the recording that would tell the named hypotheses of an ambiguity set apart; None
+    with one of them, or where nothing but slight effects might be there beside ordinary
+    deviations."""
     rivals = [(h.probability, h.evaluated) for h in d.ambiguity_set if UNKNOWN not in h.effects]
     fitted = {id(j) for j in d.evaluated}
     if d.best.effects in ((), (UNKNOWN,)) and sum(id(j) in fitted for _, j in rivals) < 2:
@@ -127,7 +137,8 @@ def linear(campaign: Campaign) -> Campaign:
     motor = campaign.drive.motor
     if not all(hasattr(motor, a) for a in ALPHAS) or getattr(motor, "flux_map", None):
         raise BadInput(
-            "--nominal linear needs a [motor] with the five alphas; this one is a flux map, give it without --nominal"
+            "--nominal linear needs a [motor] with the five alphas; this one is a flux "
+            "map, give it without --nominal"
         )
     changes: dict[str, Any] = dict.fromkeys(ALPHAS, 0.0)
     drive = dataclasses.replace(campaign.drive, motor=dataclasses.replace(motor, **changes))
@@ -136,12 +147,13 @@ def linear(campaign: Campaign) -> Campaign:
 
 
 def where_text(a: Answers) -> str:
-    """Return where the gap lies, in one sentence; one more where a single phase misses more than the others."""
+    """Return where the gap lies, in one sentence; one more where a single phase misses more than
+    the others."""
     found = [x.text for x in (a.diagnosis.drifting, a.diagnosis.counted) if x is not None]
     if (every := _unforetold(a)) is not None:
         text = (
-            f"Nowhere that these recordings show: fitted to all of them, ordinary deviations leave {times(every)} the "
-            "noise floor."
+            "Nowhere that these recordings show: fitted to all of them, ordinary deviations leave "
+            f"{times(every)} the noise floor."
         )
         return " ".join([*found, text])
     text = summary(a.diagnosis, a.where)
@@ -151,8 +163,11 @@ def where_text(a: Answers) -> str:
 
 
 def which_text(a: Answers) -> str:
-    """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates."""
-    return which.which_text(a.diagnosis, a.shares, {} if a.ranking is None else a.ranking.inclusion.chances)
+    """Return which effect causes it, or that none does, or that it cannot be told; and which were
+    no candidates."""
+    return which.which_text(
+        a.diagnosis, a.shares, {} if a.ranking is None else a.ranking.inclusion.chances
+    )
 
 
 def todo_texts(a: Answers) -> list[str]:
@@ -173,27 +188,40 @@ def far_text(a: Answers) -> str:
         text = f"There is nothing to close: residuals are {times(s.before)} the noise floor {on}."
         if (every := _unforetold(a)) is not None:
             text = (
-                f"Fitted to all recordings ordinary deviations leave {times(every)} the noise floor, but "
+                f"Fitted to all recordings ordinary deviations leave {times(every)} the "
+                "noise floor, but "
                 f"{times(s.before)} {on}: too few recordings to predict one from the others."
             )
     elif s.closed is None:
-        text = f"Residuals are {times(s.before)} the noise floor {on}; no effect of the library lowers them."
+        text = (
+            f"Residuals are {times(s.before)} the noise floor {on}; no effect of the library "
+            "lowers them."
+        )
     elif not math.isfinite(s.after):
-        text = f"Not at all: what was fitted to the others predicts nothing finite {on} ({times(s.before)} before)."
+        text = (
+            f"Not at all: what was fitted to the others predicts nothing finite {on} "
+            f"({times(s.before)} before)."
+        )
     elif s.closed <= 0.0:
-        text = f"Not at all: residuals grow from {times(s.before)} to {times(s.after)} the noise floor {on}."
+        text = (
+            f"Not at all: residuals grow from {times(s.before)} to {times(s.after)} the "
+            f"noise floor {on}."
+        )
     else:
         text = (
-            f"{percent_fine(s.closed)} of the reducible gap closes {on} ({_between(s.closed_ci95)}); "
-            f"residuals fall from {s.before:.3g} to {times(s.after)} the noise floor (rms of the noise). The reducible "
-            "gap is what squared residuals have above the noise."
+            f"{percent_fine(s.closed)} of the reducible gap closes {on} "
+            f"({_between(s.closed_ci95)}); residuals fall from {s.before:.3g} to {times(s.after)} "
+            "the noise floor (rms of the noise). The reducible gap is what squared residuals have "
+            "above the noise."
         )
     return f"{capital(text)} {position_text(a)}".strip()
 
 
 def _made(d: Diagnosis) -> list[str]:
     """Return of what angles were made that a log does not hold."""
-    return list(dict.fromkeys(r.made.of for r in d.campaign.recordings if r.made is not None and r.made.of))
+    return list(
+        dict.fromkeys(r.made.of for r in d.campaign.recordings if r.made is not None and r.made.of)
+    )
 
 
 def _recording(a: Answers) -> str:
@@ -206,8 +234,8 @@ def _recording(a: Answers) -> str:
 
 
 def _unforetold(a: Answers) -> float | None:
-    """Return what ordinary deviations fitted to all recordings leave (times the noise floor), where they explain all
-    recordings but do not foretell those held out; None elsewhere."""
+    """Return what ordinary deviations fitted to all recordings leave (times the noise floor), where
+    they explain all recordings but do not foretell those held out; None elsewhere."""
     d = a.diagnosis
     if a.verdict != "no_gap" or d.size.before <= FEW:
         return None
@@ -228,25 +256,28 @@ def position_text(a: Answers) -> str:
     if p is None:
         return ""
     text = (
-        f"Position error (rms, electrical) of the estimator '{p.estimator}': {p.recorded:.2f}° on the recorded "
-        "currents; the simulator "
+        f"Position error (rms, electrical) of the estimator '{p.estimator}': {p.recorded:.2f}° on "
+        "the recorded currents; the simulator "
     )
     if a.verdict == "no_gap":
         return f"{text}says {p.simulated_before:.2f}°."
     text += f"said {p.simulated_before:.2f}° before and says {p.simulated_after:.2f}° now."
     if p.believing_after is not None:
         text += (
-            f" An estimator that believes the fitted motor errs by {p.believing_after:.2f}° on the recorded currents."
+            f" An estimator that believes the fitted motor errs by {p.believing_after:.2f}° "
+            "on the recorded currents."
         )
     return text
 
 
 def next_text(a: Answers) -> str:
-    """Return what to record or do next; first to read what was made up, where something outside may be due to that."""
+    """Return what to record or do next; first to read what was made up, where something outside may
+    be due to that."""
     outside = which.chance_of_unknown(a.diagnosis) >= which.HALF
     if outside and (made := _made(a.diagnosis)):
         return (
-            f"Log the rotor's angle: what one made from {listing(made)} misses counts as something outside the library."
+            f"Log the rotor's angle: what one made from {listing(made)} misses counts as "
+            "something outside the library."
         )
     if a.odd_phase is not None and outside:
         return f"{a.odd_phase.exchange} {'' if a.following is None else _recording(a)}".rstrip()
@@ -254,39 +285,46 @@ def next_text(a: Answers) -> str:
         return _recording(a)
     if _unforetold(a) is not None:
         return (
-            "Record more operating points (`sensorless plan` says which): these recordings do not foretell each other, "
-            "so a small effect could pass for an ordinary deviation."
+            "Record more operating points (`sensorless plan` says which): these recordings do not "
+            "foretell each other, so a small effect could pass for an ordinary deviation."
         )
     if a.verdict == "no_gap":
         return (
-            "Nothing is needed, as far as these recordings see: the nominal model explains them once what "
-            "[uncertainty] and [background] allow is refitted."
+            "Nothing is needed, as far as these recordings see: the nominal model explains them "
+            "once what [uncertainty] and [background] allow is refitted."
         )
     if a.verdict == "explained":
         return (
-            "Nothing is needed to name the cause. `motor.toml` and `effects.toml`, beside this result, hold the values "
-            "for the simulator. To see how near it comes to the recordings: `sensorless replay CAMPAIGN --motor "
-            "motor.toml --effects effects.toml`. To simulate this drive: `sensorless simulate --motor motor.toml "
-            "--effects effects.toml`."
+            "Nothing is needed to name the cause. `motor.toml` and `effects.toml`, beside this "
+            "result, hold the values for the simulator. To see how near it comes to the "
+            "recordings: `sensorless replay CAMPAIGN --motor motor.toml --effects effects.toml`. "
+            "To simulate this drive: `sensorless simulate --motor motor.toml --effects "
+            "effects.toml`."
         )
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
-    disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
+    disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(
+        sets[0]
+    )
     if a.verdict == "ambiguous" and sets[0] and all(s == sets[0] for s in sets):
         named = listing([words(e) for e in which.by_share(sorted(sets[0]), a.shares)])
         return (
-            f"Nothing is needed to name {named}. Whether something outside the library acts beside, no recording of a "
+            f"Nothing is needed to name {named}. Whether something outside the library "
+            "acts beside, no recording of a "
             "known effect tells: record operating points that are not in the campaign yet."
         )
     told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
     if not told:
         return "No effect is known that a recording could confirm."
     held = a.verdict == "ambiguous" and a.diagnosis.campaign.limits != NO_LIMITS
-    none = "Within [limits] no recording of the menu is likely to leave one of them. " if held else ""
+    none = (
+        "Within [limits] no recording of the menu is likely to leave one of them. " if held else ""
+    )
     return f"{none}Recordings that show more, for {told}."
 
 
 def caveats(a: Answers) -> list[str]:
-    """Return what a reader has to know before believing the rest, one sentence each; assumed values are last."""
+    """Return what a reader has to know before believing the rest, one sentence each; assumed values
+    are last."""
     d = a.diagnosis
     out = _findings(d)
     out += _of_noise(d)
@@ -296,44 +334,66 @@ def caveats(a: Answers) -> list[str]:
     if a.map_found is not None:
         out.append(a.map_found.text(d.campaign.drive.motor.rated_current))
     if d.excluded:
-        out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
+        out.append(
+            f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}."
+        )
     motor = d.campaign.drive.motor
     if not isinstance(motor, MappedMotor) and all(getattr(motor, x) == 0.0 for x in ALPHAS):
         out.append("The nominal model has no saturation (all five alphas are 0).")
     if made := _made(d):
         beyond = " beyond the noise" if d.campaign.unseen else ""
         text = (
-            f"The angle was made from {listing(made)}: what it misses{beyond} counts as something outside the library."
+            f"The angle was made from {listing(made)}: what it misses{beyond} counts as "
+            "something outside the library."
         )
         out.append(text)
-    blind = [r.origin for r in d.campaign.recordings if r.rotor == "free" and "load_torque" not in r.columns]
+    blind = [
+        r.origin
+        for r in d.campaign.recordings
+        if r.rotor == "free" and "load_torque" not in r.columns
+    ]
     if blind := list(dict.fromkeys(blind)):
-        out.append(f"{', '.join(blind)}: no column 'load_torque', so a free rotor's load is taken as none.")
+        out.append(
+            f"{', '.join(blind)}: no column 'load_torque', so a free rotor's load is taken as none."
+        )
     if not d.held_out:
         out.append(
-            "No recording was held out (each kind of rotor is there only once), so the figures are those of the fit."
+            "No recording was held out (each kind of rotor is there only once), so the "
+            "figures are those of the fit."
         )
     elif a.verdict != "no_gap":
         out.append(
-            "Residuals before and after are of fits without the recordings held out. The listed values are fitted to "
-            "all recordings, and the choice among hypotheses saw them all."
+            "Residuals before and after are of fits without the recordings held out. The listed "
+            "values are fitted to all recordings, and the choice among hypotheses saw them all."
         )
     own = d.campaign.drive.provenance
-    if stand_ins := [f"{k} ({own[k].rpartition(': ')[2]})" for k in d.campaign.stand_ins if k in own]:
+    if stand_ins := [
+        f"{k} ({own[k].rpartition(': ')[2]})" for k in d.campaign.stand_ins if k in own
+    ]:
         out.append(f"Not stated, so that something stands in: {', '.join(stand_ins)}.")
     missing = [k for k in ("uncertainty", "background") if not getattr(d.campaign, k)]
     if missing:
-        out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")
+        out.append(
+            f"No [{'], ['.join(missing)}] is stated: usual values of a careful "
+            "identification are assumed."
+        )
     out += _of_excerpts(d)
     kinds = {r.rotor for r in d.start.prepared.recordings}
     if kinds == {"locked"}:
-        out.append("The rotor never turned, so effects that need speed (flux, encoder, iron loss) can hardly be seen.")
+        out.append(
+            "The rotor never turned, so effects that need speed (flux, encoder, iron "
+            "loss) can hardly be seen."
+        )
     if a.position is None:
-        out.append(stopped(f"The position error cannot be compared: {a.no_position or 'it was not asked for'}"))
+        out.append(
+            stopped(
+                f"The position error cannot be compared: {a.no_position or 'it was not asked for'}"
+            )
+        )
     if d.variance > 2.0:
         out.append(
-            f"When hypotheses were compared, the data got {d.variance:,.3g} times less weight than independent "
-            "samples have: what the best fit leaves is alike over many samples."
+            f"When hypotheses were compared, the data got {d.variance:,.3g} times less weight than "
+            "independent samples have: what the best fit leaves is alike over many samples."
         )
     return out + _of_the_model(d.campaign.drive.provenance)
 
@@ -343,45 +403,62 @@ def _of_excerpts(d: Diagnosis) -> list[str]:
     out: list[str] = []
     if (cut := d.campaign.excerpts) is not None:
         out.append(
-            f"Of {cut.samples_recorded:,} samples {cut.samples_used:,} were used, in {len(cut.parts)} parts of the "
-            "recordings: those that differ most, and some spread evenly. Parts held out may be of the same recordings "
-            "as parts that were fitted. --samples inf uses all samples."
+            f"Of {cut.samples_recorded:,} samples {cut.samples_used:,} were used, in "
+            f"{len(cut.parts)} parts of the recordings: those that differ most, and some spread "
+            "evenly. Parts held out may be of the same recordings as parts that were fitted. "
+            "--samples inf uses all samples."
         )
         if cut.unused:
             out.append(f"No part was used of {', '.join(cut.unused)}.")
     if (part := share(d.start)) < 1.0:
-        out.append(f"To stay within --memory, free regressions were made on {percent(part)} of the samples.")
+        out.append(
+            f"To stay within --memory, free regressions were made on {percent(part)} of "
+            "the samples."
+        )
     return out
 
 
 def _findings(d: Diagnosis) -> list[str]:
-    """Return what is suspicious in recordings; not that one contradicts the nominal model where its gap is closed."""
+    """Return what is suspicious in recordings; not that one contradicts the nominal model where its
+    gap is closed."""
     origin = {r.file: r.origin for r in d.campaign.recordings}
     after: dict[str, float] = {}
     for r in d.size.recordings:
         file = origin.get(r.file, r.file)
         after[file] = max(after.get(file, 0.0), r.after)
-    kept = [f for f in d.campaign.findings if not isinstance(f, Unanswered) or after.get(f.file, math.inf) >= MET]
+    kept = [
+        f
+        for f in d.campaign.findings
+        if not isinstance(f, Unanswered) or after.get(f.file, math.inf) >= MET
+    ]
     return [stopped(f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}") for f in kept]
 
 
 def _of_noise(d: Diagnosis) -> list[str]:
-    """Return what there is to say of the sensors' noise; that only the file knows it, where `unknown` hangs on it."""
+    """Return what there is to say of the sensors' noise; that only the file knows it, where
+    `unknown` hangs on it."""
     out = [d.caution] if d.caution else []
     if d.noise is not None and d.noise.seen is None and which.chance_of_unknown(d) >= which.OPEN:
         out.append(
-            f"The readings do not show the sensors' own noise, so the stated {d.noise.stated:.3g} A counts alone. If "
-            "it is stated a few per cent too small, something outside the library looks more probable than it is."
+            f"The readings do not show the sensors' own noise, so the stated {d.noise.stated:.3g} "
+            "A counts alone. If it is stated a few per cent too small, something outside the "
+            "library looks more probable than it is."
         )
     return out
 
 
 def _of_the_model(told: Mapping[str, str]) -> list[str]:
-    """Return what of a nominal model's provenance limits the answers; the whole of it stands with the model."""
+    """Return what of a nominal model's provenance limits the answers; the whole of it stands with
+    the model."""
     assumed = [what for what, text in told.items() if text.startswith("assumed")]
     out = [f"Cannot show: {text}" for what, text in told.items() if what.startswith("cannot show")]
     return out + (
-        [f"Values of the nominal model that are assumed, as no source states them: {', '.join(assumed)}."]
+        [
+            (
+                "Values of the nominal model that are assumed, as no source states them: "
+                f"{', '.join(assumed)}."
+            )
+        ]
         if assumed
         else []
     )

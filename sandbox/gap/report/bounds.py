@@ -1,4 +1,5 @@
-"""Values that stand at a bound, told: in the files for the simulator, and as what a reader has to know."""
+"""Values that stand at a bound, told: in the files for the simulator, and as what a reader has to
+know."""
 
 from __future__ import annotations
 
@@ -17,24 +18,30 @@ TITLES = {  # of what is no effect's
 
 
 def at_bound(found: Mapping[str, Estimate], held: Sequence[Held]) -> dict[str, str]:
-    """Return what is said of the values that stand at a bound, by public name; values of the motor by their names in
-    [motor], too."""
+    """Return what is said of the values that stand at a bound, by public name; values of the motor
+    by their names in [motor], too."""
     out = {name: OF_SEARCH for name, e in found.items() if e.at_bound}
     of_motor = {**library.replaced(), **library.scaled()}
     for h in held:
-        out |= dict.fromkeys({h.name, of_motor.get(h.name, h.name)}, f"at its bound of {_deviations(h)}")
+        out |= dict.fromkeys(
+            {h.name, of_motor.get(h.name, h.name)}, f"at its bound of {_deviations(h)}"
+        )
     return out
 
 
 def sentence(held: Sequence[Held]) -> str:
-    """Return which ordinary deviations stand at their bounds, and what that means; "" where none does."""
+    """Return which ordinary deviations stand at their bounds, and what that means; "" where none
+    does."""
     if not held:
         return ""
-    told = [f"the {_title(h.name)} stands at its bound of {_deviations(h)}: {_value(h)}" for h in held]
+    told = [
+        f"the {_title(h.name)} stands at its bound of {_deviations(h)}: {_value(h)}" for h in held
+    ]
     they, them, go = ("it", "it", "goes") if len(held) == 1 else ("they", "them", "go")
     return (
-        f"{capital('; '.join(told))}. Either {they} may be further off than [uncertainty] or [background] of the "
-        f"campaign says, or something that is not named pushes {them}: as an ordinary deviation {they} {go} no further."
+        f"{capital('; '.join(told))}. Either {they} may be further off than [uncertainty] or "
+        f"[background] of the campaign says, or something that is not named pushes {them}: as an "
+        f"ordinary deviation {they} {go} no further."
     )
 
 

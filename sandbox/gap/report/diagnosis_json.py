@@ -33,7 +33,8 @@ def contract(
     alike: Alike | None = None,
     whole: Ranking | None = None,
 ) -> dict[str, Any]:
-    """Return what `diagnosis.json` holds beyond its header; alike and gap.remains are more than the contract.
+    """Return what `diagnosis.json` holds beyond its header; alike and gap.remains are more than the
+    contract.
 
     whole: the list of all effects; worked out here where it is not given.
     """
@@ -51,7 +52,10 @@ def contract(
             "floor": 1.0,
             "closed": closed,
             "closed_ci95": None if closed is None else size.closed_ci95,
-            "recordings": [{"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in size.recordings],
+            "recordings": [
+                {"file": f, "before": b, "after": a, "held_out": h}
+                for f, b, a, h in size.recordings
+            ],
             "position_error_deg": None if position is None else position.as_json(),
             "remains": None if remains is None else remains.as_json(),
             "noise": None if d.noise is None else d.noise._asdict(),
@@ -67,7 +71,10 @@ def contract(
             for h, own in zip(d.hypotheses, d.parameters, strict=True)
         ],
         **with_advice(d, r, r.as_json(following)),
-        "at_bound": [{"name": h.name, **parameter(h.estimate), "deviations": h.deviations} for h in d.at_bound],
+        "at_bound": [
+            {"name": h.name, **parameter(h.estimate), "deviations": h.deviations}
+            for h in d.at_bound
+        ],
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
         "alike": None if alike is None else asdict(alike),
         "next_recording": as_json(following),
@@ -75,11 +82,12 @@ def contract(
         "out_of_sight": list(d.out_of_sight),
         "excerpts": excerpts(d.campaign.excerpts),
         "cost": {"simulations": d.simulations, "seconds": d.seconds},
-    }  # fmt: skip
+    }
 
 
 def with_advice(d: Diagnosis, r: Ranking, listed: dict[str, Any]) -> dict[str, Any]:
-    """Return the list of all effects, each that has a size with what to do about it (`do`, else null)."""
+    """Return the list of all effects, each that has a size with what to do about it (`do`, else
+    null)."""
     said = advised(d, r)
     for effect in listed["effects"]:
         effect["do"] = said.get(effect["name"])
@@ -91,16 +99,20 @@ def excerpts(found: Excerpts | None) -> dict[str, Any] | None:
     if found is None:
         return None
     return {
-        "samples_recorded": found.samples_recorded, "samples_used": found.samples_used,
-        "parts": [asdict(e) for e in found.parts], "unused": found.unused,
-    }  # fmt: skip
+        "samples_recorded": found.samples_recorded,
+        "samples_used": found.samples_used,
+        "parts": [asdict(e) for e in found.parts],
+        "unused": found.unused,
+    }
 
 
 def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:
-    """Return the share of the reducible gap that a hypothesis closes on recordings held out (or all, if none are).
+    """Return the share of the reducible gap that a hypothesis closes on recordings held out (or
+    all, if none are).
 
-    The best one was fitted without them; for others its parameters without them follow from the equations of the fit
-    to all.  None for `unknown` alone, which predicts nothing, and where there is no gap.
+    The best one was fitted without them; for others its parameters without them follow from the
+    equations of the fit to all.  None for `unknown` alone, which predicts nothing, and where there
+    is no gap.
     """
     if h.effects == (UNKNOWN,) or verdict(d) == "no_gap":
         return None
@@ -114,7 +126,8 @@ def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:
 
 
 def _rms_without(d: Diagnosis, h: Hypothesis) -> float:
-    """Return a hypothesis' normalised rms on recordings held out, its parameters those of the others alone."""
+    """Return a hypothesis' normalised rms on recordings held out, its parameters those of the
+    others alone."""
     n = h.evaluated.fit.normal
     count = len(d.start.prepared.recordings)
     if not d.held_out:
@@ -122,4 +135,6 @@ def _rms_without(d: Diagnosis, h: Hypothesis) -> float:
     shift = algebra(n, weights_of(count, d.held_out)).most_probable(prior_of(n.coordinates)).x - n.x
     held = algebra(n, weights_of(count, [k for k in range(count) if k not in d.held_out]))
     squares = held.rr - 2.0 * shift @ held.g + shift @ held.a @ shift
-    return float(np.sqrt(max(squares, 0.0) / sum(s.n.sum() for s in n.segments if s.recording in d.held_out)))
+    return float(
+        np.sqrt(max(squares, 0.0) / sum(s.n.sum() for s in n.segments if s.recording in d.held_out))
+    )

@@ -1,4 +1,5 @@
-"""What nothing in the library explains: where it lies, and a free regression fitted beside the effects."""
+"""What nothing in the library explains: where it lies, and a free regression fitted beside the
+effects."""
 
 from __future__ import annotations
 
@@ -34,8 +35,8 @@ MOSTLY = 0.5  # share of what remains from which on a region is said to hold mos
 
 @dataclass(frozen=True)
 class Region:
-    """An operating region: its name, where it begins and ends (None: nowhere) in a unit, and its share of what
-    remains."""
+    """An operating region: its name, where it begins and ends (None: nowhere) in a unit, and its
+    share of what remains."""
 
     region: str
     low: float
@@ -45,12 +46,19 @@ class Region:
 
     def as_json(self) -> dict[str, Any]:
         """Return the region as `diagnosis.json` has it."""
-        return {"region": self.region, "from": self.low, "to": self.high, "unit": self.unit, "share": self.share}
+        return {
+            "region": self.region,
+            "from": self.low,
+            "to": self.high,
+            "unit": self.unit,
+            "share": self.share,
+        }
 
 
 @dataclass(frozen=True)
 class Order:
-    """An order of the electrical (currents) or mechanical angle (motion) with its share of what remains."""
+    """An order of the electrical (currents) or mechanical angle (motion) with its share of what
+    remains."""
 
     order: int
     of: str
@@ -77,18 +85,27 @@ class Remaining:
     def as_json(self) -> dict[str, Any]:
         """Return `unknown.regions` of `diagnosis.json`."""
         return {
-            "current": [r.as_json() for r in self.current], "speed": [r.as_json() for r in self.speed],
+            "current": [r.as_json() for r in self.current],
+            "speed": [r.as_json() for r in self.speed],
             "angle": [asdict(o) for o in self.angle],
             "frequency": None if self.frequency is None else asdict(self.frequency),
-        }  # fmt: skip
+        }
 
     def told(self) -> str:
-        """Return where it lies as a sentence, `unknown.where`; '' where no region holds most of it."""
+        """Return where it lies as a sentence, `unknown.where`; '' where no region holds most of
+        it."""
         most = [max(regions, key=lambda x: x.share) for regions in (self.speed, self.current)]
-        told = [f"{tenths(x.share)} {x.region}{_range(x.low, x.high, x.unit)}" for x in most if x.share >= MOSTLY]
+        told = [
+            f"{tenths(x.share)} {x.region}{_range(x.low, x.high, x.unit)}"
+            for x in most
+            if x.share >= MOSTLY
+        ]
         told += [f"{tenths(o.share)} of {o.of} order {o.order}" for o in self.angle]
         if self.frequency is not None:
-            told.append(f"{tenths(self.frequency.share)} at a fixed {self.frequency.hz:.0f} Hz at locked rotor")
+            told.append(
+                f"{tenths(self.frequency.share)} at a fixed {self.frequency.hz:.0f} Hz "
+                "at locked rotor"
+            )
         return f"Of what remains after the fit, {', '.join(told)}." if told else ""
 
 
@@ -107,8 +124,8 @@ def remaining(point: Point) -> Remaining:
 def regions(part: Decomposition, point: Point) -> Remaining:
     """Return where a residual that was taken apart lies; point: where the model stood that left it.
 
-    Orders and lines below DETAIL of what remains are left out; both signs of an order count together, and what turns
-    with the rotor (order 0) does not depend on its angle.
+    Orders and lines below DETAIL of what remains are left out; both signs of an order count
+    together, and what turns with the rotor (order 0) does not depend on its angle.
     """
     prepared = point.prepared
     rated = prepared.campaign.drive.motor.rated_current
@@ -120,12 +137,19 @@ def regions(part: Decomposition, point: Point) -> Remaining:
         merged[abs(n), "electrical"] = merged.get((abs(n), "electrical"), 0.0) + share
     merged |= {(n, "mechanical"): share for n, share in part.mechanical.items()}
     orders = [Order(n, of, min(1.0, x)) for (n, of), x in merged.items() if n and x > DETAIL]
-    line = None if part.line is None or part.line[1] <= DETAIL else Line(part.line[0], min(1.0, part.line[1]))
+    line = (
+        None
+        if part.line is None or part.line[1] <= DETAIL
+        else Line(part.line[0], min(1.0, part.line[1]))
+    )
     return Remaining(currents, speeds, tuple(sorted(orders, key=lambda o: -o.share)), line)
 
 
-def _regions(shares: Mapping[str, float], names: tuple[str, ...], bounds: list[float], unit: str) -> tuple[Region, ...]:
-    """Return regions in order; one's excess may outdo the whole where others fall below their floor: 1 at the most."""
+def _regions(
+    shares: Mapping[str, float], names: tuple[str, ...], bounds: list[float], unit: str
+) -> tuple[Region, ...]:
+    """Return regions in order; one's excess may outdo the whole where others fall below their
+    floor: 1 at the most."""
     ends = pairwise([0.0, *bounds, None])
     return tuple(
         Region(name, low or 0.0, high, unit, min(1.0, shares[name]))
@@ -135,8 +159,8 @@ def _regions(shares: Mapping[str, float], names: tuple[str, ...], bounds: list[f
 
 @dataclass(frozen=True)
 class OpenPart:
-    """A free regression fitted beside the effects: what it closes and consists of, every effect's chance with it, and
-    the parameters of effects, each in a set that holds it."""
+    """A free regression fitted beside the effects: what it closes and consists of, every effect's
+    chance with it, and the parameters of effects, each in a set that holds it."""
 
     beside: Beside
     inclusion: Inclusion
@@ -149,7 +173,10 @@ class OpenPart:
 
     def as_json(self) -> dict[str, Any]:
         """Return `unknown.beside` of `diagnosis.json`."""
-        return {"worth": self.beside.worth, "consists_of": [asdict(x) for x in self.beside.described]}
+        return {
+            "worth": self.beside.worth,
+            "consists_of": [asdict(x) for x in self.beside.described],
+        }
 
     def unbent(self, j: EvaluatedModel) -> EvaluatedModel:
         """Return a set of effects with the equations beside the regression."""
@@ -167,7 +194,8 @@ def own_of(effect: str, parameters: Mapping[str, Estimate]) -> dict[str, Estimat
 
 
 def open_part(d: Diagnosis, workers: int) -> OpenPart | None:
-    """Return a free regression beside the best hypothesis' effects; None where it predicts nothing."""
+    """Return a free regression beside the best hypothesis' effects; None where it predicts
+    nothing."""
     j = d.best.evaluated
     found = beside(replace(j.model, point=shortened(j.model.point)), j.prior, workers=workers)
     if found is None:

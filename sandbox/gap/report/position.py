@@ -1,10 +1,11 @@
 """The position estimate's own gap: the same estimator on recorded and on simulated currents.
 
-An estimator of the sandbox runs open loop (its estimate controls nothing) over the commands of a recording with
-injection and a turning rotor, once on the currents as recorded, once on those that the replay predicts before and
-after the diagnosis, noise added.  All errors are against the encoder's reading.  The injection was along an axis of the
-encoder's frame, which an estimator that watches its own axis (`qnull`, `inversion`) does not expect; the Kalman filter
-takes the commands as they are.
+An estimator of the sandbox runs open loop (its estimate controls nothing) over the commands of a
+recording with injection and a turning rotor, once on the currents as recorded, once on those that
+the replay predicts before and after the diagnosis, noise added.  All errors are against the
+encoder's reading.  The injection was along an axis of the encoder's frame, which an estimator that
+watches its own axis (`qnull`, `inversion`) does not expect; the Kalman filter takes the commands as
+they are.
 """
 
 from __future__ import annotations
@@ -38,9 +39,11 @@ TURNS = 2.0  # electrical, at least, before a rotor counts as turning
 
 @dataclass(frozen=True)
 class PositionError:
-    """Rms position error (deg electrical) over the turning recordings with injection, and what it was taken from.
+    """Rms position error (deg electrical) over the turning recordings with injection, and what it
+    was taken from.
 
-    believing_after: on recorded currents with a belief that has the diagnosed motor (not part of the contract).
+    believing_after: on recorded currents with a belief that has the diagnosed motor (not part of
+    the contract).
     """
 
     recorded: float
@@ -57,8 +60,9 @@ class PositionError:
 
 
 def compared(d: Diagnosis, estimator: str = ESTIMATOR, seed: int = 0) -> PositionError | str:
-    """Return the estimator's errors, or why there are none: no turning recording has injection, or no estimator can be
-    designed for the nominal model (no saliency, an injection that does not fit the sampling)."""
+    """Return the estimator's errors, or why there are none: no turning recording has injection, or
+    no estimator can be designed for the nominal model (no saliency, an injection that does not fit
+    the sampling)."""
     prepared = d.start.prepared
     chosen = [k for k, r in enumerate(prepared.recordings) if _suits(d, k)]
     drive = d.campaign.drive
@@ -66,16 +70,26 @@ def compared(d: Diagnosis, estimator: str = ESTIMATOR, seed: int = 0) -> Positio
         return _none_suits(d)
     rng = np.random.default_rng(seed)
     try:
-        recorded = [errors(drive, d.campaign[prepared.recordings[k].file], None, estimator) for k in chosen]
+        recorded = [
+            errors(drive, d.campaign[prepared.recordings[k].file], None, estimator) for k in chosen
+        ]
         before, after = (
-            [errors(drive, d.campaign[prepared.recordings[k].file], i, estimator) for k, i in simulated(p, chosen, rng)]
+            [
+                errors(drive, d.campaign[prepared.recordings[k].file], i, estimator)
+                for k, i in simulated(p, chosen, rng)
+            ]
             for p in (d.before.point, d.after.point)
         )
     except (BadInput, PhysicsError) as error:
         return f"the estimator '{estimator}' cannot run on these recordings: {error}"
     files = tuple(prepared.recordings[k].file for k in chosen)
     return PositionError(
-        _rms_deg(recorded), _rms_deg(before), _rms_deg(after), _believing(d, files, estimator), estimator, files
+        _rms_deg(recorded),
+        _rms_deg(before),
+        _rms_deg(after),
+        _believing(d, files, estimator),
+        estimator,
+        files,
     )
 
 
@@ -85,7 +99,8 @@ def _suits(d: Diagnosis, k: int) -> bool:
 
 
 def _injected(d: Diagnosis, k: int) -> bool:
-    """Return whether a recording has injection, a rotor that is not locked, and its angle as an encoder read it."""
+    """Return whether a recording has injection, a rotor that is not locked, and its angle as an
+    encoder read it."""
     r = d.start.prepared.recordings[k]
     own = d.campaign[r.file]
     return r.rotor != "locked" and own.injection_axis != "none" and own.made is None
@@ -101,8 +116,11 @@ def _none_suits(d: Diagnosis) -> str:
 
 
 def _believing(d: Diagnosis, files: tuple[str, ...], estimator: str) -> float | None:
-    """Return the error of a belief that has the motor found (magnetics, resistance), or None where none can be had."""
-    motor = true_motor(d.after.point.prepared.campaign.drive.motor, dict(d.after.point.values), keep_map=True)
+    """Return the error of a belief that has the motor found (magnetics, resistance), or None where
+    none can be had."""
+    motor = true_motor(
+        d.after.point.prepared.campaign.drive.motor, dict(d.after.point.values), keep_map=True
+    )
     drive = dataclasses.replace(d.campaign.drive, motor=motor)
     try:
         return _rms_deg([errors(drive, d.campaign[f], None, estimator) for f in files])
@@ -111,11 +129,15 @@ def _believing(d: Diagnosis, files: tuple[str, ...], estimator: str) -> float | 
 
 
 def simulated(point: Point, chosen: list[int], rng: np.random.Generator) -> list[tuple[int, Array]]:
-    """Return (recording, currents alpha, beta (n, 2) in A) that a point predicts, with sensor noise added."""
+    """Return (recording, currents alpha, beta (n, 2) in A) that a point predicts, with sensor noise
+    added."""
     part = Prepared(
-        point.prepared.campaign, tuple(point.prepared.recordings[k] for k in chosen), point.prepared.steps,
-        point.prepared.noise_std, point.prepared.base,
-    )  # fmt: skip
+        point.prepared.campaign,
+        tuple(point.prepared.recordings[k] for k in chosen),
+        point.prepared.steps,
+        point.prepared.noise_std,
+        point.prepared.base,
+    )
     predicted = replay(part, [point.values]).currents
     out = []
     for k, current in zip(chosen, predicted, strict=True):
@@ -125,9 +147,11 @@ def simulated(point: Point, chosen: list[int], rng: np.random.Generator) -> list
 
 
 def errors(drive: Drive, r: CampaignRecording, current: Array | None, estimator: str) -> Array:
-    """Return encoder's reading less estimate (n,) in rad, the start left out; current: (n, 2) in A, None as recorded.
+    """Return encoder's reading less estimate (n,) in rad, the start left out; current: (n, 2) in A,
+    None as recorded.
 
-    The rotor's first position is told.  BadInput or PhysicsError where no estimator can be designed for the drive.
+    The rotor's first position is told.  BadInput or PhysicsError where no estimator can be designed
+    for the drive.
     """
     own, before = load_estimator(estimator), len(r.settling.get("t", ()))
     r = r.with_settling()
@@ -149,7 +173,8 @@ def errors(drive: Drive, r: CampaignRecording, current: Array | None, estimator:
 
 
 def carrier_at(drive: Drive, r: CampaignRecording) -> Array:
-    """Return the injected waveform's primitive (n,) in s at each sample, its phase read off the commands."""
+    """Return the injected waveform's primitive (n,) in s at each sample, its phase read off the
+    commands."""
     wave = carrier(drive.injection, drive.converter)
     n = len(wave.waveform)
     turn = r.theta + (math.pi / 2.0 if r.injection_axis == "q" else 0.0)

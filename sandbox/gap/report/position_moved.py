@@ -1,10 +1,12 @@
-"""What each named effect does to the position error, were it alone in the drive: the closed loop runs with and without.
+"""What each named effect does to the position error, were it alone in the drive: the closed loop
+runs with and without.
 
-One estimator of each family (sandbox/gap/README.md says which stands for which): the null of an injected ripple
-(`qnull`), a Kalman filter with a model of the motor (`ekf`), both at low speed where only injection sees the rotor, and
-the flux behind the voltages at speed (`active_flux`).  All use the nominal motor values of the campaign, with rated
-current, over one mechanical turn.  At low speed the rotor turns freely under the estimate; at speed it is driven, since
-near standstill that estimator sees nothing and could not start it.
+One estimator of each family (sandbox/gap/README.md says which stands for which): the null of an
+injected ripple (`qnull`), a Kalman filter with a model of the motor (`ekf`), both at low speed
+where only injection sees the rotor, and the flux behind the voltages at speed (`active_flux`).  All
+use the nominal motor values of the campaign, with rated current, over one mechanical turn.  At low
+speed the rotor turns freely under the estimate; at speed it is driven, since near standstill that
+estimator sees nothing and could not start it.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ RAMP, SETTLE, LONGEST_TURN = 0.3, 0.5, 2.0  # s
 
 
 class Moved(NamedTuple):
-    """By how much an effect moves the mean of the error and its ripple (standard deviation), electrical degrees;
-    not finite where the rotor is lost, or where nothing could be run: why."""
+    """By how much an effect moves the mean of the error and its ripple (standard deviation),
+    electrical degrees; not finite where the rotor is lost, or where nothing could be run: why."""
 
     mean_deg: float
     ripple_deg: float
@@ -39,13 +41,16 @@ class Moved(NamedTuple):
         """Return the numbers, null where the rotor is lost or nothing was run."""
         none = not math.isfinite(self.mean_deg)
         return {
-            "mean_deg": None if none else self.mean_deg, "ripple_deg": None if none else self.ripple_deg,
-            "lost": none and not self.not_run, "not_run": self.not_run or None,
-        }  # fmt: skip
+            "mean_deg": None if none else self.mean_deg,
+            "ripple_deg": None if none else self.ripple_deg,
+            "lost": none and not self.not_run,
+            "not_run": self.not_run or None,
+        }
 
 
 def moved(drive: Drive, effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Moved]]:
-    """Return by effect and estimator what the effect's values (public names) do, or why that could not be run."""
+    """Return by effect and estimator what the effect's values (public names) do, or why that could
+    not be run."""
     out: dict[str, dict[str, Moved]] = {e: {} for e in effects}
     for name in ESTIMATORS if effects else ():
         base, why = None, ""
@@ -69,7 +74,8 @@ def _not_run(why: str) -> Moved:
 
 
 def _moved(setup: Setup, values: Mapping[str, float], base: tuple[float, float]) -> Moved:
-    """Return what values do to mean and ripple (base: without them); a run that breaks off has lost the rotor."""
+    """Return what values do to mean and ripple (base: without them); a run that breaks off has lost
+    the rotor."""
     try:
         found = _error(setup, values)
     except BadInput as error:  # none that a drive can have: an estimate at the end of its range
@@ -78,7 +84,11 @@ def _moved(setup: Setup, values: Mapping[str, float], base: tuple[float, float])
         found = None
     except PhysicsError as error:  # said before the run: the drive then cannot do what is asked for
         return _not_run(f"the drive cannot run so with the effect: {error}")
-    return Moved(math.nan, math.nan) if found is None else Moved(found[0] - base[0], found[1] - base[1])
+    return (
+        Moved(math.nan, math.nan)
+        if found is None
+        else Moved(found[0] - base[0], found[1] - base[1])
+    )
 
 
 def _ready(drive: Drive, estimator: str) -> Setup:
@@ -89,13 +99,18 @@ def _ready(drive: Drive, estimator: str) -> Setup:
     start = Segment(RAMP, 0.0, speed, ramp=RAMP)
     rotor, reference = ("driven", "current") if driven else ("free", "speed")
     scenario = Scenario(
-        "position", (start, Segment(RAMP + SETTLE + turn, 1.0, speed, ramp=RAMP)), rotor, reference, start_up=False
+        "position",
+        (start, Segment(RAMP + SETTLE + turn, 1.0, speed, ramp=RAMP)),
+        rotor,
+        reference,
+        start_up=False,
     )
     return set_up(drive, scenario, load_estimator(estimator), "saturated")
 
 
 def _error(setup: Setup, values: Mapping[str, float]) -> tuple[float, float] | None:
-    """Return mean and ripple (electrical degrees) over the last turn; None where the rotor is lost."""
+    """Return mean and ripple (electrical degrees) over the last turn; None where the rotor is
+    lost."""
     recording = run_once(setup, values).recording
     if is_lost(recording):
         return None

@@ -1,4 +1,5 @@
-"""The whole list: every effect of the library with its chance, size and share, and what it cannot be told from."""
+"""The whole list: every effect of the library with its chance, size and share, and what it cannot
+be told from."""
 
 from __future__ import annotations
 
@@ -21,17 +22,19 @@ from sandbox.gap.report.position_moved import Moved, moved
 from sandbox.gap.report.shares import Share, Shares, of_set, shares
 from sandbox.gap.report.told_apart import Telling, telling
 
-SLIGHT = 0.05  # chance of `unknown` below which no regression is fitted beside the effects; of an effect: no size
+# chance of `unknown` below which no regression is fitted beside the effects; of an effect: no size
+SLIGHT = 0.05
 LIKELY = 0.5  # chance from which an effect counts as there
 
 
 @dataclass(frozen=True)
 class Ranking:
     """Chances of all effects, the likeliest first; shares, and the waterfall of
-    the best hypothesis; parameters of each effect that may be there, in a set that holds it; chance of `unknown`; the
-    share of the gap that nothing in the library explains (None: no gap) and where that lies (None: nothing is left);
-    what a free regression beside the effects says (None where `unknown` is unlikely, or the regression predicts
-    nothing).  moved: by effect and estimator, what it does to the position error; told: what it is confused with."""
+    the best hypothesis; parameters of each effect that may be there, in a set that holds it; chance
+    of `unknown`; the share of the gap that nothing in the library explains (None: no gap) and where
+    that lies (None: nothing is left); what a free regression beside the effects says (None where
+    `unknown` is unlikely, or the regression predicts nothing).  moved: by effect and estimator,
+    what it does to the position error; told: what it is confused with."""
 
     inclusion: Inclusion
     shares: Shares
@@ -44,7 +47,8 @@ class Ranking:
     told: Mapping[str, Telling | None] = field(default_factory=dict)
 
     def as_json(self, following: Next | None = None) -> dict[str, Any]:
-        """Return `effects`, `groups`, `unknown` and `waterfall` of `diagnosis.json`; following: a planned recording."""
+        """Return `effects`, `groups`, `unknown` and `waterfall` of `diagnosis.json`; following: a
+        planned recording."""
         return {
             "effects": [self._effect(e, p) for e, p in self.inclusion.chances.items()],
             "groups": [
@@ -53,18 +57,27 @@ class Ranking:
             ],
             "unknown": {
                 "probability": self.unknown,
-                "share": asdict(Unexplained(0.0, None) if self.unexplained is None else self.unexplained),
+                "share": asdict(
+                    Unexplained(0.0, None) if self.unexplained is None else self.unexplained
+                ),
                 "where": "" if self.where is None else self.where.told(),
                 "regions": None if self.where is None else self.where.as_json(),
                 "beside": None if self.open_part is None else self.open_part.as_json(),
             },
-            "waterfall": [{"added": e, "J": j if math.isfinite(j) else None} for e, j in self.shares.waterfall],
+            "waterfall": [
+                {"added": e, "J": j if math.isfinite(j) else None} for e, j in self.shares.waterfall
+            ],
         }
 
     def sizes(self, effect: str) -> dict[str, Estimate]:
-        """Return an effect's parameters: beside the free regression, where something outside the library is likely."""
+        """Return an effect's parameters: beside the free regression, where something outside the
+        library is likely."""
         bent = self.parameters.get(effect, {})
-        return self.open_part.parameters.get(effect, bent) if self.beside_unknown and self.open_part else bent
+        return (
+            self.open_part.parameters.get(effect, bent)
+            if self.beside_unknown and self.open_part
+            else bent
+        )
 
     @property
     def beside_unknown(self) -> bool:
@@ -88,19 +101,26 @@ class Ranking:
             "group": None if group is None else list(group),
             **({"tellable": None, "confused_with": None} if telling is None else telling.as_json()),
             "position": {k: m.as_json() for k, m in self.moved.get(name, {}).items()},
-            "beside_unknown": None if self.open_part is None else beside_unknown(self.open_part, name),
+            "beside_unknown": None
+            if self.open_part is None
+            else beside_unknown(self.open_part, name),
         }
 
 
 def beside_unknown(part: OpenPart, name: str) -> dict[str, Any]:
     """Return an effect's chance and parameters beside a free regression."""
     own = part.parameters.get(name, {})
-    return {"probability": part.chances.get(name, 0.0), "parameters": {k: parameter(e) for k, e in own.items()}}
+    return {
+        "probability": part.chances.get(name, 0.0),
+        "parameters": {k: parameter(e) for k, e in own.items()},
+    }
 
 
 def parameter(e: Estimate) -> dict[str, Any]:
     """Return one parameter as the contract has it."""
-    return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} | ({"at_bound": True} if e.at_bound else {})
+    return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} | (
+        {"at_bound": True} if e.at_bound else {}
+    )
 
 
 def advised(d: Diagnosis, r: Ranking) -> dict[str, str]:
@@ -108,29 +128,38 @@ def advised(d: Diagnosis, r: Ranking) -> dict[str, str]:
     drive, out = d.campaign.drive, dict[str, str]()
     for e, own in r.parameters.items():
         if own:
-            out |= what_to_do([e], {k: p.value for k, p in own.items()}, drive.motor, drive.converter)
+            out |= what_to_do(
+                [e], {k: p.value for k, p in own.items()}, drive.motor, drive.converter
+            )
     return out
 
 
 def parted_by(group: tuple[str, ...], following: Next | None) -> dict[str, str]:
-    """Return the recording that tells each effect of a group apart: the planned one where it separates a set that holds
-    this effect from one that holds another of the group instead, else what the effect's card says."""
+    """Return the recording that tells each effect of a group apart: the planned one where it
+    separates a set that holds this effect from one that holds another of the group instead, else
+    what the effect's card says."""
     sets = () if following is None else [{e for e in s if e in group} for s in following.separates]
     out = {}
     for effect in group:
         having, lacking = ([s for s in sets if (effect in s) == there] for there in (True, False))
         parts = following is not None and any(b - a for a in having for b in lacking)
-        out[effect] = planned(following) if parts and following else library.load_effect(effect).separated_by
+        out[effect] = (
+            planned(following) if parts and following else library.load_effect(effect).separated_by
+        )
     return out
 
 
 def planned(following: Next) -> str:
     """Return a planned recording in words."""
-    return f"the recording planned next ({following.entry}): {following.description}, for {following.seconds:g} s"
+    return (
+        f"the recording planned next ({following.entry}): {following.description}, for "
+        f"{following.seconds:g} s"
+    )
 
 
 def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking:
-    """Return the whole list of a diagnosis; position: whether closed loops say what effects do to it."""
+    """Return the whole list of a diagnosis; position: whether closed loops say what effects do to
+    it."""
     own: dict[str, dict[str, Estimate]] = {}
     for h, parameters in zip(d.hypotheses, d.parameters, strict=True):
         for e in h.effects:
@@ -149,8 +178,8 @@ def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking
 
 
 def included(d: Diagnosis, part: OpenPart | None) -> Inclusion:
-    """Return the chances of all effects: those of the sets without `unknown`, those beside the free regression as often
-    as `unknown` stands beside effects, none as often as it stands alone."""
+    """Return the chances of all effects: those of the sets without `unknown`, those beside the free
+    regression as often as `unknown` stands beside effects, none as often as it stands alone."""
     alone = sum(h.probability for h in d.hypotheses if h.effects == (UNKNOWN,))
     if part is None:
         found = inclusion(d.hypotheses)
@@ -162,9 +191,10 @@ def included(d: Diagnosis, part: OpenPart | None) -> Inclusion:
 
 
 def completed(d: Diagnosis, r: Ranking) -> Ranking:
-    """Return the list with sizes, and what it is confused with, of every effect that may be there, and the share of
-    every effect that is likely to be: those that are not in the best hypothesis as they are in the most probable set
-    that holds them, by the equations at the best hypothesis' point."""
+    """Return the list with sizes, and what it is confused with, of every effect that may be there,
+    and the share of every effect that is likely to be: those that are not in the best hypothesis as
+    they are in the
+    most probable set that holds them, by the equations at the best hypothesis' point."""
     sets, sized, told = _Sets(d, r), dict(r.parameters), dict[str, Telling | None]()
     of, part = dict(r.shares.of), r.open_part
     for e, chance in r.inclusion.chances.items():
@@ -185,8 +215,11 @@ def completed(d: Diagnosis, r: Ranking) -> Ranking:
 
 
 def ordered(chances: Mapping[str, float], of: Mapping[str, Share]) -> dict[str, float]:
-    """Return chances, those of likely effects first, the largest share first, then all others, the likeliest first."""
-    shares = {e: of[e].value if e in of and math.isfinite(of[e].value) else -math.inf for e in chances}
+    """Return chances, those of likely effects first, the largest share first, then all others, the
+    likeliest first."""
+    shares = {
+        e: of[e].value if e in of and math.isfinite(of[e].value) else -math.inf for e in chances
+    }
     likely = [e for e in chances if chances[e] > LIKELY]
     first = sorted(likely, key=lambda e: (-shares[e], -chances[e]))
     rest = sorted((e for e in chances if e not in likely), key=lambda e: -chances[e])
@@ -194,17 +227,20 @@ def ordered(chances: Mapping[str, float], of: Mapping[str, Share]) -> dict[str, 
 
 
 class _Sets:
-    """The sets that hold effects, by the equations at the best hypothesis' point, and their shares, each worked out
-    once."""
+    """The sets that hold effects, by the equations at the best hypothesis' point, and their shares,
+    each worked out once."""
 
     def __init__(self, d: Diagnosis, r: Ranking) -> None:
         self.best, self.inclusion = d.best.evaluated, r.inclusion
         self.part = r.open_part if r.beside_unknown else None
-        self.known: dict[tuple[str, ...], EvaluatedModel] = {tuple(sorted(self.best.effects)): self.best}
+        self.known: dict[tuple[str, ...], EvaluatedModel] = {
+            tuple(sorted(self.best.effects)): self.best
+        }
         self.shared: dict[int, dict[str, Share]] = {}
 
     def holding(self, effect: str) -> EvaluatedModel | None:
-        """Return the best hypothesis if it holds an effect, else the most probable set that does."""
+        """Return the best hypothesis if it holds an effect, else the most probable set that
+        does."""
         if effect in self.best.effects:
             return self.best
         key = self.inclusion.most_probable(effect)
@@ -215,9 +251,12 @@ class _Sets:
         return self.known[key]
 
     def shares(self, j: EvaluatedModel) -> dict[str, Share]:
-        """Return the shares of a set's effects: at sizes that no unknown part bends, where one is likely.  None of a
-        set that was not fitted, with an effect that is there or not, nothing between (a shaft): no replay has it."""
-        if any(j.model.coordinates[k].form == "share" for e in j.effects for k in j.model.members[e]):
+        """Return the shares of a set's effects: at sizes that no unknown part bends, where one is
+        likely.  None of a set that was not fitted, with an effect that is there or not, nothing
+        between (a shaft): no replay has it."""
+        if any(
+            j.model.coordinates[k].form == "share" for e in j.effects for k in j.model.members[e]
+        ):
             return {}
         if id(j) not in self.shared:
             self.shared[id(j)] = of_set(j if self.part is None else self.part.unbent(j))

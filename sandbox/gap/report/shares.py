@@ -1,21 +1,23 @@
-"""How much of the gap each effect explains, and how the gap shrinks as they are added one after the other.
+"""How much of the gap each effect explains, and how the gap shrinks as they are added one after the
+other.
 
-An effect is added at the size that it has in the best hypothesis, and replayed; meanwhile only ordinary deviations
-follow, by algebra.  Those that are effects, too, may still deviate from the effect's size: a resistance 12 % off is
-known no better than a right one.
-What it then explains depends on which effects are there already: its share is the mean over all orders of adding
-(Shapley, Contributions to the Theory of Games II (1953) 307).  Squared residuals hold effects one by one and in pairs,
-and then this is the mean of two places, added first (`alone`) and added last: two replays an effect.  What three at
-once or the drive's nonlinearity add, 2 to 6 % of the gap in three campaigns of four to six effects, is shared out in
-proportion, so that shares sum to what is explained.  The interval is a bootstrap over recordings.
+An effect is added at the size that it has in the best hypothesis, and replayed; meanwhile only
+ordinary deviations follow, by algebra.  Those that are effects, too, may still deviate from the
+effect's size: a resistance 12 % off is known no better than a right one.
+What it then explains depends on which effects are there already: its share is the mean over all
+orders of adding (Shapley, Contributions to the Theory of Games II (1953) 307).  Squared residuals
+hold effects one by one and in pairs, and then this is the mean of two places, added first (`alone`)
+and added last: two replays an effect.  What three at once or the drive's nonlinearity add, 2 to 6 %
+of the gap in three campaigns of four to six effects, is shared out in proportion, so that shares
+sum to what is explained.  The interval is a bootstrap over recordings.
 
-An effect that partly cancels others, so that the gap grows without it, has a negative share.  With sizes refitted for
-each set one of two correlated effects would stand in for the other, and get half of a gap that a bench without it still
-has
+An effect that partly cancels others, so that the gap grows without it, has a negative share.  With
+sizes refitted for each set one of two correlated effects would stand in for the other, and get half
+of a gap that a bench without it still has
 (`experiments.shares_truth`).
 
-Shares are of the fit to all recordings.  The waterfall is of the fit without those held out, on which it is told: the
-same fits as `gap.before` and `gap.after`, between which it lies.
+Shares are of the fit to all recordings.  The waterfall is of the fit without those held out, on
+which it is told: the same fits as `gap.before` and `gap.after`, between which it lies.
 """
 
 from __future__ import annotations
@@ -46,8 +48,8 @@ DRAWS = 400  # of the bootstrap
 
 
 class Share(NamedTuple):
-    """An effect's share of the reducible gap, its interval (NaN where there is none), and what the gap loses with this
-    effect and no other."""
+    """An effect's share of the reducible gap, its interval (NaN where there is none), and what the
+    gap loses with this effect and no other."""
 
     value: float
     low: float
@@ -57,13 +59,15 @@ class Share(NamedTuple):
     @property
     def ci95(self) -> list[float] | None:
         """The interval, None where there is none."""
-        return [self.low, self.high] if math.isfinite(self.low) and math.isfinite(self.high) else None
+        return (
+            [self.low, self.high] if math.isfinite(self.low) and math.isfinite(self.high) else None
+        )
 
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares by effect, largest first, and the normalised rms on the recordings held out after each effect of the best
-    hypothesis is added in this order."""
+    """Shares by effect, largest first, and the normalised rms on the recordings held out after each
+    effect of the best hypothesis is added in this order."""
 
     of: dict[str, Share]
     waterfall: tuple[tuple[str, float], ...]
@@ -82,22 +86,32 @@ def shares(d: Diagnosis) -> Shares:
 def of_set(j: EvaluatedModel, explained: float | None = None) -> dict[str, Share]:
     """Return the shares of a set's effects, at the sizes that they have in it.
 
-    explained: share of the gap that the fit of the set explains, which shares sum to; None where the set was not fitted
-    (its equations are those of another one's point): what it explains is replayed, too.  One recording has no interval,
-    nor has a gap that so few recordings show that more than UNDEFINED of the draws have none.
+    explained: share of the gap that the fit of the set explains, which shares sum to; None where
+    the set was not fitted (its equations are those of another one's point): what it explains is
+    replayed, too.  One recording has no interval, nor has a gap that so few recordings show that
+    more than UNDEFINED of the draws have none.
     """
     named = j.effects
-    nothing, full = _replayed(j, named), _left(j.fit.normal) if explained is not None else _replayed(j, ())
+    nothing, full = (
+        _replayed(j, named),
+        _left(j.fit.normal) if explained is not None else _replayed(j, ()),
+    )
     counts = _counts(j.fit.normal)
     gap = nothing - counts
     alone = np.array([nothing - _replayed(j, [x for x in named if x != e]) for e in named])
     last = np.array([_replayed(j, [e]) - full for e in named])
     pick = np.random.default_rng(1).integers(full.size, size=(DRAWS, full.size))
     with np.errstate(invalid="ignore", divide="ignore"):
-        scale = 1.0 if explained is None else explained * gap.sum() / (nothing - full).sum()  # the gap as fitted
-        drawn = scale * shared_out(alone[:, pick].sum(2), last[:, pick].sum(2), (nothing - full)[pick].sum(1))
+        # the gap as fitted
+        scale = 1.0 if explained is None else explained * gap.sum() / (nothing - full).sum()
+        drawn = scale * shared_out(
+            alone[:, pick].sum(2), last[:, pick].sum(2), (nothing - full)[pick].sum(1)
+        )
         low, high = interval_of(drawn / gap[pick].sum(1))
-        if full.size < 2 or np.mean(gap[pick].sum(1) <= USUAL.misses * counts[pick].sum(1)) > UNDEFINED:
+        if (
+            full.size < 2
+            or np.mean(gap[pick].sum(1) <= USUAL.misses * counts[pick].sum(1)) > UNDEFINED
+        ):
             low, high = np.full((2, len(named)), math.nan)
         value = scale * shared_out(alone.sum(1), last.sum(1), (nothing - full).sum()) / gap.sum()
         single = scale * alone.sum(1) / gap.sum()
@@ -105,7 +119,8 @@ def of_set(j: EvaluatedModel, explained: float | None = None) -> dict[str, Share
 
 
 def interval_of(drawn: Array) -> Array:
-    """Return the ends (2, n) of 95 % intervals of draws (n, draws); NaN for what no draw has a share of."""
+    """Return the ends (2, n) of 95 % intervals of draws (n, draws); NaN for what no draw has a
+    share of."""
     out, known = np.full((2, len(drawn)), math.nan), ~np.isnan(drawn).all(1)
     out[:, known] = np.nanpercentile(drawn[known], [2.5, 97.5], axis=1)
     return out
@@ -125,8 +140,9 @@ def _values(j: EvaluatedModel, gone: Sequence[str]) -> Array:
 
 
 def only_ordinary(j: EvaluatedModel, gone: Sequence[str], best: Array) -> Prior:
-    """Return the prior under which ordinary deviations alone are free: effects that are `gone` held at neutral, the
-    others of the hypothesis at `best` (p,).  Where one is an ordinary deviation, too, it deviates from there."""
+    """Return the prior under which ordinary deviations alone are free: effects that are `gone` held
+    at neutral, the others of the hypothesis at `best` (p,).  Where one is an ordinary deviation,
+    too, it deviates from there."""
     prior, narrow = held_at_neutral(j, gone), j.model.narrow
     missing = {k for e in gone for k in j.model.members[e]}
     held = [k for e in j.effects if e not in gone for k in j.model.members[e] if k not in missing]
@@ -154,8 +170,8 @@ def _counts(n: Normal) -> Array:
 
 
 def _replayed(j: EvaluatedModel, gone: Sequence[str]) -> Array:
-    """Return the squares that each recording leaves (r,) where effects are missing; by algebra where that point is
-    none that a drive can have."""
+    """Return the squares that each recording leaves (r,) where effects are missing; by algebra
+    where that point is none that a drive can have."""
     try:
         found = _left(normal(without(j, gone), ()))
     except BadInput:
@@ -173,7 +189,8 @@ def _predicted(j: EvaluatedModel, gone: Sequence[str]) -> Array:
 
 
 def _waterfall(d: Diagnosis, ranked: Sequence[str]) -> list[tuple[str, float]]:
-    """Return each effect with the normalised rms once it and those before it are added; the last is the fit's own."""
+    """Return each effect with the normalised rms once it and those before it are added; the last is
+    the fit's own."""
     chosen = list(d.held_out) or list(range(len(d.start.prepared.recordings)))
     out = []
     for k, effect in enumerate(ranked[:-1]):
@@ -186,9 +203,9 @@ def _waterfall(d: Diagnosis, ranked: Sequence[str]) -> list[tuple[str, float]]:
 
 
 def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
-    """Return the point at which effects are missing of the fit without the recordings held out: the others' sizes are
-    that fit's.  Ordinary deviations follow by its equations, which have not seen those recordings either; where one is
-    an effect, too, it deviates from that effect's size."""
+    """Return the point at which effects are missing of the fit without the recordings held out: the
+    others' sizes are that fit's.  Ordinary deviations follow by its equations, which have not seen
+    those recordings either; where one is an effect, too, it deviates from that effect's size."""
     n, campaign, values = d.after.normal, d.campaign, d.after.point.values
     usual = {c.label: c for c in ordinary(campaign)}
     own = {e: of_effect(e, campaign.drive, values) for e in d.after.effects}
@@ -209,18 +226,23 @@ def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
 
 
 def is_shape_only(j: EvaluatedModel, effect: str) -> bool:
-    """Return whether an effect has no size that could be taken to neutral on the way (a shaft's stiffness)."""
+    """Return whether an effect has no size that could be taken to neutral on the way (a shaft's
+    stiffness)."""
     return all(j.model.coordinates[k].form in ("log", "presence") for k in j.model.members[effect])
 
 
 def without(j: EvaluatedModel, gone: Sequence[str]) -> Point:
-    """Return the point at which effects are missing and ordinary deviations follow by algebra; shapes at neutral."""
+    """Return the point at which effects are missing and ordinary deviations follow by algebra;
+    shapes at neutral."""
     shapes = [e for e in gone if is_shape_only(j, e)]
     return _brought(j.model.point, j.normal.coordinates, _values(j, gone), shapes)
 
 
-def _brought(point: Point, coordinates: Sequence[Coordinate], x: Array, shapes: Sequence[str]) -> Point:
-    """Return a point with coordinates at x (p,), and effects that are nothing but shapes at neutral."""
+def _brought(
+    point: Point, coordinates: Sequence[Coordinate], x: Array, shapes: Sequence[str]
+) -> Point:
+    """Return a point with coordinates at x (p,), and effects that are nothing but shapes at
+    neutral."""
     moved = [(c, to) for c, to in zip(coordinates, x, strict=True) if c.form not in STEPS]
     point = point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
     neutral = library.neutral(point.prepared.campaign.drive.motor)

@@ -1,7 +1,9 @@
-"""A diagnosis as the simulator takes it: the refitted motor, and the effects with which it meets the recordings.
+"""A diagnosis as the simulator takes it: the refitted motor, and the effects with which it meets
+the recordings.
 
-All recordings count: values are those of the most probable hypothesis' fit to the whole campaign (as in `hypotheses`),
-and the residual stated with them is the one that they leave.  `gap.after` is of a fit without the recordings held out.
+All recordings count: values are those of the most probable hypothesis' fit to the whole campaign
+(as in `hypotheses`), and the residual stated with them is the one that they leave.  `gap.after` is
+of a fit without the recordings held out.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from sandbox.gap.report.bounds import at_bound
 from sandbox.output.refitted import Refitted
 from sandbox.plant.sets import BENCH, complete
 
-UNTOLD = 0.9  # of the standard deviation that a value had before: recordings that leave so much say nothing of it
+# of the standard deviation that a value had before: recordings that leave so much say nothing of it
+UNTOLD = 0.9
 
 
 def refitted(d: Diagnosis) -> Refitted:
@@ -41,7 +44,8 @@ def refitted(d: Diagnosis) -> Refitted:
     effects = beside(motor, own.converter, values)
     shown = [e for e in d.best.effects if e != UNKNOWN]
     said = (
-        f"Refitted to the recordings of '{d.campaign.name}' by sensorless diagnose: {', '.join(shown) or 'no effect'}"
+        f"Refitted to the recordings of '{d.campaign.name}' by sensorless diagnose: "
+        f"{', '.join(shown) or 'no effect'}"
     )
     if UNKNOWN in d.best.effects:
         said += ", beside something outside the library (believe residuals, not names)"
@@ -52,22 +56,36 @@ def refitted(d: Diagnosis) -> Refitted:
         if key in untold:
             told[key] = "as stated: these recordings say nothing of it"
     drive = dataclasses.replace(own, motor=motor, provenance=told)
-    units = {name: p.unit for name, p in library.parameters().items()} | {name: p.unit for name, p in BENCH.items()}
-    parts = {} if d.campaign.excerpts is None else {e.file: e.of for e in d.campaign.excerpts.parts if e.file != e.of}
-    angles = {name: turn for name, turn in turns.items() if turn and name not in parts}  # a replay has no parts
+    units = {name: p.unit for name, p in library.parameters().items()} | {
+        name: p.unit for name, p in BENCH.items()
+    }
+    parts = (
+        {}
+        if d.campaign.excerpts is None
+        else {e.file: e.of for e in d.campaign.excerpts.parts if e.file != e.of}
+    )
+    # a replay has no parts
+    angles = {name: turn for name, turn in turns.items() if turn and name not in parts}
     bounds = at_bound(found, d.at_bound)
-    return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said, bounds, flux_map)
+    return Refitted(
+        drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said, bounds, flux_map
+    )
 
 
 def _untold(judged: EvaluatedModel) -> set[str]:
     """Return the motor's values that are as uncertain as before."""
     s, before = spread(judged), prior_of(judged.fit.coordinates).deviation
-    places = {key: s.place[name] for name, key in {**library.replaced(), **library.scaled()}.items() if name in s.place}
+    places = {
+        key: s.place[name]
+        for name, key in {**library.replaced(), **library.scaled()}.items()
+        if name in s.place
+    }
     return {key for key, k in places.items() if 0.0 < UNTOLD * before[k] <= s.sd[k] / SPREAD}
 
 
 def rescaled(values: Mapping[str, float], before: Motor, after: Motor) -> dict[str, float]:
-    """Return a set whose factors of inductances say of one motor what they said of another: 1/(s L) - 1/L stays."""
+    """Return a set whose factors of inductances say of one motor what they said of another: 1/(s
+    L) - 1/L stays."""
     out = dict(values)
     for name, field in library.scaled().items():
         ratio = getattr(after, field) / getattr(before, field) if getattr(before, field) else 1.0
@@ -77,13 +95,19 @@ def rescaled(values: Mapping[str, float], before: Motor, after: Motor) -> dict[s
 
 
 def baked(motor: Motor, values: Mapping[str, float]) -> Motor:
-    """Return the motor with the values that a set replaces; a flux map stays, and so does its magnet flux."""
+    """Return the motor with the values that a set replaces; a flux map stays, and so does its
+    magnet flux."""
     true = true_motor(motor, values, keep_map=True)
-    return dataclasses.replace(true, magnet_flux=motor.magnet_flux) if isinstance(motor, MappedMotor) else true
+    return (
+        dataclasses.replace(true, magnet_flux=motor.magnet_flux)
+        if isinstance(motor, MappedMotor)
+        else true
+    )
 
 
 def beside(motor: Motor, converter: Converter, values: Mapping[str, float]) -> dict[str, float]:
-    """Return what of a completed set is not neutral beside a motor that already holds its values."""
+    """Return what of a completed set is not neutral beside a motor that already holds its
+    values."""
     neutral = complete(motor, converter)
     done = () if isinstance(motor, MappedMotor) else library.scaled()
     moved = {k: v for k, v in values.items() if v == v and v != neutral[k] and k not in done}
@@ -91,7 +115,8 @@ def beside(motor: Motor, converter: Converter, values: Mapping[str, float]) -> d
 
 
 def residual_of(found: Fit, parts: Mapping[str, str]) -> dict[str, float]:
-    """Return the rms of each recording's currents over the noise floor at a fit; parts: of which they are parts."""
+    """Return the rms of each recording's currents over the noise floor at a fit; parts: of which
+    they are parts."""
     files = [parts.get(r.file, r.file) for r in found.point.prepared.recordings]
     sums: dict[str, tuple[float, float]] = {}
     for s in found.normal.segments:

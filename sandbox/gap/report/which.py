@@ -12,7 +12,9 @@ from sandbox.gap.words import capital, likely, names, percent_fine, sizes, tenth
 
 HALF = 0.5  # chance of `unknown` below which it is not what most probably is at work
 FEW = 3  # effects whose sizes a sentence holds; more stand in the list of effects alone
-OPEN = 0.05  # chance of `unknown` from which it is told beside "no gap": what a list that holds 95 % may leave out
+# chance of `unknown` from which it is told beside "no gap": what a list that holds 95 % may leave
+# out
+OPEN = 0.05
 SEEN = 0.005  # share of the gap from which the sentence gives it
 NEARLY_ALL = 0.99  # share of the gap: what closes so much leaves no room for "not in the library"
 BADGES = {
@@ -24,21 +26,27 @@ BADGES = {
 
 
 def chance_of_unknown(d: Diagnosis) -> float:
-    """Return the probability that something outside the library is at work, alone or beside named effects."""
+    """Return the probability that something outside the library is at work, alone or beside named
+    effects."""
     return sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
 
 
 def badge(d: Diagnosis) -> str:
-    """Return a key of BADGES: the verdict, one word everywhere; what is known beside it stands in the sentence."""
+    """Return a key of BADGES: the verdict, one word everywhere; what is known beside it stands in
+    the sentence."""
     return verdict(d)
 
 
 def which_text(
-    d: Diagnosis, shares: Mapping[str, float] | None = None, chances: Mapping[str, float] | None = None
+    d: Diagnosis,
+    shares: Mapping[str, float] | None = None,
+    chances: Mapping[str, float] | None = None,
 ) -> str:
-    """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates.
+    """Return which effect causes it, or that none does, or that it cannot be told; and which were
+    no candidates.
 
-    shares: of the gap, by effect of the best hypothesis; chances: of effects, as the list of all of them has them.
+    shares: of the gap, by effect of the best hypothesis; chances: of effects, as the list of all of
+    them has them.
     """
     return _which(d, shares or {}, chances or {}) + _hidden(d.out_of_sight)
 
@@ -47,8 +55,14 @@ def _hidden(hidden: Sequence[str]) -> str:
     """Return which effects were no candidates, and why, with a blank before each sentence."""
     motion = [e for e in hidden if library.load_effect(e).subsystem == "mechanics"]
     angle = [e for e in hidden if e not in motion]
-    text = f" No rotor turned freely: {', '.join(map(words, motion))} were no candidates." if motion else ""
-    return text + (f" No angle was read: {', '.join(map(words, angle))} were no candidates." if angle else "")
+    text = (
+        f" No rotor turned freely: {', '.join(map(words, motion))} were no candidates."
+        if motion
+        else ""
+    )
+    return text + (
+        f" No angle was read: {', '.join(map(words, angle))} were no candidates." if angle else ""
+    )
 
 
 def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, float]) -> str:
@@ -58,7 +72,11 @@ def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, floa
         text = f"None: ordinary deviations alone are {likely(best.probability)}."
         text += f" Too slight to exclude: {_listed(others, ', ', shares)}." if others else ""
         outside = chance_of_unknown(d)
-        return f"{text} Something outside the library is {likely(outside)}." if outside >= OPEN else text
+        return (
+            f"{text} Something outside the library is {likely(outside)}."
+            if outside >= OPEN
+            else text
+        )
     if named == UNKNOWN and chance_of_unknown(d) >= HALF:
         return _outside(d, shares)
     if named in (UNKNOWN, "ambiguous"):
@@ -72,25 +90,35 @@ def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, floa
             return f"{first}. Not sure beside {them}: {_disputed(d, sure, chances)}."
         return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ', shares)}."
     if len(best.effects) > FEW:
-        return f"{len(best.effects)} effects at once, {likely(best.probability)}. {_by_share(best.effects, shares)}"
-    return f"{capital(_with_shares(best.effects, shares))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
+        return (
+            f"{len(best.effects)} effects at once, {likely(best.probability)}. "
+            f"{_by_share(best.effects, shares)}"
+        )
+    return (
+        f"{capital(_with_shares(best.effects, shares))}, {likely(best.probability)}: "
+        f"{sizes(d.parameters[0])}."
+    )
 
 
 def by_share(effects: Sequence[str], shares: Mapping[str, float]) -> list[str]:
-    """Return effects in the order of their share of the gap, the largest first, and `unknown` last; without shares as
-    they are."""
+    """Return effects in the order of their share of the gap, the largest first, and `unknown` last;
+    without shares as they are."""
     return sorted(effects, key=lambda e: (e == UNKNOWN, -shares.get(e, 0.0)))
 
 
 def _with_shares(effects: Sequence[str], shares: Mapping[str, float], fewest: int = 2) -> str:
-    """Return a few effects, the largest share of the gap first, each with its share from so many on."""
+    """Return a few effects, the largest share of the gap first, each with its share from so many
+    on."""
     if len(effects) < fewest or not any(shares.get(e, 0.0) for e in effects):
         return names(effects)
-    return " + ".join(f"{words(e)} ({tenths(shares.get(e, 0.0))} of the gap)" for e in by_share(effects, shares))
+    return " + ".join(
+        f"{words(e)} ({tenths(shares.get(e, 0.0))} of the gap)" for e in by_share(effects, shares)
+    )
 
 
 def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
-    """Return many effects in one sentence, the largest share of the gap first, and where their sizes are."""
+    """Return many effects in one sentence, the largest share of the gap first, and where their
+    sizes are."""
     ranked = by_share(effects, shares)
     large = [f"{words(e)} ({tenths(shares[e])})" for e in ranked if abs(shares.get(e, 0.0)) >= SEEN]
     small = [words(e) for e in ranked if not abs(shares.get(e, 0.0)) >= SEEN]
@@ -100,10 +128,12 @@ def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
 
 
 def _disputed(d: Diagnosis, sure: Sequence[str], told: Mapping[str, float]) -> str:
-    """Return what only some of the likely hypotheses hold beside effects that all of them do, with its chance: the one
-    that was told, or else the sum over hypotheses."""
+    """Return what only some of the likely hypotheses hold beside effects that all of them do, with
+    its chance: the one that was told, or else the sum over hypotheses."""
     held = {e for h in d.ambiguity_set for e in h.effects} - set(sure)
-    chances = {e: told.get(e, sum(h.probability for h in d.hypotheses if e in h.effects)) for e in held}
+    chances = {
+        e: told.get(e, sum(h.probability for h in d.hypotheses if e in h.effects)) for e in held
+    }
     ranked = sorted(held, key=lambda e: (-chances[e], e))
     said = {e: "something outside the library" if e == UNKNOWN else words(e) for e in held}
     return ", ".join(f"{said[e]} ({percent(chances[e])})" for e in ranked)
@@ -114,7 +144,10 @@ def _outside(d: Diagnosis, shares: Mapping[str, float]) -> str:
     chance, named = likely(chance_of_unknown(d)), _named(d.best)
     if named:
         besides = f"Something outside the library is at work, {chance}"
-        return f"{besides}; beside it, and less surely the more there is of it: {_with_shares(named, shares, 1)}."
+        return (
+            f"{besides}; beside it, and less surely the more there is of it: "
+            f"{_with_shares(named, shares, 1)}."
+        )
     outside = f"that something outside the library is at work is {chance}"
     if _hardly_open(d):
         closed = percent_fine(d.size.closed or 0.0)

@@ -1,1 +1,2 @@
-"""What a campaign does not state and its readings tell: counts of the PWM timer, offsets that drift."""
+"""What a campaign does not state and its readings tell: counts of the PWM timer, offsets that
+drift."""

@@ -1,11 +1,14 @@
-"""Do the current sensors' offsets differ from recording to recording?  Then the differences are taken off first.
+"""Do the current sensors' offsets differ from recording to recording?  Then the differences are
+taken off first.
 
-An effect has one value for a campaign, and so has an offset; but sensors warm up, and recordings are made on two days.
-A machine or an inverter moves the current with the rotor; over whole turns of it a constant in a phase's readings is
-its sensor's, whatever else the model misses.  It is known to the scatter of its turns, far better than any prior of it,
-so the readings are corrected by it: one number a sensor and turning recording, about the recordings' median, which
-stays as the campaign's own offset.  A sensor that reads one half of a wave too small has a constant, too, which grows
-with the current; its even harmonics tell it.  What locked rotors read says nothing of an offset and stays.
+An effect has one value for a campaign, and so has an offset; but sensors warm up, and recordings
+are made on two days. A machine or an inverter moves the current with the rotor; over whole turns of
+it a constant in a phase's readings is its sensor's, whatever else the model misses.  It is known to
+the scatter of its turns, far better than any prior of it, so the readings are corrected by it: one
+number a sensor and turning recording, about the
+recordings' median, which stays as the campaign's own offset.  A sensor that reads one half of a
+wave too small has a constant, too, which grows with the current; its even harmonics tell it.  What
+locked rotors read says nothing of an offset and stays.
 """
 
 from __future__ import annotations
@@ -30,7 +33,8 @@ Array = NDArray[np.float64]
 FEWEST = 4  # whole turns of a recording
 PER_TURN = 12  # samples a turn needs
 SURE = 5.0  # standard errors
-EVEN = 0.1  # squares of even harmonics over those of the offset: a half wave that a sensor cuts has 0.22
+# squares of even harmonics over those of the offset: a half wave that a sensor cuts has 0.22
+EVEN = 0.1
 NAMED = 3  # recordings whose offsets a sentence holds
 SENSORS = ("i_a", "i_b", "i_c")
 NONE = (0.0, 0.0, 0.0)
@@ -38,7 +42,8 @@ NONE = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Drifting:
-    """By turning recording how far (A) the offset of each sensor lies beside the median, and its standard error (A)."""
+    """By turning recording how far (A) the offset of each sensor lies beside the median, and its
+    standard error (A)."""
 
     offsets: Mapping[str, tuple[float, float, float]]
     errors: Mapping[str, float]
@@ -54,48 +59,66 @@ class Drifting:
         within = quantity(2.0 * max(self.errors.values()), "A")
         return (
             "The offsets of current sensors differ from recording to recording: sensor "
-            f"{'abc'[sensor]} reads {said} beside their median, within {within}. "
-            "This was taken off before anything else; measure offsets at rest before each recording."
+            f"{'abc'[sensor]} reads {said} beside their median, within {within}. This was taken "
+            "off before anything else; measure offsets at rest before each recording."
         )
 
     def and_then(self, new: Drifting) -> Drifting:
         """Return both together: what is found beside what was taken off already."""
         files = {**self.offsets, **new.offsets}
-        both = {f: np.add(self.offsets.get(f, NONE), new.offsets.get(f, NONE)).tolist() for f in files}
-        return Drifting({f: (a, b, c) for f, (a, b, c) in both.items()}, {**self.errors, **new.errors})
+        both = {
+            f: np.add(self.offsets.get(f, NONE), new.offsets.get(f, NONE)).tolist() for f in files
+        }
+        return Drifting(
+            {f: (a, b, c) for f, (a, b, c) in both.items()}, {**self.errors, **new.errors}
+        )
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return one row a recording."""
         return [
-            {"file": file, **dict(zip(SENSORS, x, strict=True)), "standard_error": self.errors[file]}
+            {
+                "file": file,
+                **dict(zip(SENSORS, x, strict=True)),
+                "standard_error": self.errors[file],
+            }
             for file, x in self.offsets.items()
         ]
 
 
-def drifting(point: Point, shown: Sequence[Residual], known: Drifting | None = None) -> Drifting | None:
-    """Return what the offsets of a campaign's recordings differ by; None where they do not differ by more than is
-    ordinary.  shown: the residuals at a point; known: what was taken off already: the answer is what to take off beside
-    it, however small."""
+def drifting(
+    point: Point, shown: Sequence[Residual], known: Drifting | None = None
+) -> Drifting | None:
+    """Return what the offsets of a campaign's recordings differ by; None where they do not differ
+    by more than is ordinary.  shown: the residuals at a point; known: what was taken off already:
+    the answer is what to take off beside it, however small."""
     turns: dict[str, list[Array]] = {}
     for r, x in zip(point.prepared.recordings, shown, strict=True):
         if r.rotor != "locked":
-            turns.setdefault(r.of or r.file, []).extend(_by_turn(r.motion.angle, x.current[:, :, 0]))
+            turns.setdefault(r.of or r.file, []).extend(
+                _by_turn(r.motion.angle, x.current[:, :, 0])
+            )
     own = {file: np.array(x) for file, x in turns.items() if len(x) >= FEWEST}
     if len(own) < 2:
         return None
     floor = point.prepared.noise_std
     means = np.array([floor * x[:, 0].mean(axis=0) for x in own.values()])
-    errors = np.array([floor * x[:, 0].std(axis=0, ddof=1).max() / math.sqrt(len(x)) for x in own.values()])
+    errors = np.array(
+        [floor * x[:, 0].std(axis=0, ddof=1).max() / math.sqrt(len(x)) for x in own.values()]
+    )
     even = np.array([floor**2 * np.sum(x[:, 1:].mean(axis=0) ** 2) / 2.0 for x in own.values()])
     gone = np.array([known.offsets.get(file, NONE) if known else NONE for file in own])
     beside = means + gone - np.median(means + gone, axis=0) - gone
     size = np.max(np.abs(beside), axis=1)
     common = BENCH["bench.common_offset"].ordinary
-    usual = 0.0 if common is None else deviation_of(point.prepared.campaign, common, 0.0) / common.share
+    usual = (
+        0.0 if common is None else deviation_of(point.prepared.campaign, common, 0.0) / common.share
+    )
     far = (size > (0.0 if known else ORDINARY * usual)) & (size > SURE * errors)
     if not np.any(far) or float(even.sum()) > EVEN * float(np.sum(beside**2)):
         return None
-    offsets = {file: (float(a), float(b), float(c)) for file, (a, b, c) in zip(own, beside, strict=True)}
+    offsets = {
+        file: (float(a), float(b), float(c)) for file, (a, b, c) in zip(own, beside, strict=True)
+    }
     return Drifting(offsets, dict(zip(own, errors.tolist(), strict=True)))
 
 
@@ -110,13 +133,17 @@ def _without(r: CampaignRecording, offsets: Sequence[float] | None) -> CampaignR
     if offsets is None:
         return r
     own = {name: r.columns[name] - x for name, x in zip(SENSORS, offsets, strict=True)}
-    before = {name: r.settling[name] - x for name, x in zip(SENSORS, offsets, strict=True) if name in r.settling}
+    before = {
+        name: r.settling[name] - x
+        for name, x in zip(SENSORS, offsets, strict=True)
+        if name in r.settling
+    }
     return replace(r, columns={**r.columns, **own}, settling={**r.settling, **before})
 
 
 def _by_turn(angle: Array, residual: Array) -> list[Array]:
-    """Return of each whole turn the mean over the angle of residuals (n, 3), and their second and fourth harmonics'
-    cosines and sines: (5, 3) each."""
+    """Return of each whole turn the mean over the angle of residuals (n, 3), and their second and
+    fourth harmonics' cosines and sines: (5, 3) each."""
     found = []
     for a, b in whole_turns(angle, PER_TURN, 1.0):
         weight = np.abs(np.gradient(angle[a:b]))

@@ -1,12 +1,14 @@
 """To how many counts a drive's PWM timer rounds duties, where [drive] does not say so.
 
-A rounded duty is off by up to half a count, and where resistance is small the current that this adds is many noise
-floors.  No effect of the library looks like it, but each number of counts N foretells it whole, x(N): duties are known,
-and the plant's own transitions say how a voltage goes on.  Nothing of it is free, so beside what a fit leaves, y, the
-log Bayes factor of N against no rounding is (y x - x x / 2) / v.  v is the variance of `evidence.misfit` of what the
-best number leaves: what else is missing counts as few shapes, however many readings there are.  It is larger where that
-is like x of other numbers, too: a dead time that is not fitted is, to some degree.  What a fit took of x is missing in
-y, which makes the factor a lower bound.
+A rounded duty is off by up to half a count, and where resistance is small the current that this
+adds is many noise floors.  No effect of the library looks like it, but each number of counts N
+foretells it whole, x(N): duties are known, and the plant's own transitions say how a voltage goes
+on.  Nothing of it is free, so beside what a fit leaves, y, the log Bayes factor of N against no
+rounding is (y x - x x / 2) / v.  v is the variance of `evidence.misfit` of what the best number
+leaves: what else is missing counts as few shapes, however many readings there are.  It
+is larger where that is like x of other numbers, too: a dead time that is not fitted is, to some
+degree.  What a fit took
+of x is missing in y, which makes the factor a lower bound.
 """
 
 from __future__ import annotations
@@ -31,20 +33,24 @@ Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 FEWEST, MOST = 16, 20_000  # counts: what [drive] pwm_counts may be; 200 MHz at 5 kHz
 SURE = 0.95  # posterior probability of some number of counts
-NEEDED = 20.0  # nats: log of all numbers tried, and some; numbers that could not reach it are left away
+# nats: log of all numbers tried, and some; numbers that could not reach it are left away
+NEEDED = 20.0
 SAMPLES = 150_000  # that are looked at: the first ones of each recording
 WORK = 5e8  # samples times numbers in the first look: two seconds
 FINALISTS = 64  # numbers that are weighed on all samples
-OTHERS = 128  # numbers that say what the residual has alike with any rounding, an octave to either side
+# numbers that say what the residual has alike with any rounding, an octave to either side
+OTHERS = 128
 ROUNDS = 4  # times at most that what the best number leaves says how far data count
 LANES = 256  # numbers side by side
-# Added to a number and taken off again it rounds that, half to even: as `np.round` does, but in vector code.
+# Added to a number and taken off again it rounds that, half to even: as `np.round` does, but in
+# vector code.
 WHOLE = 1.5 * 2.0**52
 
 
 class Counted(NamedTuple):
-    """Counts of half a PWM period that duties are rounded to: the most probable number, the range of those that hold
-    95 % of the probability; timer's clock (Hz); share of what it foretells that is there; nats against no rounding."""
+    """Counts of half a PWM period that duties are rounded to: the most probable number, the range
+    of those that hold 95 % of the probability; timer's clock (Hz); share of what it foretells that
+    is there; nats against no rounding."""
 
     value: int
     low: int
@@ -57,23 +63,31 @@ class Counted(NamedTuple):
     def text(self) -> str:
         """Return it as a sentence, with what to do."""
         exact = self.low == self.high
-        numbers = f"{self.value} counts" if exact else f"about {self.value} counts ({self.low} to {self.high})"
+        numbers = (
+            f"{self.value} counts"
+            if exact
+            else f"about {self.value} counts ({self.low} to {self.high})"
+        )
         return (
-            f"The drive rounds duties to {numbers} of half a PWM period, a timer of {self.clock / 1e6:.4g} MHz, which "
-            f"[drive] does not say. The simulator does so from here on; state pwm_counts = {self.value}."
+            f"The drive rounds duties to {numbers} of half a PWM period, a timer of "
+            f"{self.clock / 1e6:.4g} MHz, which [drive] does not say. The simulator does so from "
+            f"here on; state pwm_counts = {self.value}."
         )
 
     def as_json(self) -> dict[str, Any]:
         """Return it as `diagnosis.json` has it."""
         return {
-            "value": self.value, "range": [self.low, self.high], "clock": self.clock, "share": self.share,
+            "value": self.value,
+            "range": [self.low, self.high],
+            "clock": self.clock,
+            "share": self.share,
             "log_bayes_factor": self.log_bayes_factor,
-        }  # fmt: skip
+        }
 
 
 class Part(NamedTuple):
-    """A recording's first n samples: duties (n, 3), flux that a whole duty of each leg adds (n, 3, 2) in Wb,
-    transitions a (n, 2, 2) and c (n, 3, 2) in floors/Wb, residuals (n, 3) in floors."""
+    """A recording's first n samples: duties (n, 3), flux that a whole duty of each leg adds (n, 3,
+    2) in Wb, transitions a (n, 2, 2) and c (n, 3, 2) in floors/Wb, residuals (n, 3) in floors."""
 
     duty: Array
     kick: Array
@@ -88,8 +102,8 @@ class Part(NamedTuple):
 
 
 def pwm_counts(point: Point) -> Counted | None:
-    """Return the counts that duties were rounded to, from what a fit leaves; None where recordings show none, where
-    [drive] states them, and for logs whose rows are several PWM periods apart."""
+    """Return the counts that duties were rounded to, from what a fit leaves; None where recordings
+    show none, where [drive] states them, and for logs whose rows are several PWM periods apart."""
     converter = point.prepared.campaign.drive.converter
     if converter.pwm_counts is not None or converter.periods_a_row > 1:
         return None
@@ -100,13 +114,18 @@ def pwm_counts(point: Point) -> Counted | None:
     value, share = int(likely.counts[best]), float(likely.share[best])
     clock = 2.0 * value / (converter.sampling_period * converter.samples_a_period)
     return Counted(
-        value, int(own.min()), int(own.max()), clock, share, float((likely.told - log_prior(likely.counts))[best])
+        value,
+        int(own.min()),
+        int(own.max()),
+        clock,
+        share,
+        float((likely.told - log_prior(likely.counts))[best]),
     )
 
 
 class Likely(NamedTuple):
-    """The most probable numbers of counts (m,), their log posterior odds against no rounding (m,), and the shares (m,)
-    of what they foretell that are there."""
+    """The most probable numbers of counts (m,), their log posterior odds against no rounding (m,),
+    and the shares (m,) of what they foretell that are there."""
 
     counts: Counts
     told: Array
@@ -114,8 +133,9 @@ class Likely(NamedTuple):
 
 
 def settled(parts: Sequence[Part]) -> Likely | None:
-    """Return the likeliest numbers of counts, where data count as far as what the best of them leaves says: a residual
-    that rounding makes is no misfit of a model that has it.  None where recordings cannot show any."""
+    """Return the likeliest numbers of counts, where data count as far as what the best of them
+    leaves says: a residual that rounding makes is no misfit of a model that has it.  None where
+    recordings cannot show any."""
     left, before = list(parts), 0
     for _ in range(ROUNDS):
         variance = [met(p.y) for p in left]
@@ -133,7 +153,8 @@ def settled(parts: Sequence[Part]) -> Likely | None:
 
 
 def looked(parts: Sequence[Part], variance: Sequence[float]) -> tuple[Counts, Array, Array] | None:
-    """Return the numbers that stand out most on the first samples, and their sums (`weighed`) on all of them."""
+    """Return the numbers that stand out most on the first samples, and their sums (`weighed`) on
+    all of them."""
     counts = numbers(parts, variance)
     if not len(counts):
         return None
@@ -162,20 +183,32 @@ def parts_of(point: Point) -> list[Part]:
         track = running.track[len(running.track) - r.samples :][:n]
         duty = np.stack([track[f"d_{x}"] for x in "abc"], axis=1)
         kick = track["link"][:, None, None] * whole
-        out.append(Part(duty, kick, own.a, own.c / prepared.noise_std, np.ascontiguousarray(left.current[:n, :, 0])))
+        out.append(
+            Part(
+                duty,
+                kick,
+                own.a,
+                own.c / prepared.noise_std,
+                np.ascontiguousarray(left.current[:n, :, 0]),
+            )
+        )
     return out
 
 
 def numbers(parts: Sequence[Part], variance: Sequence[float]) -> Counts:
-    """Return the numbers of counts whose rounding these recordings would show: what it adds falls as their square."""
+    """Return the numbers of counts whose rounding these recordings would show: what it adds falls
+    as their square."""
     few = np.arange(500, 516)
     square = float(np.median(weighed(parts, variance, few)[1] * few**2.0))
     most = min(MOST, math.floor(math.sqrt(0.5 * square / NEEDED)))
     return np.arange(FEWEST, most + 1)
 
 
-def weighed(parts: Sequence[Part], variance: Sequence[float], counts: Counts) -> tuple[Array, Array]:
-    """Return for numbers of counts (m,) what they foretell times the residual, and its own square, over variances."""
+def weighed(
+    parts: Sequence[Part], variance: Sequence[float], counts: Counts
+) -> tuple[Array, Array]:
+    """Return for numbers of counts (m,) what they foretell times the residual, and its own square,
+    over variances."""
     sums = np.zeros((2, len(counts)))
     for p, v in zip(parts, variance, strict=True):
         own = np.zeros_like(sums)
@@ -192,8 +225,9 @@ def added(part: Part, count: int) -> Array:
 
 
 def alike(parts: Sequence[Part], variance: Sequence[float], count: int) -> float:
-    """Return how large a square, in its own variance, residuals have along what other numbers near one foretell; 1 and
-    more.  Where something else is missing that looks like rounding, it looks like that to any number."""
+    """Return how large a square, in its own variance, residuals have along what other numbers near
+    one foretell; 1 and more.  Where something else is missing that looks like rounding, it looks
+    like that to any number."""
     octave = np.exp(math.log(2.0) * np.linspace(-1.0, 1.0, OTHERS))
     other = np.unique(np.round(count * octave).astype(np.int64))
     along, square = weighed(parts, variance, other[(other != count) & (other > 1)])
@@ -201,8 +235,8 @@ def alike(parts: Sequence[Part], variance: Sequence[float], count: int) -> float
 
 
 def log_prior(counts: Counts) -> Array:
-    """Return the log prior odds (m,) of numbers of counts against no rounding: a timer that shows is as likely as none,
-    and its number in every octave (density 1/N)."""
+    """Return the log prior odds (m,) of numbers of counts against no rounding: a timer that shows
+    is as likely as none, and its number in every octave (density 1/N)."""
     return np.asarray(-np.log(counts) - math.log(math.log((MOST + 1.0) / FEWEST)))
 
 
@@ -215,8 +249,9 @@ def credible(told: Array) -> NDArray[np.int64]:
 
 @kernel
 def foretold(part, counts, lanes, sums, readings):
-    """Add to sums (2, m) the products of residuals with what rounding to counts (m,) adds to readings, and its squares;
-    write the first number's readings (n, 3) where there is room for them."""
+    """Add to sums (2, m) the products of residuals with what rounding to counts (m,) adds to
+    readings, and its squares; write the first number's readings (n, 3) where there is room for
+    them."""
     for first in range(0, len(counts), lanes):
         own = counts[first : first + lanes]
         one = 1.0 / own
@@ -226,14 +261,21 @@ def foretold(part, counts, lanes, sums, readings):
             if len(readings):
                 for j in range(3):
                     readings[k, j] = part.c[k, j, 0] * psi[0, 0] + part.c[k, j, 1] * psi[1, 0]
-            one_period(part.duty[k], part.kick[k], part.a[k], part.c[k], part.y[k], own, one, psi, found)
+            one_period(
+                part.duty[k], part.kick[k], part.a[k], part.c[k], part.y[k], own, one, psi, found
+            )
 
 
 @inlined
 def one_period(duty, kick, a, c, y, counts, one, psi, sums):
-    """Add a sample to sums (2, m) and go on with fluxes psi (2, m) to the next one; one: 1 / counts."""
+    """Add a sample to sums (2, m) and go on with fluxes psi (2, m) to the next one; one: 1 /
+    counts."""
     d_a, d_b, d_c = duty[0], duty[1], duty[2]
-    (u_a, v_a), (u_b, v_b), (u_c, v_c) = (kick[0, 0], kick[0, 1]), (kick[1, 0], kick[1, 1]), (kick[2, 0], kick[2, 1])
+    (u_a, v_a), (u_b, v_b), (u_c, v_c) = (
+        (kick[0, 0], kick[0, 1]),
+        (kick[1, 0], kick[1, 1]),
+        (kick[2, 0], kick[2, 1]),
+    )
     a_00, a_01, a_10, a_11 = a[0, 0], a[0, 1], a[1, 0], a[1, 1]
     # of the three readings only their products are needed
     g_0 = c[0, 0] * y[0] + c[1, 0] * y[1] + c[2, 0] * y[2]

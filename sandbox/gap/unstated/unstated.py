@@ -1,7 +1,8 @@
-"""What a campaign does not state and a fit's residual tells: it is stated from then on, and the fit made again.
+"""What a campaign does not state and a fit's residual tells: it is stated from then on, and the fit
+made again.
 
-Neither is an effect that a person would look for behind a gap, and neither is free: counts foretell what rounding adds
-whole, offsets of turning recordings are known to the scatter of their turns.
+Neither is an effect that a person would look for behind a gap, and neither is free: counts foretell
+what rounding adds whole, offsets of turning recordings are known to the scatter of their turns.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from sandbox.replay.replay import prepare
 
 @dataclass(frozen=True)
 class Unstated:
-    """What was found, None where nothing was: counts that duties are rounded to, and what offsets of recordings differ
-    by."""
+    """What was found, None where nothing was: counts that duties are rounded to, and what offsets
+    of recordings differ by."""
 
     counts: Counted | None = None
     drifting: Drifting | None = None
@@ -45,16 +46,20 @@ class Unstated:
         """Return a point of the campaign that states it."""
         old = point.prepared
         new = prepare(self.in_campaign(old.campaign), old.base, steps=old.steps)
-        return replace(point, prepared=same_map(replace(new, noise_std=old.noise_std, spare=old.spare), old))
+        return replace(
+            point, prepared=same_map(replace(new, noise_std=old.noise_std, spare=old.spare), old)
+        )
 
 
 NOTHING = Unstated()
 
 
-def unstated(found: Fit, known: Unstated, settings: Settings, *, excerpts: bool = False) -> Unstated:
-    """Return what a fit's residual tells that is not known yet.  Counts are looked for where it has more than noise.
-    Offsets are looked for again beside counts, as rounding shifts the means of turns, but not in excerpts, as the whole
-    recordings have more turns."""
+def unstated(
+    found: Fit, known: Unstated, settings: Settings, *, excerpts: bool = False
+) -> Unstated:
+    """Return what a fit's residual tells that is not known yet.  Counts are looked for where it has
+    more than noise. Offsets are looked for again beside counts, as rounding shifts the means of
+    turns, but not in excerpts, as the whole recordings have more turns."""
     point = found.point
     drifts = None if excerpts else drifting(point, shown(point), known.drifting)
     looked = known.counts is None and drifts is None and rms_of(found) > settings.gap

@@ -1,14 +1,16 @@
 """Blocked gates: no switch conducts, only diodes do; one parameter set, as in a closed loop.
 
-A leg whose current flows out stands at the low rail, one whose current flows in at the high rail; one without current
-floats between them.  Over a short segment the current at its end is a line in the legs' mean levels x (of the link):
+A leg whose current flows out stands at the low rail, one whose current flows in at the high rail;
+one without current floats between them.  Over a short segment the current at its end is a line in
+the legs' mean levels x (of the link):
 
     i(end) = i + S (x - x_0),  S positive, but for what all legs have in common
 
-and the diodes ask for x_k = 0 where i_k(end) > 0, x_k = 1 where i_k(end) < 0, anything between where it is 0.  This is
-what makes x^T S x / 2 + (i - S x_0)^T x least in the unit cube: convex, solved leg by leg (Gauss and Seidel).  Where a
-current comes to zero in a segment, the mean level is the right one: flux knows volt-seconds alone.  A segment that
-begins off zero by what the line leaves out ends nearer, so errors do not add up.
+and the diodes ask for x_k = 0 where i_k(end) > 0, x_k = 1 where i_k(end) < 0, anything between
+where it is 0.  This is what makes x^T S x / 2 + (i - S x_0)^T x least in the unit cube: convex,
+solved leg by leg (Gauss and Seidel).  Where a current comes to zero in a segment, the mean level is
+the right one: flux knows volt-seconds alone.  A segment that begins off zero by what the line
+leaves out ends nearer, so errors do not add up.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ def block(room):
 
 @kernel
 def float_legs(w, room, span, rate):
-    """Return the vector of the legs' mean levels over a segment (s) with blocked gates; rate: rad/s electrical.
+    """Return the vector of the legs' mean levels over a segment (s) with blocked gates; rate: rad/s
+    electrical.
 
     Its volt-seconds are added to room.given.
     """
@@ -55,9 +58,14 @@ def float_legs(w, room, span, rate):
         moved = 0.0
         for leg in range(3):
             x, y = LEG_X[leg], LEG_Y[leg]
-            s_alpha, s_beta = TWO_THIRDS * v * span * (aa * x + ab * y), TWO_THIRDS * v * span * (ab * x + bb * y)
+            s_alpha, s_beta = (
+                TWO_THIRDS * v * span * (aa * x + ab * y),
+                TWO_THIRDS * v * span * (ab * x + bb * y),
+            )
             before = room.level[leg]
-            room.level[leg] = min(max(before - (x * i_alpha + y * i_beta) / (x * s_alpha + y * s_beta), 0.0), 1.0)
+            room.level[leg] = min(
+                max(before - (x * i_alpha + y * i_beta) / (x * s_alpha + y * s_beta), 0.0), 1.0
+            )
             move = room.level[leg] - before
             i_alpha, i_beta = i_alpha + move * s_alpha, i_beta + move * s_beta
             u_alpha, u_beta = u_alpha + TWO_THIRDS * move * x, u_beta + TWO_THIRDS * move * y

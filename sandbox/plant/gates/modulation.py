@@ -1,16 +1,19 @@
 """The modulator: duties of three legs from the voltage asked for, as a drive's `modulation` says.
 
-Every pulse stays centred in its period. What a modulator chooses is the part common to all legs, which no current sees
-between the terminals of a star: in the middle (`centred`), or so that one leg does not switch at all (discontinuous
-PWM): the lowest low (`dpwm_min`), the highest high (`dpwm_max`), or the one of the largest voltage, each leg twice a
-turn for 60 degrees around its peaks (`dpwm_60`).  Beyond the hexagon of what legs can give, a voltage is taken to the
-nearest point of it (`nearest`; least error of magnitude) or shortened (`shortened`; least error of angle); from
-SIX_STEP of the link on `six_step` gives the nearest corner: every leg switches once in half a turn.  A pulse shorter
-than `least` is dropped, and so is a gap.
+Every pulse stays centred in its period. What a modulator chooses is the part common to all legs,
+which no current sees between the terminals of a star: in the middle (`centred`), or so that one leg
+does not switch at
+all (discontinuous PWM): the lowest low (`dpwm_min`), the highest high (`dpwm_max`), or the one of
+the largest voltage, each leg twice a turn for 60 degrees around its peaks (`dpwm_60`).  Beyond the
+hexagon of what legs can give, a voltage is taken to the nearest point of it (`nearest`; least error
+of magnitude) or shortened (`shortened`; least error of angle); from SIX_STEP of the link on
+`six_step` gives the nearest corner: every leg switches once in half a turn.  A pulse shorter than
+`least` is dropped, and so is a gap.
 
-Sources: Hava, Kerkman, Lipo, Simple analytical and graphical methods for carrier-based PWM-VSI drives, IEEE Trans.
-Power Electronics 14(1), 1999 (discontinuous PWM); Hava, Sul, Kerkman, Lipo, Dynamic overmodulation characteristics of
-triangle intersection PWM methods, IEEE Trans. Industry Applications 35(4), 1999 (`nearest`, `shortened`).
+Sources: Hava, Kerkman, Lipo, Simple analytical and graphical methods for carrier-based PWM-VSI
+drives, IEEE Trans. Power Electronics 14(1), 1999 (discontinuous PWM); Hava, Sul, Kerkman, Lipo,
+Dynamic overmodulation characteristics of triangle intersection PWM methods, IEEE Trans. Industry
+Applications 35(4), 1999 (`nearest`, `shortened`).
 """
 
 from __future__ import annotations
@@ -34,7 +37,8 @@ ROOT, TWO_THIRDS = 0.8660254037844386, 2.0 / 3.0
 
 
 class Modulation(NamedTuple):
-    """How a drive modulates: which of MODULATIONS, which of OVERMODULATIONS, least pulse as a share of the period."""
+    """How a drive modulates: which of MODULATIONS, which of OVERMODULATIONS, least pulse as a share
+    of the period."""
 
     pattern: int
     beyond: int
@@ -47,8 +51,16 @@ MODULATION = numba.typeof(PLAIN)
 
 def modulation_of(converter: Converter) -> Modulation:
     """Return how a converter modulates."""
-    beyond = 0 if converter.overmodulation is None else 1 + OVERMODULATIONS.index(converter.overmodulation)
-    return Modulation(MODULATIONS.index(converter.modulation), beyond, converter.least_pulse / converter.update_period)
+    beyond = (
+        0
+        if converter.overmodulation is None
+        else 1 + OVERMODULATIONS.index(converter.overmodulation)
+    )
+    return Modulation(
+        MODULATIONS.index(converter.modulation),
+        beyond,
+        converter.least_pulse / converter.update_period,
+    )
 
 
 @kernel
@@ -66,10 +78,13 @@ def modulated(how, u_alpha, u_beta, u_dc):
     if how.beyond == SIX_STEPS and math.hypot(u_alpha, u_beta) >= SIX_STEP * u_dc:
         return 1.0 if a > 0.0 else 0.0, 1.0 if b > 0.0 else 0.0, 1.0 if c > 0.0 else 0.0
     scale = u_dc / max(max(a, b, c) - min(a, b, c), u_dc) if how.beyond == SHORTENED else 1.0
-    a, b, c = duties(scale * u_alpha, scale * u_beta, u_dc)  # limited: the nearest point of the hexagon
+    # limited: the nearest point of the hexagon
+    a, b, c = duties(scale * u_alpha, scale * u_beta, u_dc)
     if how.pattern != CENTRED:
         low, high = min(a, b, c), max(a, b, c)
-        up = how.pattern == DPWM_MAX or (how.pattern == DPWM_60 and high + low > TWO_THIRDS * (a + b + c))
+        up = how.pattern == DPWM_MAX or (
+            how.pattern == DPWM_60 and high + low > TWO_THIRDS * (a + b + c)
+        )
         side = 1.0 - high if up else -low
         a, b, c = a + side, b + side, c + side
     return kept(a, how.least), kept(b, how.least), kept(c, how.least)
@@ -77,7 +92,8 @@ def modulated(how, u_alpha, u_beta, u_dc):
 
 @kernel
 def kept(duty, least):
-    """Return a leg's duty without a pulse, or a gap, that is shorter than the least (of the period)."""
+    """Return a leg's duty without a pulse, or a gap, that is shorter than the least (of the
+    period)."""
     least = max(least, ROUNDING)
     if duty < least:
         return 0.0
@@ -95,7 +111,11 @@ def attainable(converter: Converter) -> float:
     """Return the largest mean amplitude (V) that a drive's modulator gives over a turn."""
     if converter.overmodulation is None:
         return converter.voltage_limit
-    how, link, most = modulation_of(converter)._replace(least=0.0), converter.dc_bus_voltage, converter.command_limit
+    how, link, most = (
+        modulation_of(converter)._replace(least=0.0),
+        converter.dc_bus_voltage,
+        converter.command_limit,
+    )
     wave = np.exp(2j * math.pi * (np.arange(ANGLES) + 0.5) / ANGLES)
     got = [complex(*given(modulated(how, most * e.real, most * e.imag, link), link)) for e in wave]
     return float(np.mean((np.array(got) * wave.conj()).real))

@@ -1,4 +1,5 @@
-"""The pre-flight: what is wrong or suspicious in a campaign, and which effects its recordings could tell."""
+"""The pre-flight: what is wrong or suspicious in a campaign, and which effects its recordings could
+tell."""
 
 from __future__ import annotations
 
@@ -33,13 +34,15 @@ if TYPE_CHECKING:
     from sandbox.gap.planning.visible import Visible
     from sandbox.output.plots import AnyAxes, Figure
 
-OF_SPEED = ("rated reactance", "rated torque / rated speed")  # scales of typical sizes that need a rated speed
+# scales of typical sizes that need a rated speed
+OF_SPEED = ("rated reactance", "rated torque / rated speed")
 REPEATS = 2  # of each planned recording: one is fitted, one held out
 
 
 @dataclass(frozen=True, repr=False)
 class CheckResult(Result):
-    """What a pre-flight found; `visible` is None where the recordings cannot be replayed, `why` says why."""
+    """What a pre-flight found; `visible` is None where the recordings cannot be replayed, `why`
+    says why."""
 
     command: ClassVar[str] = "check"
     kinds: ClassVar[tuple[str, ...]] = ()
@@ -48,7 +51,8 @@ class CheckResult(Result):
     visible: Visible | None
     why: str
     draft: str = ""  # of a column map, where a folder holds tables that nothing describes
-    cannot: Mapping[str, str] = field(default_factory=dict)  # effects of no known size, and what is missing
+    # effects of no known size, and what is missing
+    cannot: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -74,34 +78,54 @@ class CheckResult(Result):
     def as_json(self) -> dict[str, Any]:
         """Return what `check.json` holds beyond its header."""
         v = self.visible
-        effects = [] if v is None else [
-            {"name": e, "deviations": None if e in self.cannot else z, "visible": self.words(e)}
-            for e, z in v.sizes.items()
-        ]  # fmt: skip
+        effects = (
+            []
+            if v is None
+            else [
+                {"name": e, "deviations": None if e in self.cannot else z, "visible": self.words(e)}
+                for e, z in v.sizes.items()
+            ]
+        )
         return {
-            "campaign": self.name, "ok": self.ok,
+            "campaign": self.name,
+            "ok": self.ok,
             "findings": [
-                {"level": n.level, "file": n.finding.file, "column": n.finding.column, "row": n.finding.row,
-                 "text": n.finding.text} for n in self.noticed
+                {
+                    "level": n.level,
+                    "file": n.finding.file,
+                    "column": n.finding.column,
+                    "row": n.finding.row,
+                    "text": n.finding.text,
+                }
+                for n in self.noticed
             ],
-            "effects": effects, "effects_unknown_because": self.why or None,
+            "effects": effects,
+            "effects_unknown_because": self.why or None,
             "alike": [] if v is None else [list(pair) for pair in v.alike],
-        }  # fmt: skip
+        }
 
     def columns(self) -> dict[str, Column]:
         """Return one row a finding: level, file, column, row, text."""
-        rows = self.as_json()["findings"] or [dict.fromkeys(("level", "file", "column", "row", "text"))]
+        rows = self.as_json()["findings"] or [
+            dict.fromkeys(("level", "file", "column", "row", "text"))
+        ]
         return columns_of(rows, {})
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return how many standard deviations a typical size of each effect is worth; a path is written as well.
+        """Return how many standard deviations a typical size of each effect is worth; a path is
+        written as well.
 
         ax: axes of your own to draw in; see `Result.plot`.
         """
         from sandbox.public.figures import replay_figure
 
         sizes = {} if self.visible is None else self.visible.sizes
-        return replay_figure(f"{self.name}: typical size of effects / what recordings leave of it", sizes, path, ax=ax)
+        return replay_figure(
+            f"{self.name}: typical size of effects / what recordings leave of it",
+            sizes,
+            path,
+            ax=ax,
+        )
 
     def report(self) -> None:
         """Print the findings and what the recordings could tell."""
@@ -113,18 +137,27 @@ class CheckResult(Result):
         if self.visible is None:
             print_prose(self.why)
             if self.draft:
-                print_prose(f"a draft of a column map, from the tables' own columns: {drafting.NAME} among the results")
-                print_prose(f"(one of an earlier call that differs is kept as {CORRECTED[drafting.NAME]})")
+                print_prose(
+                    "a draft of a column map, from the tables' own columns: "
+                    f"{drafting.NAME} among the results"
+                )
+                print_prose(
+                    f"(one of an earlier call that differs is kept as {CORRECTED[drafting.NAME]})"
+                )
             return
         v = self.visible
         sized = [e for e in v.sizes if e not in self.cannot]
-        rows = [[e, f"{v.sizes[e]:.3g}" if e in sized else "–", self.words(e)] for e in [*sized, *self.cannot]]
+        rows = [
+            [e, f"{v.sizes[e]:.3g}" if e in sized else "–", self.words(e)]
+            for e in [*sized, *self.cannot]
+        ]
         print_table("effects at typical size", ["effect", "standard deviations", "visible"], rows)
         for a, b, cosine in v.alike[:6]:
             print_prose(f"{a} and {b} look alike on these recordings (cosine {cosine:.3f})")
 
     def _write_more(self, out: Path) -> dict[str, Any]:
-        """Write a draft of a column map, columns.toml, where tables are there that nothing describes."""
+        """Write a draft of a column map, columns.toml, where tables are there that nothing
+        describes."""
         if self.draft:
             (out / drafting.NAME).write_text(self.draft, encoding="utf-8")
         return {}
@@ -139,7 +172,8 @@ def check(
     effects: bool = True,
     jobs: int = 1,
 ) -> CheckResult:
-    """Return all that is wrong or suspicious in a campaign, and which effects its recordings could tell.
+    """Return all that is wrong or suspicious in a campaign, and which effects its recordings could
+    tell.
 
     Parameters
     ----------
@@ -150,14 +184,16 @@ def check(
     preset : str, optional
         See `read_campaign`.
     effects : bool
-        Whether to work out, from an excerpt of each recording, which effects would be visible at typical size.
+        Whether to work out, from an excerpt of each recording, which effects would be visible at
+        typical size.
     jobs : int
         Threads.
 
     Returns
     -------
     CheckResult
-        `.ok`, `.mistakes` (sentences), `.visible.sizes` (standard deviations that a typical size is worth).
+        `.ok`, `.mistakes` (sentences), `.visible.sizes` (standard deviations that a typical size is
+        worth).
 
     Raises
     ------
@@ -180,11 +216,15 @@ def check(
     if not any(n.level == REFUSED for n in found):
         found += [*_of_noise(read), *tried("", lambda: shaft_contradicted(read))]
     if columns is None and preset is None and not isinstance(campaign, Campaign):
-        found = [replace(n, finding=replace(n.finding, text=how_to_map(n.finding.text))) for n in found]
+        found = [
+            replace(n, finding=replace(n.finding, text=how_to_map(n.finding.text))) for n in found
+        ]
     if not any(n.level == REFUSED for n in found):
         found += _of_identify(read)
     if any(n.level == REFUSED for n in found) or not effects:
-        return CheckResult(read.name, tuple(found), None, "the recordings cannot be replayed as they are" * effects)
+        return CheckResult(
+            read.name, tuple(found), None, "the recordings cannot be replayed as they are" * effects
+        )
     from sandbox.gap.planning.visible import visible
 
     try:
@@ -197,7 +237,8 @@ def check(
 
 
 def _of_identify(campaign: Campaign) -> list[Noticed]:
-    """Return why `identify` would refuse a campaign's locked recordings with injection, or not read levels in them."""
+    """Return why `identify` would refuse a campaign's locked recordings with injection, or not read
+    levels in them."""
     if not any(r.rotor == "locked" and r.injection_axis != "none" for r in campaign.recordings):
         return []
     from model.levels import NoStaircase, require_information
@@ -206,7 +247,10 @@ def _of_identify(campaign: Campaign) -> list[Noticed]:
     try:
         require_information(levels_of(campaign))
     except NoStaircase as error:
-        text = f"identify would take these as ordinary recordings, and tell R, mean inductances and no alphas: {error}"
+        text = (
+            "identify would take these as ordinary recordings, and tell R, mean inductances "
+            f"and no alphas: {error}"
+        )
         return [Noticed(NOTE, Finding(campaign.name, "", None, text))]
     except BadInput as error:
         text = f"identify would refuse these recordings: {error}"
@@ -215,7 +259,8 @@ def _of_identify(campaign: Campaign) -> list[Noticed]:
 
 
 def _of_no_size(campaign: Campaign) -> dict[str, str]:
-    """Return the effects whose typical size depends on a rated speed that nothing states and no recording reached."""
+    """Return the effects whose typical size depends on a rated speed that nothing states and no
+    recording reached."""
     speed = "rated_speed_rpm"
     if speed not in campaign.stand_ins or any(r.rotor != "locked" for r in campaign.recordings):
         return {}
@@ -224,19 +269,25 @@ def _of_no_size(campaign: Campaign) -> dict[str, str]:
 
 
 def _of_noise(campaign: Campaign) -> list[Noticed]:
-    """Return what is said where the stated noise of the current sensors is far from what their readings show."""
+    """Return what is said where the stated noise of the current sensors is far from what their
+    readings show."""
     from sandbox.gap.evidence.noise import far_apart, noise_caution, noise_of
 
     try:
         text = noise_caution(campaign)
     except BadInput as error:
         return [Noticed(REFUSED, Finding(campaign.name, "", None, str(error)))]
-    return [Noticed(SUSPICIOUS, Finding(campaign.name, "", None, text))] if far_apart(noise_of(campaign)) else []
+    return (
+        [Noticed(SUSPICIOUS, Finding(campaign.name, "", None, text))]
+        if far_apart(noise_of(campaign))
+        else []
+    )
 
 
 @dataclass(frozen=True, repr=False)
 class PlanResult(Result):
-    """What to record on a bench: experiments in their order, each with what it adds, and setpoints over time."""
+    """What to record on a bench: experiments in their order, each with what it adds, and setpoints
+    over time."""
 
     command: ClassVar[str] = "plan"
     kinds: ClassVar[tuple[str, ...]] = ("page",)
@@ -252,33 +303,54 @@ class PlanResult(Result):
         return {
             "motor": self.plan.drive.name,
             "recordings": [
-                {"name": p.entry.name, "description": p.entry.description, "rotor": p.entry.rotor,
-                 "seconds": p.entry.seconds, "settings": p.settings, "repeats": REPEATS, "tells": list(p.tells),
-                 "adds": list(p.adds), "setpoints": f"{p.entry.name}.csv"} for p in self.plan.experiments
+                {
+                    "name": p.entry.name,
+                    "description": p.entry.description,
+                    "rotor": p.entry.rotor,
+                    "seconds": p.entry.seconds,
+                    "settings": p.settings,
+                    "repeats": REPEATS,
+                    "tells": list(p.tells),
+                    "adds": list(p.adds),
+                    "setpoints": f"{p.entry.name}.csv",
+                }
+                for p in self.plan.experiments
             ],
             "together_adds": list(self.plan.adds),
             "cautions": [*cautions(self.plan.drive), *assumed(self.plan.drive)],
-            "effects": [{"name": e, "deviations": z, "visible": v.words(e)} for e, z in v.sizes.items()],
+            "effects": [
+                {"name": e, "deviations": z, "visible": v.words(e)} for e, z in v.sizes.items()
+            ],
             "alike": [list(pair) for pair in v.alike],
-        }  # fmt: skip
+        }
 
     def columns(self) -> dict[str, Column]:
         """Return one row an experiment: name, rotor, seconds, settings, what it adds."""
         rows = [
-            {"name": p.entry.name, "rotor": p.entry.rotor, "seconds": p.entry.seconds, "settings": p.settings,
-             "adds": ", ".join(p.adds)} for p in self.plan.experiments
-        ]  # fmt: skip
+            {
+                "name": p.entry.name,
+                "rotor": p.entry.rotor,
+                "seconds": p.entry.seconds,
+                "settings": p.settings,
+                "adds": ", ".join(p.adds),
+            }
+            for p in self.plan.experiments
+        ]
         return columns_of(rows, {"seconds": "s"})
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return how many standard deviations a typical size of each effect is worth; a path is written as well.
+        """Return how many standard deviations a typical size of each effect is worth; a path is
+        written as well.
 
         ax: axes of your own to draw in; see `Result.plot`.
         """
         from sandbox.public.figures import replay_figure
 
         return replay_figure(
-            f"{self.plan.drive.name}: what the planned recordings tell", self.plan.together.sizes, path, ax=ax
+            f"{self.plan.drive.name}: what the planned recordings tell",
+            self.plan.together.sizes,
+            path,
+            ax=ax,
         )
 
     def to_html(self, path: str | Path) -> Path:
@@ -291,10 +363,14 @@ class PlanResult(Result):
     def report(self) -> None:
         """Print the experiments and what stays alike."""
         print_prose(
-            f"{self.plan.drive.name}: record each of these {REPEATS} times, one to be fitted and one to be held out"
+            f"{self.plan.drive.name}: record each of these {REPEATS} times, one to be "
+            "fitted and one to be held out"
         )
         for k, p in enumerate(self.plan.experiments, 1):
-            print_prose(f"{p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}", f"{k}. ")
+            print_prose(
+                f"{p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}",
+                f"{k}. ",
+            )
             beyond = f", {len(p.adds)} of them not told by those before it" if k > 1 else ""
             print_prose(f"tells {many(len(p.tells), 'effect')}{beyond}: {', '.join(p.adds)}", "   ")
         v = self.plan.together
@@ -313,7 +389,10 @@ class PlanResult(Result):
         from sandbox.gap.planning.bench_plan import setpoints
 
         for p in self.plan.experiments:
-            write_table(out / f"{p.entry.name}.csv", table_of(columns_of(setpoints(p.entry, self.plan.drive), {})))
+            write_table(
+                out / f"{p.entry.name}.csv",
+                table_of(columns_of(setpoints(p.entry, self.plan.drive), {})),
+            )
         return {}
 
 
@@ -329,13 +408,14 @@ def plan(
     jobs: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> PlanResult:
-    """Return what to record on a bench so that a diagnosis can tell effects apart, by simulating the nominal motor.
+    """Return what to record on a bench so that a diagnosis can tell effects apart, by simulating
+    the nominal motor.
 
     Parameters
     ----------
     motor : str, Path or Drive
-        See `load_motor`: the nominal model, its converter and sensors.  `[limits]` of its file holds the bench's limits
-        under the names below; what is given here comes before it.
+        See `load_motor`: the nominal model, its converter and sensors.  `[limits]` of its file
+        holds the bench's limits under the names below; what is given here comes before it.
     current : float, optional
         A peak, the bench's limit; the motor's rated current by default.
     speed_rpm : float, optional
@@ -371,7 +451,13 @@ def plan(
 
     drive = load_motor(motor)
     limits = NO_LIMITS if isinstance(motor, Drive) else load_limits(motor)
-    given = {"current": current, "speed_rpm": speed_rpm, "voltage": voltage, "can": can, "fixed_link": fixed_link}
+    given = {
+        "current": current,
+        "speed_rpm": speed_rpm,
+        "voltage": voltage,
+        "can": can,
+        "fixed_link": fixed_link,
+    }
     try:
         limits = dataclasses.replace(limits, **{k: v for k, v in given.items() if v is not None})  # type: ignore[arg-type]
     except BadInput as error:
@@ -382,8 +468,8 @@ def plan(
 def _read(
     campaign: str | Path | Campaign, columns: str | Path | None, preset: str | None
 ) -> tuple[str, Campaign | None, list[Noticed], str]:
-    """Return a campaign's name, the campaign (None where it cannot be read, or only its motion can be judged), what was
-    found on the way, and why it is None."""
+    """Return a campaign's name, the campaign (None where it cannot be read, or only its motion can
+    be judged), what was found on the way, and why it is None."""
     if isinstance(campaign, Campaign):
         return campaign.name, campaign, [], ""
     path = Path(campaign)
@@ -398,11 +484,17 @@ def _read(
             return motion.name, None, noticed_in_motion(motion), why
         return name, importing.unchecked(source), [], ""
     except BadInput as error:
-        return name, None, [Noticed(REFUSED, Finding(name, "", None, str(error)))], "the campaign cannot be read"
+        return (
+            name,
+            None,
+            [Noticed(REFUSED, Finding(name, "", None, str(error)))],
+            "the campaign cannot be read",
+        )
 
 
 def _draft(campaign: str | Path | Campaign, columns: str | Path | None) -> str:
-    """Return a draft of a column map where a folder holds tables and nothing that describes them."""
+    """Return a draft of a column map where a folder holds tables and nothing that describes
+    them."""
     if isinstance(campaign, Campaign) or columns is not None:
         return ""
     folder = Path(campaign) if Path(campaign).is_dir() else Path(campaign).parent

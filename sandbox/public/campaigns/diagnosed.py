@@ -1,4 +1,5 @@
-"""Where the gap between recordings and simulator lies, which effect causes it, how far it shrinks."""
+"""Where the gap between recordings and simulator lies, which effect causes it, how far it
+shrinks."""
 
 from __future__ import annotations
 
@@ -36,13 +37,15 @@ AnyCampaign = str | Path | Campaign
 
 @dataclass(frozen=True, repr=False)
 class DiagnosisResult(Result):
-    """Where the gap between recordings and simulator lies, which effect causes it, how far it shrinks."""
+    """Where the gap between recordings and simulator lies, which effect causes it, how far it
+    shrinks."""
 
     command: ClassVar[str] = "diagnosis"
     header: ClassVar[str] = "diagnose"
     kinds: ClassVar[tuple[str, ...]] = ()
     answers: Answers
-    continued: Mapping[str, Any] | None = None  # the earlier diagnosis: its verdict, ambiguity set, recommendation
+    # the earlier diagnosis: its verdict, ambiguity set, recommendation
+    continued: Mapping[str, Any] | None = None
 
     @property
     def verdict(self) -> str:
@@ -61,11 +64,15 @@ class DiagnosisResult(Result):
         from sandbox.gap.report.diagnosis_json import contract
 
         a = self.answers
-        told = contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike, a.ranking)
+        told = contract(
+            a.diagnosis, a.where, a.position, a.following, a.remains, a.alike, a.ranking
+        )
         if self.table is not None and told["next_recording"] is not None:
             told["next_recording"] |= {
-                "table": NAME, "recording": dict(self.table.recording), "limits": dict(self.table.limits),
-            }  # fmt: skip
+                "table": NAME,
+                "recording": dict(self.table.recording),
+                "limits": dict(self.table.limits),
+            }
         drifts = a.diagnosis.drifting
         told["recording_offsets"] = None if drifts is None else drifts.as_json()
         rounds = a.diagnosis.counted
@@ -81,7 +88,11 @@ class DiagnosisResult(Result):
         from sandbox.gap.planning.bench_table import bench_table
 
         following, drive = self.answers.following, self.refitted.drive
-        return None if following is None or drive is None else bench_table(self.campaign, following, drive)
+        return (
+            None
+            if following is None or drive is None
+            else bench_table(self.campaign, following, drive)
+        )
 
     @property
     def campaign(self) -> Campaign:
@@ -90,19 +101,31 @@ class DiagnosisResult(Result):
 
     @cached_property
     def refitted(self) -> Refitted:
-        """The refitted motor and the effects with which the simulator meets the recordings, as files for it."""
+        """The refitted motor and the effects with which the simulator meets the recordings, as
+        files for it."""
         from sandbox.gap.report.simulator import refitted
 
         return refitted(self.answers.diagnosis)
 
     def columns(self) -> dict[str, Column]:
-        """Return one row a hypothesis and parameter: effects, probability, share of the gap closed, value."""
+        """Return one row a hypothesis and parameter: effects, probability, share of the gap closed,
+        value."""
         rows = []
         for h in self.as_json()["hypotheses"]:
-            head = {"effects": ", ".join(h["effects"]), "probability": h["probability"], "closed": h["closed"]}
+            head = {
+                "effects": ", ".join(h["effects"]),
+                "probability": h["probability"],
+                "closed": h["closed"],
+            }
             none = {"parameter": None, "value": None, "low": None, "high": None, "unit": None}
             own = [
-                {"parameter": k, "value": p["value"], "low": p["ci95"][0], "high": p["ci95"][1], "unit": p["unit"]}
+                {
+                    "parameter": k,
+                    "value": p["value"],
+                    "low": p["ci95"][0],
+                    "high": p["ci95"][1],
+                    "unit": p["unit"],
+                }
                 for k, p in h["parameters"].items()
             ]
             rows += [head | one for one in own or [none]]
@@ -116,8 +139,12 @@ class DiagnosisResult(Result):
         from sandbox.public.figures import replay_figure
 
         d = self.answers.diagnosis
-        return replay_figure(f"{d.campaign.name}: with {', '.join(d.best.effects) or 'no effect'}",
-                             {file: after for file, _, after, _ in d.size.recordings}, path, ax=ax)  # fmt: skip
+        return replay_figure(
+            f"{d.campaign.name}: with {', '.join(d.best.effects) or 'no effect'}",
+            {file: after for file, _, after, _ in d.size.recordings},
+            path,
+            ax=ax,
+        )
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write residuals before and after as a trace (`.rrd`); return its path."""
@@ -139,25 +166,30 @@ class DiagnosisResult(Result):
 
         print_answers(self.answers)
         if self.continued is not None:
-            left = "; or ".join(" + ".join(s) or "no effect" for s in self.continued["ambiguity_set"])
+            left = "; or ".join(
+                " + ".join(s) or "no effect" for s in self.continued["ambiguity_set"]
+            )
             print_prose(f"The earlier diagnosis said: {self.continued['verdict']} ({left}).")
         found = self.answers.diagnosis.best.effects
         if any(e != "unknown" for e in found):
             but = ": what is outside the library is not in it" if "unknown" in found else ""
             print_prose(
-                "For a simulator that has what was found, give motor.toml and effects.toml to --motor and --effects"
-                f"{but}."
+                "For a simulator that has what was found, give motor.toml and effects.toml to "
+                f"--motor and --effects{but}."
             )
         else:
-            print_prose("Nothing was found to simulate: motor.toml holds ordinary deviations alone.")
+            print_prose(
+                "Nothing was found to simulate: motor.toml holds ordinary deviations alone."
+            )
         if self.table is not None:
             print_prose(
-                "next_recording.csv is the recording to make next; add it to the campaign and --continue from this "
-                "result."
+                "next_recording.csv is the recording to make next; add it to the campaign and "
+                "--continue from this result."
             )
 
     def _write_more(self, out: Path) -> dict[str, Any]:
-        """Write report.html, diagnosis.rrd, motor.toml, effects.toml, and next_recording.csv where one is advised."""
+        """Write report.html, diagnosis.rrd, motor.toml, effects.toml, and next_recording.csv where
+        one is advised."""
         from sandbox.gap.planning.bench_table import NAME, write_bench_table
 
         self.to_html(out / "report.html")
@@ -182,7 +214,8 @@ def diagnose(
     samples: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> DiagnosisResult | MotionResult:
-    """Return where the gap between a campaign and its simulator lies, which effect causes it, how far it shrinks.
+    """Return where the gap between a campaign and its simulator lies, which effect causes it, how
+    far it shrinks.
 
     Parameters
     ----------
@@ -197,32 +230,37 @@ def diagnose(
     preset : str, optional
         See `read_campaign`.
     earlier : str or Path, optional
-        Folder of an earlier diagnosis of this drive (or its diagnosis.json), to go on from once further recordings are
-        in the campaign: every set of effects that it left is weighed again, whatever the search comes upon.
+        Folder of an earlier diagnosis of this drive (or its diagnosis.json), to go on from once
+        further recordings are in the campaign: every set of effects that it left is weighed again,
+        whatever the search
+            comes upon.
     jobs : int, optional
         Threads; all cores by default.
     memory : float, optional
-        GB that the diagnosis may take (8); at least 0.7 and 0.7 kB a sample. Slopes that do not fit wait in a file in
-        TMPDIR (/var/tmp), about 1.5 kB a sample; the answer is the same. A free regression of what remains, which takes
-        14 kB a sample, is then made on a part of each recording, and the report says so.
+        GB that the diagnosis may take (8); at least 0.7 and 0.7 kB a sample. Slopes that do not fit
+        wait in a file in TMPDIR (/var/tmp), about 1.5 kB a sample; the answer is the same. A free
+        regression of what remains, which takes 14 kB a sample, is then made on a part of each
+        recording, and the report says so.
     samples : float, optional
-        Use at most so many samples; `math.inf` for all. By default all of them up to 250 000, else 100 000: parts of
-        the recordings, in which currents, speed, voltage, link and load differ most, and some spread evenly.
-        `.as_json()["excerpts"]` lists them.
+        Use at most so many samples; `math.inf` for all. By default all of them up to 250 000, else
+        100 000: parts of the recordings, in which currents, speed, voltage, link and load differ
+        most, and some spread evenly. `.as_json()["excerpts"]` lists them.
     progress : callable, optional
         Is told in a few words what is being done.
 
     Returns
     -------
     DiagnosisResult
-        `.verdict`, `.answers.diagnosis.hypotheses` (effects, probability), `.as_json()` as `diagnosis.json` has it.
-        A campaign without voltages, or whose samples stand further apart than L/R, is judged by its motion alone:
-        `MotionResult`, of the same `.verdict` and `.as_json()`.
+        `.verdict`, `.answers.diagnosis.hypotheses` (effects, probability), `.as_json()` as
+        `diagnosis.json` has it. A campaign without voltages, or whose samples stand further apart
+        than L/R, is judged by its motion alone: `MotionResult`, of the same `.verdict` and
+        `.as_json()`.
 
     Raises
     ------
     BadInput
-        For a campaign that cannot be read or replayed, an unknown effect, or a campaign too long for the memory.
+        For a campaign that cannot be read or replayed, an unknown effect, or a campaign too long
+        for the memory.
     PhysicsError
         Where the nominal model predicts no finite currents.
 
@@ -253,14 +291,19 @@ def diagnose(
     own = excerpted(linear(own) if nominal else own, samples)
     rivals = [] if before is None else [s for s in before["rivals"] if not set(s) & set(names)]
     found = answer(
-        own, exclude=names, rivals=rivals, workers=jobs or os.cpu_count() or 1,
-        memory=USUAL if memory is None else memory, report=progress or (lambda _: None),
-    )  # fmt: skip
+        own,
+        exclude=names,
+        rivals=rivals,
+        workers=jobs or os.cpu_count() or 1,
+        memory=USUAL if memory is None else memory,
+        report=progress or (lambda _: None),
+    )
     return DiagnosisResult(found, None if before is None else before["said"])
 
 
 def earlier_answer(place: str | Path) -> dict[str, Any]:
-    """Return an earlier diagnosis: `said`, what it said, and `rivals`, the sets it left; BadInput where it is none."""
+    """Return an earlier diagnosis: `said`, what it said, and `rivals`, the sets it left; BadInput
+    where it is none."""
     from sandbox.gap.posterior.hypotheses import UNKNOWN
 
     path = Path(place)
@@ -270,8 +313,11 @@ def earlier_answer(place: str | Path) -> dict[str, Any]:
     try:
         told = json.loads(text)
         sets = [tuple(sorted(str(e) for e in one if e != UNKNOWN)) for one in told["ambiguity_set"]]
-        said = {"verdict": str(told["verdict"]), "ambiguity_set": told["ambiguity_set"],
-                "recommended": (told["next_recording"] or {}).get("entry")}  # fmt: skip
+        said = {
+            "verdict": str(told["verdict"]),
+            "ambiguity_set": told["ambiguity_set"],
+            "recommended": (told["next_recording"] or {}).get("entry"),
+        }
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise BadInput(f"'{path}' is no diagnosis.json; {remedy}") from None
     for name in {e for one in sets for e in one}:

@@ -1,4 +1,5 @@
-"""A column map drafted from a folder's tables: their columns with ranges, names guessed, what is left to fill in."""
+"""A column map drafted from a folder's tables: their columns with ranges, names guessed, what is
+left to fill in."""
 
 from __future__ import annotations
 
@@ -17,19 +18,29 @@ GUESSES = {  # names as programs write them, without case, blanks and underscore
     "t": ("t", "time", "timestamp", "times", "zeit"),
     "theta": ("theta", "position", "pos", "angle", "posestimate", "rotorposition", "phi"),
     "speed": ("erpm", "rpm"),
-    "hall": ("hall", "hallstate", "hallstates"), "steps": ("tachometer", "tacho"),
-    "i_a": ("ia", "iu", "currenta"), "i_b": ("ib", "iv", "currentb"), "i_c": ("ic", "iw", "currentc"),
-    "i_d": ("id", "idmeasured"), "i_q": ("iq", "iqmeasured", "current"),
-    "u_alpha": ("ualpha", "valpha"), "u_beta": ("ubeta", "vbeta"), "u_d": ("ud", "vd"), "u_q": ("uq", "vq"),
+    "hall": ("hall", "hallstate", "hallstates"),
+    "steps": ("tachometer", "tacho"),
+    "i_a": ("ia", "iu", "currenta"),
+    "i_b": ("ib", "iv", "currentb"),
+    "i_c": ("ic", "iw", "currentc"),
+    "i_d": ("id", "idmeasured"),
+    "i_q": ("iq", "iqmeasured", "current"),
+    "u_alpha": ("ualpha", "valpha"),
+    "u_beta": ("ubeta", "vbeta"),
+    "u_d": ("ud", "vd"),
+    "u_q": ("uq", "vq"),
     "u_dc": ("udc", "vdc", "vbus", "vbusvoltage", "vsupply", "link"),
-}  # fmt: skip
+}
 SECONDS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 HINTS = {
     "t": 'unit = "ms" where it is not s',
     "speed": 'unit = "rpm"; mechanical = true for the shaft\'s; stands in for an angle',
     "hall": "stands in for an angle",
     "steps": "stands in for an angle: commutation steps, six an electrical turn",
-    "theta": 'electrical rad; else unit = "deg" or "rev", mechanical = true for the shaft\'s, scale = 2 pi / counts',
+    "theta": (
+        'electrical rad; else unit = "deg" or "rev", mechanical = true for the shaft\'s, '
+        "scale = 2 pi / counts"
+    ),
 }
 TAIL = """
 # [log]                          # stamps of the program, not of the drive: stamps = "arrival" or "polled"
@@ -48,7 +59,7 @@ TAIL = """
 # inductance_d = 1e-3            # H
 # inductance_q = 1e-3
 # inertia = 1e-4                 # kg m^2
-"""
+"""  # noqa: E501
 
 
 def draft(folder: Path) -> str:
@@ -61,12 +72,16 @@ def draft(folder: Path) -> str:
         except BadInput:
             continue
         first = first or _columns(path.name, table)
-        entries.append(f'[[recording]]\nfile = {json.dumps(path.name)}\nrotor = "free"  # or "locked", "driven"\n')
+        entries.append(
+            f'[[recording]]\nfile = {json.dumps(path.name)}\nrotor = "free"  # or '
+            '"locked", "driven"\n'
+        )
     if not entries:
         return ""
     head = (
-        f"# Drafted by `sensorless check`: correct it, then `sensorless check CAMPAIGN --columns {NAME}`.\n"
-        "# Every key: sandbox/recordings/IMPORTING.md; programs whose names are known: `sensorless list presets`.\n"
+        "# Drafted by `sensorless check`: correct it, then `sensorless check CAMPAIGN --columns "
+        f"{NAME}`.\n# Every key: sandbox/recordings/IMPORTING.md; programs whose names are known: "
+        "`sensorless list presets`.\n"
     )
     return head + first + "\n" + "\n".join(entries)
 

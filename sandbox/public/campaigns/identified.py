@@ -22,8 +22,8 @@ AnyCampaign = str | Path | Campaign
 
 @dataclass(frozen=True, repr=False)
 class IdentificationResult(Result):
-    """The motor that recordings show: by the paper's least squares and the exact fit to staircases at locked rotor, or
-    by a replay of ordinary recordings."""
+    """The motor that recordings show: by the paper's least squares and the exact fit to staircases
+    at locked rotor, or by a replay of ordinary recordings."""
 
     command: ClassVar[str] = "identify"
     identification: Identification | OrdinaryIdentification
@@ -39,10 +39,17 @@ class IdentificationResult(Result):
     def columns(self) -> dict[str, Column]:
         """Return one row a parameter and method: value, 95 % interval, unit."""
         rows = [
-            {"method": method, "parameter": name, "value": p["value"], "low": p["ci95"][0], "high": p["ci95"][1],
-             "unit": p["unit"]}
-            for method, fit in self.as_json()["methods"].items() for name, p in fit["parameters"].items()
-        ]  # fmt: skip
+            {
+                "method": method,
+                "parameter": name,
+                "value": p["value"],
+                "low": p["ci95"][0],
+                "high": p["ci95"][1],
+                "unit": p["unit"],
+            }
+            for method, fit in self.as_json()["methods"].items()
+            for name, p in fit["parameters"].items()
+        ]
         return columns_of(rows, {})
 
     def report(self) -> None:
@@ -61,10 +68,11 @@ class IdentificationResult(Result):
         return {}
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return measured slopes and the fits through them over current, of ordinary recordings what the replay leaves
-        of each; a path is written as well.
+        """Return measured slopes and the fits through them over current, of ordinary recordings
+        what the replay leaves of each; a path is written as well.
 
-        ax: eight axes of your own to draw in, two rows of four (one of ordinary recordings); see `Result.plot`.
+        ax: eight axes of your own to draw in, two rows of four (one of ordinary recordings); see
+        `Result.plot`.
         """
         from sandbox.public.figures import identification_figure, replay_figure
         from sandbox.recordings.identify import Identification
@@ -72,7 +80,9 @@ class IdentificationResult(Result):
         own = self.identification
         if isinstance(own, Identification):
             return identification_figure(own, path, ax=ax)
-        return replay_figure(f"{own.campaign.name}: the motor that was identified", own.fit.rms, path, ax=ax)
+        return replay_figure(
+            f"{own.campaign.name}: the motor that was identified", own.fit.rms, path, ax=ax
+        )
 
 
 @records_call
@@ -81,8 +91,9 @@ def identify(
 ) -> IdentificationResult:
     """Identify the motor of a campaign.
 
-    From bias staircases at locked rotor with injection come R, the inductances and how they saturate. From ordinary
-    recordings (a step, a sweep, a spin) come R, the mean inductances and the magnet flux, as far as they tell them.
+    From bias staircases at locked rotor with injection come R, the inductances and how they
+    saturate. From ordinary recordings (a step, a sweep, a spin) come R, the mean inductances and
+    the magnet flux, as far as they tell them.
 
     Parameters
     ----------
@@ -96,8 +107,9 @@ def identify(
     Returns
     -------
     IdentificationResult
-        `.identification.fits["exact"].values` and `.ci95(name)`: resistance (ohm), inductances (H), alphas; of ordinary
-        recordings `.identification.fit.values`, and `.fit.untold`: what they cannot tell, and why.
+        `.identification.fits["exact"].values` and `.ci95(name)`: resistance (ohm), inductances (H),
+        alphas; of ordinary recordings `.identification.fit.values`, and `.fit.untold`: what they
+        cannot tell, and why.
 
     Raises
     ------

@@ -1,4 +1,5 @@
-"""A campaign that knows only the motion, diagnosed: the shaft's part, electrical effects no candidates."""
+"""A campaign that knows only the motion, diagnosed: the shaft's part, electrical effects no
+candidates."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class MotionResult(Result):
-    """Which mechanical effects a motion without voltages shows; `.as_json()` as of any diagnosis, with `motion`."""
+    """Which mechanical effects a motion without voltages shows; `.as_json()` as of any diagnosis,
+    with `motion`."""
 
     command: ClassVar[str] = "diagnosis"
     header: ClassVar[str] = "diagnose"
@@ -48,10 +50,19 @@ class MotionResult(Result):
         from sandbox.motion.telling import parameters
 
         rows = [
-            {"parameter": k, "value": v["value"], "low": v["ci95"][0], "high": v["ci95"][1], "unit": v["unit"]}
+            {
+                "parameter": k,
+                "value": v["value"],
+                "low": v["ci95"][0],
+                "high": v["ci95"][1],
+                "unit": v["unit"],
+            }
             for k, v in parameters(self.motion, self.motion.best).items()
         ]
-        return columns_of(rows or [{"parameter": None, "value": None, "low": None, "high": None, "unit": None}], {})
+        return columns_of(
+            rows or [{"parameter": None, "value": None, "low": None, "high": None, "unit": None}],
+            {},
+        )
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
         """Return each recording's residual over its noise floor; a path is written as well.
@@ -72,15 +83,17 @@ class MotionResult(Result):
         m = self.motion
         shown = m.by_recording[:40]
         picture = dots_svg(
-            [r[0] for r in shown], {"before": [r[1] for r in shown], "after": [r[2] for r in shown]},
+            [r[0] for r in shown],
+            {"before": [r[1] for r in shown], "after": [r[2] for r in shown]},
             "residual torque (noise floors)",
-        )  # fmt: skip
+        )
         title = f"{m.campaign.name}: what the motion says"
         write_page(Path(path), title, page(m, title, picture))
         return Path(path)
 
     def report(self) -> None:
-        """Print the answers in sentences, orders of cogging and the residual of each recording as tables."""
+        """Print the answers in sentences, orders of cogging and the residual of each recording as
+        tables."""
         from sandbox.motion.telling import TITLES, cogging_rows, sentences, verdict
         from sandbox.output.tables import print_prose, print_table
 
@@ -91,8 +104,13 @@ class MotionResult(Result):
         rows = cogging_rows(m)
         if rows:
             print_table("cogging", ["order", "N m", "A", "phase rad"], rows)
-        table = [[f + (" (held out)" if h else ""), f"{b:.2f}", f"{a:.2f}"] for f, b, a, h in m.by_recording[:20]]
-        print_table("residual torque over its noise floor (rms)", ["recording", "before", "after"], table)
+        table = [
+            [f + (" (held out)" if h else ""), f"{b:.2f}", f"{a:.2f}"]
+            for f, b, a, h in m.by_recording[:20]
+        ]
+        print_table(
+            "residual torque over its noise floor (rms)", ["recording", "before", "after"], table
+        )
         for finding in m.campaign.findings:
             print_prose(f"note: {finding.text}")
 

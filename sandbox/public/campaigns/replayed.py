@@ -28,31 +28,40 @@ AnyCampaign = str | Path | Campaign
 
 @dataclass(frozen=True, repr=False)
 class ReplayResult(Result):
-    """What the simulator says to a campaign's own voltages with chosen effects, beside what was measured."""
+    """What the simulator says to a campaign's own voltages with chosen effects, beside what was
+    measured."""
 
     command: ClassVar[str] = "replay"
     prepared: Prepared
     prediction: Prediction
     effects: Mapping[str, float]
-    rms: Mapping[str, float]  # of each recording's current residual, over its noise floor: 1 is noise alone
+    # of each recording's current residual, over its noise floor: 1 is noise alone
+    rms: Mapping[str, float]
 
     def summary(self) -> str:
         """Return the worst recording."""
         file = max(self.rms, key=lambda name: self.rms[name])
         count = many(len(self.rms), "recording")
-        return f"{self.prepared.campaign.name}, {count}, {file} {self.rms[file]:.3g} noise floors off"
+        return (
+            f"{self.prepared.campaign.name}, {count}, {file} {self.rms[file]:.3g} noise floors off"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return campaign, effects, noise floor (A) and each recording's rms over it."""
         return {
-            "campaign": self.prepared.campaign.name, "effects": dict(self.effects), "floor": self.prepared.noise_std,
+            "campaign": self.prepared.campaign.name,
+            "effects": dict(self.effects),
+            "floor": self.prepared.noise_std,
             "recordings": [{"file": file, "rms": value} for file, value in self.rms.items()],
-        }  # fmt: skip
+        }
 
     def columns(self) -> dict[str, Column]:
-        """Return measured and simulated currents, one row a sample: file, t (s), i_a .. (A), i_a_simulated .. (A)."""
+        """Return measured and simulated currents, one row a sample: file, t (s), i_a .. (A),
+        i_a_simulated .. (A)."""
         parts: dict[str, list[Any]] = {}
-        for inputs, predicted in zip(self.prepared.recordings, self.prediction.currents, strict=True):
+        for inputs, predicted in zip(
+            self.prepared.recordings, self.prediction.currents, strict=True
+        ):
             own = self.prepared.campaign[inputs.file]
             n = len(predicted)
             parts.setdefault("file", []).append(np.full(n, inputs.file))
@@ -62,12 +71,15 @@ class ReplayResult(Result):
                 parts.setdefault(f"i_{phase}_simulated", []).append(predicted[:, k, 0])
         units = {"file": "", "t": "s"}
         return {
-            k: Column(list(np.concatenate(v)) if k == "file" else np.concatenate(v), units.get(k, "A"))
+            k: Column(
+                list(np.concatenate(v)) if k == "file" else np.concatenate(v), units.get(k, "A")
+            )
             for k, v in parts.items()
         }
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return the rms of each recording's residual over its noise floor; a path is written as well.
+        """Return the rms of each recording's residual over its noise floor; a path is written as
+        well.
 
         ax: axes of your own to draw in; see `Result.plot`.
         """
@@ -79,25 +91,39 @@ class ReplayResult(Result):
     def report(self) -> None:
         """Print each recording's residual."""
         table = [[file, f"{rms:.3g}"] for file, rms in self.rms.items()]
-        print_table("residual of the currents over the noise floor (rms; 1 is noise)", ["recording", "rms"], table)
+        print_table(
+            "residual of the currents over the noise floor (rms; 1 is noise)",
+            ["recording", "rms"],
+            table,
+        )
 
     def to_rerun(self, path: str | Path) -> Path:
-        """Write measured and simulated currents as a trace (`.rrd`), a tab a recording; return its path."""
+        """Write measured and simulated currents as a trace (`.rrd`), a tab a recording; return its
+        path."""
         from sandbox.output.sheets import COLOURS, GREY, Plot
         from sandbox.output.trace import write_series
 
         tabs = {}
-        for inputs, predicted in zip(self.prepared.recordings, self.prediction.currents, strict=True):
+        for inputs, predicted in zip(
+            self.prepared.recordings, self.prediction.currents, strict=True
+        ):
             own, n = self.prepared.campaign[inputs.file], len(predicted)
             tabs[Path(inputs.file).stem] = {
                 f"i_{phase}": Plot(
-                    f"i_{phase} (A)", own.t[:n],
-                    {"measured": own[f"i_{phase}"][:n], "simulated": predicted[:, k, 0]}, [GREY, COLOURS["saturated"]],
+                    f"i_{phase} (A)",
+                    own.t[:n],
+                    {"measured": own[f"i_{phase}"][:n], "simulated": predicted[:, k, 0]},
+                    [GREY, COLOURS["saturated"]],
                 )
                 for k, phase in enumerate("abc")
-            }  # fmt: skip
+            }
         title = f"replay {self.prepared.campaign.name}"
-        write_series(Path(path), title, f"# {title}\nMeasured currents in grey, simulated ones in blue.", tabs)
+        write_series(
+            Path(path),
+            title,
+            f"# {title}\nMeasured currents in grey, simulated ones in blue.",
+            tabs,
+        )
         return Path(path)
 
 
@@ -112,17 +138,19 @@ def replay(
     preset: str | None = None,
     jobs: int = 1,
 ) -> ReplayResult:
-    """Put a campaign's own voltages and angle through the simulator, with effects, beside what was measured.
+    """Put a campaign's own voltages and angle through the simulator, with effects, beside what was
+    measured.
 
     Parameters
     ----------
     campaign : str, Path or Campaign
         See `read_campaign`.
     effects : mapping, str or Path, optional
-        What the motor lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`), or a file of effects
-        as `diagnose` writes it (``effects.toml``; its angles are turned, too).
+        What the motor lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`),
+        or a file of effects as `diagnose` writes it (``effects.toml``; its angles are turned, too).
     motor : str, Path or Drive, optional
-        See `load_motor`; in place of the campaign's nominal motor, such as the ``motor.toml`` that `diagnose` writes.
+        See `load_motor`; in place of the campaign's nominal motor, such as the ``motor.toml`` that
+        `diagnose` writes.
     files : sequence of str, optional
         Which recordings; all by default.
     columns : str or Path, optional
@@ -135,7 +163,8 @@ def replay(
     Returns
     -------
     ReplayResult
-        `.rms[file]`: rms of measured less simulated current over the noise floor; `.to_dataframe()`: both, in A.
+        `.rms[file]`: rms of measured less simulated current over the noise floor;
+        `.to_dataframe()`: both, in A.
 
     Raises
     ------
@@ -161,9 +190,13 @@ def replay(
     added, angles = effects_and_angles(effects)
     own = read_campaign(campaign, columns, preset=preset)
     if motor is not None:
-        own = dataclasses.replace(own, drive=dataclasses.replace(own.drive, motor=load_motor(motor).motor))
+        own = dataclasses.replace(
+            own, drive=dataclasses.replace(own.drive, motor=load_motor(motor).motor)
+        )
     prepared = prepare(own, added, files=files)
-    prepared = Point(dataclasses.replace(prepared, noise_std=floor_of(own, prepared.noise_std)), added, angles).turned()
+    prepared = Point(
+        dataclasses.replace(prepared, noise_std=floor_of(own, prepared.noise_std)), added, angles
+    ).turned()
     prediction = put_through(prepared, [added], workers=jobs)
     rms = {r.file: float(r.rms()[0]) for r in residuals(prepared, prediction)}
     return ReplayResult(prepared, prediction, added, rms)

@@ -1,4 +1,5 @@
-"""The settings of a drive beside what recordings of it show: from the folder of `identify` or `diagnose`."""
+"""The settings of a drive beside what recordings of it show: from the folder of `identify` or
+`diagnose`."""
 
 from __future__ import annotations
 
@@ -19,7 +20,14 @@ from model.tools.statements import steps_of
 from sandbox.output.tables import print_prose, print_table
 from sandbox.public.result import Result
 
-OF_VOLTAGE = ("pwm_delay", "dead_time", "device_drop", "dc_link_error", "current_sampling", "current_gain")
+OF_VOLTAGE = (
+    "pwm_delay",
+    "dead_time",
+    "device_drop",
+    "dc_link_error",
+    "current_sampling",
+    "current_gain",
+)
 FILES = {"identify": "identify.json", "diagnose": "diagnosis.json"}
 MAX_BYTES = 64_000_000  # bytes of a result's JSON
 MOTOR = tuple(UNITS)[:4]
@@ -38,17 +46,26 @@ class SettingsResult(Result):
     def summary(self) -> str:
         """Return whose settings these are and how many differ."""
         differ = [row.name for row in self.rows if row.verdict == "differs"]
-        return f"{self.program} beside {self.of}, {', '.join(differ) if differ else 'nothing'} to set anew"
+        return (
+            f"{self.program} beside {self.of}, {', '.join(differ) if differ else 'nothing'} "
+            "to set anew"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return what `settings.json` holds beyond its header."""
         rows = [
             {
-                "name": r.name, "unit": r.unit, "stated": r.stated, "found": r.found,
-                "ci95": None if r.ci95 is None else list(r.ci95), "off": r.off, "verdict": r.verdict, "said": r.said,
+                "name": r.name,
+                "unit": r.unit,
+                "stated": r.stated,
+                "found": r.found,
+                "ci95": None if r.ci95 is None else list(r.ci95),
+                "off": r.off,
+                "verdict": r.verdict,
+                "said": r.said,
             }
             for r in self.rows
-        ]  # fmt: skip
+        ]
         return {"campaign": self.of, "program": self.program, "settings": rows}
 
     def report(self) -> None:
@@ -65,11 +82,14 @@ class SettingsResult(Result):
             print_prose(r.said, f"{r.name}: ")
 
 
-def check_settings(result: str | Path, config: str | Path, bandwidth_hz: float | None = None) -> SettingsResult:
-    """Return the settings that a drive should have by its recordings, beside those of its configuration file.
+def check_settings(
+    result: str | Path, config: str | Path, bandwidth_hz: float | None = None
+) -> SettingsResult:
+    """Return the settings that a drive should have by its recordings, beside those of its
+    configuration file.
 
-    Values of the motor, gains of the current loop that cancel the winding's pole, and the time that dead-time
-    compensation should make up for.
+    Values of the motor, gains of the current loop that cancel the winding's pole, and the time that
+    dead-time compensation should make up for.
 
     Parameters
     ----------
@@ -78,17 +98,20 @@ def check_settings(result: str | Path, config: str | Path, bandwidth_hz: float |
     config : str or Path
         Configuration of VESC, ODrive, moteus or SimpleFOC.
     bandwidth_hz : float, optional
-        Hz, of the current loop; by default what the configuration means (stated, or kp over its own inductance).
+        Hz, of the current loop; by default what the configuration means (stated, or kp over its own
+        inductance).
 
     Returns
     -------
     SettingsResult
-        `.rows`: each with `.stated`, `.found`, `.ci95` (SI), `.off` (a share), `.verdict` and `.said`.
+        `.rows`: each with `.stated`, `.found`, `.ci95` (SI), `.off` (a share), `.verdict` and
+        `.said`.
 
     Raises
     ------
     BadInput
-        For a folder without such a result, a result that tells none of these values, a file of none of these tools.
+        For a folder without such a result, a result that tells none of these values, a file of none
+        of these tools.
 
     Examples
     --------
@@ -96,26 +119,32 @@ def check_settings(result: str | Path, config: str | Path, bandwidth_hz: float |
     >>> check_settings("sensorless-out/identify", "vesc.xml")  # doctest: +SKIP
     """
     if bandwidth_hz is not None and not 0.0 < bandwidth_hz <= 1e5:
-        raise BadInput(f"bandwidth = {bandwidth_hz:g} Hz is out of range; give a current loop's, up to 1e5 Hz")
+        raise BadInput(
+            f"bandwidth = {bandwidth_hz:g} Hz is out of range; give a current loop's, up to 1e5 Hz"
+        )
     folder, told = _result(Path(result))
     motor = read_toml(folder / "motor.toml") if is_file(folder / "motor.toml") else {}
     try:
         found, untold = _found(motor, folder, told)
         named = sorted({str(e) for e in _best(told).get("effects", []) if e in OF_VOLTAGE})
         pairs = str(motor.get("motor", {}).get("pole_pairs", 1))
-    except (AttributeError, LookupError, TypeError):  # of another shape than identify and diagnose give it
+    except (AttributeError, LookupError, TypeError):
+        # of another shape than identify and diagnose give it
         raise BadInput(
-            f"{folder}: its files are not as identify and diagnose write them; make the result again"
+            f"{folder}: its files are not as identify and diagnose write them; make the "
+            "result again"
         ) from None
     if not found:
         raise BadInput(
-            f"{folder}: its recordings tell nothing of a motor's values or of what legs lose; record what shows them "
-            "(sensorless plan says what)"
+            f"{folder}: its recordings tell nothing of a motor's values or of what legs lose; "
+            "record what shows them (sensorless plan says what)"
         )
     read = read_configuration(Path(config))
     own = _stated(read.stated, pairs) | read.control
     omega = None if bandwidth_hz is None else math.tau * bandwidth_hz
-    return SettingsResult(str(told["campaign"]), read.program, tuple(settings(own, found, untold, omega, named)))
+    return SettingsResult(
+        str(told["campaign"]), read.program, tuple(settings(own, found, untold, omega, named))
+    )
 
 
 def _result(path: Path) -> tuple[Path, dict[str, Any]]:
@@ -124,13 +153,18 @@ def _result(path: Path) -> tuple[Path, dict[str, Any]]:
     for file in (folder / name for name in FILES.values()):
         if is_file(file):
             try:
-                told = json.loads(given_bytes(file, MAX_BYTES, "give a result of identify or diagnose"))
+                told = json.loads(
+                    given_bytes(file, MAX_BYTES, "give a result of identify or diagnose")
+                )
             except (ValueError, RecursionError) as error:
                 raise BadInput(f"{file}: no whole JSON ({error}); make the result again") from None
             if isinstance(told, dict) and isinstance(told.get("campaign"), str):
                 return folder, told
             raise BadInput(f"{file}: no result of identify or diagnose; make it again")
-    raise BadInput(f"{path} holds neither identify.json nor diagnosis.json; give the folder that one of them wrote")
+    raise BadInput(
+        f"{path} holds neither identify.json nor diagnosis.json; give the folder that "
+        "one of them wrote"
+    )
 
 
 def _best(told: Mapping[str, Any]) -> dict[str, Any]:
@@ -139,7 +173,9 @@ def _best(told: Mapping[str, Any]) -> dict[str, Any]:
     return every[0] if isinstance(every[0], dict) else {}
 
 
-def _found(motor: Mapping[str, Any], folder: Path, told: Mapping[str, Any]) -> tuple[dict[str, Found], dict[str, str]]:
+def _found(
+    motor: Mapping[str, Any], folder: Path, told: Mapping[str, Any]
+) -> tuple[dict[str, Found], dict[str, str]]:
     """Return the values that a result tells, with their intervals, and why others are not told."""
     own, ends = motor.get("motor", {}), motor.get("ci95", {})
     found: dict[str, Found] = {}
@@ -153,14 +189,18 @@ def _found(motor: Mapping[str, Any], folder: Path, told: Mapping[str, Any]) -> t
 
 
 def _lost(motor: Mapping[str, Any], folder: Path, best: Mapping[str, Any]) -> Found | None:
-    """Return the time (s) that legs lose by dead time and by their devices' drop; None where no result names either."""
+    """Return the time (s) that legs lose by dead time and by their devices' drop; None where no
+    result names either."""
     if not is_file(folder / "effects.toml"):
         return None
     effects, drive = effects_of(folder / "effects.toml"), motor.get("drive", {})
     period, link = finite(drive.get("sampling_period")), finite(drive.get("dc_bus_voltage"))
     rate = finite(drive.get("pwm_frequency"))
     period = 1.0 / rate if rate else period
-    factors = {"dead_time.time": 1.0, "device_drop.threshold": period / link if period and link else 0.0}
+    factors = {
+        "dead_time.time": 1.0,
+        "device_drop.threshold": period / link if period and link else 0.0,
+    }
     if not any(effects.get(name) and factor for name, factor in factors.items()):
         return None
     value = sum(factor * effects.get(name, 0.0) for name, factor in factors.items())
@@ -176,7 +216,8 @@ def _lost(motor: Mapping[str, Any], folder: Path, best: Mapping[str, Any]) -> Fo
 
 
 def _stated(stated: Mapping[str, str], pairs: str) -> dict[str, float]:
-    """Return a configuration's values of [motor] in SI; pole pairs that it does not state are the result's."""
+    """Return a configuration's values of [motor] in SI; pole pairs that it does not state are the
+    result's."""
     known = dict(stated)
     if not {"pole_pairs", "poles"} & set(known):
         known["pole_pairs"] = pairs

@@ -47,15 +47,23 @@ class DriveExport(Result):
         """Return what `export-drive.json` holds beyond its header."""
         parameters = {n.name: _stated(n) for n in self.numbers}
         return {
-            "motor": self.motor, "effects": dict(self.effects), "top_speed_rpm": self.top_speed_rpm,
-            "parameters": parameters, "files": list(self.files),
-        }  # fmt: skip
+            "motor": self.motor,
+            "effects": dict(self.effects),
+            "top_speed_rpm": self.top_speed_rpm,
+            "parameters": parameters,
+            "files": list(self.files),
+        }
 
     def report(self) -> None:
         """Print the files, and how they are used."""
-        print_prose(f"{self.motor} with {len(self.numbers)} parameters; steps for up to {self.top_speed_rpm:g} rpm")
+        print_prose(
+            f"{self.motor} with {len(self.numbers)} parameters; steps for up to "
+            f"{self.top_speed_rpm:g} rpm"
+        )
         print_prose(f"files: {', '.join(self.files)}")
-        print_prose(f"{HEADER} says how the drive is stepped; it is compiled by cc -std=c99 -O2 -c {SOURCE}")
+        print_prose(
+            f"{HEADER} says how the drive is stepped; it is compiled by cc -std=c99 -O2 -c {SOURCE}"
+        )
 
     def _write_more(self, out: Path) -> dict[str, Any]:
         """Write every file."""
@@ -77,7 +85,8 @@ def export_drive(
     top_speed_rpm: float | None = None,
     fmu: bool = True,
 ) -> DriveExport:
-    """Return a drive with its effects as plain C99 and as FMUs: to run on a test rig, in Simulink, PLECS, OpenModelica.
+    """Return a drive with its effects as plain C99 and as FMUs: to run on a test rig, in Simulink,
+    PLECS, OpenModelica.
 
     The C code is translated from the plant's own kernels, and computes the same numbers in double.
 
@@ -86,7 +95,8 @@ def export_drive(
     motor : str, Path or Drive
         See `load_motor`; a flux map goes along as constants.
     effects : mapping, str or Path, optional
-        As in `simulate`: what the drive has from the start; every effect stays a parameter that can be changed.
+        As in `simulate`: what the drive has from the start; every effect stays a parameter that can
+            be changed.
     top_speed_rpm : float, optional
         rpm, mechanical, up to which the plant's steps are short enough; default: twice rated speed.
     fmu : bool, default True
@@ -112,7 +122,10 @@ def export_drive(
     rated = drive.motor.rated_speed_rpm
     top = FASTEST * rated if top_speed_rpm is None else top_speed_rpm
     if not 0.0 < top <= 1e6:
-        raise BadInput(f"top_speed_rpm = {top:g} is out of range; give a value above 0, such as {FASTEST * rated:g}")
+        raise BadInput(
+            f"top_speed_rpm = {top:g} is out of range; give a value above 0, such as "
+            f"{FASTEST * rated:g}"
+        )
     values = sets.complete(drive.motor, drive.converter, added)
     library.check_inside(drive.motor, drive.converter, values)
     source = source_of(drive, values, top / rated * drive.motor.rated_omega)
@@ -126,11 +139,14 @@ def export_drive(
 
 
 def _closes(drive: Drive) -> bool:
-    """Return whether the program that closes the loop fits: an estimator in C, and a square wave."""
+    """Return whether the program that closes the loop fits: an estimator in C, and a square
+    wave."""
     return not isinstance(drive.motor.energy, SplineEnergy) and drive.injection.waveform == "square"
 
 
 def _loop(drive: Drive, name: str) -> str:
     text = Template(HERE.joinpath(LOOP).read_text(encoding="utf-8"))
     load, speed = LOAD * drive.motor.rated_current, SPEED * drive.motor.rated_omega
-    return text.substitute(motor=drive.name, cname=name, load=f"{load:.6g}", speed=f"{speed:.6g}", ring=MAX_PERIOD)
+    return text.substitute(
+        motor=drive.name, cname=name, load=f"{load:.6g}", speed=f"{speed:.6g}", ring=MAX_PERIOD
+    )

@@ -1,4 +1,5 @@
-"""Estimators in C for a motor: its constants, a short run's samples, what the Python twins make of them."""
+"""Estimators in C for a motor: its constants, a short run's samples, what the Python twins make of
+them."""
 
 from __future__ import annotations
 
@@ -30,7 +31,9 @@ from sandbox.public.result import Result
 from sandbox.recordings.injection import carrier
 
 MOST_WINDOWS = 6
-LOADED = Scenario("golden", (Segment(0.06, 1.0, 0.05, ramp=0.03),), "driven", start_up=False, start_angle=0.4)
+LOADED = Scenario(
+    "golden", (Segment(0.06, 1.0, 0.05, ramp=0.03),), "driven", start_up=False, start_angle=0.4
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,12 +55,20 @@ class Export(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `export-estimator.json` holds beyond its header."""
-        kept = {"estimator": self.name, "motor": self.motor, "belief": self.belief, "state_bytes": self.state_bytes}
+        kept = {
+            "estimator": self.name,
+            "motor": self.motor,
+            "belief": self.belief,
+            "state_bytes": self.state_bytes,
+        }
         return {**kept, "operations": asdict(self.operations), "files": list(self.files)}
 
     def report(self) -> None:
         """Print what a step costs, and how the files are checked."""
-        print_prose(f"{self.name} for {self.motor}: {self.operations.said()}; {self.state_bytes} bytes of state")
+        print_prose(
+            f"{self.name} for {self.motor}: {self.operations.said()}; {self.state_bytes} "
+            "bytes of state"
+        )
         print_prose(f"files: {', '.join(self.files)}")
         print_prose("check them: cc -std=c99 -O2 *.c -lm && ./a.out")
 
@@ -69,7 +80,8 @@ class Export(Result):
 
 
 def samples_of(drive: Drive, recording: Recording) -> np.ndarray:
-    """Return what an estimator was given in a run, (n, 5): i_alpha, i_beta (A), u_alpha, u_beta (V), carrier (s)."""
+    """Return what an estimator was given in a run, (n, 5): i_alpha, i_beta (A), u_alpha, u_beta
+    (V), carrier (s)."""
     read = np.column_stack(stationary.py_func(recording.i_a, recording.i_b, recording.i_c))
     commanded = np.column_stack([recording.u_alpha, recording.u_beta])
     primitive = np.resize(carrier(drive.injection, drive.converter).primitive, len(read))
@@ -77,7 +89,8 @@ def samples_of(drive: Drive, recording: Recording) -> np.ndarray:
 
 
 def golden_of(drive: Drive, names: Iterable[str], belief: str = "saturated") -> Golden:
-    """Return golden vectors of a motor that turns and takes up its load, in windows all along; a float holds them."""
+    """Return golden vectors of a motor that turns and takes up its load, in windows all along; a
+    float holds them."""
     run = simulate(drive, LOADED, load_estimator("qnull"), belief)
     every = samples_of(drive, run.recording).astype(np.float32).astype(float)
     whole = len(every) // WINDOW
@@ -95,13 +108,19 @@ def in_windows(estimator: Estimator, golden: Golden) -> np.ndarray:
     """Return what an estimator tells for golden samples, begun anew in each window."""
     parts = np.split(golden.samples, range(WINDOW, len(golden.samples), WINDOW))
     begun = zip(parts, golden.angles, strict=True)
-    return np.vstack([in_one_window(estimator, golden.belief, golden.tuning, part, angle) for part, angle in begun])
+    return np.vstack(
+        [
+            in_one_window(estimator, golden.belief, golden.tuning, part, angle)
+            for part, angle in begun
+        ]
+    )
 
 
 def in_one_window(
     estimator: Estimator, belief: Belief, tuning: Tuning, samples: np.ndarray, angle: float | None
 ) -> np.ndarray:
-    """Return what an estimator tells for samples (n, 5): theta (rad), omega (rad/s), axis (rad), (n, 3)."""
+    """Return what an estimator tells for samples (n, 5): theta (rad), omega (rad/s), axis (rad),
+    (n, 3)."""
     state, step = estimator.init(belief, tuning, angle), estimator.step_for(belief)
     return np.array([step(state, Sample(*row), belief, tuning)[:3] for row in samples.tolist()])
 
@@ -110,7 +129,8 @@ def in_one_window(
 def export_estimator(
     estimator: str = "ekf", motor: str | Path | Drive = "ipm_exchanged", belief: str = "saturated"
 ) -> Export:
-    """Return an estimator as plain C99 with float numbers, with a motor's constants, for a firmware.
+    """Return an estimator as plain C99 with float numbers, with a motor's constants, for a
+    firmware.
 
     Parameters
     ----------
@@ -124,13 +144,14 @@ def export_estimator(
     Returns
     -------
     Export
-        `.files` (name and text: the estimator, the header, `motor.h`, `check.c` with golden vectors),
-        `.operations` of a step, `.state_bytes`, `.save(folder)`.
+        `.files` (name and text: the estimator, the header, `motor.h`, `check.c` with golden
+        vectors), `.operations` of a step, `.state_bytes`, `.save(folder)`.
 
     Raises
     ------
     BadInput
-        For an estimator that is not translated, a motor with a flux map, or a name that is not known.
+        For an estimator that is not translated, a motor with a flux map, or a name that is not
+        known.
 
     Examples
     --------
@@ -149,8 +170,8 @@ def exported(name: str, drive: Drive, belief: str) -> Export:
         raise BadInput(f"belief '{belief}' is neither 'saturated' nor 'linear'")
     if not isinstance(belief_of(drive, belief).energy, Energy):
         raise BadInput(
-            f"'{drive.name}' has a flux map, and an estimator in C takes the quartic energy; export its linear belief "
-            "or a motor with alphas"
+            f"'{drive.name}' has a flux map, and an estimator in C takes the quartic energy; "
+            "export its linear belief or a motor with alphas"
         )
     golden = golden_of(drive, (name,), belief)
     files = {

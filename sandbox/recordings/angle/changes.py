@@ -1,8 +1,10 @@
-"""A motion told by sixths of a turn, at the changes alone: there the angle is known, between them it is drawn smoothly.
+"""A motion told by sixths of a turn, at the changes alone: there the angle is known, between them
+it is drawn smoothly.
 
-A window of the motion's equation (`sandbox.motion.windows`) that lies within a sixth would see the drawing's own
-acceleration.  From change to change torques are averaged over the rows nearer to one than to any other, so that the
-integrals of a window, which weigh each row with its gaps, are those of all rows.
+A window of the motion's equation (`sandbox.motion.windows`) that lies within a sixth would see the
+drawing's own acceleration.  From change to change torques are averaged over the rows nearer to one
+than to any other, so that the integrals of a window, which weigh each row with its gaps, are those
+of all rows.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ Array = NDArray[np.float64]
 def at_changes(
     t: Array, angle: Array, values: Mapping[str, Array], step: float, zero: float
 ) -> tuple[Array, Array, dict[str, Array]]:
-    """Return stamps (s), angles and mean values (n,) at an angle's changes from sixth to sixth, half way between rows.
+    """Return stamps (s), angles and mean values (n,) at an angle's changes from sixth to sixth,
+    half way between rows.
 
     step: of a sixth, zero: of a change, in the angle's unit; empty where nothing changes.
     """
@@ -31,5 +34,6 @@ def at_changes(
 
 
 def means(x: Array, first: NDArray[np.int64]) -> Array:
-    """Return the means of the parts of x (n,) that begin at the rows `first` (rising, at least one row each)."""
+    """Return the means of the parts of x (n,) that begin at the rows `first` (rising, at least one
+    row each)."""
     return np.asarray(np.add.reduceat(x, first) / np.diff(np.append(first, len(x))))

@@ -1,10 +1,11 @@
 """The zero of an angle that was made of a speed, of Hall states, or of nothing at a locked rotor.
 
-It is where the flux balance of the nominal model (`checks.mistakes`) leaves least, its sense with it where that is
-unknown; of a speed also the drift, as a clock or a filter that is a little off gives it: zeros of parts of a recording
-lie on a straight line over time.  Resistance and magnet flux do not turn the voltage of a current on q, L_q does: as
-voltage turns with the rotor, an error dL_q moves the zero by dL_q i_q over the flux that shows it.  So the zero stays
-open by `Made.zero` in whatever is made of the recording, and an offset of the angle cannot be told.
+It is where the flux balance of the nominal model (`checks.mistakes`) leaves least, its sense with
+it where that is unknown; of a speed also the drift, as a clock or a filter that is a little off
+gives it: zeros of parts of a recording lie on a straight line over time.  Resistance and magnet
+flux do not turn the voltage of a current on q, L_q does: as voltage turns with the rotor, an error
+dL_q moves the zero by dL_q i_q over the flux that shows it.  So the zero stays open by `Made.zero`
+in whatever is made of the recording, and an offset of the angle cannot be told.
 """
 
 from __future__ import annotations
@@ -25,18 +26,26 @@ from sandbox.recordings.findings import Doubt, Finding
 
 Array = NDArray[np.float64]
 PARTS, FEWEST = 8, 64  # of a recording whose zero may drift; rows of one
-SHARP = 0.05  # of the sharpest part: one below says nothing (chosen: its zero is 4 to 5 times as uncertain)
-DRIFTS = 0.1  # rad over a recording, a drift below is none (chosen: left in, it opens 0.1^2 / 12 of the voltage)
+# of the sharpest part: one below says nothing (chosen: its zero is 4 to 5 times as uncertain)
+SHARP = 0.05
+# rad over a recording, a drift below is none (chosen: left in, it opens 0.1^2 / 12 of the voltage)
+DRIFTS = 0.1
 WELL = 0.35  # of the voltage that stays open: beyond it the zero is in doubt (chosen)
-OPEN = 0.002  # of the voltage that the zero moves: below it no zero is told (no rotor turns, no saliency; chosen)
-STRAY = 0.01  # rad, at least, of an angle made of a speed, and of any zero (chosen: a step of the zeros tried is 0.009)
-UNSTATED = 0.2  # of L_q, its deviation where a campaign states none: what saturation takes on common motors
-UNTOLD = 0.5  # rad: most that a zero is left open by, as far as a slope in it holds (sin 0.5 = 0.48)
+# of the voltage that the zero moves: below it no zero is told (no rotor turns, no saliency; chosen)
+OPEN = 0.002
+# rad, at least, of an angle made of a speed, and of any zero (chosen: a step of the zeros tried is
+# 0.009)
+STRAY = 0.01
+# of L_q, its deviation where a campaign states none: what saturation takes on common motors
+UNSTATED = 0.2
+# rad: most that a zero is left open by, as far as a slope in it holds (sin 0.5 = 0.48)
+UNTOLD = 0.5
 TWICE = 2.0  # times less must stay open the other way round, or with a drift
 
 
 def with_zeros(campaign: Campaign) -> Campaign:
-    """Return a campaign whose angles that were made have the zero that its recordings show, with a finding each."""
+    """Return a campaign whose angles that were made have the zero that its recordings show, with a
+    finding each."""
     if all(r.made is None for r in campaign.recordings):
         return campaign
     share = campaign.uncertainty.get("inductance_q", UNSTATED)
@@ -46,7 +55,10 @@ def with_zeros(campaign: Campaign) -> Campaign:
     unseen = _unseen(recordings, campaign.drive)
     if unseen:
         r = next(r for r in recordings if _by_states(r))
-        text = f"{r.file}: what the angle misses between two changes leaves currents open by {unseen:.2g} A rms, which "
+        text = (
+            f"{r.file}: what the angle misses between two changes leaves currents open by "
+            f"{unseen:.2g} A rms, which "
+        )
         findings = (*findings, Finding(r.file, "theta", None, f"{text}counts as noise"))
     return dataclasses.replace(campaign, recordings=recordings, findings=findings, unseen=unseen)
 
@@ -57,7 +69,8 @@ def _by_states(r: CampaignRecording) -> bool:
 
 
 def _unseen(recordings: Sequence[CampaignRecording], drive: Drive) -> float:
-    """Return the current (A rms of a phase) that an angle of states leaves open, in the mean of all rows.
+    """Return the current (A rms of a phase) that an angle of states leaves open, in the mean of all
+    rows.
 
     An angle that is off by x turns the flux f that voltage is balanced with: in the rotor's frame
 
@@ -71,43 +84,59 @@ def _unseen(recordings: Sequence[CampaignRecording], drive: Drive) -> float:
         rows += len(r.t)
         if not _by_states(r) or r.made is None:
             continue
-        off, pace = r.made.count / math.sqrt(12.0), np.gradient(r.theta, r.t) * math.hypot(1.0, 1.0 / STEP)
+        off, pace = (
+            r.made.count / math.sqrt(12.0),
+            np.gradient(r.theta, r.t) * math.hypot(1.0, 1.0 / STEP),
+        )
         flux = np.hypot(m.magnet_flux, (m.inductance_d - m.inductance_q) * np.hypot(*r.current))
         open_by = flux * pace * off / np.hypot(m.resistance, inductance * pace)
         squares += 0.5 * float(open_by @ open_by)
     return math.sqrt(squares / rows) if rows else 0.0
 
 
-def with_zero(r: CampaignRecording, drive: Drive, share: float) -> tuple[CampaignRecording, Finding | None]:
-    """Return a recording whose made angle begins at the zero that fits best; share: relative deviation of L_q."""
+def with_zero(
+    r: CampaignRecording, drive: Drive, share: float
+) -> tuple[CampaignRecording, Finding | None]:
+    """Return a recording whose made angle begins at the zero that fits best; share: relative
+    deviation of L_q."""
     if r.made is None:
         return r, None
     ways = [_Turned(r, drive, sense) for sense in ((1.0, -1.0) if r.made.either_way else (1.0,))]
     best = ways[1] if len(ways) > 1 and ways[1].least * TWICE < ways[0].least else ways[0]
     said = r.made.of or "a locked rotor without an angle"
     if best.moved < OPEN:
-        text = f"{r.file}: {said}: the zero of the angle makes no difference to its voltages, 0 stands for it"
+        text = (
+            f"{r.file}: {said}: the zero of the angle makes no difference to its voltages, 0 "
+            "stands for it"
+        )
         same = dataclasses.replace(r, made=dataclasses.replace(r.made, zero=UNTOLD))
         return same, Finding(r.file, "theta", None, text)
     theta, drift, stray = best.angle()
     count = r.made.count or (math.sqrt(12.0) * max(stray, STRAY) if r.made.of else 0.0)
     turned = float(np.mean(theta - best.sense * r.theta))
-    made = dataclasses.replace(r.made, count=count, zero=_left_open(r, drive, share, stray), turned=turned)
+    made = dataclasses.replace(
+        r.made, count=count, zero=_left_open(r, drive, share, stray), turned=turned
+    )
     back = ", counted backwards" if best.sense < 0.0 else ""
     slow = f", and it drifts by {drift:.2g} rad" if drift else ""
     text = (
-        f"{r.file}: {said}: the angle's zero, {math.degrees(best.zero):.0f} degrees{back}{slow}, is where its voltages "
-        f"fit the nominal model best ({100.0 * best.least:.2g} % stay open): an offset of the angle cannot be told, "
-        "and L_q and all that turns the voltage only beside it"
+        f"{r.file}: {said}: the angle's zero, {math.degrees(best.zero):.0f} degrees{back}{slow}, "
+        f"is where its voltages fit the nominal model best ({100.0 * best.least:.2g} % stay open): "
+        "an offset of the angle cannot be told, and L_q and all that turns the voltage only "
+        "beside it"
     )
     kind = Doubt if best.least > WELL else Finding
-    return dataclasses.replace(r, columns={**r.columns, "theta": theta}, made=made), kind(r.file, "theta", None, text)
+    return dataclasses.replace(r, columns={**r.columns, "theta": theta}, made=made), kind(
+        r.file, "theta", None, text
+    )
 
 
 def _left_open(r: CampaignRecording, drive: Drive, share: float, stray: float) -> float:
-    """Return the standard deviation (rad) of a zero: what L_q moves it by, and how far parts stray from it.
+    """Return the standard deviation (rad) of a zero: what L_q moves it by, and how far parts stray
+    from it.
 
-    The magnets' flux shows it where a rotor turns, saliency elsewhere; |i| stands for i_q, which the zero itself tells.
+    The magnets' flux shows it where a rotor turns, saliency elsewhere; |i| stands for i_q, which
+    the zero itself tells.
     """
     m, current = drive.motor, float(np.sqrt(np.mean(r.current[0] ** 2 + r.current[1] ** 2)))
     magnets = m.magnet_flux if np.ptp(r.theta) > 0.0 else 0.0
@@ -116,7 +145,8 @@ def _left_open(r: CampaignRecording, drive: Drive, share: float, stray: float) -
 
 
 class _Turned:
-    """A recording read one way round: what stays open of its voltages over the zero of its angle, part by part."""
+    """A recording read one way round: what stays open of its voltages over the zero of its angle,
+    part by part."""
 
     def __init__(self, r: CampaignRecording, drive: Drive, sense: float) -> None:
         self.r, self.sense = r, sense
@@ -128,8 +158,12 @@ class _Turned:
         self.products = []
         for a, b in itertools.pairwise(bounds):
             columns = {name: x[a:b] for name, x in {**r.columns, "theta": self.theta}.items()}
-            self.products.append(Products(dataclasses.replace(r, columns=columns, source={}), drive, 0.0, 0.0))
-        self.energy = np.array([max(float(p.of(None, None, 1.0)[0, 0].real), 0.0) for p in self.products])
+            self.products.append(
+                Products(dataclasses.replace(r, columns=columns, source={}), drive, 0.0, 0.0)
+            )
+        self.energy = np.array(
+            [max(float(p.of(None, None, 1.0)[0, 0].real), 0.0) for p in self.products]
+        )
         self.curves = self._open(ZEROS)
         self.zero = self._fine()
         total = max(float(self.energy.sum()), 1e-300)
@@ -138,7 +172,9 @@ class _Turned:
 
     def _open(self, zeros: Array) -> Array:
         """Return the squares that stay open in each part (parts, zeros)."""
-        return np.stack([e * p.shares((), zeros) for e, p in zip(self.energy, self.products, strict=True)])
+        return np.stack(
+            [e * p.shares((), zeros) for e, p in zip(self.energy, self.products, strict=True)]
+        )
 
     def _fine(self) -> float:
         """Return the zero of all parts together, between those of the grid."""
@@ -147,8 +183,8 @@ class _Turned:
         return float(around[int(np.argmin(self._open(around).sum(axis=0)))])
 
     def angle(self) -> tuple[Array, float, float]:
-        """Return the angle (n,) with its zero and its drift, the drift (rad over the recording), and how far parts
-        stray from it (rad rms)."""
+        """Return the angle (n,) with its zero and its drift, the drift (rad over the recording),
+        and how far parts stray from it (rad rms)."""
         sharp = np.ptp(self.curves, axis=1)
         told = np.flatnonzero(sharp > SHARP * sharp.max())
         if len(told) < 3:
@@ -163,4 +199,8 @@ class _Turned:
             return self.theta + self.zero, 0.0, stray
         self.least = own_open / max(float(self.energy.sum()), 1e-300)
         self.zero = float(math.remainder(at + 0.5 * rate, math.tau))
-        return self.theta + at + rate * np.arange(len(self.theta)) / len(self.theta), float(rate), stray
+        return (
+            self.theta + at + rate * np.arange(len(self.theta)) / len(self.theta),
+            float(rate),
+            stray,
+        )

@@ -20,9 +20,11 @@ AXES = (0.5 * math.pi, -0.5 * math.pi, math.pi)  # zeros that an injection's axi
 
 
 def off_axis(recordings: Sequence[CampaignRecording], drive: Drive) -> None:
-    """Raise BadInput where theta does not turn the injected voltage to its axis, but a mistaken theta would.
+    """Raise BadInput where theta does not turn the injected voltage to its axis, but a mistaken
+    theta would.
 
-    This sees a wrong theta at locked rotor and low speed too, where the balance hardly depends on it.
+    This sees a wrong theta at locked rotor and low speed too, where the balance hardly depends on
+    it.
     """
     for r in recordings:
         share = _share_on_axis(r.columns, drive, r.injection_axis)
@@ -35,21 +37,25 @@ def off_axis(recordings: Sequence[CampaignRecording], drive: Drive) -> None:
                 guess, remedy = of_angle(m, zero)
                 text = (
                     f"{r.file}: row 0 of column 'theta' is {r.theta[0]:.6g}; turned by theta, only "
-                    f"{percent(max(share, 0.0))} of the injected voltage lies along axis {r.injection_axis} (at least "
-                    f"{percent(ON_AXIS)} expected), it does if {source_of(r)['theta']} is {guess}: {remedy}"
+                    f"{percent(max(share, 0.0))} of the injected voltage lies along axis "
+                    f"{r.injection_axis} (at least {percent(ON_AXIS)} expected), it does if "
+                    f"{source_of(r)['theta']} is {guess}: {remedy}"
                 )
                 raise Refused(Finding(r.file, "theta", 0, text, rereads=frozenset({ANGLE})))
 
 
 def _share_on_axis(columns: Columns, drive: Drive, axis: str) -> float | None:
-    """Return how much more of the ripple's energy lies along the axis than across it, of all; None without ripple."""
+    """Return how much more of the ripple's energy lies along the axis than across it, of all; None
+    without ripple."""
     n = max(round(1.0 / (drive.injection.frequency * drive.converter.sampling_period)), 2)
     u = columns["u_alpha"] + 1j * columns["u_beta"]
     whole = len(u) // n * n
     if axis == "none" or not whole:
         return None
     cut = u[:whole].reshape(-1, n)
-    turned = (cut - cut.mean(axis=1, keepdims=True)).ravel() * np.exp(-1j * columns["theta"][:whole])
+    turned = (cut - cut.mean(axis=1, keepdims=True)).ravel() * np.exp(
+        -1j * columns["theta"][:whole]
+    )
     energy = float(np.sum(np.abs(turned) ** 2))
     if energy <= whole * (0.1 * drive.injection.amplitude) ** 2:
         return None

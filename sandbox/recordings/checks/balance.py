@@ -1,13 +1,16 @@
-"""The stator's voltage equation over windows of a recording, whatever the load: what of the commands stays unexplained.
+"""The stator's voltage equation over windows of a recording, whatever the load: what of the
+commands stays unexplained.
 
-Over a window of m samples the flux that voltage leaves behind must be the flux that currents and magnet show,
+Over a window of m samples the flux that voltage leaves behind must be the flux that currents and
+magnet show,
 
     sum h (u_k - R (i_k + i_k+1) / 2) = psi(end) - psi(begin),
     psi = (L_d + L_q)/2 i + (L_d - L_q)/2 exp(2j theta) conj(i) + phi_m exp(j theta)      (stator frame, complex)
 
-The nominal linear model is asked, and the saturated one where that leaves a doubt.  The share of the voltage's energy
-that stays unexplained is some per cent for a real gap, about 1 or far more for a wrong unit.
-"""
+The nominal linear model is asked, and the saturated one where that leaves a doubt.  The share of
+the voltage's energy that stays unexplained is some per cent for a real gap, about 1 or far more for
+a wrong unit.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -38,7 +41,8 @@ BLOCK = 500_000  # samples of which the balance is made at a time: some 100 MB
 
 @dataclass(frozen=True)
 class Balance:
-    """Voltage and its unexplained part over each window, V; `noise` is the share that the sensors' noise explains."""
+    """Voltage and its unexplained part over each window, V; `noise` is the share that the sensors'
+    noise explains."""
 
     rows: NDArray[np.int64]
     voltage: Complex
@@ -62,11 +66,14 @@ class Balance:
         return float(np.sum(np.abs(self.rest) ** 2)) / total if total > 0.0 else 0.0
 
 
-def balance(columns: Columns, drive: Drive, window: int | None = None, *, saturated: bool = False) -> Balance:
-    """Return the flux balance of a recording's columns over windows of so many samples (None: as many as keep the
-    voltage), with the nominal linear model or the saturated one.
+def balance(
+    columns: Columns, drive: Drive, window: int | None = None, *, saturated: bool = False
+) -> Balance:
+    """Return the flux balance of a recording's columns over windows of so many samples (None: as
+    many as keep the voltage), with the nominal linear model or the saturated one.
 
-    saturated: some LOOKED windows all over the recording, without those whose currents are outside the nominal model.
+    saturated: some LOOKED windows all over the recording, without those whose currents are outside
+    the nominal model.
     """
     m, size = drive.motor, window or window_of(columns)
     ends = np.arange(0, len(columns["theta"]), size)
@@ -76,7 +83,9 @@ def balance(columns: Columns, drive: Drive, window: int | None = None, *, satura
     for k in range(0, len(voltage), step):
         own = slice(k, k + step)
         voltage[own], rest[own] = _differences(columns, drive, ends[k : k + step + 1], asked, k)
-    sensor = math.hypot(drive.converter.current_noise, drive.converter.current_resolution / math.sqrt(12.0))
+    sensor = math.hypot(
+        drive.converter.current_noise, drive.converter.current_resolution / math.sqrt(12.0)
+    )
     span = size * drive.converter.sampling_period
     noise = 4.0 / 3.0 * (m.inductance_d**2 + m.inductance_q**2) * (sensor / span) ** 2
     energy = float(np.mean(np.abs(voltage) ** 2)) if len(voltage) else 0.0
@@ -94,12 +103,17 @@ def _some(windows: int) -> NDArray[np.int64]:
 
 
 def _differences(
-    columns: Columns, drive: Drive, ends: NDArray[np.int64], asked: NDArray[np.int64] | None, first: int
+    columns: Columns,
+    drive: Drive,
+    ends: NDArray[np.int64],
+    asked: NDArray[np.int64] | None,
+    first: int,
 ) -> tuple[Complex, Complex]:
-    """Return voltage and its unexplained part (V) over the windows between some ends of a recording.
+    """Return voltage and its unexplained part (V) over the windows between some ends of a
+    recording.
 
-    asked: numbers of the ends at which the saturated model is asked (None: the linear one everywhere); `first` is the
-    number of the first end here.
+    asked: numbers of the ends at which the saturated model is asked (None: the linear one
+    everywhere); `first` is the number of the first end here.
     """
     m, h = drive.motor, drive.converter.sampling_period
     part = slice(int(ends[0]), int(ends[-1]) + 1)
@@ -109,7 +123,10 @@ def _differences(
     u, rows = mean_command(u, columns["theta"][part], drive.converter), ends - ends[0]
     turn = np.exp(1j * columns["theta"][ends])
     if asked is None:
-        half_sum, half_gap = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
+        half_sum, half_gap = (
+            0.5 * (m.inductance_d + m.inductance_q),
+            0.5 * (m.inductance_d - m.inductance_q),
+        )
         psi = half_sum * i[rows] + half_gap * turn**2 * np.conj(i[rows]) + m.magnet_flux * turn
     else:
         own = asked[(asked >= first) & (asked < first + len(ends))] - first
@@ -124,7 +141,8 @@ def _differences(
 
 
 def _saturated_flux(energy: AnyEnergy, current: Complex) -> Complex:
-    """Return d + j q (Wb) (n,) of currents d + j q (A), not a number where the model does not hold them."""
+    """Return d + j q (Wb) (n,) of currents d + j q (A), not a number where the model does not hold
+    them."""
     out = np.full(len(current), np.nan, dtype=np.complex128)
     for k, i in enumerate(current):
         with contextlib.suppress(PhysicsError):
@@ -134,7 +152,8 @@ def _saturated_flux(energy: AnyEnergy, current: Complex) -> Complex:
 
 
 def window_of(columns: Columns) -> int:
-    """Return the longest of 8, 4, 2, 1 samples whose averages keep a fifth of the voltage's energy."""
+    """Return the longest of 8, 4, 2, 1 samples whose averages keep a fifth of the voltage's
+    energy."""
     u = [columns[n] for n in VOLTAGES]
     energy = sum(float(x @ x) for x in u)
     for size in (8, 4, 2):
@@ -145,8 +164,11 @@ def window_of(columns: Columns) -> int:
     return 1
 
 
-def with_saturation(r: CampaignRecording, drive: Drive, window: int | None = None) -> Balance | None:
-    """Return the balance with the nominal model's saturation; None where it holds less than half of the windows."""
+def with_saturation(
+    r: CampaignRecording, drive: Drive, window: int | None = None
+) -> Balance | None:
+    """Return the balance with the nominal model's saturation; None where it holds less than half of
+    the windows."""
     size = window or window_of(r.columns)
     with np.errstate(all="ignore"):  # currents of a wrong unit
         told = balance(r.columns, drive, size, saturated=True)
@@ -155,7 +177,8 @@ def with_saturation(r: CampaignRecording, drive: Drive, window: int | None = Non
 
 
 def saturation_explains(r: CampaignRecording, drive: Drive) -> bool:
-    """Return whether a recording agrees with the nominal model once its saturation is asked, too."""
+    """Return whether a recording agrees with the nominal model once its saturation is asked,
+    too."""
     told = with_saturation(r, drive)
     return told is not None and not told.doubtful
 

@@ -1,4 +1,5 @@
-"""The table of mistakes: each a change of some columns or of the motor's stated values that undoes it, and its words.
+"""The table of mistakes: each a change of some columns or of the motor's stated values that undoes
+it, and its words.
 
 A change names only what the log holds, in the log's own words, and what the campaign states.
 """
@@ -25,20 +26,24 @@ DUTIES = ("d_a", "d_b", "d_c")
 ANGLE, CURRENT, VOLTAGE, MOTOR = "angle", "current", "voltage", "motor"
 NEAR_RATED = 0.1  # relative: a base so near to the rated current is that
 CONVENTIONS = (
-    (math.sqrt(2.0), "rms values, not peak: rms for peak"), (0.5, "peak to peak for peak"),
+    (math.sqrt(2.0), "rms values, not peak: rms for peak"),
+    (0.5, "peak to peak for peak"),
     (math.sqrt(1.5), "of the power-invariant transformation, too small by sqrt(3/2)"),
     (1.0 / math.sqrt(1.5), "of the power-invariant transformation, too large by sqrt(3/2)"),
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
 class Change:
     """What undoes one mistake.
 
-    part: of what; column: the contract's column whose value is shown, empty for the motor; guess and remedy: words;
-    signal: what makes a recording's current or voltage vector of its columns; scale: of that vector; turn: factor of
-    the angle; values: factors of resistance, half sum and half difference of the inductances, and magnet flux;
-    convention: a factor that drives really differ by; fitted: its factor was, so it counts as two mistakes.
+    part: of what; column: the contract's column whose value is shown, empty for the motor; guess
+    and remedy: words;
+    signal: what makes a recording's current or voltage vector of its columns; scale: of that
+    vector; turn: factor of the angle; values: factors of resistance, half sum and half difference
+    of the inductances, and magnet flux;
+    convention: a factor that drives really differ by; fitted: its factor was, so it counts as two
+    mistakes.
     """
 
     part: str
@@ -69,19 +74,33 @@ def voltage_of(columns: Columns) -> Complex:
 
 def changes(drive: Drive, source: Source) -> list[Change]:
     """Return every change that can be asked of a log, the likely ones first."""
-    return [*_of_currents(source), *angles(drive, source), *_of_voltages(source), *_of_motor(drive.motor)]
+    return [
+        *_of_currents(source),
+        *angles(drive, source),
+        *_of_voltages(source),
+        *_of_motor(drive.motor),
+    ]
 
 
 def of_base(part: str, scale: float, drive: Drive, source: Source) -> Change:
-    """Return the change of currents or voltages that are so many times too small, by a factor that was fitted."""
+    """Return the change of currents or voltages that are so many times too small, by a factor that
+    was fitted."""
     kind = currents_held(source) if part == CURRENT else voltages_held(source)
-    what, unit, rated = ("currents", "A", drive.motor.rated_current) if part == CURRENT else ("voltages", "V", 0.0)
+    what, unit, rated = (
+        ("currents", "A", drive.motor.rated_current) if part == CURRENT else ("voltages", "V", 0.0)
+    )
     base = f"per unit of {scale:.3g} {unit}" if scale > 1.0 else f"counts of {scale:.3g} {unit}"
     if rated and abs(scale / rated - 1.0) < NEAR_RATED:
         base, scale = f"per unit of rated_current = {rated:g} A", rated
     remedy = f"map {named(source, *kind)} with scale = {scale:.4g}"
-    return Change(part, _column(kind[0], "i_a" if part == CURRENT else "u_alpha"), f"{what} are {base}", remedy,
-                  scale=scale, fitted=True)  # fmt: skip
+    return Change(
+        part,
+        _column(kind[0], "i_a" if part == CURRENT else "u_alpha"),
+        f"{what} are {base}",
+        remedy,
+        scale=scale,
+        fitted=True,
+    )
 
 
 def source_of(r: CampaignRecording) -> Source:
@@ -130,16 +149,24 @@ def angles(drive: Drive, source: Source) -> Iterator[Change]:
         for sense in (1.0, -1.0):
             if (turn, sense) == (1.0, 1.0):
                 continue
-            back = ["counted backwards (or phases b and c swapped in currents and voltages)"] if sense < 0.0 else []
+            back = (
+                ["counted backwards (or phases b and c swapped in currents and voltages)"]
+                if sense < 0.0
+                else []
+            )
             advice = ["map it with scale = -1"] if sense < 0.0 else []
             yield Change(
-                ANGLE, "theta", " and ".join([*([text] if text else []), *back]),
-                " and ".join([*([remedy] if remedy else []), *advice]), turn=sense * turn,
-            )  # fmt: skip
+                ANGLE,
+                "theta",
+                " and ".join([*([text] if text else []), *back]),
+                " and ".join([*([remedy] if remedy else []), *advice]),
+                turn=sense * turn,
+            )
 
 
 def of_angle(change: Change | None, zero: float) -> tuple[str, str]:
-    """Return a wrong angle in words, with the orders of phases in currents and voltages that look the same."""
+    """Return a wrong angle in words, with the orders of phases in currents and voltages that look
+    the same."""
     if change is None and not zero:
         return "", ""
     back = change is not None and change.turn < 0.0
@@ -189,16 +216,24 @@ def _column(name: str, usual: str) -> str:
 
 
 def _orders(source: Source, kind: tuple[str, ...]) -> Iterator[Change]:
-    """Yield the orders of phase currents; a phase that is not recorded is minus the sum of the others."""
+    """Yield the orders of phase currents; a phase that is not recorded is minus the sum of the
+    others."""
     for order in itertools.permutations(PHASES):
         if order == PHASES:
             continue
         wrong = next(n for n, o in zip(PHASES, order, strict=True) if n != o)
         said = ", ".join(source.get(n, n) for n in order)
         if len(kind) == 3:
-            guess, remedy = f"phases are swapped (order {said})", f"reorder {named(source, *PHASES)}"
+            guess, remedy = (
+                f"phases are swapped (order {said})",
+                f"reorder {named(source, *PHASES)}",
+            )
         else:
-            own = [f"{source[o]} is that of {n}" for n, o in zip(PHASES, order, strict=True) if o in kind]
+            own = [
+                f"{source[o]} is that of {n}"
+                for n, o in zip(PHASES, order, strict=True)
+                if o in kind
+            ]
             guess, remedy = f"phases are swapped (order {said}: {', '.join(own)})", "map them so"
         yield Change(CURRENT, _column(wrong, "i_a"), guess, remedy, signal=_reordered(order))
 
@@ -230,10 +265,20 @@ def _of_axes(
         return np.asarray(np.exp(1j * c["theta"])) if turns else np.ones(1, dtype=np.complex128)
 
     column = "i_a" if part == CURRENT else "u_beta"
-    other = Change(part, column, f"{y} has the wrong sign", f"map {y} with scale = -1",
-                   signal=lambda c: np.conj(vector(c) / frame(c)) * frame(c))  # fmt: skip
-    swap = Change(part, column, f"{x} and {y} are exchanged", "exchange their columns",
-                  signal=lambda c: 1j * np.conj(vector(c) / frame(c)) * frame(c))  # fmt: skip
+    other = Change(
+        part,
+        column,
+        f"{y} has the wrong sign",
+        f"map {y} with scale = -1",
+        signal=lambda c: np.conj(vector(c) / frame(c)) * frame(c),
+    )
+    swap = Change(
+        part,
+        column,
+        f"{x} and {y} are exchanged",
+        "exchange their columns",
+        signal=lambda c: 1j * np.conj(vector(c) / frame(c)) * frame(c),
+    )
     yield from (other, swap)
 
 
@@ -244,7 +289,11 @@ def _of_voltages(source: Source) -> Iterator[Change]:
         for scale, unit in ((1e3, "kV"), (1e-3, "mV")):
             remedy = f'convert {every} to V or map them with unit = "{unit}"'
             yield Change(VOLTAGE, "u_alpha", f"voltages are in {unit}", remedy, scale=scale)
-    guess = "voltages have the wrong sign" if kind != duties else "duties are those of the lower switches"
+    guess = (
+        "voltages have the wrong sign"
+        if kind != duties
+        else "duties are those of the lower switches"
+    )
     remedy = f"map {every} with scale = -1" + (" and offset = 1" if kind == duties else "")
     yield Change(VOLTAGE, "u_alpha", guess, remedy, scale=-1.0)
     if len(kind) == 2:
@@ -264,11 +313,21 @@ def _of_voltages(source: Source) -> Iterator[Change]:
         link = source.get("u_dc", "u_dc")
         for part, said in ((1.0, link), (0.5, f"half {link}"), (1.0 / SQRT3, f"{link} / sqrt(3)")):
             remedy = f"multiply {every} by {said}"
-            yield Change(VOLTAGE, "u_alpha", "voltages are per unit of the link", remedy,
-                         signal=lambda c, part=part: part * c["u_dc"] * voltage_of(c))  # type: ignore[misc]  # fmt: skip
-        for factor, guess in (*CONVENTIONS, (1.0 / SQRT3, "between two phases: line for phase voltage")):
+            yield Change(
+                VOLTAGE,
+                "u_alpha",
+                "voltages are per unit of the link",
+                remedy,
+                signal=lambda c, part=part: part * c["u_dc"] * voltage_of(c),
+            )  # type: ignore[misc]
+        for factor, guess in (
+            *CONVENTIONS,
+            (1.0 / SQRT3, "between two phases: line for phase voltage"),
+        ):
             remedy = f"give peak values of a phase, map {every} with scale = {factor:.4g}"
-            yield Change(VOLTAGE, "u_alpha", f"voltages are {guess}", remedy, scale=factor, convention=True)
+            yield Change(
+                VOLTAGE, "u_alpha", f"voltages are {guess}", remedy, scale=factor, convention=True
+            )
 
 
 def _phase_orders() -> Iterator[tuple[Callable[[Columns], Complex], str]]:
@@ -282,7 +341,9 @@ def _phase_orders() -> Iterator[tuple[Callable[[Columns], Complex], str]]:
 def _of_motor(m: Motor) -> Iterator[Change]:
     """Yield other readings of the stated values; a flux map's own are not stated."""
 
-    def of(guess: str, remedy: str, r: float = 1.0, inductance: float = 1.0, flux: float = 1.0) -> Change:
+    def of(
+        guess: str, remedy: str, r: float = 1.0, inductance: float = 1.0, flux: float = 1.0
+    ) -> Change:
         values = (r, inductance, inductance, flux)
         return Change(MOTOR, "", guess, f"{remedy} in [motor]", values=values, convention=True)
 
@@ -291,39 +352,67 @@ def _of_motor(m: Motor) -> Iterator[Change]:
         yield of("resistance is in mohm", "divide resistance by 1000", 1e-3)
         return
     line = "halve them: values of one phase"
-    yield of("resistance, inductance_d and inductance_q are those between two terminals", line, 0.5, 0.5)
+    yield of(
+        "resistance, inductance_d and inductance_q are those between two terminals", line, 0.5, 0.5
+    )
     yield of("resistance is that between two terminals", "halve it", 0.5)
     yield of("inductance_d and inductance_q are those between two terminals", line, 1.0, 0.5)
     yield of("resistance is in mohm", "divide it by 1000", 1e-3)
     yield of("inductance_d and inductance_q are in mH", "divide them by 1000", 1.0, 1e-3)
     yield of("inductance_d and inductance_q are in uH", "divide them by 1e6", 1.0, 1e-6)
     yield of("resistance is 1000 times too small", "multiply it by 1000", 1e3)
-    yield of("inductance_d and inductance_q are 1000 times too small", "multiply them by 1000", 1.0, 1e3)
+    yield of(
+        "inductance_d and inductance_q are 1000 times too small", "multiply them by 1000", 1.0, 1e3
+    )
     if m.inductance_d != m.inductance_q:
-        yield Change(MOTOR, "", "inductance_d and inductance_q are exchanged", "exchange them in [motor]",
-                     values=(1.0, 1.0, -1.0, 1.0))  # fmt: skip
-    yield from (of(guess, remedy, flux=factor) for factor, guess, remedy in fluxes(float(m.pole_pairs), m.magnet_flux))
+        yield Change(
+            MOTOR,
+            "",
+            "inductance_d and inductance_q are exchanged",
+            "exchange them in [motor]",
+            values=(1.0, 1.0, -1.0, 1.0),
+        )
+    yield from (
+        of(guess, remedy, flux=factor)
+        for factor, guess, remedy in fluxes(float(m.pole_pairs), m.magnet_flux)
+    )
 
 
 def fluxes(p: float, flux: float) -> Iterator[tuple[float, str, str]]:
-    """Yield factors of the magnet flux (stated, Wb, with p pole pairs), what else the number may be, what to do."""
+    """Yield factors of the magnet flux (stated, Wb, with p pole pairs), what else the number may
+    be, what to do."""
     if p > 1.0:
-        yield 1.0 / p, "magnet_flux is the back-EMF constant per mechanical rad/s", f"divide it by pole_pairs = {p:g}"
+        yield (
+            1.0 / p,
+            "magnet_flux is the back-EMF constant per mechanical rad/s",
+            f"divide it by pole_pairs = {p:g}",
+        )
         yield (
             1.0 / p / SQRT3,
             "magnet_flux is the back-EMF between two terminals per mechanical rad/s",
             (f"divide it by sqrt(3) and pole_pairs = {p:g}"),
         )
-    yield 1.0 / (1.5 * p), "magnet_flux is the torque constant (N m/A)", f"divide it by 1.5 pole_pairs = {1.5 * p:g}"
+    yield (
+        1.0 / (1.5 * p),
+        "magnet_flux is the torque constant (N m/A)",
+        f"divide it by 1.5 pole_pairs = {1.5 * p:g}",
+    )
     yield 1e-3, "magnet_flux is in mWb", "divide it by 1000"
     yield 1.0 / SQRT3, "magnet_flux is that between two terminals", "divide it by sqrt(3)"
     yield math.sqrt(2.0), "magnet_flux is an rms value", "multiply it by sqrt(2)"
-    yield math.sqrt(2.0 / 3.0), "magnet_flux is an rms value between two terminals", "multiply it by sqrt(2/3)"
+    yield (
+        math.sqrt(2.0 / 3.0),
+        "magnet_flux is an rms value between two terminals",
+        "multiply it by sqrt(2/3)",
+    )
     yield 0.5, "magnet_flux is a peak-to-peak value", "halve it"
     if flux > 1.0:
         found = 60.0 / (math.tau * SQRT3 * flux * p)
         yield (
             found / flux,
             "magnet_flux is Kv (rpm/V)",
-            (f"write 60 / (2 pi sqrt(3) Kv pole_pairs) = {found:.4g}, where V is the peak between two terminals,"),
+            (
+                f"write 60 / (2 pi sqrt(3) Kv pole_pairs) = {found:.4g}, where V is the "
+                "peak between two terminals,"
+            ),
         )

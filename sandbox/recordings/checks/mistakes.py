@@ -1,10 +1,13 @@
-"""Which mistake of units, signs or order makes a recording contradict the stator's voltage equation, if one does.
+"""Which mistake of units, signs or order makes a recording contradict the stator's voltage
+equation, if one does.
 
-What stays unexplained is V - R I - S di/dt - D d(exp(2j theta) conj(i))/dt - phi d(exp(j theta))/dt, averaged over
-windows: linear in the motor's values and in factors of voltage and current, a polynomial in exp(j zero) of a zero of
-the angle.  So one matrix of products for each reading of the signals tells every factor and every zero, and all single
-changes of the table (`changes`) and all pairs are tried.  A mistake is believed only where undoing
-it explains the recording; a gap that no mistake explains is left to the diagnosis.
+What stays unexplained is V - R I - S di/dt - D d(exp(2j theta) conj(i))/dt - phi d(exp(j
+theta))/dt, averaged over windows: linear in the motor's values and in factors of voltage and
+current, a polynomial in exp(j
+zero) of a zero of the angle.  So one matrix of products for each reading of the signals tells every
+factor and every zero, and all single changes of the table (`changes`) and all pairs are tried.  A
+mistake is believed only where undoing it explains the recording; a gap that no mistake explains is
+left to the diagnosis.
 """
 
 from __future__ import annotations
@@ -60,7 +63,8 @@ NOTICED = 0.02  # of the voltage: less is no question of conventions
 CLOSE = 0.03  # relative, within which a factor between conventions is believed
 UNIT = 10.0  # a factor that no gap is: of a unit, however near to it the best one is
 FLOOR = 0.005  # share that a right reading may leave: what is below tells nothing
-BASE = {CURRENT: 5.0, VOLTAGE: 3.0}  # factors, or their inverse, beyond any gain of a sensor or a link
+# factors, or their inverse, beyond any gain of a sensor or a link
+BASE = {CURRENT: 5.0, VOLTAGE: 3.0}
 ALIKE = 0.2  # of the logarithm: two mistakes that cannot be told apart
 ROWS = 20_000  # of a recording, those with most voltage
 ZEROS = np.linspace(-math.pi, math.pi, 720, endpoint=False)
@@ -70,7 +74,8 @@ ROUND = math.radians(4.0)  # a zero so near to a whole twelfth of a turn is that
 
 @dataclass(frozen=True)
 class Reading:
-    """Some changes together, with a zero of the angle (rad) that is added, and what they leave of each recording."""
+    """Some changes together, with a zero of the angle (rad) that is added, and what they leave of
+    each recording."""
 
     changes: tuple[Change, ...]
     zero: float
@@ -81,7 +86,9 @@ class Reading:
     @property
     def answered(self) -> NDArray[np.bool_]:
         """Tell of which recordings it explains enough."""
-        return np.asarray((self.shares <= EXPLAINED + self.noise) & (self.shares * BETTER <= self.before))
+        return np.asarray(
+            (self.shares <= EXPLAINED + self.noise) & (self.shares * BETTER <= self.before)
+        )
 
     @property
     def count(self) -> int:
@@ -90,9 +97,14 @@ class Reading:
 
     @property
     def gentle(self) -> bool:
-        """Tell whether the mistakes are factors of two at most between conventions, which a diagnosis can bear."""
+        """Tell whether the mistakes are factors of two at most between conventions, which a
+        diagnosis can bear."""
         factors = [abs(f) for c in self.changes for f in (c.scale, *c.values)]
-        return not self.zero and all(c.convention for c in self.changes) and all(0.5 <= f <= 2.0 for f in factors)
+        return (
+            not self.zero
+            and all(c.convention for c in self.changes)
+            and all(0.5 <= f <= 2.0 for f in factors)
+        )
 
     @property
     def share(self) -> float:
@@ -122,13 +134,18 @@ class Reading:
         guesses = ([f"{source.get('theta', 'theta')} is {angle}"] if angle else []) + [
             c.guess for c in self.changes if c.part != ANGLE
         ]
-        remedies = ([advice] if advice else []) + [c.remedy for c in self.changes if c.part != ANGLE]
-        return " and ".join(guesses), " and ".join(remedies) if len(remedies) < 3 else ", ".join(remedies)
+        remedies = ([advice] if advice else []) + [
+            c.remedy for c in self.changes if c.part != ANGLE
+        ]
+        return " and ".join(guesses), " and ".join(remedies) if len(remedies) < 3 else ", ".join(
+            remedies
+        )
 
 
 @dataclass
 class Products:
-    """Products of the five terms of a recording's balance, for each reading of its signals; see the module."""
+    """Products of the five terms of a recording's balance, for each reading of its signals; see the
+    module."""
 
     recording: CampaignRecording
     drive: Drive
@@ -138,7 +155,8 @@ class Products:
 
     def __post_init__(self) -> None:
         r = self.recording
-        self.turns_u = voltages_held(source_of(r))[0] == "u_d"  # made with the angle that the log holds
+        # made with the angle that the log holds
+        self.turns_u = voltages_held(source_of(r))[0] == "u_d"
         self.turns_i = currents_held(source_of(r))[0] == "i_d"
         self.size = window_of(r.columns)
         own = slice(0, len(r.t))
@@ -150,7 +168,8 @@ class Products:
         self.at = np.arange(0, len(self.columns["theta"]), self.size)
 
     def of(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
-        """Return the matrix (5, 5) of products, with signals and factor of the angle as some changes read them."""
+        """Return the matrix (5, 5) of products, with signals and factor of the angle as some
+        changes read them."""
         return self._kept("products", self._products, current, voltage, turn)
 
     def _kept(self, what: str, made: Callable[..., Any], *key: Change | float | None) -> Any:
@@ -163,16 +182,30 @@ class Products:
     def _products(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
         span = self.drive.converter.sampling_period * self.size
         own = turn if self.turns_u else 1.0
-        u = self._kept("voltage", self._voltage, voltage, own, turn if self.drive.converter.periods_a_row > 1 else own)
+        u = self._kept(
+            "voltage",
+            self._voltage,
+            voltage,
+            own,
+            turn if self.drive.converter.periods_a_row > 1 else own,
+        )
         mean, i = self._kept("current", self._current, current, turn if self.turns_i else 1.0)
         around = np.exp(1j * (turn * self.columns["theta"][self.at]))
         x = np.stack(
-            [u, mean, np.diff(i) / span, np.diff(around**2 * np.conj(i)) / span, np.diff(around) / span], axis=1
+            [
+                u,
+                mean,
+                np.diff(i) / span,
+                np.diff(around**2 * np.conj(i)) / span,
+                np.diff(around) / span,
+            ],
+            axis=1,
         )
         return x.conj().T @ x
 
     def _voltage(self, change: Change | None, turn: float, read: float) -> Complex:
-        """Return the means of the voltage over windows; read: how many times itself the angle is between slow rows."""
+        """Return the means of the voltage over windows; read: how many times itself the angle is
+        between slow rows."""
         signal = voltage_of if change is None or change.signal is None else change.signal
         u = signal(self.columns) * self._moved(turn)
         return self._means(mean_command(u, read * self.columns["theta"], self.drive.converter)[:-1])
@@ -184,7 +217,8 @@ class Products:
         return self._means(0.5 * (i[:-1] + i[1:])), i[self.at]
 
     def _moved(self, turn: float) -> Any:
-        """Return what turns vectors that were made with the log's angle, read as `turn` times itself."""
+        """Return what turns vectors that were made with the log's angle, read as `turn` times
+        itself."""
         theta = self.columns["theta"]
         return np.exp(1j * (turn * theta - theta)) if turn != 1.0 else 1.0
 
@@ -192,31 +226,41 @@ class Products:
         return np.diff(np.concatenate([[0j], np.cumsum(x)])[self.at]) / self.size
 
     def shares(self, change: Sequence[Change], zeros: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what stays unexplained at each zero of the angle (rad), of the voltage as it is then read."""
+        """Return what stays unexplained at each zero of the angle (rad), of the voltage as it is
+        then read."""
         m = self.drive.motor
         signal = {c.part: c for c in change if c.signal is not None}
-        scale = {part: math.prod(c.scale for c in change if c.part == part) for part in (CURRENT, VOLTAGE)}
+        scale = {
+            part: math.prod(c.scale for c in change if c.part == part)
+            for part in (CURRENT, VOLTAGE)
+        }
         turn = math.prod(c.turn for c in change)
         values = np.prod([c.values for c in change], axis=0) if change else np.ones(4)
         half = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
         r, s, d, flux = values * (m.resistance, *half, m.magnet_flux)
         by_i, at = float(self.turns_i), 1j * zeros
-        factors = np.stack([
-            scale[VOLTAGE] * np.exp(self.turns_u * at), -r * scale[CURRENT] * np.exp(by_i * at),
-            -s * scale[CURRENT] * np.exp(by_i * at), -d * scale[CURRENT] * np.exp((2.0 - by_i) * at),
-            -flux * np.exp(at),
-        ])  # fmt: skip
+        factors = np.stack(
+            [
+                scale[VOLTAGE] * np.exp(self.turns_u * at),
+                -r * scale[CURRENT] * np.exp(by_i * at),
+                -s * scale[CURRENT] * np.exp(by_i * at),
+                -d * scale[CURRENT] * np.exp((2.0 - by_i) * at),
+                -flux * np.exp(at),
+            ]
+        )
         products = self.of(signal.get(CURRENT), signal.get(VOLTAGE), turn)
         rest = np.sum(np.conj(factors) * (products @ factors), axis=0).real
         return np.maximum(rest, 0.0) / max(scale[VOLTAGE] ** 2 * float(products[0, 0].real), 1e-300)
 
 
 class Unanswered(Finding):
-    """A recording that contradicts the nominal model by no mistake that is known: a diagnosis may explain it."""
+    """A recording that contradicts the nominal model by no mistake that is known: a diagnosis may
+    explain it."""
 
 
 def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Raise Refused for the mistake that explains what recordings contradict; return what no mistake explains."""
+    """Raise Refused for the mistake that explains what recordings contradict; return what no
+    mistake explains."""
     read = [(r, balance(r.columns, drive)) for r in recordings]
     doubtful = [(r, b) for r, b in read if b.doubtful and not saturation_explains(r, drive)]
     found = explanations(doubtful, drive)
@@ -229,24 +273,31 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
         return [_finding(found, doubtful)]
     return [
         Unanswered(
-            r.file, "u_alpha", b.worst_row,
-            f"{r.file}: row {b.worst_row} of column 'u_alpha': {percent(b.share)} of the commanded voltage is "
-            f"unexplained by currents, angle and nominal model (at most {percent(UNDISTURBED)} is usual), and no "
-            "wrong unit, sign, order or stated value explains it; a large gap, or several mistakes at once",
+            r.file,
+            "u_alpha",
+            b.worst_row,
+            f"{r.file}: row {b.worst_row} of column 'u_alpha': {percent(b.share)} of the commanded "
+            "voltage is unexplained by currents, angle and nominal model (at most "
+            f"{percent(UNDISTURBED)} is usual), and no wrong unit, sign, order or stated value "
+            "explains it; a large gap, or several mistakes at once",
         )
-        for r, b in doubtful if b.share > 0.7
-    ]  # fmt: skip
+        for r, b in doubtful
+        if b.share > 0.7
+    ]
 
 
 def _is_shift(
-    recordings: Sequence[CampaignRecording], doubtful: Sequence[tuple[CampaignRecording, Balance]],
-    found: Sequence[Reading], drive: Drive,
-) -> bool:  # fmt: skip
-    """Tell whether columns that stand some rows off explain more doubtful recordings than the readings found, or as
-    many and better.
+    recordings: Sequence[CampaignRecording],
+    doubtful: Sequence[tuple[CampaignRecording, Balance]],
+    found: Sequence[Reading],
+    drive: Drive,
+) -> bool:
+    """Tell whether columns that stand some rows off explain more doubtful recordings than the
+    readings found, or as many and better.
 
-    At one constant speed a shift by rows is a turn by an angle, so readings win a tie.  Its rows are as free as a zero
-    is before it is rounded; beside a sign or an order, which have nothing to fit, such a turn is one mistake more.
+    At one constant speed a shift by rows is a turn by an angle, so readings win a tie.  Its rows
+    are as free as a zero is before it is rounded; beside a sign or an order, which have nothing to
+    fit, such a turn is one mistake more.
     """
     moved = shifts(recordings, drive) if doubtful else []
     files = [f for s in moved for f in s.files]
@@ -263,32 +314,50 @@ def _is_shift(
     return rival + ALIKE < (_freed(doubtful, best, drive) if best.zero else best).cost
 
 
-def _shifted(doubtful: Sequence[tuple[CampaignRecording, Balance]], shift: Shift, drive: Drive) -> Reading:
-    """Return what recordings leave once their columns are moved back, by the measure of readings."""
+def _shifted(
+    doubtful: Sequence[tuple[CampaignRecording, Balance]], shift: Shift, drive: Drive
+) -> Reading:
+    """Return what recordings leave once their columns are moved back, by the measure of
+    readings."""
     shares = [
         float(Products(moved_back(r, shift), drive, b.share, b.noise).shares((), np.zeros(1))[0])
-        if r.file in shift.files else b.share
+        if r.file in shift.files
+        else b.share
         for r, b in doubtful
-    ]  # fmt: skip
-    before, noise = np.array([b.share for _, b in doubtful]), np.array([b.noise for _, b in doubtful])
+    ]
+    before, noise = (
+        np.array([b.share for _, b in doubtful]),
+        np.array([b.noise for _, b in doubtful]),
+    )
     return Reading((), 0.0, np.array(shares), before, noise)
 
 
-def _freed(doubtful: Sequence[tuple[CampaignRecording, Balance]], reading: Reading, drive: Drive) -> Reading:
-    """Return a reading with the zero that leaves least of the recordings it answers for, not rounded."""
-    shares = np.array([Products(r, drive, b.share, b.noise).shares(reading.changes, ZEROS) for r, b in doubtful])
+def _freed(
+    doubtful: Sequence[tuple[CampaignRecording, Balance]], reading: Reading, drive: Drive
+) -> Reading:
+    """Return a reading with the zero that leaves least of the recordings it answers for, not
+    rounded."""
+    shares = np.array(
+        [Products(r, drive, b.share, b.noise).shares(reading.changes, ZEROS) for r, b in doubtful]
+    )
     best = int(np.argmin(shares[reading.answered].sum(axis=0)))
     return replace(reading, zero=float(ZEROS[best]) or reading.zero, shares=shares[:, best])
 
 
-def _finding(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]) -> Finding:
+def _finding(
+    found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]
+) -> Finding:
     """Return the finding on the readings that explain recordings."""
     own = [x for x, good in zip(doubtful, found[0].answered, strict=True) if good]
     files, row = tuple(r.file for r, _ in own), own[0][1].worst_row
-    return Finding(files[0], found[0].column, row, _sentence(found, doubtful), files, found[0].rereads)
+    return Finding(
+        files[0], found[0].column, row, _sentence(found, doubtful), files, found[0].rereads
+    )
 
 
-def _sentence(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]) -> str:
+def _sentence(
+    found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]
+) -> str:
     """Return the sentence on the readings that explain recordings."""
     m = found[0]
     answered = [x for x, good in zip(doubtful, m.answered, strict=True) if good]
@@ -300,17 +369,22 @@ def _sentence(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecordi
     if m.column in source:
         where = f"row {k} of column '{m.column}' is {r.columns[m.column][k]:.6g}, and"
         own = source[m.column]
-        where = where.replace(f"'{m.column}'", f"'{m.column}' ('{own}')") if own != m.column else where
+        where = (
+            where.replace(f"'{m.column}'", f"'{m.column}' ('{own}')") if own != m.column else where
+        )
     said = [x.words(source) for x in found]
     return (
-        f"{r.file}: {where} currents, angle and nominal model leave {percent(b.share)} of the commanded voltage "
-        f"unexplained{others}, at most {percent(UNDISTURBED)} would be a gap; it falls to {percent(left)} if "
-        f"{', or '.join(guess for guess, _ in said)}: {said[0][1]}"
+        f"{r.file}: {where} currents, angle and nominal model leave {percent(b.share)} of the "
+        f"commanded voltage unexplained{others}, at most {percent(UNDISTURBED)} would be a gap; it "
+        f"falls to {percent(left)} if {', or '.join(guess for guess, _ in said)}: {said[0][1]}"
     )
 
 
-def explanations(doubtful: Sequence[tuple[CampaignRecording, Balance]], drive: Drive) -> list[Reading]:
-    """Return the reading that answers for most recordings with the fewest mistakes, and one that does as well."""
+def explanations(
+    doubtful: Sequence[tuple[CampaignRecording, Balance]], drive: Drive
+) -> list[Reading]:
+    """Return the reading that answers for most recordings with the fewest mistakes, and one that
+    does as well."""
     parts = [Products(r, drive, b.share, b.noise) for r, b in doubtful]
     if not parts:
         return []
@@ -324,7 +398,8 @@ def explanations(doubtful: Sequence[tuple[CampaignRecording, Balance]], drive: D
 
 
 def readings(parts: Sequence[Products], drive: Drive) -> Iterator[Reading]:
-    """Yield every single change of the table, every pair of two, as they stand and with the zero that fits best."""
+    """Yield every single change of the table, every pair of two, as they stand and with the zero
+    that fits best."""
     table = changes(drive, source_of(parts[0].recording))
     before, noise = np.array([p.before for p in parts]), np.array([p.noise for p in parts])
     for own in [(), *((c,) for c in table), *_pairs(table)]:
@@ -340,9 +415,11 @@ def readings(parts: Sequence[Products], drive: Drive) -> Iterator[Reading]:
             yield Reading((*beside, base), 0.0, shares, before, noise)
 
 
-def bases(parts: Sequence[Products], drive: Drive, beside: tuple[Change, ...] = ()) -> Iterator[Change]:
-    """Yield the factors of all currents, and of all voltages, that leave least beside other changes, where they are no
-    gain of a sensor.
+def bases(
+    parts: Sequence[Products], drive: Drive, beside: tuple[Change, ...] = ()
+) -> Iterator[Change]:
+    """Yield the factors of all currents, and of all voltages, that leave least beside other
+    changes, where they are no gain of a sensor.
 
     What is left is a parabola in the factor of the currents, and in one over that of the voltages.
     """
@@ -351,9 +428,14 @@ def bases(parts: Sequence[Products], drive: Drive, beside: tuple[Change, ...] = 
         if part == VOLTAGE and voltages_held(source) == DUTIES:
             continue
         ends = (Change(part, "", "", "", scale=x) for x in (-1.0, 1.0))
-        low, high = (sum(float(p.shares((*beside, c), np.zeros(1))[0]) for p in parts) for c in ends)
+        low, high = (
+            sum(float(p.shares((*beside, c), np.zeros(1))[0]) for p in parts) for c in ends
+        )
         none = Change(part, "", "", "", scale=0.0)
-        middle = sum(float(p.shares((*beside, none), np.zeros(1))[0]) if part == CURRENT else 1.0 for p in parts)
+        middle = sum(
+            float(p.shares((*beside, none), np.zeros(1))[0]) if part == CURRENT else 1.0
+            for p in parts
+        )
         bend, slope = 0.5 * (high + low) - middle, 0.5 * (high - low)
         if bend <= 0.0 or slope >= 0.0:
             continue
@@ -364,8 +446,9 @@ def bases(parts: Sequence[Products], drive: Drive, beside: tuple[Change, ...] = 
 
 
 def _pairs(table: Sequence[Change]) -> Iterator[tuple[Change, ...]]:
-    """Yield the pairs that occur: the angle and something else, an order of phases and a unit or a sign, one unit or
-    convention in currents and voltages, and two of the motor's values taken from one data sheet.
+    """Yield the pairs that occur: the angle and something else, an order of phases and a unit or a
+    sign, one unit or convention in currents and voltages, and two of the motor's values taken from
+    one data sheet.
 
     Others would be free factors that explain any gap.
     """
@@ -373,13 +456,16 @@ def _pairs(table: Sequence[Change]) -> Iterator[tuple[Change, ...]]:
         angle = (a.part == ANGLE) != (b.part == ANGLE)
         order = a.part == b.part == CURRENT and (a.signal is None) != (b.signal is None)
         both = {a.part, b.part} == {CURRENT, VOLTAGE} and a.scale == b.scale not in (1.0, -1.0)
-        sheet = a.part == b.part == MOTOR and not np.any((np.array(a.values) != 1.0) & (np.array(b.values) != 1.0))
+        sheet = a.part == b.part == MOTOR and not np.any(
+            (np.array(a.values) != 1.0) & (np.array(b.values) != 1.0)
+        )
         if angle or order or both or sheet:
             yield a, b
 
 
 def _zero(parts: Sequence[Products], own: Sequence[Change]) -> float:
-    """Return the zero of the angle (rad) that leaves least of all recordings; 0 where that is none to speak of."""
+    """Return the zero of the angle (rad) that leaves least of all recordings; 0 where that is none
+    to speak of."""
     if all("theta" in source_of(p.recording) for p in parts):
         total = sum(p.shares(own, ZEROS) for p in parts)
         best = float(ZEROS[int(np.argmin(total))])
@@ -391,26 +477,43 @@ def _zero(parts: Sequence[Products], own: Sequence[Change]) -> float:
 
 
 def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Return a finding where another convention of currents, voltages or stated values, or another zero of the angle,
-    explains recordings far better."""
+    """Return a finding where another convention of currents, voltages or stated values, or another
+    zero of the angle, explains recordings far better."""
     read = [(r, balance(r.columns, drive)) for r in recordings]
-    parts = [Products(r, drive, _left_by(r, b, drive), b.noise) for r, b in read if math.isfinite(b.noise)]
+    parts = [
+        Products(r, drive, _left_by(r, b, drive), b.noise)
+        for r, b in read
+        if math.isfinite(b.noise)
+    ]
     before = float(np.mean([p.before for p in parts])) if parts else 0.0
     if before < NOTICED:
         return []
 
     def left(own: tuple[Change, ...], zero: float = 0.0) -> float:
-        return float(np.mean([max(p.shares(own, np.array([zero]))[0] - p.noise, 0.0) for p in parts]))
+        return float(
+            np.mean([max(p.shares(own, np.array([zero]))[0] - p.noise, 0.0) for p in parts])
+        )
 
-    table = [c for c in changes(drive, source_of(parts[0].recording)) if c.convention or c.values[2] < 0.0]
+    table = [
+        c
+        for c in changes(drive, source_of(parts[0].recording))
+        if c.convention or c.values[2] < 0.0
+    ]
     table += bases(parts, drive)
     zero = _zero(parts, ())
     turned = left((), zero)
     if zero and turned * BETTER < min(before, min((left((c,)) for c in table), default=before)):
         guess, remedy = of_angle(None, zero)
         r, name = parts[0].recording, source_of(parts[0].recording)["theta"]
-        text = f"{percent(before)} of the commanded voltage is unexplained, {percent(turned)} if {name} is {guess}"
-        return [Finding(r.file, "theta", None, f"{r.file}: {text}: {remedy}", rereads=frozenset({ANGLE}))]
+        text = (
+            f"{percent(before)} of the commanded voltage is unexplained, {percent(turned)} "
+            f"if {name} is {guess}"
+        )
+        return [
+            Finding(
+                r.file, "theta", None, f"{r.file}: {text}: {remedy}", rereads=frozenset({ANGLE})
+            )
+        ]
     told = sorted(((left((c,)), k, c) for k, c in enumerate(table)), key=lambda x: x[:2])
     after, _, best = told[0]
     factors = [abs(f) for f in (best.scale, *best.values)]
@@ -418,7 +521,10 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
     beside = (left((_stretched(best, x),)) for x in (1.0 - 2.0 * CLOSE, 1.0 + 2.0 * CLOSE))
     if after * FALLS > before or (near and min(beside) < after):
         return []  # none, or the best factor lies elsewhere: a gap, no convention
-    alike = sorted((c for a, _, c in told if a <= after * math.exp(ALIKE) + 1e-4), key=lambda c: c.part != MOTOR)[:2]
+    alike = sorted(
+        (c for a, _, c in told if a <= after * math.exp(ALIKE) + 1e-4),
+        key=lambda c: c.part != MOTOR,
+    )[:2]
     r = parts[0].recording
     text = (
         f"{r.file}: {percent(before)} of the commanded voltage is unexplained, {percent(after)} if "
@@ -428,7 +534,8 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
 
 
 def _left_by(r: CampaignRecording, b: Balance, drive: Drive) -> float:
-    """Return the share that the nominal model leaves beyond noise: the saturated one where the linear leaves more."""
+    """Return the share that the nominal model leaves beyond noise: the saturated one where the
+    linear leaves more."""
     left = max(b.share - b.noise, 0.0)
     if left < NOTICED:
         return left

@@ -1,4 +1,5 @@
-"""What a motion's columns show by themselves: an angle that stands, a stuck encoder, another unit of load or link."""
+"""What a motion's columns show by themselves: an angle that stands, a stuck encoder, another unit
+of load or link."""
 
 from __future__ import annotations
 
@@ -20,8 +21,10 @@ def standing(campaign: MotionCampaign) -> list[Finding]:
     still = [r for r in campaign.recordings if np.ptp(r.angle) < STANDS]
     if len(still) == len(campaign.recordings):
         raise BadInput(
-            f"{_stands(still[0])}; check the encoder and the column that is mapped{OR_SPEED}, or a counter of "
-            'commutation steps (theta = {column = ..., unit = "rev", scale = 0.16667}: six steps an electrical turn)'
+            f"{_stands(still[0])}; check the encoder and the column that is "
+            f"mapped{OR_SPEED}, or a counter of "
+            'commutation steps (theta = {column = ..., unit = "rev", scale = 0.16667}: '
+            "six steps an electrical turn)"
         )
     return [Doubt(r.file, "theta", 0, f"{_stands(r)}; correct 'rotor' if it stood") for r in still]
 
@@ -39,14 +42,17 @@ def _stands(r: MotionRecording) -> str:
 
 
 def _stuck(r: MotionRecording, campaign: MotionCampaign) -> None:
-    """Raise BadInput for an angle that stands while the log's speed goes on, or that stops as no torque could."""
+    """Raise BadInput for an angle that stands while the log's speed goes on, or that stops as no
+    torque could."""
     if np.ptp(r.angle) < STANDS:
         return
     step, h = np.diff(r.angle), np.diff(r.t)
     able = float(np.max(np.abs(r.torque)))
     for begin, end in runs(r.angle):
         went = (
-            abs(float(np.sum(r.beside["speed"][begin : end - 1] * h[begin : end - 1]))) if "speed" in r.beside else 0.0
+            abs(float(np.sum(r.beside["speed"][begin : end - 1] * h[begin : end - 1])))
+            if "speed" in r.beside
+            else 0.0
         )
         stop = abs(float(step[begin - 1] / h[begin - 1] ** 2)) if begin else 0.0
         needed = stop * (campaign.inertia or 0.0)
@@ -58,9 +64,9 @@ def _stuck(r: MotionRecording, campaign: MotionCampaign) -> None:
             )
             name = r.source.get("theta", "theta")
             text = (
-                f"{r.file}: row {begin} of column '{name}' and {end - begin - 1} rows after it "
-                f"are the same though {why}; the encoder is stuck, or the log repeats it: repair it or leave the "
-                "recording out"
+                f"{r.file}: row {begin} of column '{name}' and {end - begin - 1} rows after it are "
+                f"the same though {why}; the encoder is stuck, or the log repeats it: repair it or "
+                "leave the recording out"
             )
             raise Refused(Finding(r.file, "theta", begin, text))
 
@@ -72,7 +78,8 @@ def _load(r: MotionRecording) -> list[Finding]:
     if not 0.0 < LOAD_OFF * able < load[k]:
         return []
     text = (
-        f"{r.file}: row {k} of column '{r.source.get('load_torque', 'load_torque')}' is {r.load[k]:.6g} N m, the "
+        f"{r.file}: row {k} of column '{r.source.get('load_torque', 'load_torque')}' is "
+        f"{r.load[k]:.6g} N m, the "
         f'currents give {able:.3g} N m at most; is it in mN m? map it with unit = "mNm"'
     )
     return [Doubt(r.file, "load_torque", k, text)]

@@ -1,6 +1,8 @@
-"""Stamps of a motion's log: rows that repeat a stamp, pauses, and a clock that jumps or begins again.
+"""Stamps of a motion's log: rows that repeat a stamp, pauses, and a clock that jumps or begins
+again.
 
-A row whose stamp belongs nowhere is left out; where the clock goes on from another time the log is cut, as at a pause.
+A row whose stamp belongs nowhere is left out; where the clock goes on from another time the log is
+cut, as at a pause.
 """
 
 from __future__ import annotations
@@ -22,22 +24,26 @@ MOST_LOST = 0.5  # of the rows that may repeat a stamp: beyond it the clock has 
 
 
 def stretches(file: str, t: Array, findings: list[Finding]) -> list[Rows]:
-    """Return the rows of each stretch in which stamps t (s) rise without a pause, each of SHORTEST rows at least.
+    """Return the rows of each stretch in which stamps t (s) rise without a pause, each of SHORTEST
+    rows at least.
 
     What is left out or cut is added to the findings; BadInput where no stretch is left.
     """
     step = np.diff(t)
     forward = step[step > 0.0]
     if len(forward) < SHORTEST - 1:
-        raise BadInput(f"{file}: {len(forward) + 1} rows with rising stamps; a motion needs at least {SHORTEST}")
+        raise BadInput(
+            f"{file}: {len(forward) + 1} rows with rising stamps; a motion needs at "
+            f"least {SHORTEST}"
+        )
     usual = float(np.median(forward))
     chains, strays = _chains(t, PAUSE * usual)
     kept = [rows[_rising(t[rows])] for rows in chains]
     repeated = sum(map(len, chains)) - sum(map(len, kept))
     if repeated > MOST_LOST * len(t):
         raise BadInput(
-            f"{file}: {repeated} of {len(t)} rows repeat a stamp of column 't' or go back; give it enough digits (rows "
-            "that differ are at different times), and each row once"
+            f"{file}: {repeated} of {len(t)} rows repeat a stamp of column 't' or go back; give it "
+            "enough digits (rows that differ are at different times), and each row once"
         )
     if repeated:
         k = int(np.argmax(step <= 0.0)) + 1
@@ -46,13 +52,17 @@ def stretches(file: str, t: Array, findings: list[Finding]) -> list[Rows]:
         findings.append(kind(file, "t", k, text))
     good = [rows for rows in kept if len(rows) >= SHORTEST]
     if not good:
-        raise BadInput(f"{file}: no stretch of {SHORTEST} rows without a pause in column 't'; log with fewer pauses")
+        raise BadInput(
+            f"{file}: no stretch of {SHORTEST} rows without a pause in column 't'; log "
+            "with fewer pauses"
+        )
     _say_cuts(file, t, kept, good, strays, findings)
     return good
 
 
 def _chains(t: Array, pause: float) -> tuple[list[Rows], Rows]:
-    """Return the rows between jumps of the clock, joined again over rows that are stamped wrong, and those rows."""
+    """Return the rows between jumps of the clock, joined again over rows that are stamped wrong,
+    and those rows."""
     breaks = np.flatnonzero(np.abs(np.diff(t)) > pause) + 1
     chains: list[list[Rows]] = []
     strays: list[Rows] = []
@@ -74,13 +84,16 @@ def _rising(t: Array) -> NDArray[np.bool_]:
     return np.concatenate([[True], np.diff(np.maximum.accumulate(t)) > 0.0])
 
 
-def _say_cuts(file: str, t: Array, kept: list[Rows], good: list[Rows], strays: Rows, findings: list[Finding]) -> None:
+def _say_cuts(
+    file: str, t: Array, kept: list[Rows], good: list[Rows], strays: Rows, findings: list[Finding]
+) -> None:
     """Add what was cut, and where the clock jumped."""
     if strays.size:
         k = int(strays[0])
         text = (
-            f"{file}: row {k} of column 't' is {t[k]:.9g} s between rows of {t[max(k - 1, 0)]:.9g} and "
-            f"{t[min(k + 1, len(t) - 1)]:.9g} s ({strays.size} such rows); stamps that belong nowhere are left out"
+            f"{file}: row {k} of column 't' is {t[k]:.9g} s between rows of {t[max(k - 1, 0)]:.9g} "
+            f"and {t[min(k + 1, len(t) - 1)]:.9g} s ({strays.size} such rows); stamps that belong "
+            "nowhere are left out"
         )
         findings.append(Doubt(file, "t", k, text))
     if len(kept) < 2:
@@ -91,11 +104,13 @@ def _say_cuts(file: str, t: Array, kept: list[Rows], good: list[Rows], strays: R
     back = [k for gap, k in gaps if gap < 0.0]
     if back:
         text = (
-            f"{file}: row {back[0]} of column 't' is {t[back[0]]:.9g} s, before the row above it: the clock begins "
-            f"again ({len(back)} times); {cut}"
+            f"{file}: row {back[0]} of column 't' is {t[back[0]]:.9g} s, before the row above it: "
+            f"the clock begins again ({len(back)} times); {cut}"
         )
         findings.append(Doubt(file, "t", back[0], text))
         return
     longest, k = max(gaps)
     pauses = "a pause" if len(gaps) == 1 else f"{len(gaps)} pauses"
-    findings.append(Finding(file, "t", k, f"{file}: {pauses} in column 't', the longest {longest:.3g} s; {cut}"))
+    findings.append(
+        Finding(file, "t", k, f"{file}: {pauses} in column 't', the longest {longest:.3g} s; {cut}")
+    )

@@ -1,4 +1,5 @@
-"""What cannot be right in a recording, and what is suspicious, each one sentence with column, row, value and remedy.
+"""What cannot be right in a recording, and what is suspicious, each one sentence with column, row,
+value and remedy.
 
 Units, signs and orders that the voltage equation contradicts are in `mistakes`; here is what a
 column shows by itself.  BadInput for the impossible, a `Finding` for the rest.
@@ -28,7 +29,8 @@ UNITS_OFF = ((1e-3, "k"), (1e3, "m"))  # u_dc / nominal, prefix that explains it
 
 
 def check(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Return what is suspicious in recordings; BadInput for the first thing that cannot be right."""
+    """Return what is suspicious in recordings; BadInput for the first thing that cannot be
+    right."""
     findings: list[Finding] = []
     for r in recordings:
         findings += link_voltage(r, drive)
@@ -42,13 +44,15 @@ def check(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding
 
 
 def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
-    """Return a finding where u_dc is far from nominal; BadInput where it is not positive or in another unit."""
+    """Return a finding where u_dc is far from nominal; BadInput where it is not positive or in
+    another unit."""
     low = np.flatnonzero(r.u_dc <= 0.0)
     nominal, middle = r.dc_bus_voltage or drive.converter.dc_bus_voltage, float(np.median(r.u_dc))
     if low.size:
         k = int(low[0])
         text = (
-            f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V ({low.size} of {len(r.u_dc)} rows are not "
+            f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V ({low.size} of "
+            f"{len(r.u_dc)} rows are not "
             "positive); "
             "the controller divides by it: record the link voltage, or map u_dc = {value = ...}"
         )
@@ -56,29 +60,32 @@ def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
     for factor, prefix in UNITS_OFF:
         if 0.5 < middle / nominal / factor < 2.0:
             text = (
-                f"{r.file}: row 0 of column 'u_dc' is {r.u_dc[0]:.6g}, [drive] dc_bus_voltage is {nominal:g} V; is "
+                f"{r.file}: row 0 of column 'u_dc' is {r.u_dc[0]:.6g}, [drive] "
+                f"dc_bus_voltage is {nominal:g} V; is "
                 "u_dc in "
                 f'{prefix}V? convert it to V or map it with unit = "{prefix}V"'
             )
             raise Refused(Finding(r.file, "u_dc", 0, text))
     if not 0.5 < middle / nominal < 2.0:
         text = (
-            f"{r.file}: column 'u_dc' is {middle:.6g} V in the middle, [drive] dc_bus_voltage is {nominal:g} V (a "
-            "factor "
-            "of 2 at most is usual); correct one of them"
+            f"{r.file}: column 'u_dc' is {middle:.6g} V in the middle, [drive] dc_bus_voltage is "
+            f"{nominal:g} V (a factor of 2 at most is usual); correct one of them"
         )
         return [Finding(r.file, "u_dc", None, text)]
     return []
 
 
 def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
-    """Return findings on flat currents; BadInput for a phase of another unit or sign, a stuck or saturated sensor."""
+    """Return findings on flat currents; BadInput for a phase of another unit or sign, a stuck or
+    saturated sensor."""
     phase = {n: r.columns[n] for n in PHASES}
     _refuse_one_sided(r, phase)
     _odd_one_out(r, phase)
     total, _ = rest_of_sum(np.stack(list(phase.values())))
     largest = max(float(np.max(np.abs(x))) for x in phase.values())
-    bound = 10.0 * (drive.converter.current_noise + drive.converter.current_resolution) + 0.02 * largest
+    bound = (
+        10.0 * (drive.converter.current_noise + drive.converter.current_resolution) + 0.02 * largest
+    )
     findings = []
     for name, x in phase.items():
         for begin, end in runs(x):
@@ -88,14 +95,15 @@ def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
             top = abs(x[begin]) >= np.max(np.abs(x)) * (1.0 - 1e-9)
             what = "at its own largest value" if top else "stuck"
             said = (
-                f"{r.file}: row {begin} of column '{name}' is {x[begin]:.6g} A and does not change for {end - begin} "
-                "rows "
-                f"while another phase moves by {others:.3g} A"
+                f"{r.file}: row {begin} of column '{name}' is {x[begin]:.6g} A and does not change "
+                f"for {end - begin} rows while another phase moves by {others:.3g} A"
             )
             if np.mean(np.abs(total[begin:end]) > bound) > 0.5:
                 cause = "its sensor is stuck: repair it or leave the recording out"
                 if not np.any(x):
-                    cause = "it was not recorded: leave it out of [columns], two currents are enough"
+                    cause = (
+                        "it was not recorded: leave it out of [columns], two currents are enough"
+                    )
                 elif top:
                     cause = "its sensor is saturated: lower the current or widen the range"
                 text = f"{said}, and the three no longer sum to zero (bound {bound:.2g} A); {cause}"
@@ -107,26 +115,32 @@ def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
 
 
 def _refuse_one_sided(r: CampaignRecording, phase: dict[str, Array]) -> None:
-    """Raise BadInput for three currents that never change their sign: those of a star sum to zero."""
+    """Raise BadInput for three currents that never change their sign: those of a star sum to
+    zero."""
     least = float(np.min(list(phase.values())))
     if least < 0.0 or not all(np.ptp(x) > 0.0 for x in phase.values()):
         return
     x = phase["i_a"]
-    top, middle = max(float(np.max(y)) for y in phase.values()), float(np.mean(list(phase.values())))
+    top, middle = (
+        max(float(np.max(y)) for y in phase.values()),
+        float(np.mean(list(phase.values()))),
+    )
     cause = (
-        f"counts with their zero in the middle? map them with scale (A of a count) and offset = -{middle:.4g} x scale"
+        "counts with their zero in the middle? map them with scale (A of a count) and "
+        f"offset = -{middle:.4g} x scale"
     )
     if 0.9 * 2**16 < top < 2**16:
         cause = "are they 16 bits without a sign? take 65536 off those above 32767"
     text = (
-        f"{r.file}: row 0 of column 'i_a' is {x[0]:.6g}; in all rows all three currents are positive, and those of one "
-        f"star sum to zero: {cause}"
+        f"{r.file}: row 0 of column 'i_a' is {x[0]:.6g}; in all rows all three currents are "
+        f"positive, and those of one star sum to zero: {cause}"
     )
     raise Refused(Finding(r.file, "i_a", 0, text))
 
 
 def _odd_one_out(r: CampaignRecording, phase: dict[str, Array]) -> None:
-    """Raise BadInput for a phase that is minus the sum of the others but for its sign or a factor of 1000."""
+    """Raise BadInput for a phase that is minus the sum of the others but for its sign or a factor
+    of 1000."""
     best: tuple[float, str, float] | None = None
     for name, x in phase.items():
         others = -sum((y for n, y in phase.items() if n != name), np.zeros(len(x)))
@@ -141,9 +155,14 @@ def _odd_one_out(r: CampaignRecording, phase: dict[str, Array]) -> None:
         _, name, wrong = best
         k = int(np.argmax(np.abs(phase[name])))
         total = sum(float(y[k]) for y in phase.values())
-        cause = {-1.0: "its sign is wrong: map it with scale = -1", 1e-3: "is it in kA?", 1e3: "is it in mA?"}[wrong]
+        cause = {
+            -1.0: "its sign is wrong: map it with scale = -1",
+            1e-3: "is it in kA?",
+            1e3: "is it in mA?",
+        }[wrong]
         text = (
-            f"{r.file}: row {k} of column '{name}' is {phase[name][k]:.6g} A and the three phases sum to {total:.4g} A "
+            f"{r.file}: row {k} of column '{name}' is {phase[name][k]:.6g} A and the "
+            f"three phases sum to {total:.4g} A "
             f"instead of 0; {cause}{'' if wrong < 0 else ' give all three in A'}"
         )
         raise Refused(Finding(r.file, name, k, text))
@@ -158,7 +177,8 @@ def runs(x: Array) -> list[tuple[int, int]]:
 
 
 def voltage_limit(r: CampaignRecording) -> list[Finding]:
-    """Return a finding where commands leave the circle u_dc / sqrt(3); BadInput beyond u_dc itself."""
+    """Return a finding where commands leave the circle u_dc / sqrt(3); BadInput beyond u_dc
+    itself."""
     size = np.hypot(r.u_alpha, r.u_beta)
     beyond = np.flatnonzero(size > 1.02 / math.sqrt(3.0) * r.u_dc)
     if not beyond.size:
@@ -167,34 +187,41 @@ def voltage_limit(r: CampaignRecording) -> list[Finding]:
     said = f"{r.file}: row {k} of column 'u_alpha': the command is {size[k]:.4g} V"
     if size[k] > 1.02 * r.u_dc[k]:
         text = (
-            f"{said}, u_dc only {r.u_dc[k]:.4g} V (an inverter gives {HEXAGON * r.u_dc[k]:.4g} V at most); check the "
-            "units of "
-            "voltages and of u_dc"
+            f"{said}, u_dc only {r.u_dc[k]:.4g} V (an inverter gives {HEXAGON * r.u_dc[k]:.4g} V "
+            "at most); check the units of voltages and of u_dc"
         )
         raise Refused(Finding(r.file, "u_alpha", k, text))
     text = (
-        f"{said}, beyond u_dc / sqrt(3) = {r.u_dc[k] / math.sqrt(3.0):.4g} V ({beyond.size} rows from {beyond[0]}); "
-        "the "
-        "inverter may not have given it: record the limited command, phase (not line) voltage, peak"
+        f"{said}, beyond u_dc / sqrt(3) = {r.u_dc[k] / math.sqrt(3.0):.4g} V ({beyond.size} rows "
+        f"from {beyond[0]}); the inverter may not have given it: record the limited command, phase "
+        "(not line) voltage, peak"
     )
     return [Finding(r.file, "u_alpha", k, text)]
 
 
 def angle(r: CampaignRecording, drive: Drive) -> list[Finding]:
-    """Return findings on the angle; BadInput for a locked rotor that turns, jumps, or a stuck encoder."""
+    """Return findings on the angle; BadInput for a locked rotor that turns, jumps, or a stuck
+    encoder."""
     theta, span = r.theta, float(np.ptp(r.theta))
     if r.rotor == "locked":
         if span > LARGEST_TURN:
             text = (
-                f"{r.file}: theta spans {span:.3g} while rotor = 'locked' (at most {LARGEST_TURN} rad); lock the "
-                "rotor, "
-                "correct 'rotor', or convert theta from degrees to electrical rad"
+                f"{r.file}: theta spans {span:.3g} while rotor = 'locked' (at most {LARGEST_TURN} "
+                "rad); lock the rotor, correct 'rotor', or convert theta from degrees to "
+                "electrical rad"
             )
             raise Refused(Finding(r.file, "theta", None, text))
         return []
     if span == 0.0:
-        text = f"{r.file}: row 0 of column 'theta' is {theta[0]:.6g} and never changes while rotor = '{r.rotor}'"
-        return [Finding(r.file, "theta", 0, f"{text}; correct 'rotor' if it stood, else check the encoder")]
+        text = (
+            f"{r.file}: row 0 of column 'theta' is {theta[0]:.6g} and never changes while "
+            f"rotor = '{r.rotor}'"
+        )
+        return [
+            Finding(
+                r.file, "theta", 0, f"{text}; correct 'rotor' if it stood, else check the encoder"
+            )
+        ]
     counts = drive.converter.encoder_counts
     count = math.tau * drive.motor.pole_pairs / counts if counts else 1e-3
     if r.made is None:
@@ -204,9 +231,8 @@ def angle(r: CampaignRecording, drive: Drive) -> list[Finding]:
     if wild.size:
         k = int(wild[0])
         text = (
-            f"{r.file}: row {k + 1} of column 'theta' jumps by {step[k]:.4g} rad from the row before (at most pi can "
-            "be "
-            "followed); give the angle unwrapped, electrical, in rad"
+            f"{r.file}: row {k + 1} of column 'theta' jumps by {step[k]:.4g} rad from the row "
+            "before (at most pi can be followed); give the angle unwrapped, electrical, in rad"
         )
         raise Refused(Finding(r.file, "theta", k + 1, text))
     return _lost_sample(r, step, count)
@@ -219,29 +245,32 @@ def _stuck_encoder(r: CampaignRecording, count: float) -> None:
         moved = max(float(before), float(after))
         if moved > 0.1 + BEFORE * count:
             text = (
-                f"{r.file}: row {begin} of column 'theta' is {r.theta[begin]:.6g} rad and does not change for "
-                f"{end - begin} "
-                f"rows, though it moved by {moved:.3g} rad within {BEFORE} rows beside them; the encoder is stuck: "
-                "repair it "
-                "or leave the recording out"
+                f"{r.file}: row {begin} of column 'theta' is {r.theta[begin]:.6g} rad and does not "
+                f"change for {end - begin} rows, though it moved by {moved:.3g} rad within "
+                f"{BEFORE} rows beside them; the encoder is stuck: repair it or leave the "
+                "recording out"
             )
             raise Refused(Finding(r.file, "theta", begin, text))
 
 
 def _lost_sample(r: CampaignRecording, step: Array, count: float) -> list[Finding]:
-    """Return a finding where the angle moves on by two steps between two rows: a row that was dropped."""
+    """Return a finding where the angle moves on by two steps between two rows: a row that was
+    dropped."""
     if len(step) < 5:
         return []
     beside = np.stack([step[:-4], step[1:-3], step[3:-1], step[4:]])
     usual, here = beside.mean(axis=0), step[2:-2]
     even = np.ptp(beside, axis=0) <= 0.2 * np.abs(usual) + 3.0 * count
-    odd = np.flatnonzero(even & (np.abs(usual) > 5.0 * count) & (np.abs(here - usual) > 0.6 * np.abs(usual)))
+    odd = np.flatnonzero(
+        even & (np.abs(usual) > 5.0 * count) & (np.abs(here - usual) > 0.6 * np.abs(usual))
+    )
     if not odd.size:
         return []
     k = int(odd[0]) + 3
     text = (
-        f"{r.file}: row {k} of column 'theta' is {here[odd[0]]:.4g} rad on from the row before, beside it a row is "
-        f"{usual[odd[0]]:.4g} rad ({odd.size} such rows); samples seem lost or doubled: export every sample"
+        f"{r.file}: row {k} of column 'theta' is {here[odd[0]]:.4g} rad on from the row before, "
+        f"beside it a row is {usual[odd[0]]:.4g} rad ({odd.size} such rows); samples seem lost or "
+        "doubled: export every sample"
     )
     return [Finding(r.file, "theta", k, text)]
 
@@ -258,7 +287,8 @@ def other_columns(r: CampaignRecording, drive: Drive) -> list[Finding]:
         k = int(np.argmax(np.abs(x)))
         if able > 0.0 and abs(x[k]) > 50.0 * able:
             text = (
-                f"{r.file}: row {k} of column '{name}' is {x[k]:.6g} N m, the currents give {able:.3g} N m at most; "
+                f"{r.file}: row {k} of column '{name}' is {x[k]:.6g} N m, the currents "
+                f"give {able:.3g} N m at most; "
                 "is it in "
                 'mN m? map it with unit = "mNm"'
             )

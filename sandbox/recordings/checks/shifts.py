@@ -1,11 +1,13 @@
 """Whether columns of a log stand some rows off those beside them, by any number of rows at once.
 
-From row to row the balance leaves r_k = sum over terms of F_k M_(k - s), F of columns that stay and M of those moved
-down by s rows, so its energy at every s is a sum of correlations, which Fourier transforms tell together.  Commands
-alone are exact so; of currents or the angle alone the products with what stays are further terms.
+From row to row the balance leaves r_k = sum over terms of F_k M_(k - s), F of columns that stay and
+M of those moved down by s rows, so its energy at every s is a sum of correlations, which Fourier
+transforms tell together.  Commands alone are exact so; of currents or the angle alone the products
+with what stays are further terms.
 
-Where commands hardly change from row to row a shift cannot be seen; at one constant speed it is a turn by one angle, so
-that a zero of the angle, a sign or an order of phases explains the log as well (`mistakes` weighs them).
+Where commands hardly change from row to row a shift cannot be seen; at one constant speed it is a
+turn by one angle, so that a zero of the angle, a sign or an order of phases explains the log as
+well (`mistakes` weighs them).
 """
 
 from __future__ import annotations
@@ -20,7 +22,13 @@ from scipy.fft import next_fast_len
 
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
-from sandbox.recordings.checks.balance import PHASES, UNDISTURBED, VOLTAGES, Complex, with_saturation
+from sandbox.recordings.checks.balance import (
+    PHASES,
+    UNDISTURBED,
+    VOLTAGES,
+    Complex,
+    with_saturation,
+)
 from sandbox.recordings.findings import Finding, Refused
 from sandbox.recordings.rows.commands import mean_command
 
@@ -32,15 +40,17 @@ MOST_ROWS = 1024  # by which columns are moved, and a quarter of the rows at mos
 LATE = 4  # rows: a drive itself is not later, and a diagnosis can tell its delay
 SHIFTED = 0.25  # of the unexplained share: what shifting must leave of it
 NOTICED = 0.02  # of the voltage's energy: less unexplained is no shift
-ALIKE, FLOOR = 1.25, 0.002  # shifts of a signal that repeats: the shortest of those within this factor and share
-ONE_SPEED = 0.005  # of the energy: what one turn leaves of vectors that turn on over the rows of a shift
+# shifts of a signal that repeats: the shortest of those within this factor and share
+ALIKE, FLOOR = 1.25, 0.002
+# of the energy: what one turn leaves of vectors that turn on over the rows of a shift
+ONE_SPEED = 0.005
 EFFECTS = {VOLTAGES: "pwm_delay", PHASES: "current_sampling"}
 
 
 @dataclass(frozen=True)
 class Shift:
-    """Columns that stand so many rows too high (rows > 0), in which files, and shares of the voltage unexplained before
-    and after."""
+    """Columns that stand so many rows too high (rows > 0), in which files, and shares of the
+    voltage unexplained before and after."""
 
     rows: int
     moved: tuple[str, ...]
@@ -62,23 +72,28 @@ class Shift:
     def sentence(self) -> str:
         """What is off, by how much, and what to move."""
         count = abs(self.rows)
-        many, by = ("one sample", "one row") if count == 1 else (f"{count} samples", f"{count} rows")
-        what = {VOLTAGES: "commands act", PHASES: "currents are of"}.get(self.moved, "the angle is of")
+        many, by = (
+            ("one sample", "one row") if count == 1 else (f"{count} samples", f"{count} rows")
+        )
+        what = {VOLTAGES: "commands act", PHASES: "currents are of"}.get(
+            self.moved, "the angle is of"
+        )
         stand = "it stands" if len(self.moved) == 1 else "they stand"
         more = f" (and in {len(self.files) - 1} other recordings)" if len(self.files) > 1 else ""
         effect = EFFECTS.get(self.moved) if count <= LATE else None
         late = f" (a drive that is late itself shows as {effect})" if effect else ""
         return (
-            f"{self.files[0]}: column '{self.moved[0]}': {what} {many} {'later than' if self.rows > 0 else 'before'} "
-            f"the row in which {stand}: {100.0 * self.before:.3g} % of the voltage is unexplained, shifted by "
-            f"{by.replace('one', 'a')} {100.0 * self.after:.3g} %{more}; if the log is shifted, move "
-            f"{', '.join(self.moved)} {'down' if self.rows > 0 else 'up'} by {by}{late}"
+            f"{self.files[0]}: column '{self.moved[0]}': {what} {many} "
+            f"{'later than' if self.rows > 0 else 'before'} the row in which {stand}: "
+            f"{100.0 * self.before:.3g} % of the voltage is unexplained, shifted by "
+            f"{by.replace('one', 'a')} {100.0 * self.after:.3g} %{more}; if the log is shifted, "
+            f"move {', '.join(self.moved)} {'down' if self.rows > 0 else 'up'} by {by}{late}"
         )
 
 
 def shifted(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Return a finding where commands, currents or the angle, shifted by some rows, explain recordings far better;
-    BadInput where no drive is so late.
+    """Return a finding where commands, currents or the angle, shifted by some rows, explain
+    recordings far better; BadInput where no drive is so late.
     """
     found = shifts(recordings, drive)
     for s in found:
@@ -88,7 +103,8 @@ def shifted(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Findi
 
 
 def shifts(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Shift]:
-    """Return the shift that explains recordings together far better, or else those of single ones."""
+    """Return the shift that explains recordings together far better, or else those of single
+    ones."""
     linear = ((r, own) for r in recordings if (own := curves(r, drive)) and _now(own) > NOTICED)
     told = {r.file: own for r, c in linear if _now(own := _as_it_stands(c, r, drive)) > NOTICED}
     if not told:
@@ -105,29 +121,43 @@ def shifts(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Shift]
     return [_shift(own, told, [f]) for f, own in alone.items() if _answers(told[f], own)]
 
 
-def _as_it_stands(c: dict[tuple[str, ...], Array], r: CampaignRecording, drive: Drive) -> dict[tuple[str, ...], Array]:
-    """Return a recording's curves, at no shift what the saturated model leaves where that is less."""
+def _as_it_stands(
+    c: dict[tuple[str, ...], Array], r: CampaignRecording, drive: Drive
+) -> dict[tuple[str, ...], Array]:
+    """Return a recording's curves, at no shift what the saturated model leaves where that is
+    less."""
     told = with_saturation(r, drive, window=1)
     if told is None or (left := max(told.share - told.noise, 0.0)) >= _now(c):
         return c
-    return {moved: np.concatenate([x[: len(x) // 2], [left], x[len(x) // 2 + 1 :]]) for moved, x in c.items()}
+    return {
+        moved: np.concatenate([x[: len(x) // 2], [left], x[len(x) // 2 + 1 :]])
+        for moved, x in c.items()
+    }
 
 
 def moved_back(r: CampaignRecording, shift: Shift) -> CampaignRecording:
-    """Return a recording whose columns stand in the rows of which they are, without the rows that then lack some."""
+    """Return a recording whose columns stand in the rows of which they are, without the rows that
+    then lack some."""
     down, up = max(shift.rows, 0), max(-shift.rows, 0)
     stay, move = slice(down, len(r.t) - up), slice(up, len(r.t) - down)
-    return replace(r, columns={n: x[move if n in shift.moved else stay] for n, x in r.columns.items()})
+    return replace(
+        r, columns={n: x[move if n in shift.moved else stay] for n, x in r.columns.items()}
+    )
 
 
 def is_turn(recordings: Sequence[CampaignRecording], shift: Shift) -> bool:
-    """Tell whether the rotor goes on by one and the same angle over the rows of a shift, all through recordings."""
+    """Tell whether the rotor goes on by one and the same angle over the rows of a shift, all
+    through recordings."""
     rows = abs(shift.rows)
     steps = np.concatenate([r.theta[rows:] - r.theta[: len(r.t) - rows] for r in recordings])
     return 1.0 - abs(complex(np.mean(np.exp(1j * steps)))) ** 2 < ONE_SPEED
 
 
-def _shift(best: tuple[int, tuple[str, ...]], told: dict[str, dict[tuple[str, ...], Array]], files: list[str]) -> Shift:
+def _shift(
+    best: tuple[int, tuple[str, ...]],
+    told: dict[str, dict[tuple[str, ...], Array]],
+    files: list[str],
+) -> Shift:
     own = told[files[0]]
     return Shift(*best, tuple(files), _now(own), _left(own, best))
 
@@ -151,7 +181,8 @@ def _answers(curves: dict[tuple[str, ...], Array], shift: tuple[int, tuple[str, 
 
 
 def _best(curves: dict[tuple[str, ...], Array]) -> tuple[int, tuple[str, ...]]:
-    """Return the rows and the columns whose shift leaves least; commands, where others do not leave half of that."""
+    """Return the rows and the columns whose shift leaves least; commands, where others do not leave
+    half of that."""
     own = {moved: _shortest(curve) for moved, curve in curves.items()}
     left = {moved: _left(curves, (rows, moved)) for moved, rows in own.items()}
     moved = min(left, key=lambda m: left[m] * (1.0 if m == VOLTAGES else 2.0))
@@ -172,8 +203,9 @@ def _shortest(curve: Array) -> int:
 
 
 def curves(r: CampaignRecording, drive: Drive) -> dict[tuple[str, ...], Array]:
-    """Return the share of the voltage that stays unexplained sample by sample, noise off, at shifts of -most to most
-    rows (odd,), for each group of columns that may be moved; empty for a short recording."""
+    """Return the share of the voltage that stays unexplained sample by sample, noise off, at shifts
+    of -most to most rows (odd,), for each group of columns that may be moved; empty for a short
+    recording."""
     most = min(MOST_ROWS, len(r.t) // 4)
     if most <= LATE:
         return {}
@@ -188,8 +220,12 @@ def curves(r: CampaignRecording, drive: Drive) -> dict[tuple[str, ...], Array]:
     u = mean_command(r.u_alpha[own] + 1j * r.u_beta[own], theta, drive.converter)[:-1]
     inner = np.zeros(len(u))
     inner[most : len(u) - most] = 1.0
-    sensor = math.hypot(drive.converter.current_noise, drive.converter.current_resolution / math.sqrt(12.0))
-    noise = 4.0 / 3.0 * (drive.motor.inductance_d**2 + drive.motor.inductance_q**2) * (sensor / h) ** 2
+    sensor = math.hypot(
+        drive.converter.current_noise, drive.converter.current_resolution / math.sqrt(12.0)
+    )
+    noise = (
+        4.0 / 3.0 * (drive.motor.inductance_d**2 + drive.motor.inductance_q**2) * (sensor / h) ** 2
+    )
     power = _correlated(inner, np.abs(u) ** 2, most)  # of the voltage where it then stands
     out = {}
     for moved, (stay, move) in zip(MOVED, _terms(u, i, theta, drive), strict=True):
@@ -200,7 +236,8 @@ def curves(r: CampaignRecording, drive: Drive) -> dict[tuple[str, ...], Array]:
 
 
 def _terms(u: Complex, i: Complex, theta: Array, drive: Drive) -> tuple[Terms, Terms, Terms]:
-    """Return factors that stay and factors that are moved, of commands, currents and the angle, over n - 1 periods."""
+    """Return factors that stay and factors that are moved, of commands, currents and the angle,
+    over n - 1 periods."""
     m, h = drive.motor, drive.converter.sampling_period
     mean, gap = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
     one = np.ones(len(u), dtype=np.complex128)

@@ -23,9 +23,11 @@ def is_hdf5(path: Path) -> bool:
 
 
 def read_hdf5(path: Path, most: int) -> dict[str, NDArray[Any]]:
-    """Return the arrays of numbers by name, those of structures as 'structure.field', `most` bytes at most.
+    """Return the arrays of numbers by name, those of structures as 'structure.field', `most` bytes
+    at most.
 
-    MATLAB stores columns first: arrays come out as MATLAB shows them.  BadInput for a damaged file or without h5py.
+    MATLAB stores columns first: arrays come out as MATLAB shows them.  BadInput for a damaged file
+    or without h5py.
     """
     try:
         import h5py
@@ -39,11 +41,20 @@ def read_hdf5(path: Path, most: int) -> dict[str, NDArray[Any]]:
         raise
     except Exception as error:  # h5py raises whatever a damaged file leads it to
         why = (str(error).splitlines() or [type(error).__name__])[0]
-        raise BadInput(f"{path.name}: cannot be read as MAT 7.3 ({why[:80]}); save it again, or with -v7") from None
+        raise BadInput(
+            f"{path.name}: cannot be read as MAT 7.3 ({why[:80]}); save it again, or with -v7"
+        ) from None
     return found
 
 
-def _collect(group: Any, prefix: str, found: dict[str, NDArray[Any]], left: list[int], deepest: int, h5py: Any) -> None:
+def _collect(
+    group: Any,
+    prefix: str,
+    found: dict[str, NDArray[Any]],
+    left: list[int],
+    deepest: int,
+    h5py: Any,
+) -> None:
     """Add a group's arrays of numbers; left: bytes and entries that may still be read."""
     for name in group:
         left[1] -= 1
@@ -52,7 +63,11 @@ def _collect(group: Any, prefix: str, found: dict[str, NDArray[Any]], left: list
         item = group[name]
         if isinstance(item, h5py.Group) and deepest:
             _collect(item, f"{prefix}{name}.", found, left, deepest - 1, h5py)
-        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and 1 <= len(item.shape) <= 2:
+        elif (
+            isinstance(item, h5py.Dataset)
+            and item.dtype.kind in "fiu"
+            and 1 <= len(item.shape) <= 2
+        ):
             size = int(np.prod(item.shape)) * 8
             left[0] -= size
             if left[0] < 0:

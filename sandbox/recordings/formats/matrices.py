@@ -1,4 +1,5 @@
-"""Arrays of numbers in one file: vectors by name, matrices column by column, their columns named by the campaign."""
+"""Arrays of numbers in one file: vectors by name, matrices column by column, their columns named by
+the campaign."""
 
 from __future__ import annotations
 
@@ -16,8 +17,11 @@ from model.number_table import Table
 from sandbox.recordings.formats.log_table import MOST_VALUES, split_matrix, too_many
 
 
-def matrices(file: str, arrays: Mapping[str, NDArray[Any]], names: Mapping[str, Sequence[str]]) -> Table:
-    """Return vectors under their names, columns of matrices as 'log(:,2)' or under the names given for `log`.
+def matrices(
+    file: str, arrays: Mapping[str, NDArray[Any]], names: Mapping[str, Sequence[str]]
+) -> Table:
+    """Return vectors under their names, columns of matrices as 'log(:,2)' or under the names given
+    for `log`.
 
     BadInput where the names are more or fewer than the matrix has columns, or name no matrix.
     """
@@ -28,7 +32,8 @@ def matrices(file: str, arrays: Mapping[str, NDArray[Any]], names: Mapping[str, 
         if given is not None:
             if len(given) != len(parts):
                 raise BadInput(
-                    f"{file}: matrix '{name}' has {len(parts)} columns, {len(given)} names are given; name each"
+                    f"{file}: matrix '{name}' has {len(parts)} columns, {len(given)} "
+                    "names are given; name each"
                 )
             parts = dict(zip(given, parts.values(), strict=True))
         columns.update(parts)
@@ -39,7 +44,8 @@ def matrices(file: str, arrays: Mapping[str, NDArray[Any]], names: Mapping[str, 
 
 
 def numpy_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of numbers of a .npy file (named 'data') or an .npz file; BadInput for pickled objects."""
+    """Return the arrays of numbers of a .npy file (named 'data') or an .npz file; BadInput for
+    pickled objects."""
     found: dict[str, NDArray[Any]] = {}
     left, pickled = MOST_VALUES, False
     try:
@@ -58,7 +64,8 @@ def numpy_arrays(path: Path) -> dict[str, NDArray[Any]]:
         raise BadInput(f"{path.name}: {why}") from None
     if not found and pickled:
         raise BadInput(
-            f"{path.name}: it holds pickled objects, which could run code; save arrays of numbers, one matrix a run"
+            f"{path.name}: it holds pickled objects, which could run code; save arrays "
+            "of numbers, one matrix a run"
         )
     if not found:
         raise BadInput(f"{path.name}: no array of numbers in it; save the columns as one matrix")

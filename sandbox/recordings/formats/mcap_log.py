@@ -1,4 +1,5 @@
-"""MCAP logs (ROS 2, Foxglove) with JSON messages: numbers of each topic as 'topic.field'; needs mcap (extra `mcap`)."""
+"""MCAP logs (ROS 2, Foxglove) with JSON messages: numbers of each topic as 'topic.field'; needs
+mcap (extra `mcap`)."""
 
 from __future__ import annotations
 
@@ -19,16 +20,19 @@ DEEPEST = 5  # objects in objects
 
 
 def read_mcap(path: Path, wanted: Sequence[str]) -> Table:
-    """Return the wanted fields on the raster of the densest topic among them, stamps of publishing as 't' (s).
+    """Return the wanted fields on the raster of the densest topic among them, stamps of publishing
+    as 't' (s).
 
-    A field is 'topic.field' (nested: 'topic.a.b', elements of a list 'topic.a.0'; a topic's leading '/' is left out).
-    Messages in ROS' or protobuf's own encoding are refused: export them as JSON.
+    A field is 'topic.field' (nested: 'topic.a.b', elements of a list 'topic.a.0'; a topic's leading
+    '/' is left out). Messages in ROS' or protobuf's own encoding are refused: export them as JSON.
     """
     try:
         from mcap.reader import make_reader
     except ImportError:
         raise missing(path.name, "mcap", "mcap", "MCAP") from None
-    signals: dict[str, tuple[array[float], array[float]]] = defaultdict(lambda: (array("d"), array("d")))
+    signals: dict[str, tuple[array[float], array[float]]] = defaultdict(
+        lambda: (array("d"), array("d"))
+    )
     asked, other, count = set(wanted), "", 0
     try:
         with path.open("rb") as file:
@@ -36,7 +40,9 @@ def read_mcap(path: Path, wanted: Sequence[str]) -> Table:
                 if channel.message_encoding != "json":
                     other = f"'{channel.topic[:40]}' in '{channel.message_encoding[:20]}'"
                     continue
-                for name, value in _numbers(channel.topic.lstrip("/"), json.loads(message.data), DEEPEST):
+                for name, value in _numbers(
+                    channel.topic.lstrip("/"), json.loads(message.data), DEEPEST
+                ):
                     if asked and name not in asked:
                         continue
                     signals[name][0].append(1e-9 * message.publish_time)
@@ -47,14 +53,23 @@ def read_mcap(path: Path, wanted: Sequence[str]) -> Table:
     except BadInput:
         raise
     except Exception as error:  # whatever a damaged file leads the reader to
-        raise BadInput(f"{path.name}: cannot be read as MCAP ({error!s:.80}); record it again") from None
+        raise BadInput(
+            f"{path.name}: cannot be read as MCAP ({error!s:.80}); record it again"
+        ) from None
     if not signals:
         if other:
-            raise BadInput(f"{path.name}: topic {other} is not read; convert the log to JSON messages, or to CSV")
-        raise BadInput(f"{path.name}: {unknown('fields', ', '.join(wanted), [])}; a field is written topic.field")
+            raise BadInput(
+                f"{path.name}: topic {other} is not read; convert the log to JSON "
+                "messages, or to CSV"
+            )
+        raise BadInput(
+            f"{path.name}: {unknown('fields', ', '.join(wanted), [])}; a field is "
+            "written topic.field"
+        )
     start = min(s[0][0] for s in signals.values())
     columns, notes = on_one_raster(
-        path.name, {n: (np.array(t) - start, np.array(v, dtype=np.float64)) for n, (t, v) in signals.items()}
+        path.name,
+        {n: (np.array(t) - start, np.array(v, dtype=np.float64)) for n, (t, v) in signals.items()},
     )
     return Table(columns, {}, {}, tuple(notes))
 

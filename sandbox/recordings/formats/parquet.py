@@ -22,10 +22,15 @@ INDEX = re.compile(r"__index_level_\d+__")  # an unnamed index as pandas saves i
 
 
 def with_volts(r: Recording, converter: Converter) -> Recording:
-    """Return a `CampaignRecording` whose commands are in volts that the drive divides by u_dc (`Converter.command`)."""
+    """Return a `CampaignRecording` whose commands are in volts that the drive divides by u_dc
+    (`Converter.command`)."""
     if converter.command == "volts":
         return r
-    factor = r.u_dc if converter.command == "duties" else r.u_dc / (r.dc_bus_voltage or converter.dc_bus_voltage)
+    factor = (
+        r.u_dc
+        if converter.command == "duties"
+        else r.u_dc / (r.dc_bus_voltage or converter.dc_bus_voltage)
+    )
     volts = {name: factor * r[name] for name in ("u_alpha", "u_beta")}
     return dataclasses.replace(r, columns={**r.columns, **volts})
 
@@ -33,12 +38,19 @@ def with_volts(r: Recording, converter: Converter) -> Recording:
 def check_table(path: Path) -> None:
     """Raise BadInput unless a recording's table is a file."""
     if not path.is_file():
-        what = "is a folder or a pipe, no file" if path.exists() else f"does not exist in '{path.parent}'"
-        raise BadInput(f"{path.name}: the file {what}; correct [[recording]]".replace("the file is", "it is"))
+        what = (
+            "is a folder or a pipe, no file"
+            if path.exists()
+            else f"does not exist in '{path.parent}'"
+        )
+        raise BadInput(
+            f"{path.name}: the file {what}; correct [[recording]]".replace("the file is", "it is")
+        )
 
 
 def _column(file: Any, name: str, kind: Any, rows: int) -> Array:
-    """Return a column's numbers; NaN where there is none, instants and spans of time in the unit they are kept in."""
+    """Return a column's numbers; NaN where there is none, instants and spans of time in the unit
+    they are kept in."""
     from pyarrow import types
 
     out, n = np.full(rows, np.nan), 0
@@ -60,15 +72,28 @@ def _column(file: Any, name: str, kind: Any, rows: int) -> Array:
 
 
 def _kinds(file: str, schema: Any) -> dict[str, Any]:
-    """Return the kinds of a table's columns by name; BadInput where one holds no numbers, or a name stands twice."""
+    """Return the kinds of a table's columns by name; BadInput where one holds no numbers, or a name
+    stands twice."""
     from pyarrow import types
 
-    numbers = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal, types.is_temporal)
+    numbers = (
+        types.is_integer,
+        types.is_floating,
+        types.is_boolean,
+        types.is_decimal,
+        types.is_temporal,
+    )
     for name, kind in zip(schema.names, schema.types, strict=True):
         if schema.names.count(name) > 1:
             raise BadInput(f"{file}: column '{name}' stands twice; give each column its own name")
-        if not types.is_null(kind) and not any(fits(kind) for fits in numbers) and not INDEX.fullmatch(name):
-            raise BadInput(f"{file}: column '{name}' holds {str(kind)[:40]}, no numbers; leave it away")
+        if (
+            not types.is_null(kind)
+            and not any(fits(kind) for fits in numbers)
+            and not INDEX.fullmatch(name)
+        ):
+            raise BadInput(
+                f"{file}: column '{name}' holds {str(kind)[:40]}, no numbers; leave it away"
+            )
     kinds = zip(schema.names, schema.types, strict=True)
     return {n: k for n, k in kinds if not INDEX.fullmatch(n) or any(fits(k) for fits in numbers)}
 
@@ -80,15 +105,22 @@ def read_parquet(path: Path) -> dict[str, Array]:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
-        raise BadInput(f"{path.name}: reading Parquet needs pyarrow; install it with 'pip install pyarrow'") from None
+        raise BadInput(
+            f"{path.name}: reading Parquet needs pyarrow; install it with 'pip install pyarrow'"
+        ) from None
     try:
         with parquet.ParquetFile(path, buffer_size=BUFFER, page_checksum_verification=True) as file:
             rows = file.metadata.num_rows
             if rows * len(file.schema_arrow.names) > MOST_VALUES:
                 raise too_many(path.name)
-            return {n: _column(file, n, kind, rows) for n, kind in _kinds(path.name, file.schema_arrow).items()}
+            return {
+                n: _column(file, n, kind, rows)
+                for n, kind in _kinds(path.name, file.schema_arrow).items()
+            }
     except BadInput:
         raise
     except (pyarrow.ArrowException, OSError, TypeError, ValueError) as error:
         said = str(error).splitlines()[0].rstrip(".")[:200]
-        raise BadInput(f"{path.name}: not a Parquet table of numbers ({said}); export it again, or as CSV") from None
+        raise BadInput(
+            f"{path.name}: not a Parquet table of numbers ({said}); export it again, or as CSV"
+        ) from None

@@ -1,7 +1,9 @@
-"""Presets: what other programs call their columns, in which units and with which signs; one TOML file a program.
+"""Presets: what other programs call their columns, in which units and with which signs; one TOML
+file a program.
 
-A preset's [columns] fill what the campaign's own map does not say; its other tables (never a motor's numbers) give way
-to the campaign's, key by key.  Each file cites the vendor's documents it was written from.
+A preset's [columns] fill what the campaign's own map does not say; its other tables (never a
+motor's numbers) give way to the campaign's, key by key.  Each file cites the vendor's documents it
+was written from.
 """
 
 from __future__ import annotations
@@ -41,13 +43,17 @@ def preset_notes(name: str) -> tuple[str, ...]:
 def with_preset(
     name: str, data: Mapping[str, Any], mapped: Mapping[str, Column]
 ) -> tuple[dict[str, Any], dict[str, Column]]:
-    """Return a campaign's tables and column map with a preset behind them; BadInput for an unknown name."""
+    """Return a campaign's tables and column map with a preset behind them; BadInput for an unknown
+    name."""
     preset = _read(name)
     names = {k: v.pop("names") for k, v in preset["columns"].items() if "names" in v}
     plain = parse_columns(preset, f"preset {name}")
     columns = {k: replace(c, others=tuple(names.get(k, (c.column,)))) for k, c in plain.items()}
     tables = {k: v for k, v in preset.items() if k not in ("preset", "columns")}
-    behind = {k: {**v, **data[k]} if k in data and isinstance(data[k], dict) else v for k, v in tables.items()}
+    behind = {
+        k: {**v, **data[k]} if k in data and isinstance(data[k], dict) else v
+        for k, v in tables.items()
+    }
     return {**data, **behind}, {**columns, **mapped}
 
 

@@ -37,7 +37,8 @@ def answer(
         left = min(1.0, (after**2 - 1.0) / (max(before, after) ** 2 - 1.0))
     total = sum(w for _, w, _ in ranked)
     hypotheses: list[dict[str, Any]] = [
-        {"effects": list(e), "probability": (1.0 - left) * w / total, "parameters": dict(p)} for e, w, p in ranked
+        {"effects": list(e), "probability": (1.0 - left) * w / total, "parameters": dict(p)}
+        for e, w, p in ranked
     ]
     if left > 0.0:
         hypotheses.append({"effects": ["unknown"], "probability": left, "parameters": {}})
@@ -55,14 +56,25 @@ def answer(
     closed = None
     if top and before > REMAINS:
         closed = (before**2 - after**2) / (before**2 - 1.0)
-    systems = [load_effect(e).subsystem for h in hypotheses for e in h["effects"] if e != "unknown"] or ["machine"]
+    systems = [
+        load_effect(e).subsystem for h in hypotheses for e in h["effects"] if e != "unknown"
+    ] or ["machine"]
     return Answer(
         {
             "schema": 1,
             "campaign": campaign.name,
             "verdict": named,
             "gap": {"raw": raw, "before": before, "after": after, "floor": 1.0, "closed": closed},
-            "where": [{"subsystem": systems[0], "channel": "", "region": "", "order": None, "share": 1.0, "text": ""}],
+            "where": [
+                {
+                    "subsystem": systems[0],
+                    "channel": "",
+                    "region": "",
+                    "order": None,
+                    "share": 1.0,
+                    "text": "",
+                }
+            ],
             "hypotheses": hypotheses,
             "ambiguity_set": members,
             "next_recording": None,

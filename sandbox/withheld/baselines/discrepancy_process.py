@@ -1,16 +1,18 @@
-"""A discrepancy as a Gaussian process over the operating point, integrated out of a campaign's normal equations.
+"""A discrepancy as a Gaussian process over the operating point, integrated out of a campaign's
+normal equations.
 
 Kennedy and O'Hagan (J. R. Stat. Soc. B 63 (2001) 425) with the replay linearised at a point,
 
     r = J b + delta(z) + e,   b ~ N(prior),   delta_c ~ GP(0, s_c^2 k),   e ~ N(0, 1),
     k(z, z') = exp(-|z - z'|^2 / 2),   z = (i_d / l_i, i_q / l_i, speed / l_w, cos theta / l_a, sin theta / l_a),
 
-an independent delta for each component c: d and q current, motion of a free rotor, angle of a driven one; all in noise
-floors.  Random features phi (n, f) with phi phi' = k in the mean (Rahimi, Recht, NIPS 2007) make delta = phi w,
-w ~ N(0, s^2).  With A = J'J, C = J'phi, G = phi'phi and B = (G + I / s^2)^-1, integrating w out leaves
+an independent delta for each component c: d and q current, motion of a free rotor, angle of a
+driven one; all in noise floors.  Random features phi (n, f) with phi phi' = k in the mean (Rahimi,
+Recht, NIPS 2007) make delta = phi w, w ~ N(0, s^2).  With A = J'J, C = J'phi, G = phi'phi and
+B = (G + I / s^2)^-1, integrating w out leaves
 
     A - C B C',   J'r - C B phi'r,   r'r - r'phi B phi'r,   and -1/2 log det(I + s^2 G) of log evidence.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -30,13 +32,15 @@ from sandbox.replay.replay import replay, residuals
 from sandbox.replay.segments import channel
 
 Array = NDArray[np.float64]
-FREQUENCIES = 64  # random ones, a cosine and a sine each: they miss the kernel by at most 1/sqrt(2 64) = 0.09 (rms)
+# random ones, a cosine and a sine each: they miss the kernel by at most 1/sqrt(2 64) = 0.09 (rms)
+FREQUENCIES = 64
 CURRENTS = ("d", "q")  # components whose discrepancy has the amplitude of currents
 
 
 class Scales(NamedTuple):
-    """Amplitudes of the discrepancy (in noise floors) of currents and of motions, lengths over which it changes: of
-    currents (in rated current), of speed (in top speed), of the angle's cosine and sine."""
+    """Amplitudes of the discrepancy (in noise floors) of currents and of motions, lengths over
+    which it changes: of currents (in rated current), of speed (in top speed), of the angle's cosine
+    and sine."""
 
     currents: float
     motions: float
@@ -54,14 +58,16 @@ class Scales(NamedTuple):
 
 
 class Where(NamedTuple):
-    """Operating points z (n, 5) of one recording before lengths divide them, and the rotor's angle theta (n,)."""
+    """Operating points z (n, 5) of one recording before lengths divide them, and the rotor's angle
+    theta (n,)."""
 
     z: Array
     theta: Array
 
 
 class Component(NamedTuple):
-    """One component of one recording: slopes j (n, q) of the coordinates at places (q,), residual y (n,), z (n, 5)."""
+    """One component of one recording: slopes j (n, q) of the coordinates at places (q,), residual y
+    (n,), z (n, 5)."""
 
     component: str
     places: NDArray[np.int64]
@@ -71,7 +77,8 @@ class Component(NamedTuple):
 
 
 class Gram(NamedTuple):
-    """Products of features with slopes C (p, f), with each other G (f, f), with the residual (f,)."""
+    """Products of features with slopes C (p, f), with each other G (f, f), with the residual
+    (f,)."""
 
     cross: Array
     own: Array
@@ -86,7 +93,8 @@ class WithDiscrepancy:
     grams: dict[str, Gram]
 
     def marginal(self, scales: Scales) -> tuple[Algebra, float]:
-        """Return the equations with the discrepancy integrated out, and what it adds to the log evidence."""
+        """Return the equations with the discrepancy integrated out, and what it adds to the log
+        evidence."""
         return marginal(Algebra(*self.normal.summed(), self.normal.x), self.grams, scales)
 
     def log_evidence(self, scales: Scales, prior: Prior) -> float:
@@ -96,7 +104,8 @@ class WithDiscrepancy:
 
 
 def marginal(a: Algebra, grams: dict[str, Gram], scales: Scales) -> tuple[Algebra, float]:
-    """Return equations with the discrepancy integrated out, and -1/2 log det(I + s^2 G) of all components."""
+    """Return equations with the discrepancy integrated out, and -1/2 log det(I + s^2 G) of all
+    components."""
     left, g, rr, more = a.a.copy(), a.g.copy(), a.rr, 0.0
     for component, (cross, own, pull) in grams.items():
         s2 = scales.amplitude(component) ** 2
@@ -122,7 +131,8 @@ def features(z: Array, scales: Scales, drawn: Array) -> Array:
 
 
 def places_of(point: Point) -> list[Where]:
-    """Return the operating points of every recording as a point predicts them, so that no noise explains itself."""
+    """Return the operating points of every recording as a point predicts them, so that no noise
+    explains itself."""
     turned = point.turned()
     read = [c[:, :, 0] for c in replay(turned, [point.values]).currents]
     simulated(1.0)
@@ -154,15 +164,20 @@ def parts_of(point: Point, n: Normal, where: Sequence[Where]) -> Iterator[Compon
         axes = np.sqrt(2.0 / 3.0) * LEGS @ np.array([1.0, 1j])
         turned = np.exp(-1j * theta)[:, None] * axes[None, :]
         for component, own in (("d", turned.real), ("q", turned.imag)):
-            yield Component(component, s.places, np.einsum("ncq,nc->nq", j, own), np.sum(y * own, axis=1), z)
+            yield Component(
+                component, s.places, np.einsum("ncq,nc->nq", j, own), np.sum(y * own, axis=1), z
+            )
 
 
 def grams_of(parts: Iterable[Component], p: int, scales: Scales, drawn: Array) -> dict[str, Gram]:
-    """Return the products of features over parts, by component; p: how many coordinates there are."""
+    """Return the products of features over parts, by component; p: how many coordinates there
+    are."""
     f, out = 2 * len(drawn), dict[str, Gram]()
     for part in parts:
         phi = features(part.z, scales, drawn)
-        found = out.setdefault(part.component, Gram(np.zeros((p, f)), np.zeros((f, f)), np.zeros(f)))
+        found = out.setdefault(
+            part.component, Gram(np.zeros((p, f)), np.zeros((f, f)), np.zeros(f))
+        )
         found.cross[part.places] += part.j.T @ phi
         found.own[:] += phi.T @ phi
         found.pull[:] += phi.T @ part.y
@@ -173,7 +188,10 @@ def thinned(parts: Iterable[Component], most: int) -> list[Component]:
     """Return about so many evenly spread instants of every component together."""
     every = list(parts)
     step = max(1, sum(len(p.y) for p in every) // most)
-    return [Component(p.component, p.places, p.j[::step].copy(), p.y[::step], p.z[::step]) for p in every]
+    return [
+        Component(p.component, p.places, p.j[::step].copy(), p.y[::step], p.z[::step])
+        for p in every
+    ]
 
 
 def equations(parts: Sequence[Component], p: int) -> tuple[Array, Array, float]:
@@ -186,8 +204,11 @@ def equations(parts: Sequence[Component], p: int) -> tuple[Array, Array, float]:
     return a, g, rr
 
 
-def learnt(parts: Sequence[Component], x: Array, prior: Prior, drawn: Array, begin: Scales, tries: int) -> Scales:
-    """Return the scales of most evidence on parts, the coordinates under their priors; by Nelder and Mead's simplex."""
+def learnt(
+    parts: Sequence[Component], x: Array, prior: Prior, drawn: Array, begin: Scales, tries: int
+) -> Scales:
+    """Return the scales of most evidence on parts, the coordinates under their priors; by Nelder
+    and Mead's simplex."""
     from scipy.optimize import minimize
 
     plain = Algebra(*equations(parts, len(x)), x)
@@ -202,4 +223,6 @@ def learnt(parts: Sequence[Component], x: Array, prior: Prior, drawn: Array, beg
     start = np.log(np.array(begin))
     simplex = np.vstack([start, start + np.eye(len(start))])
     options = {"initial_simplex": simplex, "maxfev": tries, "xatol": 0.05, "fatol": 0.5}
-    return Scales(*map(float, np.exp(minimize(lost, start, method="Nelder-Mead", options=options).x)))
+    return Scales(
+        *map(float, np.exp(minimize(lost, start, method="Nelder-Mead", options=options).x))
+    )

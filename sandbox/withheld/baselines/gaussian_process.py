@@ -1,13 +1,14 @@
 """A stronger simple method: effects beside a Gaussian process for all that no effect explains.
 
-The discrepancy's scales are learnt on the residual that ordinary deviations leave (`discrepancy_process.py`).  Then the
-effect whose set has most evidence beside the process joins, one at a time, as long as evidence grows; each set's
-evidence is that of its own linearisation, with the amplitudes out of FACTORS that suit it best.  Every effect has the
-prior odds of one among all that the library has.  What the parameters leave, the process' part included, is `unknown`.
+The discrepancy's scales are learnt on the residual that ordinary deviations leave
+(`discrepancy_process.py`).  Then the effect whose set has most evidence beside the process joins,
+one at a time, as long as evidence grows; each set's evidence is that of its own linearisation, with
+the amplitudes out of FACTORS that suit it best.  Every effect has the prior odds of one among all
+that the library has.  What the parameters leave, the process' part included, is `unknown`.
 
-Slopes of a set promise the evidence of its neighbours (an effect more, or less); what promises more is fitted, the best
-first, and counts with what its fit has.  So the set that is named has been fitted; neighbours that promise less are
-ranked behind it unfitted, without parameters.
+Slopes of a set promise the evidence of its neighbours (an effect more, or less); what promises more
+is fitted, the best first, and counts with what its fit has.  So the set that is named has been
+fitted; neighbours that promise less are ranked behind it unfitted, without parameters.
 """
 
 from __future__ import annotations
@@ -43,8 +44,10 @@ from sandbox.withheld.baselines.screening import (
     staying,
 )
 
-SAMPLED, TRIES = 4000, 100  # readings that scales are learnt from, and how often they are weighed: some seconds
-BEGIN = gp.Scales(1.0, 1.0, 0.5, 0.5, 0.7)  # a floor; half of rated current and top speed; a sixth of a turn
+# readings that scales are learnt from, and how often they are weighed: some seconds
+SAMPLED, TRIES = 4000, 100
+# a floor; half of rated current and top speed; a sixth of a turn
+BEGIN = gp.Scales(1.0, 1.0, 0.5, 0.5, 0.7)
 FACTORS = (1.0, 0.3, 0.1, 0.03, 0.01)  # of the amplitudes: they fall as effects take over
 ROUNDS, SHARES = 2, (1.0, 0.5, 0.25)  # of Gauss-Newton; of a step, tried in turn
 MAX_SIMULATIONS = 3000  # simulations, as `stepwise`
@@ -52,7 +55,8 @@ MAX_SIMULATIONS = 3000  # simulations, as `stepwise`
 
 @dataclass(frozen=True)
 class Process:
-    """A campaign's discrepancy: operating points, random frequencies, scales, and effects that may not be named."""
+    """A campaign's discrepancy: operating points, random frequencies, scales, and effects that may
+    not be named."""
 
     where: Sequence[gp.Where]
     drawn: gp.Array
@@ -63,13 +67,14 @@ class Process:
         """Return the equations of a point and the products of features there."""
         n = normal(point, coordinates)
         return gp.WithDiscrepancy(
-            n.bare(), gp.grams_of(gp.parts_of(point, n, self.where), len(n.x), self.scales, self.drawn)
+            n.bare(),
+            gp.grams_of(gp.parts_of(point, n, self.where), len(n.x), self.scales, self.drawn),
         )
 
 
 class Stand(NamedTuple):
-    """A set of effects at its own linearisation: equations of its coordinates and of all that may join; amplitudes and
-    log evidence, prior odds included."""
+    """A set of effects at its own linearisation: equations of its coordinates and of all that may
+    join; amplitudes and log evidence, prior odds included."""
 
     effects: tuple[str, ...]
     point: Point
@@ -85,7 +90,8 @@ class Stand(NamedTuple):
 
 
 class Move(NamedTuple):
-    """A neighbouring set, the evidence that slopes promise, and where the fit of an effect that joins begins."""
+    """A neighbouring set, the evidence that slopes promise, and where the fit of an effect that
+    joins begins."""
 
     effects: tuple[str, ...]
     promised: float
@@ -108,7 +114,9 @@ def by_gaussian_process(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
         null, raw = fit.nuisances(campaign)
         search = Search(process_of(null.point, exclude), lambda: sum(spent) > MAX_SIMULATIONS)
         best = searched(search, stand(search.process, null.point, ()))
-    return answer(campaign, ranked(search, best), (raw, null.rms, left(best)), started, round(sum(spent)))
+    return answer(
+        campaign, ranked(search, best), (raw, null.rms, left(best)), started, round(sum(spent))
+    )
 
 
 def searched(search: Search, best: Stand) -> Stand:
@@ -120,7 +128,8 @@ def searched(search: Search, best: Stand) -> Stand:
 
 
 def better(search: Search, here: Stand) -> Stand | None:
-    """Return a neighbour that has more evidence where it is fitted; None where none is left that promises it."""
+    """Return a neighbour that has more evidence where it is fitted; None where none is left that
+    promises it."""
     for move in moves(search.process, here):
         if search.tired() or move.promised <= here.evidence:
             return None
@@ -133,14 +142,18 @@ def better(search: Search, here: Stand) -> Stand | None:
 
 
 def ranked(search: Search, best: Stand) -> list[tuple[tuple[str, ...], float, Mapping[str, Any]]]:
-    """Return sets with their weights, the best first: those fitted with their parameters, and the best one's neighbours
-    that promise less.  What promises more and was not fitted in time is not ranked."""
+    """Return sets with their weights, the best first: those fitted with their parameters, and the
+    best one's neighbours that promise less.  What promises more and was not fitted in time is not
+    ranked."""
     known = sorted((s for s in search.seen.values() if s is not None), key=lambda s: -s.evidence)
     others = (m for m in moves(search.process, best) if frozenset(m.effects) not in search.seen)
     listed: list[tuple[tuple[str, ...], float, Mapping[str, Any]]]
     listed = [(s.effects, s.evidence, parameters(s)) for s in known]
     listed += [(m.effects, m.promised, {}) for m in others if m.promised <= best.evidence]
-    return [(e, math.exp(max(x - best.evidence, -700.0)), own) for e, x, own in sorted(listed, key=lambda t: -t[1])]
+    return [
+        (e, math.exp(max(x - best.evidence, -700.0)), own)
+        for e, x, own in sorted(listed, key=lambda t: -t[1])
+    ]
 
 
 def process_of(point: Point, exclude: tuple[str, ...]) -> Process:
@@ -176,14 +189,17 @@ def fitted(process: Process, here: Stand, move: Move) -> Stand | None:
             coordinates = fit.with_effects(begin, move.effects)
         else:
             unbent = with_usual_sign(here.point.values, here.point.prepared.campaign.drive.motor)
-            begin, coordinates = fit.with_effect(replace(here.point, values=unbent), move.probe, move.effects[:-1])
+            begin, coordinates = fit.with_effect(
+                replace(here.point, values=unbent), move.probe, move.effects[:-1]
+            )
         point = moved(process, begin, coordinates, here.scales)
         return stand(process, point.resmoothed(), move.effects)
     return None
 
 
 def moves(process: Process, here: Stand) -> list[Move]:
-    """Return the neighbours of a set by the algebra of its own point, those that promise most first."""
+    """Return the neighbours of a set by the algebra of its own point, those that promise most
+    first."""
     return sorted([*joining(here), *leaving(process, here)], key=lambda m: -m.promised)
 
 
@@ -193,7 +209,11 @@ def joining(here: Stand) -> list[Move]:
     best: dict[str, Move] = {}
     for probe, own in here.columns.own:
         effects = (*staying(here.effects, probe.effect), probe.effect)
-        found = a.log_evidence(held_but(here.equations.normal, {**here.free, **own})) + more + odds(effects)
+        found = (
+            a.log_evidence(held_but(here.equations.normal, {**here.free, **own}))
+            + more
+            + odds(effects)
+        )
         if probe.effect not in best or found > best[probe.effect].promised:
             best[probe.effect] = Move(effects, found, probe)
     return list(best.values())
@@ -206,13 +226,17 @@ def leaving(process: Process, here: Stand) -> list[Move]:
     out = []
     for rest in lesser(here.effects, process.exclude):
         lost = names_of(here.effects) - names_of(rest)
-        gone = {c.label: replace(c, deviation=0.0) for c in here.columns.known if c.names[0] in lost}
+        gone = {
+            c.label: replace(c, deviation=0.0) for c in here.columns.known if c.names[0] in lost
+        }
         kept = {c.label: c for c in fit.with_effects(here.point, rest)}
         out.append(Move(rest, a.log_evidence(held_but(n, {**gone, **kept})) + more + odds(rest)))
     return out
 
 
-def moved(process: Process, point: Point, coordinates: Sequence[Coordinate], scales: gp.Scales) -> Point:
+def moved(
+    process: Process, point: Point, coordinates: Sequence[Coordinate], scales: gp.Scales
+) -> Point:
     """Return where some rounds of Gauss-Newton beside the process lead."""
     here = process.beside(point, coordinates)
     prior = prior_of(here.normal.coordinates)
@@ -243,7 +267,8 @@ def parameters(here: Stand) -> dict[str, Any]:
 
 
 def left(here: Stand) -> float:
-    """Return the residual over the floor that a set's parameters leave, the process' part included."""
+    """Return the residual over the floor that a set's parameters leave, the process' part
+    included."""
     n = here.equations.normal
     x = here.equations.marginal(here.scales)[0].most_probable(held_but(n, here.free)).x
     sums = n.summed()

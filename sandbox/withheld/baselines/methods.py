@@ -1,11 +1,15 @@
 """What a careful user would try without the project's diagnosis; each answers in the same contract.
 
-- `refit`: refit the ordinary deviations unbounded, name the one that left its stated uncertainty furthest;
-- `bic`: every effect alone beside the ordinary deviations, fitted to all data, compared by Schwarz' criterion;
+- `refit`: refit the ordinary deviations unbounded, name the one that left its stated uncertainty
+  furthest;
+- `bic`: every effect alone beside the ordinary deviations, fitted to all data, compared by Schwarz'
+  criterion;
 - `voltage`: regression of voltage residuals on signature functions (`voltage_regression.py`);
-- `stepwise`: sets of effects, one added or dropped at a time, each refitted in full (`stepwise.py`);
+- `stepwise`: sets of effects, one added or dropped at a time, each refitted in full
+  (`stepwise.py`);
 - `gp`: effects beside a Gaussian process for all that no effect explains (`gaussian_process.py`);
-- `susie`: a sum of single effects on the slopes at the ordinary fit, nothing fitted anew (`single_effects.py`).
+- `susie`: a sum of single effects on the slopes at the ordinary fit, nothing fitted anew
+  (`single_effects.py`).
 """
 
 from __future__ import annotations
@@ -34,21 +38,31 @@ from sandbox.withheld.baselines.stepwise import REFINED, Visited, by_stepwise, r
 from sandbox.withheld.baselines.voltage_regression import by_voltage
 
 SUSPICIOUS = 4.0  # standard deviations: further off is reported as a cause
-LOOSE = 30.0  # times the stated deviations: priors so wide that the data decide, but for what they do not show
+# times the stated deviations: priors so wide that the data decide, but for what they do not show
+LOOSE = 30.0
 FREE = 4  # rounds of Gauss-Newton without priors
 
 
 def by_refit(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
-    """Refit the ordinary deviations without priors or bounds, name the furthest off (the effect it belongs to)."""
+    """Refit the ordinary deviations without priors or bounds, name the furthest off (the effect it
+    belongs to)."""
     started, campaign = time.perf_counter(), read_campaign(folder)
     null, raw = fit.nuisances(campaign)
     stated = ordinary(campaign)
-    near = fit.refit(null.point, fit.widened(stated, 1.0), fit.ROUNDS)  # without bounds first, then without priors
+    # without bounds first, then without priors
+    near = fit.refit(null.point, fit.widened(stated, 1.0), fit.ROUNDS)
     free = fit.refit(near.point, fit.widened(stated, LOOSE), FREE)
     x, error = free.normal.x, free.error()
-    off = [(abs(x[k] - c.mean) / math.hypot(c.deviation, error[k]), c.effect) for k, c in enumerate(stated)]
+    off = [
+        (abs(x[k] - c.mean) / math.hypot(c.deviation, error[k]), c.effect)
+        for k, c in enumerate(stated)
+    ]
     z, effect = max((z, e) for z, e in off if e in set(effect_names()) - set(exclude))
-    own = {c.names[0]: interval(x[k], Z95 * error[k]) for k, c in enumerate(stated) if c.effect == effect}
+    own = {
+        c.names[0]: interval(x[k], Z95 * error[k])
+        for k, c in enumerate(stated)
+        if c.effect == effect
+    }
     named: list[Any] = [((), 1.0, {})]
     after = null.rms
     if z > SUSPICIOUS:
@@ -58,24 +72,33 @@ def by_refit(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
 
 
 def by_bic(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
-    """Fit every effect alone beside the ordinary deviations, weigh by the Bayesian information criterion.
+    """Fit every effect alone beside the ordinary deviations, weigh by the Bayesian information
+    criterion.
 
-    All are screened by the equations of the ordinary fit; the best few are fitted, and one that cannot be is skipped.
+    All are screened by the equations of the ordinary fit; the best few are fitted, and one that
+    cannot be is skipped.
     """
     started, campaign, spent = time.perf_counter(), read_campaign(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
         found = [Visited((), null, null.cost)]
-        unbent = replace(null.point, values=with_usual_sign(null.point.values, campaign.drive.motor))
-        for promise in screened(null.point, ordinary(campaign), usual_probes(null.point, exclude))[:REFINED]:
+        unbent = replace(
+            null.point, values=with_usual_sign(null.point.values, campaign.drive.motor)
+        )
+        for promise in screened(null.point, ordinary(campaign), usual_probes(null.point, exclude))[
+            :REFINED
+        ]:
             with suppress(*UNFITTED):
                 found.append(visited(unbent, promise.probe))
     best = min(found, key=lambda v: v.criterion)
-    return answer(campaign, ranked(found), (raw, null.rms, best.fit.rms), started, round(sum(spent)))
+    return answer(
+        campaign, ranked(found), (raw, null.rms, best.fit.rms), started, round(sum(spent))
+    )
 
 
 def usual_probes(point: Point, exclude: Sequence[str]) -> list[Candidate]:
-    """Return one probe an effect, its companions at typical values, but for effects that this drive cannot have."""
+    """Return one probe an effect, its companions at typical values, but for effects that this drive
+    cannot have."""
     out = []
     for effect in effect_names():
         if effect not in exclude:

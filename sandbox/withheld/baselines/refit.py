@@ -1,8 +1,10 @@
-"""Least squares of a replayed campaign for the baselines, on the nuisances and normal equations of the diagnosis.
+"""Least squares of a replayed campaign for the baselines, on the nuisances and normal equations of
+the diagnosis.
 
-Ordinary deviations have the means, deviations and bounds that a campaign states (`priors.ordinary`), every recording
-its own angle (`normal.turns`), an effect its wide prior.  Plain Gauss-Newton: of each step the largest share is taken
-that lowers the cost, and intervals assume white residuals.
+Ordinary deviations have the means, deviations and bounds that a campaign states
+(`priors.ordinary`), every recording its own angle (`normal.turns`), an effect its wide prior.
+Plain Gauss-Newton: of each step the largest share is taken that lowers the cost, and intervals
+assume white residuals.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ from sandbox.replay.replay import prepare
 
 Array = NDArray[np.float64]
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step, tried in turn
-LITTLE, SHARE = 0.5, 1e-3  # of the cost, and of its excess over noise: a step that gains less ends a fit
+# of the cost, and of its excess over noise: a step that gains less ends a fit
+LITTLE, SHARE = 0.5, 1e-3
 ROUNDS = 3  # of Gauss-Newton
 CHORDS = 2  # steps on the slopes of one point
 Z95 = 1.96
@@ -37,7 +40,8 @@ UNFITTED = (BadInput, PhysicsError, np.linalg.LinAlgError)  # what a fit may end
 
 @dataclass(frozen=True)
 class Refit:
-    """A fit: where it ended, the normal equations there, their priors, the cost (residual and prior terms)."""
+    """A fit: where it ended, the normal equations there, their priors, the cost (residual and prior
+    terms)."""
 
     point: Point
     normal: Normal
@@ -61,7 +65,9 @@ class Refit:
 
 def nuisances(campaign: Campaign) -> tuple[Refit, float]:
     """Return the fit of the ordinary deviations alone, and the raw gap."""
-    start = Point(prepare(campaign, steps=1), complete(campaign.drive.motor, campaign.drive.converter))
+    start = Point(
+        prepare(campaign, steps=1), complete(campaign.drive.motor, campaign.drive.converter)
+    )
     return refit(start, ordinary(campaign), ROUNDS), rms(normal(start, ()))
 
 
@@ -76,10 +82,11 @@ def readings(n: Normal) -> float:
 
 
 def refit(point: Point, coordinates: Sequence[Coordinate], rounds: int) -> Refit:
-    """Return the fit of coordinates and all turns after so many rounds of Gauss-Newton, fewer where nothing gains.
+    """Return the fit of coordinates and all turns after so many rounds of Gauss-Newton, fewer where
+    nothing gains.
 
-    After each of them the motion of free rotors is smoothed again, by the torque of what was found.  BadInput or
-    LinAlgError where the equations cannot be had at the point itself.
+    After each of them the motion of free rotors is smoothed again, by the torque of what was found.
+    BadInput or LinAlgError where the equations cannot be had at the point itself.
     """
     spent = 0.0
     for k in range(rounds):
@@ -106,7 +113,8 @@ def little(n: Normal, cost: float) -> float:
 
 
 def stepped(point: Point, n: Normal, prior: Prior, cost: float) -> tuple[Point, Normal, float, int]:
-    """Return point, equations and cost after the largest share of a step that lowers the cost; simulations it took.
+    """Return point, equations and cost after the largest share of a step that lowers the cost;
+    simulations it took.
 
     All as it was where no share does.
     """
@@ -116,7 +124,8 @@ def stepped(point: Point, n: Normal, prior: Prior, cost: float) -> tuple[Point, 
         try:
             reached = n.at(trial)
             value = cost_of(reached, prior)
-        except (BadInput, np.linalg.LinAlgError):  # no drive has these values: a shorter step may do
+        except (BadInput, np.linalg.LinAlgError):
+            # no drive has these values: a shorter step may do
             continue
         if math.isfinite(value) and value < cost:
             return trial, reached, value, tries
@@ -131,33 +140,40 @@ def cost_of(n: Normal, prior: Prior) -> float:
 def widened(coordinates: Sequence[Coordinate], factor: float) -> list[Coordinate]:
     """Return coordinates with priors so many times wider and no bounds but their parameters' own.
 
-    The bench's own, which no effect is named by, stay as they are: a sign's width far off leads nowhere.
+    The bench's own, which no effect is named by, stay as they are: a sign's width far off leads
+    nowhere.
     """
     return [
-        c if c.effect == "bench" else replace(c, deviation=factor * c.deviation, within=math.inf) for c in coordinates
+        c if c.effect == "bench" else replace(c, deviation=factor * c.deviation, within=math.inf)
+        for c in coordinates
     ]
 
 
 def beginning(point: Point, effect: str) -> Candidate:
-    """Return an effect with its companions (time constants, frequencies, orders) at typical values; BadInput where the
-    drive cannot have these."""
+    """Return an effect with its companions (time constants, frequencies, orders) at typical values;
+    BadInput where the drive cannot have these."""
     drive = point.prepared.campaign.drive
     own = [p for p in library.load_effect(effect).parameters if p.fit == "log" or p.scan]
-    probe = Candidate(effect, {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own})
+    probe = Candidate(
+        effect, {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own}
+    )
     if not possible(point, probe.start):
         raise BadInput(f"{effect}: typical values {dict(probe.start)} are none this drive can have")
     return probe
 
 
-def with_effect(point: Point, probe: Candidate, beside: Sequence[str] = ()) -> tuple[Point, list[Coordinate]]:
-    """Return where an effect's fit begins, and the ordinary coordinates with its own (wide) ones; beside: effects that
-    the point has already, which move with it."""
+def with_effect(
+    point: Point, probe: Candidate, beside: Sequence[str] = ()
+) -> tuple[Point, list[Coordinate]]:
+    """Return where an effect's fit begins, and the ordinary coordinates with its own (wide) ones;
+    beside: effects that the point has already, which move with it."""
     begin = replace(point, values={**point.values, **probe.start})
     return begin, with_effects(begin, (*beside, probe.effect))
 
 
 def with_effects(point: Point, effects: Sequence[str]) -> list[Coordinate]:
-    """Return the ordinary coordinates with the (wide) ones of effects, companions about where the point has them."""
+    """Return the ordinary coordinates with the (wide) ones of effects, companions about where the
+    point has them."""
     campaign = point.prepared.campaign
     out = {c.label: c for c in ordinary(campaign)}
     for effect in effects:
@@ -202,7 +218,8 @@ def interval(value: float, half: float) -> dict[str, Any]:
 
 
 def inverse_root(diagonal: Array) -> Array:
-    """Return what scales a matrix' diagonal to 1; 0 where a column moves nothing, which leaves it out;
+    """Return what scales a matrix' diagonal to 1; 0 where a column moves nothing, which leaves it
+    out;
     diagonal: (p,)."""
     least = 1e-24 * float(np.max(diagonal, initial=1e-200))
     return np.where(diagonal > least, 1.0 / np.sqrt(np.maximum(diagonal, least)), 0.0)

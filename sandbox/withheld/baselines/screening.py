@@ -17,7 +17,8 @@ from sandbox.withheld.baselines.refit import readings
 
 
 class Columns(NamedTuple):
-    """What a screening linearises: the fit's own coordinates, and by probe what it adds, under names of their own."""
+    """What a screening linearises: the fit's own coordinates, and by probe what it adds, under
+    names of their own."""
 
     known: Sequence[Coordinate]
     own: Sequence[tuple[Candidate, Mapping[str, Coordinate]]]
@@ -32,7 +33,8 @@ class Columns(NamedTuple):
 
 
 class Promise(NamedTuple):
-    """What one step beside a fit would reach: Schwarz' criterion of the effect's set, and where the effect begins."""
+    """What one step beside a fit would reach: Schwarz' criterion of the effect's set, and where the
+    effect begins."""
 
     criterion: float
     probe: Candidate
@@ -41,8 +43,8 @@ class Promise(NamedTuple):
 def columns(point: Point, known: Sequence[Coordinate], probes: Sequence[Candidate]) -> Columns:
     """Return what to linearise for probes beside a fit's own coordinates.
 
-    Probes with companions (a time constant, an order) have columns of their own each; others share the coordinate of
-    their name, which may be an ordinary deviation.
+    Probes with companions (a time constant, an order) have columns of their own each; others share
+    the coordinate of their name, which may be an ordinary deviation.
     """
     own = [
         (probe, {c.label: c for c in probe.coordinates(point, f" #{k}" if probe.start else "")})
@@ -52,7 +54,8 @@ def columns(point: Point, known: Sequence[Coordinate], probes: Sequence[Candidat
 
 
 def held_but(n: Normal, free: Mapping[str, Coordinate]) -> Prior:
-    """Return the priors under which coordinates of some labels move, and all turns; the others stay where they are."""
+    """Return the priors under which coordinates of some labels move, and all turns; the others stay
+    where they are."""
     chosen = [free.get(c.label, c) for c in n.coordinates]
     loose = [c.label in free or c.of_point for c in chosen]
     held = [replace(c, mean=float(x), deviation=0.0) for c, x in zip(chosen, n.x, strict=True)]
@@ -60,12 +63,16 @@ def held_but(n: Normal, free: Mapping[str, Coordinate]) -> Prior:
 
 
 def screened(
-    point: Point, known: Sequence[Coordinate], probes: Sequence[Candidate], effects: Sequence[str] = ()
+    point: Point,
+    known: Sequence[Coordinate],
+    probes: Sequence[Candidate],
+    effects: Sequence[str] = (),
 ) -> list[Promise]:
     """Return probes by the criterion that one step from a point promises, the best first.
 
-    known: the coordinates that move in any case, whose number counts for no effect here; effects: those that the point
-    has, whose coordinates are counted elsewhere and so not once more for a probe that shares them.
+    known: the coordinates that move in any case, whose number counts for no effect here; effects:
+    those that the point has, whose coordinates are counted elsewhere and so not once more for a
+    probe that shares them.
     """
     cols = columns(point, known, probes)
     n = normal(point, cols.every)
@@ -96,17 +103,20 @@ def owner(effect: str) -> str:
 
 
 def barred(effects: Sequence[str]) -> tuple[str, ...]:
-    """Return the effects that cannot join a set: its own, and those that are a part of one of them."""
+    """Return the effects that cannot join a set: its own, and those that are a part of one of
+    them."""
     return (*effects, *(part for e in effects for part in sorted(contained(e))))
 
 
 def staying(effects: Sequence[str], effect: str) -> tuple[str, ...]:
-    """Return the effects of a set that stay when one joins: it takes the place of those that are a part of it."""
+    """Return the effects of a set that stay when one joins: it takes the place of those that are a
+    part of it."""
     return tuple(e for e in effects if e not in contained(effect))
 
 
 def lesser(effects: Sequence[str], exclude: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return the sets with one effect less, or with a part of it in its place unless that is excluded."""
+    """Return the sets with one effect less, or with a part of it in its place unless that is
+    excluded."""
     out = []
     for gone in effects:
         rest = tuple(e for e in effects if e != gone)
@@ -115,7 +125,8 @@ def lesser(effects: Sequence[str], exclude: Sequence[str]) -> list[tuple[str, ..
 
 
 def cleared(point: Point, effects: Sequence[str], left: Sequence[str]) -> Point:
-    """Return a point of a set of effects with neutral values for all that those left do not have."""
+    """Return a point of a set of effects with neutral values for all that those left do not
+    have."""
     usual, values = neutral(point.prepared.campaign.drive.motor), dict(point.values)
     for name in names_of(effects) - names_of(left):
         values |= moved(name, usual[name])

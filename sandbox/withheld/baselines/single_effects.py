@@ -1,16 +1,17 @@
-"""A sparse linear method: the sum of single effects on the slopes at the ordinary fit, nothing fitted anew.
+"""A sparse linear method: the sum of single effects on the slopes at the ordinary fit, nothing
+fitted anew.
 
-r = J b + e with b = b_1 + ... + b_L, each b_l on one candidate alone (Wang, Sarkar, Carbonetto, Stephens, J. R. Stat.
-Soc. B 82 (2020) 1273): candidate k has chance pi_k, b_l ~ N(0, V_k) of all its columns together.  One at a time is
-weighed against what the others leave,
+r = J b + e with b = b_1 + ... + b_L, each b_l on one candidate alone (Wang, Sarkar, Carbonetto,
+Stephens, J. R. Stat. Soc. B 82 (2020) 1273): candidate k has chance pi_k, b_l ~ N(0, V_k) of all
+its columns together.  One at a time is weighed against what the others leave,
 
     log BF_k = 1/2 g_k' (A_kk + V_k^-1)^-1 g_k - 1/2 log det(1 + V_k A_kk),   alpha_k ~ pi_k BF_k,
 
-until the mean effects stand still.  None of the candidates has log BF 0 and what chance is left.  Ordinary deviations
-are integrated out first, the noise's variance is what the sum leaves.
+until the mean effects stand still.  None of the candidates has log BF 0 and what chance is left.
+Ordinary deviations are integrated out first, the noise's variance is what the sum leaves.
 
-Slopes are what limits it: a large effect bends the ordinary fit, at which they are taken (at the nominal model it was
-worse: ordinary deviations alone then made it name three effects).
+Slopes are what limits it: a large effect bends the ordinary fit, at which they are taken (at the
+nominal model it was worse: ordinary deviations alone then made it name three effects).
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ NEGLIGIBLE = 1e-6  # chance of a set that is not listed
 
 
 class Equations(NamedTuple):
-    """Normal equations of all candidates' columns, in the noise's standard deviations: A (q, q), g (q,), r'r and the
-    number of readings; variances (q,) of the prior; columns of each candidate."""
+    """Normal equations of all candidates' columns, in the noise's standard deviations: A (q, q), g
+    (q,), r'r and the number of readings; variances (q,) of the prior; columns of each candidate."""
 
     a: Array
     g: Array
@@ -62,26 +63,41 @@ def by_single_effects(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
         usual = ordinary(campaign)
         probes = columns(null.point, usual, candidates(null.point, exclude, left=0.0))
         n = normal(null.point, probes.every).bare()
-    found = summed(equations(n, {c.label for c in usual}, [list(more.values()) for _, more in probes.own]))
+    found = summed(
+        equations(n, {c.label for c in usual}, [list(more.values()) for _, more in probes.own])
+    )
     ranked: list[tuple[tuple[str, ...], float, dict[str, Any]]]
-    ranked = [(s, p, {}) for s, p in likely_sets(found.chances, [probe.effect for probe, _ in probes.own])]
+    ranked = [
+        (s, p, {}) for s, p in likely_sets(found.chances, [probe.effect for probe, _ in probes.own])
+    ]
     after = min(null.rms, math.sqrt(max(0.0, found.rr / fit.readings(n))))
     return answer(campaign, ranked, (raw, null.rms, after), started, round(sum(spent)))
 
 
 def equations(n: Normal, usual: Collection[str], own: Sequence[Sequence[Coordinate]]) -> Equations:
-    """Return the equations of candidates' columns, ordinary deviations (labels) and turns integrated out.
+    """Return the equations of candidates' columns, ordinary deviations (labels) and turns
+    integrated out.
 
     A column may be an ordinary deviation, too: that stays, and the candidate comes on top of it.
     """
-    place, whole, prior = {c.label: k for k, c in enumerate(n.coordinates)}, algebra(n), prior_of(n.coordinates)
+    place, whole, prior = (
+        {c.label: k for k, c in enumerate(n.coordinates)},
+        algebra(n),
+        prior_of(n.coordinates),
+    )
     wide = {place[c.label]: c.deviation for more in own for c in more}
     asked = sorted(wide)
-    rest = [k for k, c in enumerate(n.coordinates) if (c.label in usual or c.of_point) and c.deviation > 0.0]
+    rest = [
+        k
+        for k, c in enumerate(n.coordinates)
+        if (c.label in usual or c.of_point) and c.deviation > 0.0
+    ]
     held = prior.deviation[rest] ** -2.0
     pull = whole.g[rest] + held * (prior.mean - n.x)[rest]
     across = whole.a[np.ix_(rest, asked)]
-    solved = np.linalg.solve(whole.a[np.ix_(rest, rest)] + np.diag(held), np.column_stack([across, pull]))
+    solved = np.linalg.solve(
+        whole.a[np.ix_(rest, rest)] + np.diag(held), np.column_stack([across, pull])
+    )
     at = {k: j for j, k in enumerate(asked)}
     return Equations(
         whole.a[np.ix_(asked, asked)] - across.T @ solved[:, :-1],
@@ -94,7 +110,8 @@ def equations(n: Normal, usual: Collection[str], own: Sequence[Sequence[Coordina
 
 
 class Summed(NamedTuple):
-    """Chances (L, k + 1) of each single effect, the last that it is none; r'r that their mean leaves."""
+    """Chances (L, k + 1) of each single effect, the last that it is none; r'r that their mean
+    leaves."""
 
     chances: Array
     rr: float
@@ -117,7 +134,8 @@ def summed(e: Equations, most: int = SUM) -> Summed:
 
 
 def single(e: Equations, g: Array, noise: float) -> tuple[Array, Array]:
-    """Return the chances (k + 1,) of one effect against what the others leave, and its mean columns (q,)."""
+    """Return the chances (k + 1,) of one effect against what the others leave, and its mean columns
+    (q,)."""
     factors, size = np.zeros(len(e.of) + 1), np.zeros((len(e.of), len(e.g)))
     for j, own in enumerate(map(list, e.of)):
         a, v, left = e.a[np.ix_(own, own)] / noise, e.variance[own], g[own] / noise
@@ -131,8 +149,8 @@ def single(e: Equations, g: Array, noise: float) -> tuple[Array, Array]:
 
 
 def likely_sets(chances: Array, effects: Sequence[str]) -> list[tuple[tuple[str, ...], float]]:
-    """Return sets of effects with their chances, the most probable first: single effects are independent; chances:
-    a row for each single effect, of the effects and of none of them."""
+    """Return sets of effects with their chances, the most probable first: single effects are
+    independent; chances: a row for each single effect, of the effects and of none of them."""
     sets: dict[frozenset[str], float] = {frozenset(): 1.0}
     for own in chances:
         each: dict[str | None, float] = {None: float(own[-1])}

@@ -1,9 +1,11 @@
-"""A stronger simple method: stepwise selection by Schwarz' criterion, every set refitted to all recordings.
+"""A stronger simple method: stepwise selection by Schwarz' criterion, every set refitted to all
+recordings.
 
-BIC(S) = r'r + prior terms + k_S log n, with r the normalised residual of the nonlinear fit, k_S the effects' own
-coordinates and n readings (Schwarz, Annals of Statistics 6 (1978) 461).  Effects are added one at a time as long as BIC
-falls, then dropped as long as it falls, and so on until neither does (Efroymson 1960).  Sets that were fitted have
-weights exp(-BIC/2) (Raftery, Sociological Methodology 25 (1995) 111).
+BIC(S) = r'r + prior terms + k_S log n, with r the normalised residual of the nonlinear fit, k_S the
+effects' own coordinates and n readings (Schwarz, Annals of Statistics 6 (1978) 461).  Effects are
+added one at a time as long as BIC falls, then dropped as long as it falls, and so on until neither
+does (Efroymson 1960).  Sets that were fitted have weights exp(-BIC/2) (Raftery, Sociological
+Methodology 25 (1995) 111).
 """
 
 from __future__ import annotations
@@ -24,10 +26,19 @@ from sandbox.recordings.campaign import read_campaign
 from sandbox.withheld.baselines import refit as fit
 from sandbox.withheld.baselines.answer import Answer, answer
 from sandbox.withheld.baselines.refit import ROUNDS, UNFITTED, Refit
-from sandbox.withheld.baselines.screening import Promise, barred, cleared, count, lesser, screened, staying
+from sandbox.withheld.baselines.screening import (
+    Promise,
+    barred,
+    cleared,
+    count,
+    lesser,
+    screened,
+    staying,
+)
 
 REFINED = 3  # effects that are fitted in full after a screening, as `bic` does
-MAX_SIMULATIONS = 3000  # simulations: a single effect takes some 500, the way up to six or seven effects all of them
+# simulations: a single effect takes some 500, the way up to six or seven effects all of them
+MAX_SIMULATIONS = 3000
 NEGLIGIBLE = 1400.0  # of BIC behind the best: weights below exp(-700) are none
 MAX_BEHIND = 20.0  # of BIC behind the best up to which intervals are worked out: weights above 5e-5
 
@@ -53,7 +64,8 @@ def by_stepwise(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
 
 @dataclass
 class Search:
-    """Which effects may not be added, whether too much was simulated, and all sets fitted so far."""
+    """Which effects may not be added, whether too much was simulated, and all sets fitted so
+    far."""
 
     exclude: tuple[str, ...]
     tired: Callable[[], bool]
@@ -86,14 +98,16 @@ def searched(search: Search, best: Visited) -> Visited:
 def grown(search: Search, best: Visited) -> Visited | None:
     """Return the best set with one effect more; None where slopes promise no gain.
 
-    A candidate that promises less than another has reached already is not fitted.  One that contains an effect of the
-    set takes its place; one that is part of an effect of the set is none.
+    A candidate that promises less than another has reached already is not fitted.  One that
+    contains an effect of the set takes its place; one that is part of an effect of the set is none.
     """
     point, out = best.fit.point, None
     choices = candidates(point, (*search.exclude, *barred(best.effects)), left=0.0)
     listed = screened(point, best.fit.normal.coordinates, choices, best.effects)
     own = best.criterion - best.fit.cost  # k log n of the set as it is
-    unbent = replace(point, values=with_usual_sign(point.values, point.prepared.campaign.drive.motor))
+    unbent = replace(
+        point, values=with_usual_sign(point.values, point.prepared.campaign.drive.motor)
+    )
     for promise in firsts(listed):
         if promise.criterion + own >= (best if out is None else out).criterion:
             break
@@ -113,8 +127,12 @@ def firsts(listed: Sequence[Promise]) -> list[Promise]:
 
 
 def shrunk(search: Search, best: Visited) -> Visited | None:
-    """Return the best set with one effect less, or with a part of it in its place; None where there is none to drop."""
-    found = [search.tried(rest, partial(reduced, best, rest)) for rest in lesser(best.effects, search.exclude)]
+    """Return the best set with one effect less, or with a part of it in its place; None where there
+    is none to drop."""
+    found = [
+        search.tried(rest, partial(reduced, best, rest))
+        for rest in lesser(best.effects, search.exclude)
+    ]
     return min((f for f in found if f is not None), key=lambda v: v.criterion, default=None)
 
 
@@ -133,11 +151,14 @@ def reduced(whole: Visited, rest: tuple[str, ...]) -> Visited:
 def _fitted(begin: Point, effects: tuple[str, ...], coordinates: Sequence[Coordinate]) -> Visited:
     """Return a set fitted in full, and its criterion."""
     one = fit.refit(begin, coordinates, ROUNDS)
-    return Visited(effects, one, one.cost + count(effects, coordinates) * math.log(fit.readings(one.normal)))
+    return Visited(
+        effects, one, one.cost + count(effects, coordinates) * math.log(fit.readings(one.normal))
+    )
 
 
 def ranked(found: Iterable[Visited]) -> list[tuple[tuple[str, ...], float, dict[str, Any]]]:
-    """Return sets of effects, the best first, with their weights and the parameters of those that have any weight."""
+    """Return sets of effects, the best first, with their weights and the parameters of those that
+    have any weight."""
     order = sorted(found, key=lambda v: v.criterion)
     out = []
     for v in order:

@@ -1,9 +1,11 @@
-"""A baseline without replay: voltage and torque residuals of the nominal model regressed on signature functions.
+"""A baseline without replay: voltage and torque residuals of the nominal model regressed on
+signature functions.
 
-Voltage left over in each period, from currents as read and the encoder's angle: u - R i - (psi_k+1 - psi_k)/T_s, with
-psi the nominal flux of those currents, in means over BIN samples (which average injection out); each effect has one
-or more columns (its first-order voltage).  Ordinary
-deviations are columns with priors.  The effect whose columns take most of the weighted squares wins.
+Voltage left over in each period, from currents as read and the encoder's angle: u - R
+i - (psi_k+1 - psi_k)/T_s, with psi the nominal flux of those currents, in means over BIN samples
+(which average injection out); each effect has one or more columns (its first-order voltage).
+Ordinary deviations are columns with priors.  The effect whose columns take most of the weighted
+squares wins.
 """
 
 from __future__ import annotations
@@ -29,11 +31,14 @@ from sandbox.withheld.baselines.answer import Answer, answer
 from sandbox.withheld.baselines.refit import inverse_root
 
 Complex = NDArray[np.complex128]
-Columns = dict[str, list[Complex]]  # by parameter or effect: first-order voltages, whitened with the residual
+# by parameter or effect: first-order voltages, whitened with the residual
+Columns = dict[str, list[Complex]]
 SHARE = 1e-3  # relative step of the flux' derivatives
 RIPPLES = (100.0, 300.0)  # Hz
 LAG = 4e-3  # s, smooths torques
-BIN = 16  # samples a mean is taken over: differences of noisy currents cancel inside, or they would pose as effects
+# samples a mean is taken over: differences of noisy currents cancel inside, or they would pose as
+# effects
+BIN = 16
 
 
 @kernel
@@ -50,11 +55,16 @@ def fluxes(m, i_d, i_q):
 def sign_vector(phases: NDArray[np.float64], soft: float) -> Complex:
     """Return the vector of the three currents' signs, linear within `soft` (A)."""
     s = np.clip(phases / soft, -1.0, 1.0)
-    return np.asarray((2.0 * s[:, 0] - s[:, 1] - s[:, 2]) / 3.0 + 1j * (s[:, 1] - s[:, 2]) / math.sqrt(3.0))
+    return np.asarray(
+        (2.0 * s[:, 0] - s[:, 1] - s[:, 2]) / 3.0 + 1j * (s[:, 1] - s[:, 2]) / math.sqrt(3.0)
+    )
 
 
-def columns_of(campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float64]) -> tuple[Complex, Columns]:
-    """Return the residual voltage (n - 1,) of a recording and all first-order voltages (V per unit)."""
+def columns_of(
+    campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float64]
+) -> tuple[Complex, Columns]:
+    """Return the residual voltage (n - 1,) of a recording and all first-order voltages (V per
+    unit)."""
     motor, converter = campaign.drive.motor, campaign.drive.converter
     period, u, t = converter.sampling_period, r.u_alpha + 1j * r.u_beta, r.t
     i_alpha, i_beta = r.current
@@ -62,9 +72,12 @@ def columns_of(campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float
     omega = np.gradient(theta, period)
 
     def flux(m: Motor, current: Complex, angle: Complex) -> Complex:
-        """Return a motor's flux linkage (Wb, stationary) at currents (A) and angles (unit phasors)."""
+        """Return a motor's flux linkage (Wb, stationary) at currents (A) and angles (unit
+        phasors)."""
         local = current / angle
-        return np.asarray((fluxes(m.energy, local.real.copy(), local.imag.copy()) + m.magnet_flux) * angle)
+        return np.asarray(
+            (fluxes(m.energy, local.real.copy(), local.imag.copy()) + m.magnet_flux) * angle
+        )
 
     def slope(psi: Complex) -> Complex:
         """Return the voltage (V) that a flux linkage takes between samples."""
@@ -82,7 +95,9 @@ def columns_of(campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float
 
     def read_as(change: Any) -> Complex:
         """Voltage seen where the true current is larger by `change` (V)."""
-        return slope(flux(motor, i + SHARE * change, turn) - psi) / SHARE + motor.resistance * middle(change)
+        return slope(
+            flux(motor, i + SHARE * change, turn) - psi
+        ) / SHARE + motor.resistance * middle(change)
 
     psi = flux(motor, i, turn)
     residual = u[:-1] - motor.resistance * middle(i) - slope(psi)
@@ -93,25 +108,39 @@ def columns_of(campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float
     out: Columns = {
         "stator_resistance": [middle(i)],
         "magnet_flux": [slope(turn)],
-        "inductance": [by("inductance_d") * motor.inductance_d, by("inductance_q") * motor.inductance_q],
+        "inductance": [
+            by("inductance_d") * motor.inductance_d,
+            by("inductance_q") * motor.inductance_q,
+        ],
         "saturation": [by(f"alpha_{n}") for n in ("30", "12", "40", "22", "04")],
         "cross_saturation": [by("alpha_12"), by("alpha_22")],
         "flux_harmonics": [slope(turn * np.cos(6 * theta)), slope(1j * turn * np.sin(6 * theta))],
-        "inductance_harmonics": [slope(np.exp(6j * theta) * np.conj(psi - motor.magnet_flux * turn) * turn)],
+        "inductance_harmonics": [
+            slope(np.exp(6j * theta) * np.conj(psi - motor.magnet_flux * turn) * turn)
+        ],
         "iron_loss": [read_as(np.gradient(psi, period))],
         "skin_effect": [middle(i - smoothed(i, 2e-4 / period))],
         "winding_asymmetry": [middle(r.i_a + 0j) * 2 / 3, middle(r.i_b * axis) * 2 / 3],
-        "dead_time": [middle(sign_vector(phases, 0.015 * motor.rated_current)) / period * converter.dc_bus_voltage],
+        "dead_time": [
+            middle(sign_vector(phases, 0.015 * motor.rated_current))
+            / period
+            * converter.dc_bus_voltage
+        ],
         "device_drop": [middle(sign_vector(phases, 0.015 * motor.rated_current)), middle(i)],
         "dc_link_error": [-u[:-1]],
-        "dc_link_ripple": [u[:-1] * f(math.tau * h * t[:-1]) for h in RIPPLES for f in (np.sin, np.cos)],
+        "dc_link_ripple": [
+            u[:-1] * f(math.tau * h * t[:-1]) for h in RIPPLES for f in (np.sin, np.cos)
+        ],
         "pwm_delay": [u[:-1] - np.concatenate([[0.0], u[:-2]])],
         "current_gain": [-read_as(r.i_a * 2 / 3 + 0j), -read_as(r.i_b * axis * 2 / 3)],
         "current_offset": [-read_as(np.ones(len(t)) + 0j), -read_as(1j * np.ones(len(t)))],
         "current_filter": [read_as(di)],
         "current_sampling": [-read_as(np.concatenate([[0.0], np.diff(i)]) / period)],
         "encoder_offset": [-slope(late)],
-        "encoder_eccentricity": [-slope(late * np.sin(theta / p)), -slope(late * np.cos(theta / p))],
+        "encoder_eccentricity": [
+            -slope(late * np.sin(theta / p)),
+            -slope(late * np.cos(theta / p)),
+        ],
     }
     if r.rotor == "free":
         out |= mechanical(campaign, r, theta, omega, psi, i)
@@ -126,8 +155,11 @@ def smoothed(x: Complex, samples: float) -> Complex:
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], x))
 
 
-def mechanical(campaign: Campaign, r: CampaignRecording, theta, omega, psi: Complex, i: Complex) -> Columns:
-    """Return mechanical torques (N m) on their own block: under "" the residual, then each effect's."""
+def mechanical(
+    campaign: Campaign, r: CampaignRecording, theta, omega, psi: Complex, i: Complex
+) -> Columns:
+    """Return mechanical torques (N m) on their own block: under "" the residual, then each
+    effect's."""
     motor, period = campaign.drive.motor, campaign.drive.converter.sampling_period
     p, load = motor.pole_pairs, np.asarray(r.columns.get("load_torque", np.zeros(len(theta))))
     torque = 1.5 * p * np.imag(np.conj(psi) * i)
@@ -139,7 +171,14 @@ def mechanical(campaign: Campaign, r: CampaignRecording, theta, omega, psi: Comp
         return smoothed(np.asarray(x, dtype=complex), lag)[:-1]
 
     return {
-        "": [slow(torque - load - motor.viscous_friction * speed - motor.inertia * np.gradient(speed, period))],
+        "": [
+            slow(
+                torque
+                - load
+                - motor.viscous_friction * speed
+                - motor.inertia * np.gradient(speed, period)
+            )
+        ],
         "coulomb_friction": [slow(np.tanh(speed / 2.0))],
         "viscous_friction": [slow(speed)],
         "inertia": [slow(np.gradient(speed, period))],
@@ -157,8 +196,15 @@ def by_voltage(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
         residual, columns = columns_of(campaign, r, inputs.motion.angle)
         torque = columns.pop("", None)
         if torque is not None:
-            names = ("coulomb_friction", "viscous_friction", "inertia", "cogging_torque", "shaft_compliance")
-            alone = 0.5 * campaign.drive.converter.sampling_period / LAG  # smoothed samples are not independent
+            names = (
+                "coulomb_friction",
+                "viscous_friction",
+                "inertia",
+                "cogging_torque",
+                "shaft_compliance",
+            )
+            # smoothed samples are not independent
+            alone = 0.5 * campaign.drive.converter.sampling_period / LAG
             blocks.append((torque[0], {k: columns.pop(k) for k in names}, alone, None))
         mean = {k: [binned(c) for c in own] for k, own in columns.items()}
         blocks.append((binned(residual), mean, 1.0, voltage_noise(campaign)))
@@ -175,9 +221,13 @@ def by_voltage(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
             costs[effect] = left_over(gram, used, free) + len(own) * math.log(count)
     best = min(costs.values())
     before, after = math.sqrt(base / count), math.sqrt(best / count)
-    ranked: list[Any] = [((e,), math.exp(-0.5 * min(c - best, 1400.0)), {}) for e, c in sorted(costs.items())]
+    ranked: list[Any] = [
+        ((e,), math.exp(-0.5 * min(c - best, 1400.0)), {}) for e, c in sorted(costs.items())
+    ]
     ranked.append(((), math.exp(-0.5 * min(max(base - best, 0.0), 1400.0)), {}))
-    return answer(campaign, ranked, (math.sqrt(gram[0, 0] / count), before, min(after, before)), started, 0)
+    return answer(
+        campaign, ranked, (math.sqrt(gram[0, 0] / count), before, min(after, before)), started, 0
+    )
 
 
 def binned(x: Complex) -> Complex:
@@ -187,7 +237,8 @@ def binned(x: Complex) -> Complex:
 
 
 def voltage_noise(campaign: Campaign) -> float:
-    """Return the mean square (V^2) that the sensors' noise leaves in a residual voltage: that of flux differences."""
+    """Return the mean square (V^2) that the sensors' noise leaves in a residual voltage: that of
+    flux differences."""
     motor, converter = campaign.drive.motor, campaign.drive.converter
     vector = 4.0 / 3.0 * noise_floor(converter) ** 2
     inductance = 0.5 * (motor.inductance_d**2 + motor.inductance_q**2)
@@ -199,8 +250,8 @@ def normal_matrix(
 ) -> tuple[NDArray[np.float64], dict[str, list[int]]]:
     """Return the Gram matrix of residual (place 0) and all columns; places by name.
 
-    A block is (residual, columns, share of independent samples, its noise squared); without noise given, over the
-    scatter that all its columns together leave.
+    A block is (residual, columns, share of independent samples, its noise squared); without noise
+    given, over the scatter that all its columns together leave.
     """
     places: dict[str, list[int]] = {}
     n = 1
@@ -223,7 +274,9 @@ def normal_matrix(
     return gram, places
 
 
-def background(campaign: Campaign, places: dict[str, list[int]]) -> tuple[list[int], NDArray[np.float64]]:
+def background(
+    campaign: Campaign, places: dict[str, list[int]]
+) -> tuple[list[int], NDArray[np.float64]]:
     """Return the places of the ordinary deviations and their prior weights, at all places."""
     sd = {c.names[0]: c.deviation for c in stated(campaign)}
     weight = np.zeros(1 + max(max(p) for p in places.values()))
@@ -232,13 +285,18 @@ def background(campaign: Campaign, places: dict[str, list[int]]) -> tuple[list[i
         "stator_resistance": [sd["stator_resistance.resistance"]],
         "magnet_flux": [sd["magnet_flux.magnet_flux"]],
         "inductance": [sd["inductance.scale_d"], sd["inductance.scale_q"]],
-        "saturation": [sd.get(f"saturation.alpha_{n}", 1e-9) for n in ("30", "12", "40", "22", "04")],
+        "saturation": [
+            sd.get(f"saturation.alpha_{n}", 1e-9) for n in ("30", "12", "40", "22", "04")
+        ],
         "current_gain": 2 * [1.5 * sd["current_gain.gain_a"]],
-        "current_offset": 2 * [sd["current_offset.offset_a"] + 0.1 * noise_floor(campaign.drive.converter)],
+        "current_offset": 2
+        * [sd["current_offset.offset_a"] + 0.1 * noise_floor(campaign.drive.converter)],
         "encoder_offset": [sd["encoder_offset.offset"]],
         "dead_time": [sd["dead_time.time"]],
         "inertia": [sd["inertia.inertia"]],
-        "viscous_friction": [sd.get("viscous_friction.coefficient", 0.15 * motor.viscous_friction + 1e-9)],
+        "viscous_friction": [
+            sd.get("viscous_friction.coefficient", 0.15 * motor.viscous_friction + 1e-9)
+        ],
     }
     ordinary = []
     for name, own in sizes.items():

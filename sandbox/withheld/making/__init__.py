@@ -1,1 +1,2 @@
-"""Sealed campaigns: drawn from one seed, recorded on the switched bench with effects that stay hidden."""
+"""Sealed campaigns: drawn from one seed, recorded on the switched bench with effects that stay
+hidden."""

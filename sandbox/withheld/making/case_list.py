@@ -1,4 +1,5 @@
-"""Which cases a withheld check has: kinds, families, effects and sizes in turn, in an order drawn from its seed."""
+"""Which cases a withheld check has: kinds, families, effects and sizes in turn, in an order drawn
+from its seed."""
 
 from __future__ import annotations
 
@@ -28,12 +29,15 @@ PAIR_SIZES = EFFECT_SIZES[1:3]  # large enough to be seen at one operating point
 NESTED = {"saturation", "cross_saturation"}  # the one contains the other: never put in together
 FOUND_SIZES = EFFECT_SIZES[1:]  # for several at once
 TABLES = ("ladder", "published")  # where sizes come from
-BESIDE = (True, False, False)  # of the kind "outside": one in three has an effect of the library, too
-FOUND_FROM = 0.25  # place in a published range from which on sizes are drawn for several at once, and for pairs
+# of the kind "outside": one in three has an effect of the library, too
+BESIDE = (True, False, False)
+# place in a published range from which on sizes are drawn for several at once, and for pairs
+FOUND_FROM = 0.25
 
 
 class Maps(NamedTuple):
-    """The share of a mixed check's campaigns whose nominal model is a flux map, and the families of these drives."""
+    """The share of a mixed check's campaigns whose nominal model is a flux map, and the families of
+    these drives."""
 
     share: float = 0.0
     families: tuple[str, ...] = ()
@@ -44,9 +48,10 @@ NO_MAPS = Maps()
 
 @dataclass(frozen=True)
 class Case:
-    """One withheld campaign before anything is drawn of its drive: names are the library's, `outside` is not; pair: of
-    effects that its narrow cycles cannot tell apart; table: of TABLES.  Sizes are multiples of the medium one, that of
-    `outside` last; for effects of the library by the published table places in their ranges, 0 to 1."""
+    """One withheld campaign before anything is drawn of its drive: names are the library's,
+    `outside` is not; pair: of effects that its narrow cycles cannot tell apart; table: of TABLES.
+    Sizes are multiples of the medium one, that of `outside` last; for effects of the library by the
+    published table places in their ranges, 0 to 1."""
 
     index: int
     kind: str
@@ -75,11 +80,12 @@ def cases(
 ) -> list[Case]:
     """Return the cases of a check: every effect and size in turn, in an order drawn from the seed.
 
-    Shares of a mixed check as SHARES (each at least one campaign as soon as there are ten).  A flux map is a drive of
-    its own and has one size.  Pairs: one effect of every pair in turn, on the pair's narrow cycles.  Outside: see
-    `_outside`.  outside: causes that can be drawn (EVERY for that kind, else OUTSIDE); table: of TABLES; published
-    sizes come from every quarter of their range in turn; maps: of mixed checks, which are else the same to the bit.
-    BadInput for an unknown name or a count that is none.
+    Shares of a mixed check as SHARES (each at least one campaign as soon as there are ten).  A flux
+    map is a drive of its own and has one size.  Pairs: one effect of every pair in turn, on the
+    pair's narrow cycles.  Outside: see `_outside`.  outside: causes that can be drawn (EVERY for
+    that kind, else OUTSIDE); table: of TABLES; published sizes come from every quarter of their
+    range in turn; maps: of mixed checks, which are else the same to the bit. BadInput for an
+    unknown name or a count that is none.
     """
     if kind not in KINDS:
         raise unknown("kind of check", kind, KINDS)
@@ -103,7 +109,9 @@ def cases(
     return listed if table == "ladder" else [_placed(c, rng) for c in listed]
 
 
-def _listed(count: int, kind: str, style: str, outside: Sequence[str], rng: Generator) -> list[Case]:
+def _listed(
+    count: int, kind: str, style: str, outside: Sequence[str], rng: Generator
+) -> list[Case]:
     """Return mixed cases, controls or cases of many effects, sizes by the ladder."""
     whole = {"controls": "none", "many": "many"}
     kinds = _kinds(count, rng) if kind == "mixed" else [whole[kind]] * count
@@ -118,7 +126,9 @@ def _listed(count: int, kind: str, style: str, outside: Sequence[str], rng: Gene
             base = dataclasses.replace(base, names=(name,), sizes=(size,))
         elif what in ("several", "many"):
             names = (
-                _several(rng) if what == "several" else _many(AT_ONCE[0] + turn % (AT_ONCE[1] - AT_ONCE[0] + 1), rng)
+                _several(rng)
+                if what == "several"
+                else _many(AT_ONCE[0] + turn % (AT_ONCE[1] - AT_ONCE[0] + 1), rng)
             )
             sizes = tuple(float(rng.choice(FOUND_SIZES)) for _ in names)
             base = dataclasses.replace(base, names=names, sizes=sizes)
@@ -132,31 +142,41 @@ def _listed(count: int, kind: str, style: str, outside: Sequence[str], rng: Gene
 
 
 def _on_maps(listed: list[Case], kind: str, maps: Maps, rng: Generator) -> list[Case]:
-    """Return the cases, a share of every kind on drives with a flux map, whose families come in turn.
+    """Return the cases, a share of every kind on drives with a flux map, whose families come in
+    turn.
 
     A cause outside the library that is itself a map keeps its drive.
     """
     if kind != "mixed":
         raise BadInput(f"a share of flux maps belongs to mixed checks; leave it away for '{kind}'")
     if not (maps.share <= 1.0 and maps.families):
-        raise BadInput(f"maps = {maps.share} of {len(maps.families)} families is no share; give 0 to 1 of some")
+        raise BadInput(
+            f"maps = {maps.share} of {len(maps.families)} families is no share; give 0 to 1 of some"
+        )
     chosen: list[int] = []
     for what in SHARES:
         own = [c.index for c in listed if c.kind == what and c.outside != FLUX_MAP]
-        chosen += [int(k) for k in rng.permutation(own)[: int(maps.share * len(own) + rng.uniform())]]
+        chosen += [
+            int(k) for k in rng.permutation(own)[: int(maps.share * len(own) + rng.uniform())]
+        ]
     families = dict(zip(sorted(chosen), _turns(maps.families, len(chosen), rng), strict=True))
     return [dataclasses.replace(c, family=str(families.get(c.index, c.family))) for c in listed]
 
 
 def _placed(case: Case, rng: Generator) -> Case:
-    """Return a case whose rungs of the ladder became places: in the same quarter, or anywhere in the upper three."""
+    """Return a case whose rungs of the ladder became places: in the same quarter, or anywhere in
+    the upper three."""
     if not case.names:
         return dataclasses.replace(case, table="published")
     if case.kind == "one" and case.pair is None:
-        places = [(EFFECT_SIZES.index(s) + float(rng.uniform())) / len(EFFECT_SIZES) for s in case.sizes]
+        places = [
+            (EFFECT_SIZES.index(s) + float(rng.uniform())) / len(EFFECT_SIZES) for s in case.sizes
+        ]
     else:
         places = [float(rng.uniform(FOUND_FROM, 1.0)) for _ in case.names]
-    return dataclasses.replace(case, table="published", sizes=(*places, *case.sizes[len(case.names) :]))
+    return dataclasses.replace(
+        case, table="published", sizes=(*places, *case.sizes[len(case.names) :])
+    )
 
 
 def _pairs(count: int, style: str, rng: Generator) -> list[Case]:
@@ -167,16 +187,30 @@ def _pairs(count: int, style: str, rng: Generator) -> list[Case]:
         round_, place = divmod(k, len(order))
         members = PAIRS[order[place]][0]
         names = (members[(round_ + place) % len(members)],)
-        out.append(Case(k, "one", str(family), style, names, (float(rng.choice(PAIR_SIZES)),), None, order[place]))
+        out.append(
+            Case(
+                k,
+                "one",
+                str(family),
+                style,
+                names,
+                (float(rng.choice(PAIR_SIZES)),),
+                None,
+                order[place],
+            )
+        )
     return out
 
 
 def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> list[Case]:
-    """Return campaigns of one cause outside the library each: subsystems in turn, in each its causes and their sizes in
-    turn; every third has an effect of the library beside it, but no drive with a flux map."""
+    """Return campaigns of one cause outside the library each: subsystems in turn, in each its
+    causes and their sizes in turn; every third has an effect of the library beside it, but no drive
+    with a flux map."""
     of = {name: OF_MAP if name == FLUX_MAP else EVERY[name].subsystem for name in outside}
     order = _turns(sorted(set(of.values())), count, rng)
-    by_subsystem = {s: _sized([n for n in outside if of[n] == s], rng) for s in sorted(set(of.values()))}
+    by_subsystem = {
+        s: _sized([n for n in outside if of[n] == s], rng) for s in sorted(set(of.values()))
+    }
     families, beside = _turns(FAMILIES, count, rng), _turns(BESIDE, count, rng)
     effects = iter(_turns(causes(), count, rng))
     out = []
@@ -193,9 +227,14 @@ def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> 
 
 
 def _sized(names: Sequence[str], rng: Generator) -> list[tuple[str, float]]:
-    """Return every name at every size, names in turn and sizes mixed from the first on; both orders are drawn."""
+    """Return every name at every size, names in turn and sizes mixed from the first on; both orders
+    are drawn."""
     order, rungs = rng.permutation(list(names)), rng.permutation(EFFECT_SIZES)
-    return [(str(n), float(rungs[(k + r) % len(rungs)])) for r in range(len(rungs)) for k, n in enumerate(order)]
+    return [
+        (str(n), float(rungs[(k + r) % len(rungs)]))
+        for r in range(len(rungs))
+        for k, n in enumerate(order)
+    ]
 
 
 def _kinds(count: int, rng: Generator) -> list[str]:

@@ -15,7 +15,8 @@ STYLES = ("practice", "scored")
 
 
 def cycles(style: str, drive: Drive, rng: Generator, share: float = 1.0) -> list[Cycle]:
-    """Return the twelve cycles of a campaign; share: of the usual length.  BadInput for an unknown style."""
+    """Return the twelve cycles of a campaign; share: of the usual length.  BadInput for an unknown
+    style."""
     if style not in STYLES:
         raise unknown("style of cycles", style, STYLES)
 

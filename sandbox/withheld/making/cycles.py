@@ -1,7 +1,8 @@
 """Operating cycles: what twelve recordings ask of a drive, sample by sample.
 
-Two styles that share no pattern: `practice` follows the practice recordings (staircases upwards, steps along the
-axes, speed steps), `scored` walks otherwise (levels in random order, vectors in random directions, ramps and sines).
+Two styles that share no pattern: `practice` follows the practice recordings (staircases upwards,
+steps along the axes, speed steps), `scored` walks otherwise (levels in random order, vectors in
+random directions, ramps and sines).
 """
 
 from __future__ import annotations
@@ -16,15 +17,16 @@ from sandbox.gap.planning.menu import FULL_RATE
 
 Array = NDArray[np.float64]
 KIND, FIRST, SECOND, LOAD = range(4)  # columns of `plan`
-VOLTAGE, CURRENT, SPEED = 0.0, 1.0, 2.0  # what `plan` asks for: u_d, u_q; i_d, i_q; electrical speed, -
+# what `plan` asks for: u_d, u_q; i_d, i_q; electrical speed, -
+VOLTAGE, CURRENT, SPEED = 0.0, 1.0, 2.0
 
 
 @dataclass(frozen=True)
 class Cycle:
     """One recording as asked for.
 
-    plan: (n, 4) kind, two references (V, A or rad/s electrical), load torque (N m); speed: (n,) rad/s electrical,
-    imposed on a driven rotor.
+    plan: (n, 4) kind, two references (V, A or rad/s electrical), load torque (N m); speed: (n,)
+    rad/s electrical, imposed on a driven rotor.
     """
 
     file: str
@@ -36,7 +38,8 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Scale:
-    """What a drive can do: samples a second (of a cycle's time), rated current and torque, usable speed, resistance."""
+    """What a drive can do: samples a second (of a cycle's time), rated current and torque, usable
+    speed, resistance."""
 
     rate: float
     current: float
@@ -83,5 +86,13 @@ def cycle(
 ) -> Cycle:
     """Return a cycle from its columns, scalars spread over all samples."""
     n = len(first)
-    columns = [np.broadcast_to(np.asarray(c, dtype=float), (n,)) for c in (kind, first, second, load)]
-    return Cycle(file, rotor, axis, np.stack(columns, axis=1), np.array(np.broadcast_to(speed, (n,)), dtype=float))
+    columns = [
+        np.broadcast_to(np.asarray(c, dtype=float), (n,)) for c in (kind, first, second, load)
+    ]
+    return Cycle(
+        file,
+        rotor,
+        axis,
+        np.stack(columns, axis=1),
+        np.array(np.broadcast_to(speed, (n,)), dtype=float),
+    )

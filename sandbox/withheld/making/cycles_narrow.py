@@ -1,8 +1,9 @@
 """Narrow cycles: two recordings of one kind, on which the effects of a pair look alike.
 
-What a drive would record that has no time for a campaign: one speed, one current, one link voltage.  Beside ordinary
-deviations one of the two is nearly contained in the other (cosine 0.86 and more at medium size: resistance and dead
-time in a device's drop, magnet flux in the link, sampling in a filter), or both are as alike as 0.5 to 0.7 (delays).
+What a drive would record that has no time for a campaign: one speed, one current, one link voltage.
+Beside ordinary deviations one of the two is nearly contained in the other (cosine 0.86 and more at
+medium size: resistance and dead time in a device's drop, magnet flux in the link, sampling in a
+filter), or both are as alike as 0.5 to 0.7 (delays).
 """
 
 from __future__ import annotations

@@ -1,13 +1,32 @@
-"""Cycles as in the practice recordings: staircases upwards, steps along the axes, steps of speed and load."""
+"""Cycles as in the practice recordings: staircases upwards, steps along the axes, steps of speed
+and load."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.random import Generator
 
-from sandbox.withheld.making.cycles import CURRENT, SPEED, VOLTAGE, Cycle, Scale, between, cycle, held
+from sandbox.withheld.making.cycles import (
+    CURRENT,
+    SPEED,
+    VOLTAGE,
+    Cycle,
+    Scale,
+    between,
+    cycle,
+    held,
+)
 
-GRID = ((-1.0, 0.0), (-1.0, 0.7), (0.0, 0.7), (0.0, 0.7), (0.0, -0.7), (-0.7, -1.0), (0.0, 1.2), (0.0, 0.0))
+GRID = (
+    (-1.0, 0.0),
+    (-1.0, 0.7),
+    (0.0, 0.7),
+    (0.0, 0.7),
+    (0.0, -0.7),
+    (-0.7, -1.0),
+    (0.0, 1.2),
+    (0.0, 0.0),
+)
 
 
 def all_cycles(s: Scale, rng: Generator) -> list[Cycle]:
@@ -30,7 +49,14 @@ def _locked(s: Scale, rng: Generator) -> list[Cycle]:
         cycle("locked_q_inject_d", "locked", "d", CURRENT, np.zeros(n), stairs),
         cycle("locked_q_inject_q", "locked", "q", CURRENT, np.zeros(n), stairs),
         cycle("locked_steps", "locked", "none", VOLTAGE, volts * held(m, d), volts * held(m, q)),
-        cycle("locked_low_current", "locked", "none", VOLTAGE, low * np.sin(turn), 0.5 * low * np.sin(turn - 2.4)),
+        cycle(
+            "locked_low_current",
+            "locked",
+            "none",
+            VOLTAGE,
+            low * np.sin(turn),
+            0.5 * low * np.sin(turn - 2.4),
+        ),
     ]
 
 
@@ -68,9 +94,19 @@ def _driven(s: Scale, rng: Generator) -> list[Cycle]:
     grid = s.current * rng.uniform(1.1, 1.25) * held(n, np.array(GRID))
     speed = s.speed * rng.uniform(0.22, 0.3)
     m = s.samples(1.0)
-    idle = s.idle_speed * between(m, np.array([0.0, 0.09, 0.5, 0.64, 1.0]), np.array([0.0, 0.85, 0.85, -0.5, -0.5]))
+    idle = s.idle_speed * between(
+        m, np.array([0.0, 0.09, 0.5, 0.64, 1.0]), np.array([0.0, 0.85, 0.85, -0.5, -0.5])
+    )
     return [
         cycle("driven_grid", "driven", "none", CURRENT, grid[:, 0], grid[:, 1], speed=speed),
-        cycle("driven_grid_slow", "driven", "none", CURRENT, grid[:, 0], grid[:, 1], speed=-0.28 * speed),
+        cycle(
+            "driven_grid_slow",
+            "driven",
+            "none",
+            CURRENT,
+            grid[:, 0],
+            grid[:, 1],
+            speed=-0.28 * speed,
+        ),
         cycle("driven_idle", "driven", "none", CURRENT, np.zeros(m), speed=idle),
     ]

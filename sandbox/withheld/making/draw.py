@@ -1,7 +1,7 @@
 """The truth of a withheld case: its drive, deviations and effects, all drawn from one seed.
 
-The last digits of a drawn number depend on the machine (its exponential function, the spline fit of a flux map), so a
-truth is sealed with SEALED digits: the same seed gives the same seal everywhere.
+The last digits of a drawn number depend on the machine (its exponential function, the spline fit of
+a flux map), so a truth is sealed with SEALED digits: the same seed gives the same seal everywhere.
 """
 
 from __future__ import annotations
@@ -38,12 +38,14 @@ from sandbox.withheld.making.outside_causes import EVERY, OUTSIDE
 from sandbox.withheld.making.published import multiple, planted
 from sandbox.withheld.making.users_effects import size_at, users_cards, users_planted, users_truth
 
-SEALED = 6  # significant digits; what machines differ by, 1e-12 at the most, moves one in a million of them
+# significant digits; what machines differ by, 1e-12 at the most, moves one in a million of them
+SEALED = 6
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A case with its drive: what is true, what its engineer believes, what the switched bench gets beside."""
+    """A case with its drive: what is true, what its engineer believes, what the switched bench gets
+    beside."""
 
     case: Case
     true: Drive
@@ -57,7 +59,8 @@ class Drawn:
     seed: int
     sizes: tuple[float, ...]  # multiples of the medium one
     off: dict[str, float]  # ordinary deviations, in stated ones
-    beside_map: dict[str, float]  # alphas by which the true motor saturates beyond the flux map that is stated
+    # alphas by which the true motor saturates beyond the flux map that is stated
+    beside_map: dict[str, float]
 
     def as_json(self) -> dict[str, Any]:
         """Return the truth as the seal keeps it."""
@@ -68,8 +71,14 @@ class Drawn:
             "effects": [*case.names, *(["unknown"] if case.outside else [])],
             "outside_subsystem": outside_subsystem(case.outside),
             "sizes": self.sizes,
-            **({"places": case.sizes[: len(case.names)]} if case.table == "published" and case.names else {}),
-            "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant, self.beside_map)
+            **(
+                {"places": case.sizes[: len(case.names)]}
+                if case.table == "published" and case.names
+                else {}
+            ),
+            "parameters": truth_of(
+                list(case.names), self.true.motor, self.stated, self.plant, self.beside_map
+            )
             | users_truth(case.names, self.own),
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
             "true_motor": dataclasses.asdict(without_map(self.true.motor)),
@@ -85,13 +94,15 @@ class Drawn:
         }
 
     def sealed(self) -> dict[str, Any]:
-        """Return the truth as it stands in the seal: with as many digits as all machines agree on."""
+        """Return the truth as it stands in the seal: with as many digits as all machines agree
+        on."""
         truth: dict[str, Any] = rounded(plain(self.as_json()), SEALED)
         return truth
 
 
 def outside_names(kind: str = "mixed") -> list[str]:
-    """Return what is outside the library and can be made here in a kind of check: a flux map needs its data set."""
+    """Return what is outside the library and can be made here in a kind of check: a flux map needs
+    its data set."""
     return [*(EVERY if kind == "outside" else OUTSIDE), *([] if missing() else [FLUX_MAP])]
 
 
@@ -105,7 +116,8 @@ def outside_subsystem(name: str | None) -> str | None:
 def draw(case: Case, seed: int, without: Sequence[str] = ()) -> Drawn:
     """Return a case with its drive; drawn again where motor or effects are not valid on it.
 
-    without: effects of the case that are taken out of the drive; all that is drawn and stated is the same without them.
+    without: effects of the case that are taken out of the drive; all that is drawn and stated is
+    the same without them.
     """
     rng = np.random.default_rng([seed, 2, case.index])
     for _ in range(200):
@@ -170,13 +182,24 @@ def _can_be_stated(stated: Motor, true: Motor) -> bool:
 
 
 def _beside_map(plans: Mapping[str, Planted], without: Sequence[str]) -> dict[str, float]:
-    """Return the alphas that a stated flux map lacks of the true motor's; none of a motor whose own alphas say it."""
-    return {name: -size for effect, p in plans.items() if effect not in without for name, size in p.of_map.items()}
+    """Return the alphas that a stated flux map lacks of the true motor's; none of a motor whose own
+    alphas say it."""
+    return {
+        name: -size
+        for effect, p in plans.items()
+        if effect not in without
+        for name, size in p.of_map.items()
+    }
 
 
-def _taken_out(case: Case, multiples: list[float], without: Sequence[str]) -> tuple[Case, list[float]]:
-    """Return a case and its sizes (multiples of medium ones) without some of its effects; a cause outside stays."""
-    kept = [k for k in range(len(case.sizes)) if k >= len(case.names) or case.names[k] not in without]
+def _taken_out(
+    case: Case, multiples: list[float], without: Sequence[str]
+) -> tuple[Case, list[float]]:
+    """Return a case and its sizes (multiples of medium ones) without some of its effects; a cause
+    outside stays."""
+    kept = [
+        k for k in range(len(case.sizes)) if k >= len(case.names) or case.names[k] not in without
+    ]
     names = tuple(case.names[k] for k in kept if k < len(case.names))
     smaller = dataclasses.replace(case, names=names, sizes=tuple(case.sizes[k] for k in kept))
     return smaller, [multiples[k] for k in kept]
@@ -188,7 +211,9 @@ def _plans(case: Case, drive: Drive, rng: Generator) -> tuple[dict[str, Planted]
     for k, name in enumerate(case.names):
         if name in users:
             multiples[k] = size_at(case.sizes[k]) if case.table == "published" else case.sizes[k]
-            plans[name] = users_planted(users[name], drive.motor, drive.converter, multiples[k], rng)
+            plans[name] = users_planted(
+                users[name], drive.motor, drive.converter, multiples[k], rng
+            )
             continue
         like = like_map(drive.motor, name)
         if case.table == "published":
@@ -202,8 +227,8 @@ def _plans(case: Case, drive: Drive, rng: Generator) -> tuple[dict[str, Planted]
 
 
 def _on_map(p: Planted, like: Motor) -> Planted:
-    """Return what an effect on saturation changes on a flux map, planted on the quartic that is like it: what the map
-    that is stated has more than the true one."""
+    """Return what an effect on saturation changes on a flux map, planted on the quartic that is
+    like it: what the map that is stated has more than the true one."""
     more = {name: value - getattr(like, name) for name, value in p.believed.items()}
     return dataclasses.replace(p, believed=more, of_map=more)
 
@@ -211,8 +236,8 @@ def _on_map(p: Planted, like: Motor) -> Planted:
 def _put_in(
     base: Motor, plans: Mapping[str, Planted], without: Sequence[str]
 ) -> tuple[Motor, dict[str, float], dict[str, float]]:
-    """Return the true motor, the plant's parameters and the switched bench's own ones; what is taken out is true as
-    the engineer believes it."""
+    """Return the true motor, the plant's parameters and the switched bench's own ones; what is
+    taken out is true as the engineer believes it."""
     true, values, own = base, dict[str, float](), dict[str, float]()
     for name, p in plans.items():
         if name in without:
@@ -228,7 +253,10 @@ def with_deviations(values: dict[str, float], bench: BenchDeviations) -> dict[st
     """Return the plant's parameters with the bench's ordinary deviations on top."""
     offsets = np.array(bench.offsets) - np.mean(bench.offsets)
     more = {f"current_gain.gain_{x}": g - 1.0 for x, g in zip("abc", bench.gains, strict=True)}
-    more |= {"current_offset.offset_a": float(offsets[0]), "current_offset.offset_b": float(offsets[1])}
+    more |= {
+        "current_offset.offset_a": float(offsets[0]),
+        "current_offset.offset_b": float(offsets[1]),
+    }
     more |= {"encoder_offset.offset": bench.encoder_offset, "dead_time.time": bench.dead_time}
     neutral = {name: 1.0 if name.startswith("current_gain") else 0.0 for name in more}
     return values | {name: values.get(name, neutral[name]) + x for name, x in more.items()}

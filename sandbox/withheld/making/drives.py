@@ -1,6 +1,8 @@
-"""Drives of the withheld campaigns: families, a motor drawn around its family, the ordinary deviations of its bench.
+"""Drives of the withheld campaigns: families, a motor drawn around its family, the ordinary
+deviations of its bench.
 
-Truth and belief are separate motors: `draw_motor` gives the true one, `misjudge` what an identification states of it.
+Truth and belief are separate motors: `draw_motor` gives the true one, `misjudge` what an
+identification states of it.
 """
 
 from __future__ import annotations
@@ -29,18 +31,29 @@ MODERN_RATES = (8000.0, 10000.0, 12500.0, 16000.0)  # Hz
 SPREAD = {"magnet_flux": 0.06, "viscous_friction": 0.3}  # half width of a family, relative
 USUAL_SPREAD = 0.1
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
-DRAWN = ("resistance", "magnet_flux", "inductance_d", "inductance_q", *ALPHAS, "inertia", "viscous_friction")
+DRAWN = (
+    "resistance",
+    "magnet_flux",
+    "inductance_d",
+    "inductance_q",
+    *ALPHAS,
+    "inertia",
+    "viscous_friction",
+)
 KEPT = ("inductance_d", "inductance_q", *ALPHAS)
 LINK_NOISE = 0.3  # V rms of one reading of the DC link
 OFF = 2.0  # times: by how much stated deviations are misjudged at the most
-MOST_OFF = 3.0  # stated deviations; without this bound one bench in three would have a value beyond it
-SHAPES = {"linear": 0.0, "hard": 1.0, "tanh": 2.0}  # of a current's sign, as the switched bench counts them
+# stated deviations; without this bound one bench in three would have a value beyond it
+MOST_OFF = 3.0
+# of a current's sign, as the switched bench counts them
+SHAPES = {"linear": 0.0, "hard": 1.0, "tanh": 2.0}
 VALID_TO = 2.2  # times rated current: a drawn motor's energy is convex up to here
 
 
 @dataclass(frozen=True)
 class BenchDeviations:
-    """The ordinary deviations of one bench: [background] as stated, and what was drawn of it (SI)."""
+    """The ordinary deviations of one bench: [background] as stated, and what was drawn of it
+    (SI)."""
 
     background: Mapping[str, float]
     gains: tuple[float, float, float]
@@ -51,7 +64,8 @@ class BenchDeviations:
 
 
 def family_drive(family: str) -> Drive:
-    """Return a family's drive; BadInput with the nearest name for an unknown one, or where its flux map is missing."""
+    """Return a family's drive; BadInput with the nearest name for an unknown one, or where its flux
+    map is missing."""
     if family not in (*FAMILIES, *OWN):
         raise unknown("family", family, (*FAMILIES, *OWN))
     return load_drive(OWN.get(family, family))
@@ -84,7 +98,8 @@ def draw_motor(family: Motor, rng: Generator) -> Motor:
     drawn = [n for n in DRAWN if not (isinstance(family, MappedMotor) and n in KEPT)]
     for _ in range(100):
         values = {
-            name: getattr(family, name) * (1.0 + SPREAD.get(name, USUAL_SPREAD) * rng.uniform(-1.0, 1.0))
+            name: getattr(family, name)
+            * (1.0 + SPREAD.get(name, USUAL_SPREAD) * rng.uniform(-1.0, 1.0))
             for name in drawn
         }
         motor = dataclasses.replace(family, **values)
@@ -94,12 +109,15 @@ def draw_motor(family: Motor, rng: Generator) -> Motor:
 
 
 def valid(motor: Motor) -> bool:
-    """Tell whether a motor's energy is convex and every current reached within VALID_TO of rated current."""
+    """Tell whether a motor's energy is convex and every current reached within VALID_TO of rated
+    current."""
     m = motor.energy
     for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
         reached = [(0.0, 0.0)]
         for r in np.linspace(0.0, VALID_TO * motor.rated_current, 25)[1:]:
-            d, q, status = flux_newton(m, float(r * np.cos(angle)), float(r * np.sin(angle)), *reached[-1])
+            d, q, status = flux_newton(
+                m, float(r * np.cos(angle)), float(r * np.sin(angle)), *reached[-1]
+            )
             if status != SOLVED:
                 return False
             reached.append((d, q))
@@ -109,7 +127,8 @@ def valid(motor: Motor) -> bool:
 
 
 def draw_bench(drive: Drive, rng: Generator, vary: bool = False) -> BenchDeviations:
-    """Return a bench's ordinary deviations, drawn with the standard deviations that its campaign states.
+    """Return a bench's ordinary deviations, drawn with the standard deviations that its campaign
+    states.
 
     vary: with 1/OFF to OFF times them, see `deviation`.
     """
@@ -135,21 +154,26 @@ def draw_bench(drive: Drive, rng: Generator, vary: bool = False) -> BenchDeviati
 
 
 def misjudge(motor: Motor, rng: Generator, vary: bool = False) -> Motor:
-    """Return a motor as its identification would state it: every value off by its uncertainty; vary: `deviations`."""
+    """Return a motor as its identification would state it: every value off by its uncertainty;
+    vary: `deviations`."""
     off = {k: 1.0 + s * float(deviations(rng, vary)[0]) for k, s in uncertainty(motor).items()}
     return changed(motor, {k: getattr(motor, k) * x for k, x in off.items()})
 
 
 def uncertainty(motor: Motor) -> dict[str, float]:
-    """Return [uncertainty] as a campaign with such a nominal motor states it; a flux map has no alphas."""
-    return {k: s for k, s in UNCERTAINTY.items() if not (isinstance(motor, MappedMotor) and k in ALPHAS)}
+    """Return [uncertainty] as a campaign with such a nominal motor states it; a flux map has no
+    alphas."""
+    return {
+        k: s for k, s in UNCERTAINTY.items() if not (isinstance(motor, MappedMotor) and k in ALPHAS)
+    }
 
 
 def deviations(rng: Generator, vary: bool, count: int = 1) -> NDArray[np.float64]:
     """Return how far ordinary values lie off (count,), in stated standard deviations: Gaussian.
 
-    vary: somebody misjudged them, so that the real one is 1/OFF to OFF times the stated one, drawn; none further off
-    than MOST_OFF, which by the campaign's own statement would be a gap and no ordinary deviation.
+    vary: somebody misjudged them, so that the real one is 1/OFF to OFF times the stated one, drawn;
+    none further off than MOST_OFF, which by the campaign's own statement would be a gap and no
+    ordinary deviation.
     """
     if not vary:
         return rng.standard_normal(count)
@@ -162,20 +186,32 @@ def deviations(rng: Generator, vary: bool, count: int = 1) -> NDArray[np.float64
 
 def off_by(believed: Motor, stated: Motor, bench: BenchDeviations) -> dict[str, float]:
     """Return how far every ordinary value of a drive lies off, in stated standard deviations."""
-    out = {k: (getattr(stated, k) / getattr(believed, k) - 1.0) / s for k, s in uncertainty(stated).items()}
+    out = {
+        k: (getattr(stated, k) / getattr(believed, k) - 1.0) / s
+        for k, s in uncertainty(stated).items()
+    }
     b = bench.background
     for x, gain, offset in zip("abc", bench.gains, bench.offsets, strict=True):
-        out |= {f"gain_{x}": (gain - 1.0) / b["current_gain"], f"offset_{x}": offset / b["current_offset"]}
-    return out | {k: getattr(bench, k) / b[k] for k in ("encoder_offset", "dead_time", "load_torque_offset")}
+        out |= {
+            f"gain_{x}": (gain - 1.0) / b["current_gain"],
+            f"offset_{x}": offset / b["current_offset"],
+        }
+    return out | {
+        k: getattr(bench, k) / b[k] for k in ("encoder_offset", "dead_time", "load_torque_offset")
+    }
 
 
 def sign_of(motor: Motor, rng: Generator) -> dict[str, float]:
-    """Return how the sign of a current goes through zero on a bench, as fields of the switched bench.
+    """Return how the sign of a current goes through zero on a bench, as fields of the switched
+    bench.
 
-    A shape of SHAPES and a width around the usual one.  A bench that knows the linear shape only has a tenth of the
-    width for a hard sign, and the linear one for any other.
+    A shape of SHAPES and a width around the usual one.  A bench that knows the linear shape only
+    has a tenth of the width for a hard sign, and the linear one for any other.
     """
-    shape, width = str(rng.choice(list(SHAPES))), SOFT_SIGN * float(2.0 ** rng.uniform(-1.0, 1.0)) * motor.rated_current
+    shape, width = (
+        str(rng.choice(list(SHAPES))),
+        SOFT_SIGN * float(2.0 ** rng.uniform(-1.0, 1.0)) * motor.rated_current,
+    )
     if "sign_shape" in SwitchedBench._fields:
         return {"sign_shape": SHAPES[shape], "soft_current": width}
     return {"soft_current": 0.1 * width if shape == "hard" else width}

@@ -1,7 +1,8 @@
-"""What is put into a withheld drive of the library's effects, at a size from a ladder (others: `outside_causes`).
+"""What is put into a withheld drive of the library's effects, at a size from a ladder (others:
+`outside_causes`).
 
-A size is a multiple of the medium one, and that is what the practice recordings have where they show an effect, else
-the card's typical size.  Signs, phases and shares are drawn.
+A size is a multiple of the medium one, and that is what the practice recordings have where they
+show an effect, else the card's typical size.  Signs, phases and shares are drawn.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from model.parameters import Converter, Motor
 from sandbox.withheld.making.drives import ALPHAS
 
 EFFECT_SIZES = (0.25, 0.5, 1.0, 2.0)
-STEPS = {  # medium sizes of what the motor states, in its logarithm (viscous friction: rated torque / rated speed);
+# medium sizes of what the motor states, in its logarithm (viscous friction: rated torque / rated
+# speed);
+STEPS = {
     # means, where every value has its own
     "stator_resistance": 0.18,
     "magnet_flux": 0.10,
@@ -33,13 +36,15 @@ Values = dict[str, float]
 
 @dataclass(frozen=True)
 class Planted:
-    """What one effect changes: the true motor, the believed one, the plant (public names), the switched bench's own."""
+    """What one effect changes: the true motor, the believed one, the plant (public names), the
+    switched bench's own."""
 
     true: Mapping[str, float] = field(default_factory=dict)
     believed: Mapping[str, float] = field(default_factory=dict)
     plant: Mapping[str, float] = field(default_factory=dict)
     bench: Mapping[str, float] = field(default_factory=dict)
-    of_map: Mapping[str, float] = field(default_factory=dict)  # alphas that the stated flux map has beyond the true one
+    # alphas that the stated flux map has beyond the true one
+    of_map: Mapping[str, float] = field(default_factory=dict)
     drift: float = 0.0  # of the resistance, relative, over the campaign
 
 
@@ -48,7 +53,9 @@ def sign(rng: Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
 
-def medium(name: str, motor: Motor, converter: Converter, size: float, rng: Generator) -> dict[str, float]:
+def medium(
+    name: str, motor: Motor, converter: Converter, size: float, rng: Generator
+) -> dict[str, float]:
     """Return the plant's parameters of an effect that acts beside the motor's own values."""
     unit, u, tau = scales(motor, converter), rng.uniform, math.tau
     rated, torque, ohm = motor.rated_current, motor.rated_torque, motor.resistance
@@ -76,7 +83,10 @@ def medium(name: str, motor: Motor, converter: Converter, size: float, rng: Gene
             "phase": u(0.0, tau),
         },
         "pwm_delay": lambda: {"delay": 0.15 * size * converter.sampling_period},
-        "current_gain": lambda: {"gain_a": 1.0 + sign(rng) * 0.02 * size, "gain_b": 1.0 + sign(rng) * 0.01 * size},
+        "current_gain": lambda: {
+            "gain_a": 1.0 + sign(rng) * 0.02 * size,
+            "gain_b": 1.0 + sign(rng) * 0.01 * size,
+        },
         "current_offset": lambda: {
             "offset_a": sign(rng) * 0.018 * size * rated,
             "offset_b": sign(rng) * 0.010 * size * rated,
@@ -129,13 +139,20 @@ def truth_of(
     plant_values: Mapping[str, float],
     beside_map: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
-    """Return the true parameters of effects by public name; scales and replaced values against the stated motor.
+    """Return the true parameters of effects by public name; scales and replaced values against the
+    stated motor.
 
     beside_map: alphas by which the true motor saturates beyond a flux map that is stated.
     """
     of_motor = {name: float(getattr(true, field_)) for name, field_ in replaced().items()}
     of_motor |= {f"saturation.{alpha}": size for alpha, size in (beside_map or {}).items()}
-    of_motor |= {f"cross_{k}": v for k, v in of_motor.items() if k in ("saturation.alpha_12", "saturation.alpha_22")}
-    of_motor |= {name: getattr(true, field_) / getattr(believed, field_) for name, field_ in scaled().items()}
+    of_motor |= {
+        f"cross_{k}": v
+        for k, v in of_motor.items()
+        if k in ("saturation.alpha_12", "saturation.alpha_22")
+    }
+    of_motor |= {
+        name: getattr(true, field_) / getattr(believed, field_) for name, field_ in scaled().items()
+    }
     known = of_motor | dict(plant_values)
     return {k: v for k, v in known.items() if k.partition(".")[0] in names}

@@ -1,8 +1,9 @@
 """Withheld campaigns: drawn, sealed, then recorded on the switched bench.
 
-The truth is written and hashed before the first sample is recorded.  Truths follow from the seed, and with as many
-digits as are sealed they are the same on every machine; recordings follow from the seed on one machine (elsewhere their
-last digits may differ).  A call that was interrupted goes on where it stopped.
+The truth is written and hashed before the first sample is recorded.  Truths follow from the seed,
+and with as many digits as are sealed they are the same on every machine; recordings follow from the
+seed on one machine (elsewhere their last digits may differ).  A call that was interrupted goes on
+where it stopped.
 """
 
 from __future__ import annotations
@@ -63,14 +64,16 @@ def make(
 ) -> Made:
     """Make a check in `folder`; announce gets the seal's hash before anything is recorded.
 
-    kind: 'mixed', 'controls' (shorter, without a gap), 'pairs' (one operating point, where two effects look alike),
-    'many' (four to ten effects) or 'outside' (a cause outside the library, beside some an effect of it); style of the
-    cycles: 'practice' or 'scored'; sizes: 'published' (ranges with sources; ordinary deviations 0.5 to 2 times the
-    stated ones; other shapes of a current's sign) or 'ladder'; maps: share of a mixed check whose nominal model is a
-    flux map; jobs: processes;
+    kind: 'mixed', 'controls' (shorter, without a gap), 'pairs' (one operating point, where two
+    effects look alike), 'many' (four to ten effects) or 'outside' (a cause outside the library,
+    beside some an effect of it); style of the cycles: 'practice' or 'scored'; sizes: 'published'
+    (ranges with sources; ordinary deviations 0.5
+    to 2 times the stated ones; other shapes of a current's sign) or 'ladder'; maps: share of a
+    mixed check whose nominal model is a flux map; jobs: processes;
     Effects of the user that were taken over (`model.effects.adopt`) are drawn beside the library's.
     cluster: a dask scheduler instead, whose workers find the folder at the same place.
-    BadInput where the folder holds another check, or where maps are wanted and none is on this machine.
+    BadInput where the folder holds another check, or where maps are wanted and none is on this
+    machine.
     """
     folder = folder if cluster is None else folder.resolve()
     outside, users = outside_names(kind), list(users_cards())
@@ -94,7 +97,8 @@ def make(
 
 
 def wanted_maps(share: float) -> Maps:
-    """Return the share of flux maps with the families that can be drawn here; BadInput where there is none of them."""
+    """Return the share of flux maps with the families that can be drawn here; BadInput where there
+    is none of them."""
     if not 0.0 <= share <= 1.0:
         raise BadInput(f"maps = {share} is no share; give a number in [0, 1]")
     if share == 0.0:
@@ -105,7 +109,8 @@ def wanted_maps(share: float) -> Maps:
 
 
 def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
-    """Write all truths into one file and its SHA-256 beside it; return the hash.  BadInput where another is there."""
+    """Write all truths into one file and its SHA-256 beside it; return the hash.  BadInput where
+    another is there."""
     content = {"schema": 1, **header, "campaigns": {d.case.name: d.sealed() for d in drawn}}
     text = json_bytes(plain(content))
     digest = hashlib.sha256(text).hexdigest()
@@ -114,7 +119,8 @@ def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
     path = folder / SEAL
     if path.exists() and path.read_bytes() != text:
         raise BadInput(
-            f"'{folder}' holds another withheld check; give a new folder, or its own count, seed, kind and data"
+            f"'{folder}' holds another withheld check; give a new folder, or its own "
+            "count, seed, kind and data"
         )
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in ((SEAL, text), (HASH, f"{digest}  {SEAL}\n".encode())):
@@ -132,18 +138,29 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
     rng = np.random.default_rng([drawn.seed, 3])
     drive = drawn.true
     pair, style = drawn.case.pair, drawn.case.style
-    plans = cycles(style, drive, rng, share) if pair is None else narrow(pair, scale_of(drive, share), rng)
+    plans = (
+        cycles(style, drive, rng, share)
+        if pair is None
+        else narrow(pair, scale_of(drive, share), rng)
+    )
     b = switched(drawn)
     recordings = []
     for k, plan in enumerate(plans):
         recordings.append(recording(drawn, drifted(drawn, b, k), plan, rng))
     stated = replace(drawn.stated, name=drawn.case.name, description="")
     nominal = Drive(stated, drive.converter, drive.injection, {})
-    # a nameplate states the rated values where few operating points show none, and beside a flux map, of which a
-    # campaign's rated torque could not be told without reading it
+    # a nameplate states the rated values where few operating points show none, and beside a flux
+    # map, of which a campaign's rated torque could not be told without reading it
     unrated = drawn.case.pair is None and not isinstance(stated, MappedMotor)
     stated_deviations = uncertainty(stated)
-    return Campaign(drawn.case.name, nominal, tuple(recordings), stated_deviations, drawn.bench.background, unrated)
+    return Campaign(
+        drawn.case.name,
+        nominal,
+        tuple(recordings),
+        stated_deviations,
+        drawn.bench.background,
+        unrated,
+    )
 
 
 def switched(drawn: Drawn) -> SwitchedBench:

@@ -1,8 +1,10 @@
-"""Causes outside the library: what the switched bench can have and no effect of the library describes.
+"""Causes outside the library: what the switched bench can have and no effect of the library
+describes.
 
-OUTSIDE are those of mixed checks, whose seeds draw from exactly these; a check of the kind "outside" draws from EVERY.
-A size is a multiple of the medium one; phases are drawn.  `SOURCES` says where the medium sizes of MORE come from, and
-the check's README why no combination of library effects reaches any of them.
+OUTSIDE are those of mixed checks, whose seeds draw from exactly these; a check of the kind
+"outside" draws from EVERY. A size is a multiple of the medium one; phases are drawn.  `SOURCES`
+says where the medium sizes of MORE come from, and the check's README why no combination of library
+effects reaches any of them.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ def _inter_turn_short(drive: Drive, size: float, rng: Generator) -> Planted:
 
 
 def _knee(drive: Drive, size: float, rng: Generator) -> Planted:
-    """Saturation with a knee at 0.8 of the rated current's flux; 15 % of rated current more at twice that flux."""
+    """Saturation with a knee at 0.8 of the rated current's flux; 15 % of rated current more at
+    twice that flux."""
     motor = drive.motor
     start = 0.8 * math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
     return Planted(bench={"knee": 0.15 * size * motor.rated_current / start**2, "knee_flux": start})
@@ -44,7 +47,8 @@ def _knee(drive: Drive, size: float, rng: Generator) -> Planted:
 def _sensor_curvature(drive: Drive, size: float, rng: Generator) -> Planted:
     """Every current sensor reads 2.5 % less at rated current, by the square of the current.
 
-    Not more: control must still reach 1.7 times rated current as read, and at double size it takes 2.0 times.
+    Not more: control must still reach 1.7 times rated current as read, and at double size it takes
+    2.0 times.
     """
     return Planted(bench={"curvature": 0.025 * size / drive.motor.rated_current**2})
 
@@ -58,50 +62,72 @@ def _fan(drive: Drive, size: float, rng: Generator) -> Planted:
 
 def _resolver(drive: Drive, size: float, rng: Generator) -> Planted:
     """Windings of a resolver that are not square: 0.4 degrees mechanical, twice a turn."""
-    return Planted(bench={"resolver": math.radians(0.4) * size, "resolver_phase": rng.uniform(0.0, math.tau)})
+    return Planted(
+        bench={"resolver": math.radians(0.4) * size, "resolver_phase": rng.uniform(0.0, math.tau)}
+    )
 
 
 def _least_vector(drive: Drive, size: float, rng: Generator) -> Planted:
-    """Active vectors shorter than 0.5 % of the PWM period are left out, as a drive does that reads a single shunt."""
+    """Active vectors shorter than 0.5 % of the PWM period are left out, as a drive does that reads
+    a single shunt."""
     return Planted(bench={"least_vector": 0.005 * size * drive.converter.sampling_period})
 
 
 def _link_resonance(drive: Drive, size: float, rng: Generator) -> Planted:
-    """The link's capacitors and its supply's inductance resonate at 600 Hz, damped by 0.05: three windings' R."""
+    """The link's capacitors and its supply's inductance resonate at 600 Hz, damped by 0.05: three
+    windings' R."""
     impedance = 3.0 * size * drive.motor.resistance
-    return Planted(bench={"link_rate": math.tau * 600.0, "link_impedance": impedance, "link_damping": 0.05})
+    return Planted(
+        bench={"link_rate": math.tau * 600.0, "link_impedance": impedance, "link_damping": 0.05}
+    )
 
 
 def _one_sided(drive: Drive, size: float, rng: Generator) -> Planted:
-    """Upper devices of another kind than the lower: 5 % of the winding's resistance more while a current flows out."""
+    """Upper devices of another kind than the lower: 5 % of the winding's resistance more while a
+    current flows out."""
     return Planted(bench={"one_sided": 0.05 * size * drive.motor.resistance})
 
 
 def _temperature_drift(drive: Drive, size: float, rng: Generator) -> Planted:
-    """The winding warms up: resistance 15 % (40 K) higher at the campaign's end than at its beginning."""
+    """The winding warms up: resistance 15 % (40 K) higher at the campaign's end than at its
+    beginning."""
     return Planted(drift=0.15 * size)
 
 
 def _one_by_one(drive: Drive, size: float, rng: Generator) -> Planted:
-    """One converter reads the phases one after another: each later by 4.5 % of the period (11 us at 4 kHz)."""
+    """One converter reads the phases one after another: each later by 4.5 % of the period (11 us at
+    4 kHz)."""
     return Planted(bench={"channel_lag": 0.045 * size * drive.converter.sampling_period})
 
 
 def _sensor_memory(drive: Drive, size: float, rng: Generator) -> Planted:
-    """Cores of the current sensors keep 1 % of rated current, once it has moved by 30 % of rated current."""
+    """Cores of the current sensors keep 1 % of rated current, once it has moved by 30 % of rated
+    current."""
     radius = 0.15 * drive.motor.rated_current
     return Planted(bench={"remanence": 0.01 * size / 0.15, "remanence_radius": radius})
 
 
 def _crank(drive: Drive, size: float, rng: Generator) -> Planted:
     """The load hangs on a crank: its inertia swings by 8 % of all inertia, twice a turn."""
-    return Planted(bench={"crank": 0.08 * size * drive.motor.inertia, "crank_phase": rng.uniform(0.0, math.tau)})
+    return Planted(
+        bench={
+            "crank": 0.08 * size * drive.motor.inertia,
+            "crank_phase": rng.uniform(0.0, math.tau),
+        }
+    )
 
 
 def _lobe(drive: Drive, size: float, rng: Generator) -> Planted:
-    """A load behind a belt is out of true: 5 % of rated torque, once in 2.3 to 6 turns of the motor."""
+    """A load behind a belt is out of true: 5 % of rated torque, once in 2.3 to 6 turns of the
+    motor."""
     turns, phase = rng.uniform(*TURNS), rng.uniform(0.0, math.tau)
-    return Planted(bench={"lobe": 0.05 * size * drive.motor.rated_torque, "lobe_turns": turns, "lobe_phase": phase})
+    return Planted(
+        bench={
+            "lobe": 0.05 * size * drive.motor.rated_torque,
+            "lobe_turns": turns,
+            "lobe_phase": phase,
+        }
+    )
 
 
 def _load_lag(drive: Drive, size: float, rng: Generator) -> Planted:
@@ -111,7 +137,8 @@ def _load_lag(drive: Drive, size: float, rng: Generator) -> Planted:
 
 @dataclass(frozen=True)
 class Outside:
-    """An effect that the library does not hold: the subsystem it lies in, and what it changes at a size."""
+    """An effect that the library does not hold: the subsystem it lies in, and what it changes at a
+    size."""
 
     subsystem: str
     planted: Callable[[Drive, float, Generator], Planted]
@@ -138,12 +165,15 @@ MORE = {
 }
 EVERY = OUTSIDE | MORE
 SOURCES = {  # "usual": as makers' data sheets have it, from experience, none looked up for this
-    "one_by_one": "usual: converters with one sample-and-hold read 0.07 to 1 million times a second, so 15 to 1 us "
-    "each, faster ones on faster drives",
-    "sensor_memory": "usual: open-loop Hall sensors keep some 0.5 % of their range after a large current, and their "
-    "range is two to three times the motor's rated current",
-    "crank": "a reciprocating mass m at radius r swings by m r^2 / 2 about a mean of as much (kinematics of a long "
-    "rod); its share of all inertia is an estimate",
+    "one_by_one": "usual: converters with one sample-and-hold read 0.07 to 1 million times a "
+    "second, so 15 to 1 us each, faster ones on faster drives",
+    "sensor_memory": "usual: open-loop Hall sensors keep some 0.5 % of their range after a "
+    "large current, and their range is two to three times the motor's rated current",
+    "crank": "a reciprocating mass m at radius r swings by m r^2 / 2 about a mean of as much "
+    "(kinematics of a long rod); its share of all inertia is an estimate",
     "lobe": "estimate",
-    "load_lag": "usual: particle and hysteresis brakes settle in some 10 to 100 ms, load machines in 1 to 10 ms",
+    "load_lag": (
+        "usual: particle and hysteresis brakes settle in some 10 to 100 ms, load machines in 1 to "
+        "10 ms"
+    ),
 }

@@ -1,7 +1,9 @@
-"""Sizes of effects from published ranges (`published.toml`, a source each) in place of the ladder's multiples.
+"""Sizes of effects from published ranges (`published.toml`, a source each) in place of the ladder's
+multiples.
 
-A size is drawn as a place in its range, 0 its weak and 1 its strong end on a logarithmic scale.  What the seal calls
-size stays a multiple of the ladder's medium one, so that figures by size can be compared.
+A size is drawn as a place in its range, 0 its weak and 1 its strong end on a logarithmic scale.
+What the seal calls size stays a multiple of the ladder's medium one, so that figures by size can be
+compared.
 """
 
 from __future__ import annotations
@@ -52,11 +54,15 @@ class Range:
 def table() -> Mapping[str, Mapping[str, Range]]:
     """Return all ranges by effect and parameter, the one that is an effect's size first."""
     content: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(TABLE.read_text(encoding="utf-8"))
-    return {effect: {name: Range(**entry) for name, entry in own.items()} for effect, own in content.items()}
+    return {
+        effect: {name: Range(**entry) for name, entry in own.items()}
+        for effect, own in content.items()
+    }
 
 
 def core_loss(share: float, motor: Motor, values: Mapping[str, float]) -> float:
-    """Return the core's resistance (ohm) that loses a share of rated power at rated speed without current."""
+    """Return the core's resistance (ohm) that loses a share of rated power at rated speed without
+    current."""
     power = motor.rated_torque * motor.rated_omega / motor.pole_pairs
     return 1.5 * (motor.rated_omega * motor.magnet_flux) ** 2 / (share * power)
 
@@ -80,7 +86,8 @@ FORMS: Mapping[str, Callable[[float, Motor, Mapping[str, float]], float]] = {
 
 
 def planted(name: str, motor: Motor, converter: Converter, place: float, rng: Generator) -> Planted:
-    """Return what an effect of the library changes on a drive, its size at a place of the published range."""
+    """Return what an effect of the library changes on a drive, its size at a place of the published
+    range."""
     drawn, values, believed = table()[name], dict[str, float](), dict[str, float]()
     unit = scales(motor, converter) | dict.fromkeys(SI, 1.0)
     leading = next(iter(drawn))
@@ -95,7 +102,9 @@ def planted(name: str, motor: Motor, converter: Converter, place: float, rng: Ge
             way = sign(rng) if "either" in (r.sign, r.ratio) else 1.0
             if r.ratio is not None:
                 field = FIELDS[f"{name.removeprefix('cross_')}.{key}"]
-                believed[field] = getattr(motor, field) * (1.0 + x) ** (way if r.ratio == "down" else -way)
+                believed[field] = getattr(motor, field) * (1.0 + x) ** (
+                    way if r.ratio == "down" else -way
+                )
             elif r.form is not None:
                 values[key] = FORMS[r.form](x, motor, values)
             else:

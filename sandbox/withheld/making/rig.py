@@ -1,8 +1,9 @@
-"""A simple field-oriented controller around the switched bench, on the encoder's angle: what records a withheld cycle.
+"""A simple field-oriented controller around the switched bench, on the encoder's angle: what
+records a withheld cycle.
 
-It knows readings and the believed motor only.  A command computed from the sample at t_k acts from t_k+1 on.
-Current control is proportional-integral in the measured rotor frame (injection averaged out over its period), speed
-control likewise on the encoder's difference over two milliseconds.
+It knows readings and the believed motor only.  A command computed from the sample at t_k acts from
+t_k+1 on. Current control is proportional-integral in the measured rotor frame (injection averaged
+out over its period), speed control likewise on the encoder's difference over two milliseconds.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ Array = NDArray[np.float64]
 WINDOW = 0.002  # s over which the encoder's difference gives speed
 ROOM = 64  # samples a window may have
 SPEED_LAG = 2.5e-3  # s
-RECORDED = np.dtype([(name, np.float64) for name in ("u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta")], align=True)
+RECORDED = np.dtype(
+    [(name, np.float64) for name in ("u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta")], align=True
+)
 REFERENCE_LAG = 4e-3  # s, of the current asked for
 RAMP = 0.5  # of what rated torque could do
 CURRENT_LIMIT = 1.8  # times rated current, for speed control
@@ -36,7 +39,8 @@ AXES = {"none": 0.0, "d": 1.0, "q": 2.0}
 
 
 class Tuning(NamedTuple):
-    """Gains of the controller (SI), the injection as samples a period, amplitude in V and axis (0 none, 1 d, 2 q)."""
+    """Gains of the controller (SI), the injection as samples a period, amplitude in V and axis (0
+    none, 1 d, 2 q)."""
 
     period: float
     pole_pairs: float
@@ -58,11 +62,14 @@ class Tuning(NamedTuple):
 
 
 def tuned(drive: Drive, believed: Motor, axis: str, rng: Generator) -> Tuning:
-    """Return a controller for a recording, its bandwidths drawn; slower where injection runs beside it."""
+    """Return a controller for a recording, its bandwidths drawn; slower where injection runs beside
+    it."""
     period = drive.converter.sampling_period
     bandwidth = math.tau * (rng.uniform(60.0, 110.0) if axis == "none" else rng.uniform(12.0, 22.0))
     rate = math.tau * rng.uniform(3.0, 6.0)
-    to_current = believed.inertia / believed.pole_pairs / (1.5 * believed.pole_pairs * believed.magnet_flux)
+    to_current = (
+        believed.inertia / believed.pole_pairs / (1.5 * believed.pole_pairs * believed.magnet_flux)
+    )
     return Tuning(
         period,
         float(believed.pole_pairs),
@@ -103,10 +110,11 @@ def averaged(ring, k, samples, i_d, i_q):
 
 @kernel
 def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
-    """Run a cycle; out: (n,) of RECORDED; return the samples done (fewer where the state is no longer finite).
+    """Run a cycle; out: (n,) of RECORDED; return the samples done (fewer where the state is no
+    longer finite).
 
-    u_dc: (n,) V as read; plan: (n, 4); angle, speed: imposed motion (rad electrical, rad/s mechanical); load: (n,)
-    torque that really acts, N m.
+    u_dc: (n,) V as read; plan: (n, 4); angle, speed: imposed motion (rad electrical, rad/s
+    mechanical); load: (n,) torque that really acts, N m.
     """
     n = len(plan)
     currents, angles = np.zeros((2, ROOM)), np.zeros(ROOM)
@@ -117,12 +125,24 @@ def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
         if rotor == DRIVEN:
             x[THETA], x[BENCH_SPEED] = angle[k], speed[k]
             acceleration = (speed[min(k + 1, n - 1)] - speed[k]) / g.period
-        held, row = measure(x, b, rotor, u_alpha, u_beta, u_dc[k], load[k], acceleration, rng), out[k]
+        held, row = (
+            measure(x, b, rotor, u_alpha, u_beta, u_dc[k], load[k], acceleration, rng),
+            out[k],
+        )
         i_a, i_b, i_c, theta = held.i_a, held.i_b, held.i_c, held.theta
-        row.u_alpha, row.u_beta, row.i_a, row.i_b, row.i_c, row.theta = u_alpha, u_beta, i_a, i_b, i_c, theta
+        row.u_alpha, row.u_beta, row.i_a, row.i_b, row.i_c, row.theta = (
+            u_alpha,
+            u_beta,
+            i_a,
+            i_b,
+            i_c,
+            theta,
+        )
         i_alpha, i_beta = (2.0 * i_a - i_b - i_c) / 3.0, (i_b - i_c) / math.sqrt(3.0)
         c, s = math.cos(theta), math.sin(theta)
-        i_d, i_q = averaged(currents, k, samples, c * i_alpha + s * i_beta, c * i_beta - s * i_alpha)
+        i_d, i_q = averaged(
+            currents, k, samples, c * i_alpha + s * i_beta, c * i_beta - s * i_alpha
+        )
         back = min(k, g.window)
         if back > 0:
             difference = (theta - angles[(k - back) % ROOM]) / (back * g.period)
@@ -146,10 +166,16 @@ def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
             u_q = g.gain_q * e_q + sum_q + omega * (g.inductance_d * i_d + g.magnet_flux)
             u_d, u_q, kept = limited(u_d, u_q, g.voltage_limit)
             if kept == 1.0:
-                sum_d, sum_q = sum_d + g.integral * e_d * g.period, sum_q + g.integral * e_q * g.period
+                sum_d, sum_q = (
+                    sum_d + g.integral * e_d * g.period,
+                    sum_q + g.integral * e_q * g.period,
+                )
         if g.axis > 0.0:
             wave = g.injection if (k + 1) % samples < samples // 2 else -g.injection
-            u_d, u_q = u_d + (wave if g.axis == 1.0 else 0.0), u_q + (wave if g.axis == 2.0 else 0.0)
+            u_d, u_q = (
+                u_d + (wave if g.axis == 1.0 else 0.0),
+                u_q + (wave if g.axis == 2.0 else 0.0),
+            )
         advance(x, b, rotor, u_alpha, u_beta, u_dc[k], load[k], acceleration)
         if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[THETA]):
             return k
@@ -160,19 +186,32 @@ def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
 
 
 def record(
-    b: SwitchedBench, cycle: Cycle, tuning: Tuning, theta: float, load: Array, u_dc: Array, seed: int
+    b: SwitchedBench,
+    cycle: Cycle,
+    tuning: Tuning,
+    theta: float,
+    load: Array,
+    u_dc: Array,
+    seed: int,
 ) -> NDArray[np.void]:
     """Return a recorded cycle (n,) of RECORDED; theta: true angle at the start, rad.
 
-    load: (n,) N m that really acts; u_dc: (n,) V as read.  PhysicsError where the bench's equations blow up.
+    load: (n,) N m that really acts; u_dc: (n,) V as read.  PhysicsError where the bench's equations
+    blow up.
     """
     n = len(cycle.plan)
-    angle = theta + tuning.period * np.concatenate([[0.0], np.cumsum(0.5 * (cycle.speed[1:] + cycle.speed[:-1]))])
+    angle = theta + tuning.period * np.concatenate(
+        [[0.0], np.cumsum(0.5 * (cycle.speed[1:] + cycle.speed[:-1]))]
+    )
     speed = cycle.speed / tuning.pole_pairs
     state = start(b, theta, float(speed[0]))
     out = np.empty(n, RECORDED)
     rng = np.random.default_rng(seed)
-    done = run_cycle(state, b, MODES[cycle.rotor], tuning, u_dc, cycle.plan, angle, speed, load, rng, out)
+    done = run_cycle(
+        state, b, MODES[cycle.rotor], tuning, u_dc, cycle.plan, angle, speed, load, rng, out
+    )
     if done < n:
-        raise PhysicsError(f"{cycle.file}: the switched bench is not finite after {done} of {n} samples")
+        raise PhysicsError(
+            f"{cycle.file}: the switched bench is not finite after {done} of {n} samples"
+        )
     return out

@@ -1,7 +1,9 @@
-"""Effects of a user (`--effects-from`) in a check: recorded by the switched bench where it has their equation, too.
+"""Effects of a user (`--effects-from`) in a check: recorded by the switched bench where it has
+their equation, too.
 
-The bench shares no code with the plant, so it cannot take over a user's equation.  It knows a few effects outside the
-library by its own numbers (`switched.unlisted`); an effect called like one of them is drawn as those of the library.
+The bench shares no code with the plant, so it cannot take over a user's equation.  It knows a few
+effects outside the library by its own numbers (`switched.unlisted`); an effect called like one of
+them is drawn as those of the library.
 """
 
 from __future__ import annotations
@@ -28,25 +30,31 @@ def users_cards() -> dict[str, Effect]:
 
 
 def numbers(card: Effect) -> dict[str, str]:
-    """Return the bench's number of each parameter of a card: `effect` for the first, `effect_parameter` for others;
-    BadInput where the bench has no such number."""
-    out = {p.name: f"{card.name}_{p.name}" if k else card.name for k, p in enumerate(card.parameters)}
+    """Return the bench's number of each parameter of a card: `effect` for the first,
+    `effect_parameter` for others; BadInput where the bench has no such number."""
+    out = {
+        p.name: f"{card.name}_{p.name}" if k else card.name for k, p in enumerate(card.parameters)
+    }
     for parameter, number in out.items():
         if number not in UNLISTED:
             raise BadInput(
-                f"the switched bench has no number '{number}' for '{card.name}.{parameter}', so it cannot record that "
-                f"effect; it knows {', '.join(UNLISTED)}"
+                f"the switched bench has no number '{number}' for '{card.name}.{parameter}', so it "
+                f"cannot record that effect; it knows {', '.join(UNLISTED)}"
             )
     return out
 
 
 def size_at(place: float) -> float:
-    """Return the multiple of the typical size at a place, 0 to 1, of the range that the ladder spans."""
+    """Return the multiple of the typical size at a place, 0 to 1, of the range that the ladder
+    spans."""
     return float(EFFECT_SIZES[0] * (EFFECT_SIZES[-1] / EFFECT_SIZES[0]) ** place)
 
 
-def users_planted(card: Effect, motor: Motor, converter: Converter, size: float, rng: Generator) -> Planted:
-    """Return what the bench gets for an effect of a multiple of its card's typical size; phases are drawn."""
+def users_planted(
+    card: Effect, motor: Motor, converter: Converter, size: float, rng: Generator
+) -> Planted:
+    """Return what the bench gets for an effect of a multiple of its card's typical size; phases are
+    drawn."""
     bench = dict[str, float]()
     for k, (p, number) in enumerate(zip(card.parameters, numbers(card).values(), strict=True)):
         if p.name in (card.polar or ())[1:]:
@@ -59,4 +67,8 @@ def users_planted(card: Effect, motor: Motor, converter: Converter, size: float,
 def users_truth(names: Sequence[str], bench: Mapping[str, float]) -> dict[str, float]:
     """Return the true parameters of a user's effects by public name, from the bench's numbers."""
     cards = {card.name: card for card, _ in own.cards() if card.name in names}
-    return {f"{name}.{p}": bench[number] for name, card in cards.items() for p, number in numbers(card).items()}
+    return {
+        f"{name}.{p}": bench[number]
+        for name, card in cards.items()
+        for p, number in numbers(card).items()
+    }

@@ -1,1 +1,2 @@
-"""Diagnoses of sealed campaigns: run blindly, judged against the opened truth, beside simple methods."""
+"""Diagnoses of sealed campaigns: run blindly, judged against the opened truth, beside simple
+methods."""

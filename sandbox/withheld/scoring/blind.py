@@ -1,8 +1,9 @@
 """Scoring a withheld check: diagnose blindly, then open the seal.
 
-`diagnose(folder, exclude)` is any function that answers with an object whose `json` is the diagnosis of
-`diagnosis.json`; the baselines are such functions, too.  It is given a campaign's folder and never the seal.  Reports
-and seal become rows (`rows.py`), figures come from the rows alone (`tables_of_rows.py`).
+`diagnose(folder, exclude)` is any function that answers with an object whose `json` is the
+diagnosis of `diagnosis.json`; the baselines are such functions, too.  It is given a campaign's
+folder and never the seal.  Reports and seal become rows (`rows.py`), figures come from the rows
+alone (`tables_of_rows.py`).
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ LEAST_LEFT_OUT = 1.0  # size from which on an effect is left out of the library
 
 
 def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
-    """Diagnose a campaign with the project's own diagnosis; what effects do to the position error is not scored."""
+    """Diagnose a campaign with the project's own diagnosis; what effects do to the position error
+    is not scored."""
     d = diagnose(read_campaign(folder), exclude=exclude, workers=1)
     whole = ranking(d, position=False)
     return SimpleNamespace(json=plain(contract(d, where(d), None, next_recording(d), whole=whole)))
@@ -60,12 +62,14 @@ def score(
 ) -> Scores:
     """Diagnose a check's campaigns (those without a report yet) and judge them.
 
-    limit: the first so many campaigns; leave_out: share of the single effects of medium size or more diagnosed once
-    more without the true effect in the library; again: forget earlier reports; finished: run nothing, judge what has
-    a report; allow_mixed: reports may come from several states of the code, whose figures are then told apart;
+    limit: the first so many campaigns; leave_out: share of the single effects of medium size or
+    more diagnosed once more without the true effect in the library; again: forget earlier reports;
+    finished: run nothing, judge what has a report; allow_mixed: reports may come from several
+    states of the code, whose figures are then told apart;
     cluster: a dask scheduler whose workers find the folder at the same place.
-    Where a diagnosis is ambiguous, the recording that it recommends is made and all is diagnosed again.
-    BadInput where the folder is no check, its seal is not the one that was hashed, or states of the code are mixed.
+    Where a diagnosis is ambiguous, the recording that it recommends is made and all is diagnosed
+    again. BadInput where the folder is no check, its seal is not the one that was hashed, or states
+    of the code are mixed.
     """
     if not 0.0 <= leave_out <= 1.0:
         raise BadInput(f"leave_out = {leave_out} is no share; give a number in [0, 1]")
@@ -77,25 +81,42 @@ def score(
     if finished:
         names = with_report(reports, names)
         if not names:
-            raise BadInput(f"no campaign of '{folder}' has a report of '{method}' yet; score without --finished")
+            raise BadInput(
+                f"no campaign of '{folder}' has a report of '{method}' yet; score "
+                "without --finished"
+            )
     if again:
         _forget(reports)
     if not finished:
         if not allow_mixed:  # nor on reports that cannot be judged beside older ones
             places = (reports, reports / LEFT_OUT, reports / RESOLVED)
-            one_code([r for p in places for r in _rows(method, BLIND, p, names, {})], f"'{reports}'", [code_digest()])
+            one_code(
+                [r for p in places for r in _rows(method, BLIND, p, names, {})],
+                f"'{reports}'",
+                [code_digest()],
+            )
         run_all(check, dict.fromkeys(names, ()), reports)
     content = opened(folder)
     truth = content["campaigns"]
     _complete(folder, truth)
-    single = [n for n in names if truth[n]["kind"] == "one" and truth[n]["sizes"][0] >= LEAST_LEFT_OUT]
+    single = [
+        n for n in names if truth[n]["kind"] == "one" and truth[n]["sizes"][0] >= LEAST_LEFT_OUT
+    ]
     without = {n: taken_out(truth[n]["effects"]) for n in single[: round(leave_out * len(single))]}
     found = {n: read_report(reports, n) for n in names}
-    asked = {n: entry for n, d in found.items() if "failed" not in d and (entry := recommended(d)) is not None}
+    asked = {
+        n: entry
+        for n, d in found.items()
+        if "failed" not in d and (entry := recommended(d)) is not None
+    }
     if not finished:
         run_all(check, without, reports / LEFT_OUT)
         follow_all(check, asked, content, reports / RESOLVED)
-    parts = ((BLIND, reports, names), (LEFT_OUT, reports / LEFT_OUT, without), (RESOLVED, reports / RESOLVED, asked))
+    parts = (
+        (BLIND, reports, names),
+        (LEFT_OUT, reports / LEFT_OUT, without),
+        (RESOLVED, reports / RESOLVED, asked),
+    )
     rows = [r for part, place, chosen in parts for r in _rows(method, part, place, chosen, truth)]
     if not allow_mixed:
         one_code(rows, f"'{reports}'")
@@ -103,14 +124,19 @@ def score(
 
 
 def taken_out(effects: Sequence[str]) -> tuple[str, ...]:
-    """Return true effects with those that have all of their numbers among their own: with one of these in the library,
-    the cause would still be there under another name."""
+    """Return true effects with those that have all of their numbers among their own: with one of
+    these in the library, the cause would still be there under another name."""
     return (*effects, *(h for e in effects for h in library.holders(e)))
 
 
-def _rows(method: str, part: str, reports: Path, names: Iterable[str], truth: Mapping[str, Any]) -> list[Row]:
+def _rows(
+    method: str, part: str, reports: Path, names: Iterable[str], truth: Mapping[str, Any]
+) -> list[Row]:
     """Return a row for every campaign that has a report."""
-    return [row(method, part, n, truth.get(n, {}), read_report(reports, n)) for n in with_report(reports, names)]
+    return [
+        row(method, part, n, truth.get(n, {}), read_report(reports, n))
+        for n in with_report(reports, names)
+    ]
 
 
 def _forget(reports: Path) -> None:
@@ -126,7 +152,9 @@ def _complete(folder: Path, truth: Mapping[str, Any]) -> None:
     recorded = campaign_names(folder)
     absent, foreign = sorted(set(truth) - set(recorded)), sorted(set(recorded) - set(truth))
     if foreign:
-        raise BadInput(f"'{folder / CAMPAIGNS / foreign[0]}' is no campaign of this check; move it elsewhere")
+        raise BadInput(
+            f"'{folder / CAMPAIGNS / foreign[0]}' is no campaign of this check; move it elsewhere"
+        )
     if absent:
         raise BadInput(
             f"{len(absent)} of {len(truth)} sealed campaigns are not recorded ({absent[0]}, ...); "
@@ -140,7 +168,8 @@ def with_report(reports: Path, names: Iterable[str]) -> list[str]:
 
 
 def campaign_names(folder: Path, limit: int | None = None) -> list[str]:
-    """Return the names of a check's campaigns; BadInput where there is none, or recording is not finished."""
+    """Return the names of a check's campaigns; BadInput where there is none, or recording is not
+    finished."""
     found = sorted(p.name for p in (folder / CAMPAIGNS).glob("w[0-9][0-9][0-9]*") if p.is_dir())
     if not found or not (folder / SEAL).is_file():
         raise BadInput(f"'{folder}' is no withheld check; make one with `sensorless withheld make`")
@@ -153,7 +182,9 @@ def read_report(reports: Path, name: str) -> dict[str, Any]:
     try:
         return check_report(read_json(given_bytes(path, MOST_JSON, "score again")), name)
     except (OSError, ValueError) as error:  # BadInput, too
-        raise BadInput(f"'{path}' holds no report of {name}; delete it and score again ({error})") from None
+        raise BadInput(
+            f"'{path}' holds no report of {name}; delete it and score again ({error})"
+        ) from None
 
 
 def read_json(text: bytes) -> Any:
@@ -169,19 +200,25 @@ def sealed(folder: Path) -> bytes:
     data, path = given_bytes(folder / SEAL, MOST_JSON, "make the check anew"), folder / HASH
     stated = path.read_bytes().split()[:1] if path.is_file() else []
     if not stated:
-        raise BadInput(f"'{path}' is missing or empty, so the seal cannot be checked; make the check anew")
+        raise BadInput(
+            f"'{path}' is missing or empty, so the seal cannot be checked; make the check anew"
+        )
     found, declared = hashlib.sha256(data).hexdigest(), stated[0].decode("ascii", "replace")
     if found != declared:
         raise BadInput(
-            f"{SEAL} has SHA-256 {found}, {HASH} says {declared}: the truth was changed; make the check anew"
+            f"{SEAL} has SHA-256 {found}, {HASH} says {declared}: the truth was changed; "
+            "make the check anew"
         )
     return data
 
 
 def opened(folder: Path) -> dict[str, Any]:
-    """Return what the seal holds; BadInput where it is not the file that was hashed, or holds no truth."""
+    """Return what the seal holds; BadInput where it is not the file that was hashed, or holds no
+    truth."""
     data = sealed(folder)
     try:
         return check_truth(read_json(data))
     except ValueError as error:  # BadInput, too
-        raise BadInput(f"'{folder / SEAL}' holds no truth of a check; make the check anew ({error})") from None
+        raise BadInput(
+            f"'{folder / SEAL}' holds no truth of a check; make the check anew ({error})"
+        ) from None

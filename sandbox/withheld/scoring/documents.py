@@ -1,6 +1,8 @@
-"""The documents that a score reads, checked before anything is judged: stored diagnoses, and what the seal holds.
+"""The documents that a score reads, checked before anything is judged: stored diagnoses, and what
+the seal holds.
 
-Both are JSON that anybody may have edited or a full disk cut short; the first thing wrong is named by its place.
+Both are JSON that anybody may have edited or a full disk cut short; the first thing wrong is named
+by its place.
 """
 
 from __future__ import annotations
@@ -17,14 +19,17 @@ MAX_ENTRIES = 1000  # hypotheses, effects or places of one report
 
 
 def check_report(content: Any, name: str) -> dict[str, Any]:
-    """Return a diagnosis of campaign `name` as judging reads it; BadInput for the first place that is wrong."""
+    """Return a diagnosis of campaign `name` as judging reads it; BadInput for the first place that
+    is wrong."""
     report = _table(content, "the report")
     if report.get("campaign", name) != name:
         raise BadInput(f"it is of campaign {brief(report['campaign'])}")
     if "failed" in report:
         return report
     if _there(report, "verdict") not in VERDICTS:
-        raise BadInput(f"verdict is {brief(report['verdict'])}; it has to be one of {', '.join(VERDICTS)}")
+        raise BadInput(
+            f"verdict is {brief(report['verdict'])}; it has to be one of {', '.join(VERDICTS)}"
+        )
     gap = _table(_there(report, "gap"), "gap")
     _number(_there(gap, "before"), "gap.before")
     for key in ("raw", "after", "closed"):
@@ -89,9 +94,15 @@ def check_truth(content: Any) -> dict[str, Any]:
         sizes = _rows(_there(entry, "sizes"), f"{where}.sizes")
         for size in sizes:
             if not _number(size, f"{where}.sizes") > 0.0:
-                raise BadInput(f"{where}.sizes = {brief(size)} is no size; it is a multiple of the medium one, above 0")
+                raise BadInput(
+                    f"{where}.sizes = {brief(size)} is no size; it is a multiple of the "
+                    "medium one, above 0"
+                )
         if entry["kind"] == "one" and not (len(sizes) == len(entry["effects"]) == 1):
-            raise BadInput(f"{where} is of one effect, but names {len(entry['effects'])} and {len(sizes)} sizes")
+            raise BadInput(
+                f"{where} is of one effect, but names {len(entry['effects'])} and "
+                f"{len(sizes)} sizes"
+            )
         for key, value in _table(_there(entry, "parameters"), f"{where}.parameters").items():
             _number(value, f"{where}.parameters.{key}")
         if entry.get("outside_subsystem") is not None:

@@ -1,8 +1,8 @@
 """One diagnosis against the truth of its campaign: what was right, what was missed.
 
-Where one effect contains another (saturation and its cross part), a verdict for either is right if the truth is in
-its ambiguity set.  A diagnosis that failed has everything wrong: nothing is found, nothing located, and its P(unknown)
-is 0 where the truth is unknown, else 1.
+Where one effect contains another (saturation and its cross part), a verdict for either is right if
+the truth is in its ambiguity set.  A diagnosis that failed has everything wrong: nothing is found,
+nothing located, and its P(unknown) is 0 where the truth is unknown, else 1.
 """
 
 from __future__ import annotations
@@ -31,11 +31,13 @@ SETTLED = 0.95  # probability of a confident verdict
 class Judgement:
     """What one diagnosis was worth; sizes as in the ladder, shares in [0, 1].
 
-    hit: the true set is the first hypothesis; probability: given to the true set; unknown: P(unknown);
-    parts: parameters (covered, given); closed: None where it is undefined; subsystem: rightly located, None without an
-    effect; top, top_probability: the first hypothesis; in_set, unknown_in_set: the truth, or a hypothesis with
-    `unknown`, stands in the ambiguity set; chances: of each effect, to be there; parts_of: `parts` by effect; outside:
-    the subsystem of a cause outside the library.
+    hit: the true set is the first hypothesis; probability: given to the true set; unknown:
+    P(unknown);
+    parts: parameters (covered, given); closed: None where it is undefined; subsystem: rightly
+    located, None without an effect; top, top_probability: the first hypothesis; in_set,
+    unknown_in_set: the truth, or a hypothesis with `unknown`, stands in the ambiguity set; chances:
+    of each effect, to be there; parts_of: `parts` by effect; outside: the subsystem of a cause
+    outside the library.
     """
 
     name: str
@@ -84,8 +86,11 @@ class Judgement:
         return bool({*self.top} - {*self.effects, UNKNOWN})
 
     def listed(self, least: float) -> frozenset[str]:
-        """Return the effects with a chance above `least` that are not there: false names of the whole list."""
-        return frozenset(e for e, chance in self.chances.items() if chance > least) - {*self.effects}
+        """Return the effects with a chance above `least` that are not there: false names of the
+        whole list."""
+        return frozenset(e for e, chance in self.chances.items() if chance > least) - {
+            *self.effects
+        }
 
     @property
     def twin(self) -> bool:
@@ -106,11 +111,14 @@ def label_of(effects: Sequence[str]) -> str:
 
 
 def alike(one: frozenset[str], other: frozenset[str]) -> bool:
-    """Tell whether two sets of effects are the same up to effects of which one contains the other."""
+    """Tell whether two sets of effects are the same up to effects of which one contains the
+    other."""
 
     def plain(effects: frozenset[str]) -> frozenset[str]:
         """Return a set with each effect under the name of its group."""
-        return frozenset("+".join(sorted(next((g for g in INSEPARABLE if e in g), {e}))) for e in effects)
+        return frozenset(
+            "+".join(sorted(next((g for g in INSEPARABLE if e in g), {e}))) for e in effects
+        )
 
     return plain(one) == plain(other)
 
@@ -145,12 +153,16 @@ def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
             parts_of=missed_of,
             outside=beyond,
         )
-    hypotheses = [(frozenset(h["effects"]), float(h["probability"]), h) for h in diagnosis["hypotheses"]]
+    hypotheses = [
+        (frozenset(h["effects"]), float(h["probability"]), h) for h in diagnosis["hypotheses"]
+    ]
     top, top_probability, best = hypotheses[0]
     members = [frozenset(m) for m in diagnosis["ambiguity_set"]]
     matches = [(e, p) for e, p, _ in hypotheses if _same(e, true, members)]
     cost, verdict = diagnosis.get("cost", {}), str(diagnosis["verdict"])
-    parts = {e: covered(truth["parameters"], best.get("parameters", {}), [e]) for e in sorted(top & true)}
+    parts = {
+        e: covered(truth["parameters"], best.get("parameters", {}), [e]) for e in sorted(top & true)
+    }
     place = located(true, diagnosis.get("where", []), beyond)
     if true and verdict == "no_gap":
         place = False  # `where` then says where a gap would lie if there were one
@@ -179,7 +191,8 @@ def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
 
 
 def chances(diagnosis: Mapping[str, Any]) -> dict[str, float]:
-    """Return with which chance each effect is there: as stated, else by the hypotheses that hold it."""
+    """Return with which chance each effect is there: as stated, else by the hypotheses that hold
+    it."""
     if "effects" in diagnosis:
         return {str(e["name"]): float(e["probability"]) for e in diagnosis["effects"]}
     out: dict[str, float] = {}
@@ -208,13 +221,17 @@ def f1(found: frozenset[str], true: frozenset[str]) -> float:
 
 
 def estimated(name: str) -> bool:
-    """Tell whether a diagnosis estimates a parameter; others are kept, or chosen from a list, without an interval."""
+    """Tell whether a diagnosis estimates a parameter; others are kept, or chosen from a list,
+    without an interval."""
     known = parameters().get(name)
     return known is None or known.fit != "fixed"
 
 
-def covered(true: Mapping[str, float], found: Mapping[str, Any], effects: Sequence[str]) -> tuple[int, int]:
-    """Return how many true parameters of rightly named effects lie in their 95 % intervals, and how many were given.
+def covered(
+    true: Mapping[str, float], found: Mapping[str, Any], effects: Sequence[str]
+) -> tuple[int, int]:
+    """Return how many true parameters of rightly named effects lie in their 95 % intervals, and how
+    many were given.
 
     An interval without an end is open there.
     """
@@ -234,7 +251,8 @@ def covered(true: Mapping[str, float], found: Mapping[str, Any], effects: Sequen
 
 
 def closed(true: frozenset[str], gap: Mapping[str, Any]) -> float | None:
-    """Return the share of the gap closed; a verdict of no gap closes nothing, unless hardly any was left."""
+    """Return the share of the gap closed; a verdict of no gap closes nothing, unless hardly any was
+    left."""
     if not true or UNKNOWN in true:
         return None
     if gap.get("closed") is not None:
@@ -242,8 +260,11 @@ def closed(true: frozenset[str], gap: Mapping[str, Any]) -> float | None:
     return None if float(gap["before"]) < NO_GAP_LEFT else 0.0
 
 
-def located(true: frozenset[str], where: Sequence[Mapping[str, Any]], outside: str | None = None) -> bool | None:
-    """Tell whether the first place named lies in a subsystem that has an effect; outside: that of an unknown one.
+def located(
+    true: frozenset[str], where: Sequence[Mapping[str, Any]], outside: str | None = None
+) -> bool | None:
+    """Tell whether the first place named lies in a subsystem that has an effect; outside: that of
+    an unknown one.
 
     Seals that do not say so hold unknown effects of the machine only.
     """

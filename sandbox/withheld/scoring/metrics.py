@@ -14,7 +14,9 @@ from sandbox.withheld.scoring.chances import MANY, NAMED, calibration, coverage_
 from sandbox.withheld.scoring.judge import SETTLED, UNKNOWN, Judgement
 from sandbox.withheld.scoring.limits import Figure, auroc, mean, mean_share, quantile, ratio, share
 
-GOALS = {  # of the whole list of effects with chances that hold, then those of single causes and recommendations
+# of the whole list of effects with chances that hold, then those of single causes and
+# recommendations
+GOALS = {
     "top1_half": "≥ 0.97",
     "calibration_one": "≤ 0.03",
     "exact_set": "≥ 0.85",
@@ -49,15 +51,19 @@ FARTHEST = 4  # doublings of the medium size beyond which sizes are counted toge
 
 
 def figures(
-    judged: Sequence[Judgement], asked: Mapping[str, float | None] | None = None, followed: Sequence[Judgement] = ()
+    judged: Sequence[Judgement],
+    asked: Mapping[str, float | None] | None = None,
+    followed: Sequence[Judgement] = (),
 ) -> dict[str, Figure]:
-    """Return every metric by name; asked: campaigns with a recommended recording and how probably it would settle them,
-    as the method says (None: it does not); followed: diagnosed with it.
+    """Return every metric by name; asked: campaigns with a recommended recording and how probably
+    it would settle them, as the method says (None: it does not); followed: diagnosed with it.
 
-    A method chooses what it asks for, so `resolved` is one of four: of what was recorded, it settled so much;
-    `resolved_promised`: as much as it had said; `recommended`: of all ambiguous verdicts, so many asked;
-    `resolved_of_all`: of these, so many were settled.  `resolved_sure`, `resolved_else`: `resolved` of those for which
-    at least SURE was promised, and of the others.
+    A method chooses what it asks for, so `resolved` is one of four: of what was recorded, it
+    settled so much;
+    `resolved_promised`: as much as it had said; `recommended`: of all ambiguous verdicts, so many
+    asked;
+    `resolved_of_all`: of these, so many were settled.  `resolved_sure`, `resolved_else`: `resolved`
+    of those for which at least SURE was promised, and of the others.
     """
     one = [j for j in judged if j.kind == "one"]
     several = [j for j in judged if j.kind == "several"]
@@ -66,8 +72,10 @@ def figures(
     ambiguous = [j.name for j in judged if j.verdict == "ambiguous"]
     asked = asked or {}
     settled = {j.name: j.settled for j in followed}
-    tried = [n for n in ambiguous if n in settled or n not in asked]  # the others are not recorded yet
-    if asked and not settled:  # nothing is recorded yet, so nothing is known of what recordings settle
+    # the others are not recorded yet
+    tried = [n for n in ambiguous if n in settled or n not in asked]
+    if asked and not settled:
+        # nothing is recorded yet, so nothing is known of what recordings settle
         tried = []
     shrunk = [j.closed for j in judged if j.closed is not None]
     of_list = [j.closed for j in judged if j.closed is not None and len(j.effects) >= MANY]
@@ -82,8 +90,12 @@ def figures(
         "exact_two": share([j.hit for j in several if len(j.effects) == 2]),
         "exact_three": share([j.hit for j in several if len(j.effects) == 3]),
         "unknown_auroc": auroc([j.unknown for j in outside], [j.unknown for j in known]),
-        "outside_named": share([j.failed or (UNKNOWN in j.top and j.falsely_named) for j in outside]),
-        "outside_blamed": share([j.failed or (UNKNOWN not in j.top and j.falsely_named) for j in outside]),
+        "outside_named": share(
+            [j.failed or (UNKNOWN in j.top and j.falsely_named) for j in outside]
+        ),
+        "outside_blamed": share(
+            [j.failed or (UNKNOWN not in j.top and j.falsely_named) for j in outside]
+        ),
         "outside_listed": share([j.failed or bool(j.listed(NAMED)) for j in outside]),
         "false_alarm": share([j.verdict != "no_gap" for j in judged if j.kind == "none"]),
         "calibration_one": calibration(one),
@@ -98,7 +110,9 @@ def figures(
         "ambiguity_size": mean([j.set_size for j in one if j.separable and not j.failed]),
         "subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
         "resolved": share([j.settled for j in followed]),
-        "resolved_promised": mean_share([p for j in followed if (p := asked.get(j.name)) is not None]),
+        "resolved_promised": mean_share(
+            [p for j in followed if (p := asked.get(j.name)) is not None]
+        ),
         "resolved_sure": share([j.settled for j in followed if (asked.get(j.name) or 0.0) >= SURE]),
         "resolved_else": share([j.settled for j in followed if (asked.get(j.name) or 0.0) < SURE]),
         "recommended": share([n in asked for n in ambiguous]),
@@ -110,11 +124,14 @@ def figures(
     }
 
 
-def by_subsystem(judged: Sequence[Judgement], known: Sequence[Judgement] = ()) -> dict[str, dict[str, Figure]]:
+def by_subsystem(
+    judged: Sequence[Judgement], known: Sequence[Judgement] = ()
+) -> dict[str, dict[str, Figure]]:
     """Return what is said of causes outside the library by the subsystem they lie in.
 
-    found: `unknown` stands in the first hypothesis; named, blamed: as `outside_named` and `outside_blamed`; auroc: of
-    P(unknown) against that of campaigns without such a cause, these ones' and `known`.
+    found: `unknown` stands in the first hypothesis; named, blamed: as `outside_named` and
+    `outside_blamed`; auroc: of P(unknown) against that of campaigns without such a cause, these
+    ones' and `known`.
     """
     without = [j.unknown for j in (*judged, *known) if j.outside is None]
     out = {}
@@ -132,10 +149,12 @@ def by_subsystem(judged: Sequence[Judgement], known: Sequence[Judgement] = ()) -
 def left_out(judged: Sequence[Judgement]) -> dict[str, Figure]:
     """Return the figures of diagnoses from whose library the true effect was taken.
 
-    verdict_unknown: `unknown` is the verdict; unknown: P(unknown) > 0.05, or it stands in the ambiguity set;
-    confident_wrong: nearly all the probability on other names, or on none; twin: such on an effect that recordings can
-    hardly tell from the missing one (`judge.TWINS`), counted in both; listed_wrong: another effect of the list has a
-    chance above SETTLED, whatever `unknown` has; subsystem: rightly located.
+    verdict_unknown: `unknown` is the verdict; unknown: P(unknown) > 0.05, or it stands in the
+    ambiguity set;
+    confident_wrong: nearly all the probability on other names, or on none; twin: such on an effect
+    that recordings can hardly tell from the missing one (`judge.TWINS`), counted in both;
+    listed_wrong: another effect of the list has a chance above SETTLED, whatever `unknown` has;
+    subsystem: rightly located.
     """
     held_open = [not j.failed and (j.unknown > DOUBT or j.unknown_in_set) for j in judged]
     return {
@@ -144,33 +163,45 @@ def left_out(judged: Sequence[Judgement]) -> dict[str, Figure]:
         "leave_out_twin": share([j.twin and j.confident for j in judged]),
         "leave_out_confident_wrong": share([j.confident and j.unknown <= DOUBT for j in judged]),
         "leave_out_listed_wrong": share([j.failed or bool(j.listed(SETTLED)) for j in judged]),
-        "leave_out_subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
+        "leave_out_subsystem": share(
+            [bool(j.subsystem) for j in judged if j.subsystem is not None]
+        ),
     }
 
 
 def rung(size: float) -> float:
-    """Return the power of two nearest to a size (a multiple of the medium one), where figures by size count it."""
+    """Return the power of two nearest to a size (a multiple of the medium one), where figures by
+    size count it."""
     return float(2.0 ** min(max(round(math.log2(size)), -FARTHEST), FARTHEST))
 
 
 def by_size(judged: Sequence[Judgement]) -> dict[str, dict[str, Figure]]:
-    """Return top-1 and mean probability of single effects by size, to the nearest power of two of the medium one."""
+    """Return top-1 and mean probability of single effects by size, to the nearest power of two of
+    the medium one."""
     sizes = sorted({rung(j.sizes[0]) for j in judged if j.kind == "one"})
     own = {s: [j for j in judged if j.kind == "one" and rung(j.sizes[0]) == s] for s in sizes}
     return {
-        f"{s:g}": {"top1": share([j.hit for j in js]), "mean_probability": mean_share([j.probability for j in js])}
+        f"{s:g}": {
+            "top1": share([j.hit for j in js]),
+            "mean_probability": mean_share([j.probability for j in js]),
+        }
         for s, js in own.items()
     }
 
 
 def detection_floor(judged: Sequence[Judgement]) -> dict[str, dict[str, Any]]:
-    """Return by effect the smallest size found, the largest missed, and how many campaigns there were."""
+    """Return by effect the smallest size found, the largest missed, and how many campaigns there
+    were."""
     out = {}
     for name in causes():
         own = [j for j in judged if j.kind == "one" and j.effects == (name,)]
         if own:
             found, missed = ([j.sizes[0] for j in own if j.hit is hit] for hit in (True, False))
-            out[name] = {"found": min(found, default=None), "missed": max(missed, default=None), "n": len(own)}
+            out[name] = {
+                "found": min(found, default=None),
+                "missed": max(missed, default=None),
+                "n": len(own),
+            }
     return out
 
 
@@ -181,14 +212,21 @@ def confusion(judged: Sequence[Judgement]) -> dict[str, Any]:
     order = [*causes(), UNKNOWN, "none", "several", "failed"]
     rows, columns = ([n for n in order if any(c[k] == n for c in cases)] for k in (0, 1))
     counts = Counter(cases)
-    return {"truth": rows, "verdict": columns, "counts": [[counts[r, c] for c in columns] for r in rows]}
+    return {
+        "truth": rows,
+        "verdict": columns,
+        "counts": [[counts[r, c] for c in columns] for r in rows],
+    }
 
 
 def reliability(judged: Sequence[Judgement], bins: int = 10) -> list[dict[str, Any]]:
-    """Return by bin of the first hypothesis' probability: its mean, and the share that was right with its limits."""
+    """Return by bin of the first hypothesis' probability: its mean, and the share that was right
+    with its limits."""
     out = []
     for k in range(bins):
-        own = [j for j in judged if not j.failed and min(int(j.top_probability * bins), bins - 1) == k]
+        own = [
+            j for j in judged if not j.failed and min(int(j.top_probability * bins), bins - 1) == k
+        ]
         if own:
             stated = float(np.mean([j.top_probability for j in own]))
             out.append({"stated": stated, **share([j.hit for j in own]).as_json()})

@@ -1,4 +1,5 @@
-"""What a diagnosis recommends is recorded on the true bench and diagnosed with the rest: does it settle the ambiguity?
+"""What a diagnosis recommends is recorded on the true bench and diagnosed with the rest: does it
+settle the ambiguity?
 
 Recording knows the truth (the seal is open by then), diagnosing gets a campaign's folder only.
 """
@@ -27,8 +28,8 @@ FILE = "recommended"
 
 
 def recommended(diagnosis: Mapping[str, Any]) -> tuple[str, float] | None:
-    """Return name and seconds of the recording that an ambiguous diagnosis recommends; None where nothing is to
-    settle."""
+    """Return name and seconds of the recording that an ambiguous diagnosis recommends; None where
+    nothing is to settle."""
     following = diagnosis.get("next_recording")
     if following is None or diagnosis["verdict"] != "ambiguous":
         return None
@@ -65,18 +66,29 @@ def cycle_of(entry: Entry) -> Cycle:
 
 
 def drawn_again(content: Mapping[str, Any], name: str) -> Drawn:
-    """Return a campaign's truth as it was drawn; BadInput where today's drawing no longer gives what was sealed."""
+    """Return a campaign's truth as it was drawn; BadInput where today's drawing no longer gives
+    what was sealed."""
     truths = content["campaigns"]
     try:
         table = content.get("sizes", "")  # seals of before do not say so
         maps = Maps(*content.get("maps", ()))  # seals of before have none
-        listed = cases(len(truths), content["seed"], content["kind"], content["style"], content["outside"], table, maps)
+        listed = cases(
+            len(truths),
+            content["seed"],
+            content["kind"],
+            content["style"],
+            content["outside"],
+            table,
+            maps,
+        )
         drawn = draw(next(c for c in listed if c.name == name), content["seed"])
         same = drawn.sealed() == truths[name]
-    except (LookupError, TypeError, ValueError, ArithmeticError, StopIteration):  # a header of no check of this version
+    except (LookupError, TypeError, ValueError, ArithmeticError, StopIteration):
+        # a header of no check of this version
         same = False
     if not same:
         raise BadInput(
-            f"{name}: the seal was made by another version, whose bench cannot be drawn again; make a new one"
+            f"{name}: the seal was made by another version, whose bench cannot be drawn "
+            "again; make a new one"
         )
     return drawn

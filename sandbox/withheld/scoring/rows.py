@@ -1,7 +1,8 @@
-"""One row a diagnosis: truth, answer, code; every figure of a check follows from its rows and from nothing else.
+"""One row a diagnosis: truth, answer, code; every figure of a check follows from its rows and from
+nothing else.
 
-Numbers keep DIGITS significant digits, in the file and in the figures alike, so that figures computed from a file are
-those of the run to the last digit.
+Numbers keep DIGITS significant digits, in the file and in the figures alike, so that figures
+computed from a file are those of the run to the last digit.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ TRUTH = (
     "sizes",
     "parameters",
 )
-ANSWER = ("failed", "verdict", "ambiguity_set", "waterfall", "cpu_seconds")  # as they are; the rest is shortened
+# as they are; the rest is shortened
+ANSWER = ("failed", "verdict", "ambiguity_set", "waterfall", "cpu_seconds")
 KEPT = {
     "gap": ("raw", "before", "after", "closed"),
     "next_recording": ("entry", "seconds", "power"),
@@ -48,8 +50,9 @@ LIKELY = 0.5  # probability from which on an effect among many keeps its paramet
 class Row:
     """One diagnosis of one campaign beside its truth.
 
-    part: BLIND, LEFT_OUT (the true effects out of the library) or RESOLVED (with the recommended recording); truth: of
-    the seal, TRUTH; answer: of the report, shortened, or {"failed": why}; code: hash of what diagnosed; made: UTC.
+    part: BLIND, LEFT_OUT (the true effects out of the library) or RESOLVED (with the recommended
+    recording); truth: of the seal, TRUTH; answer: of the report, shortened, or {"failed": why};
+    code: hash of what diagnosed; made: UTC.
     """
 
     method: str
@@ -65,28 +68,46 @@ class Row:
         return json.dumps(dict(vars(self)), allow_nan=False, separators=(",", ":"))
 
 
-def row(method: str, part: str, campaign: str, truth: Mapping[str, Any], report: Mapping[str, Any]) -> Row:
-    """Return the row of one report (the diagnosis contract with `code` and `made`) beside its entry of the seal."""
+def row(
+    method: str, part: str, campaign: str, truth: Mapping[str, Any], report: Mapping[str, Any]
+) -> Row:
+    """Return the row of one report (the diagnosis contract with `code` and `made`) beside its entry
+    of the seal."""
     code, made = str(report.get("code", "unknown")), str(report.get("made", ""))
     kept = {k: truth[k] for k in TRUTH if truth.get(k) is not None}
-    return Row(method, part, campaign, rounded(kept, DIGITS), rounded(answer_of(report), DIGITS), code, made)
+    return Row(
+        method,
+        part,
+        campaign,
+        rounded(kept, DIGITS),
+        rounded(answer_of(report), DIGITS),
+        code,
+        made,
+    )
 
 
 def answer_of(report: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what judging and a reader need of a report: parameters of the first hypothesis only, no text."""
+    """Return what judging and a reader need of a report: parameters of the first hypothesis only,
+    no text."""
     out = {k: report[k] for k in ANSWER if k in report}
     if "failed" in out:
         return out
-    out["hypotheses"] = [{"effects": h["effects"], "probability": h["probability"]} for h in report["hypotheses"]]
+    out["hypotheses"] = [
+        {"effects": h["effects"], "probability": h["probability"]} for h in report["hypotheses"]
+    ]
     out["hypotheses"][0]["parameters"] = _intervals(report["hypotheses"][0])
     for key, names in KEPT.items():
         if key in report:
             part = report[key]
             out[key] = None if part is None else {n: part[n] for n in names if n in part}
-    out["where"] = [{k: w[k] for k in ("subsystem", "share") if k in w} for w in report.get("where", [])[:PLACES]]
+    out["where"] = [
+        {k: w[k] for k in ("subsystem", "share") if k in w}
+        for w in report.get("where", [])[:PLACES]
+    ]
     if "effects" in report:
         out["effects"] = [
-            {k: e[k] for k in INCLUDED if k in e} | ({"parameters": _intervals(e)} if e["probability"] > LIKELY else {})
+            {k: e[k] for k in INCLUDED if k in e}
+            | ({"parameters": _intervals(e)} if e["probability"] > LIKELY else {})
             for e in report["effects"]
         ]
     return out
@@ -105,12 +126,17 @@ def write_rows(path: Path, rows: Iterable[Row]) -> Path:
 def read_rows(path: Path) -> list[Row]:
     """Return the rows of a file; BadInput names the first line that is none."""
     out: list[Row] = []
-    content = given_bytes(path, MOST_JSON, "give the rows that `sensorless withheld score` has written")
+    content = given_bytes(
+        path, MOST_JSON, "give the rows that `sensorless withheld score` has written"
+    )
     for k, line in enumerate(content.decode("utf-8", "replace").splitlines(), 1):
         try:
             found = Row(**json.loads(line))
             check_report(found.answer, found.campaign)
-            named = all(isinstance(text, str) for text in (found.method, found.campaign, found.code, found.made))
+            named = all(
+                isinstance(text, str)
+                for text in (found.method, found.campaign, found.code, found.made)
+            )
             sound = named and found.part in PARTS and isinstance(found.truth, dict)
         except (ValueError, TypeError):  # BadInput, too
             sound = False
@@ -124,10 +150,12 @@ def check_seal(rows: Sequence[Row], seal: Mapping[str, Any]) -> None:
     """Raise BadInput where the truth of a row is not what the opened seal says of its campaign."""
     truths = seal["campaigns"]
     for r in rows:
-        if r.campaign not in truths or row(r.method, r.part, r.campaign, truths[r.campaign], {"failed": ""}).truth != (
-            r.truth
-        ):
-            raise BadInput(f"row of {r.campaign}: its truth is not the sealed one; score the check once more")
+        if r.campaign not in truths or row(
+            r.method, r.part, r.campaign, truths[r.campaign], {"failed": ""}
+        ).truth != (r.truth):
+            raise BadInput(
+                f"row of {r.campaign}: its truth is not the sealed one; score the check once more"
+            )
 
 
 def codes(rows: Iterable[Row]) -> tuple[str, ...]:
@@ -141,6 +169,6 @@ def one_code(rows: Sequence[Row], what: str, more: Iterable[str] = ()) -> None:
     if len(found) > 1:
         counts = ", ".join(f"{c}: {sum(r.code == c for r in rows)}" for c in found)
         raise BadInput(
-            f"{what} mixes {len(found)} states of the code ({counts}); diagnose anew with --again, or give "
-            "--allow-mixed, which tells the figures of each apart"
+            f"{what} mixes {len(found)} states of the code ({counts}); diagnose anew with --again, "
+            "or give --allow-mixed, which tells the figures of each apart"
         )

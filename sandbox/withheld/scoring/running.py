@@ -1,7 +1,8 @@
-"""Diagnosing the campaigns of a check, one report each: goes on after an interruption, whatever fails is a miss.
+"""Diagnosing the campaigns of a check, one report each: goes on after an interruption, whatever
+fails is a miss.
 
-Every report says by `code` which version of the code made it, by `made` when, and by `cpu_seconds` what it took
-(a recommended recording made for it included), whatever else ran on the machine.
+Every report says by `code` which version of the code made it, by `made` when, and by `cpu_seconds`
+what it took (a recommended recording made for it included), whatever else ran on the machine.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from sandbox.withheld.making.make import CAMPAIGNS
 from sandbox.withheld.scoring.recommended import drawn_again, grow
 
 Diagnose = Callable[[Path, tuple[str, ...]], Any]
-CODE = (  # what diagnoses and what records, with all that they import; motors, effects and estimators are found by name
+# what diagnoses and what records, with all that they import; motors, effects and estimators are
+# found by name
+CODE = (
     "sandbox/withheld/**/*.py",
     "model/**/*.py",
     "estimators/**/*.py",
@@ -35,7 +38,8 @@ CODE = (  # what diagnoses and what records, with all that they import; motors, 
 
 @dataclass(frozen=True)
 class Check:
-    """A check's folder, what diagnoses its campaigns, on how many processes or which cluster; told the share done.
+    """A check's folder, what diagnoses its campaigns, on how many processes or which cluster; told
+    the share done.
 
     A cluster's workers read and write the same folder, at the same place.
     """
@@ -48,28 +52,37 @@ class Check:
 
 
 def run_all(check: Check, work: Mapping[str, tuple[str, ...]], reports: Path) -> None:
-    """Diagnose campaigns, each with effects excluded, that have no report yet; every finished one is kept."""
+    """Diagnose campaigns, each with effects excluded, that have no report yet; every finished one
+    is kept."""
     _spread(check, [_Task(check.folder / CAMPAIGNS / n, x, reports) for n, x in work.items()])
 
 
-def follow_all(check: Check, asked: Mapping[str, tuple[str, float]], content: Mapping[str, Any], reports: Path) -> None:
-    """Make the recording asked for (entry, seconds) of each campaign that has no report here yet, and diagnose it with
-    the rest."""
-    left = [n for n in asked if not reported(reports, n) or _of_another(reports / f"{n}.json", asked[n])]
+def follow_all(
+    check: Check, asked: Mapping[str, tuple[str, float]], content: Mapping[str, Any], reports: Path
+) -> None:
+    """Make the recording asked for (entry, seconds) of each campaign that has no report here yet,
+    and diagnose it with the rest."""
+    left = [
+        n for n in asked if not reported(reports, n) or _of_another(reports / f"{n}.json", asked[n])
+    ]
     for name in left:
         (reports / f"{name}.json").unlink(missing_ok=True)
     campaigns = check.folder / CAMPAIGNS
-    _spread(check, [_Task(campaigns / n, (), reports, asked[n], drawn_again(content, n)) for n in left])
+    _spread(
+        check, [_Task(campaigns / n, (), reports, asked[n], drawn_again(content, n)) for n in left]
+    )
 
 
 def reported(reports: Path, name: str) -> bool:
-    """Tell whether a campaign has a report; one that says why diagnosing failed is worth another try."""
+    """Tell whether a campaign has a report; one that says why diagnosing failed is worth another
+    try."""
     path = reports / f"{name}.json"
     return path.exists() and (not path.is_file() or b'"failed":' not in path.read_bytes())
 
 
 def _of_another(report: Path, entry: tuple[str, float]) -> bool:
-    """Tell whether another recording was made for a report; a damaged one is kept, to be named where it is judged."""
+    """Tell whether another recording was made for a report; a damaged one is kept, to be named
+    where it is judged."""
     try:
         return bool(json.loads(report.read_text(encoding="utf-8")).get("recorded") != list(entry))
     except (ValueError, AttributeError, OSError, RecursionError):
@@ -78,7 +91,8 @@ def _of_another(report: Path, entry: tuple[str, float]) -> bool:
 
 @dataclass(frozen=True)
 class _Task:
-    """One campaign to diagnose: its folder, effects excluded, where reports go, the recording to make before."""
+    """One campaign to diagnose: its folder, effects excluded, where reports go, the recording to
+    make before."""
 
     campaign: Path
     exclude: tuple[str, ...]
@@ -94,7 +108,9 @@ class _Task:
 
 def _spread(check: Check, tasks: Sequence[_Task]) -> None:
     left = [t for t in tasks if not reported(t.reports, t.name)]
-    for done, _ in enumerate(spread(partial(_one, check.diagnose), left, check.jobs, _lost, check.cluster), 1):
+    for done, _ in enumerate(
+        spread(partial(_one, check.diagnose), left, check.jobs, _lost, check.cluster), 1
+    ):
         if check.progress is not None:
             check.progress(done / len(left))
 
@@ -126,5 +142,6 @@ def _write(task: _Task, content: dict[str, Any]) -> None:
 
 
 def code_digest() -> str:
-    """Return a short hash of the code that diagnoses, which tells reports of one version from those of another."""
+    """Return a short hash of the code that diagnoses, which tells reports of one version from those
+    of another."""
     return code_key(*CODE)[:12]

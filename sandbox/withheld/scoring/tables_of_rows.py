@@ -1,4 +1,5 @@
-"""Figures of a check from its rows, and from nothing else: one method at a time, and the tables of several."""
+"""Figures of a check from its rows, and from nothing else: one method at a time, and the tables of
+several."""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ from sandbox.withheld.scoring.rows import BLIND, LEFT_OUT, RESOLVED, Row, codes
 
 @dataclass(frozen=True)
 class Scores:
-    """A scored check of one method: figures by name, judgements, those with the true effect left out, those with the
-    recommended recording made, and the rows that all of it follows from."""
+    """A scored check of one method: figures by name, judgements, those with the true effect left
+    out, those with the recommended recording made, and the rows that all of it follows from."""
 
     method: str
     figures: dict[str, Figure]
@@ -38,13 +39,19 @@ class Scores:
 
     @property
     def code(self) -> tuple[str, ...]:
-        """The hashes of the code that diagnosed (`running.code_digest`), more than one where versions are mixed."""
+        """The hashes of the code that diagnosed (`running.code_digest`), more than one where
+        versions are mixed."""
         return codes(self.rows)
 
     def as_json(self) -> dict[str, Any]:
         """Return what `withheld.json` keeps of it."""
-        sizes = {s: {k: f.as_json() for k, f in fs.items()} for s, fs in by_size(self.judged).items()}
-        outside = {s: {k: f.as_json() for k, f in fs.items()} for s, fs in by_subsystem(self.judged).items()}
+        sizes = {
+            s: {k: f.as_json() for k, f in fs.items()} for s, fs in by_size(self.judged).items()
+        }
+        outside = {
+            s: {k: f.as_json() for k, f in fs.items()}
+            for s, fs in by_subsystem(self.judged).items()
+        }
         covered = {e: f.as_json() for e, f in coverage_by_effect(self.judged).items()}
         return {
             **{k: f.as_json() for k, f in self.figures.items()},
@@ -56,7 +63,9 @@ class Scores:
             "reliability": reliability(self.judged),
             "failed": [j.name for j in self.judged if j.failed],
             "missed": [[j.name, *j.effects, "->", j.label] for j in self.judged if not j.hit],
-            "unresolved": [[j.name, *j.effects, "->", j.label] for j in self.followed if not j.settled],
+            "unresolved": [
+                [j.name, *j.effects, "->", j.label] for j in self.followed if not j.settled
+            ],
             "code": self.code,
             **({"by_code": self.by_code()} if len(self.code) > 1 else {}),
         }
@@ -68,10 +77,14 @@ class Scores:
 
 
 def scored(rows: Sequence[Row]) -> Scores:
-    """Return the scores of one method's rows; BadInput where they are none, or of several methods."""
+    """Return the scores of one method's rows; BadInput where they are none, or of several
+    methods."""
     methods = {r.method for r in rows}
     if len(methods) != 1:
-        raise BadInput(f"rows of {len(methods)} methods ({', '.join(sorted(methods))}) have no figures; give one's")
+        raise BadInput(
+            f"rows of {len(methods)} methods ({', '.join(sorted(methods))}) have no "
+            "figures; give one's"
+        )
     blind = {r.campaign: r.answer for r in rows if r.part == BLIND}
     judged, others, followed = (
         tuple(judge(r.campaign, r.truth, r.answer) for r in rows if r.part == part)
@@ -87,13 +100,16 @@ def scored(rows: Sequence[Row]) -> Scores:
 
 
 def content_of(scores: Sequence[Scores]) -> dict[str, Any]:
-    """Return what `withheld.json` holds: the first method's figures, then every method's by its name."""
+    """Return what `withheld.json` holds: the first method's figures, then every method's by its
+    name."""
     return {**scores[0].as_json(), "methods": {s.method: s.as_json() for s in scores}}
 
 
 def by_method(rows: Sequence[Row]) -> list[Scores]:
     """Return the scores of every method in a file's rows, in the order of the file."""
-    return [scored([r for r in rows if r.method == m]) for m in dict.fromkeys(r.method for r in rows)]
+    return [
+        scored([r for r in rows if r.method == m]) for m in dict.fromkeys(r.method for r in rows)
+    ]
 
 
 def table(scores: Sequence[Scores]) -> tuple[list[str], list[list[str]]]:

@@ -20,7 +20,8 @@ def drive():
 def test_laas_keeps_what_is_on_file(drive, tmp_path):
     raw = laas.read(real_data() / "laas_bldc" / "rolling_data.txt")
     r = drive.campaign["rolling_data"]
-    # interpolation to 1 ms keeps every recorded angle within its neighbours; the first sample is itself
+    # interpolation to 1 ms keeps every recorded angle within its neighbours; the first sample is
+    # itself
     assert r.theta[0] == pytest.approx(12 * raw.position[0])
     assert np.ptp(r.theta) == pytest.approx(12 * np.ptp(raw.position), rel=1e-3)
     alpha, beta = r.current
@@ -30,12 +31,15 @@ def test_laas_keeps_what_is_on_file(drive, tmp_path):
     assert len(again.recordings) == 3  # the ramps turn by 13 rad between two rows
     # the mean over a turning millisecond: 1 V, 0.61 rad: sin(0.305) / 0.305 = 0.985
     assert np.median(np.hypot(r.u_alpha, r.u_beta)) == pytest.approx(0.985, abs=0.001)
-    assert again.drive.provenance["inductance_d, inductance_q, dc_bus_voltage"].startswith("assumed")
+    assert again.drive.provenance["inductance_d, inductance_q, dc_bus_voltage"].startswith(
+        "assumed"
+    )
 
 
 def test_laas_motor_is_what_its_firmware_says(drive):
     motor = drive.campaign.drive.motor
-    # 300 rpm/V: 1 V at 31.4 rad/s is 0.0318 V s/rad phase to phase, 0.0184 peak a phase: flux = 0.0184 / 12
+    # 300 rpm/V: 1 V at 31.4 rad/s is 0.0318 V s/rad phase to phase, 0.0184 peak a phase:
+    # flux = 0.0184 / 12
     assert motor.magnet_flux == pytest.approx(1.0 / (300 * np.pi / 30) / np.sqrt(3) / 12, rel=0.03)
     assert motor.resistance == pytest.approx(0.70, abs=0.1)  # lstsq of 27 000 rows by hand: 0.703
 
@@ -47,7 +51,8 @@ def test_sentences_name_the_residual_and_its_limits(drive):
     sweeps = real_drives("moteus_ld")
     assert len(sweeps) == 4
     undecided = [s.name for s in sweeps if "too noisy" in s.can[0]]
-    assert undecided == ["moteus_hoverboard"]  # 0.25 +- 0.52 V in experiments/results/real_dead_time.json
+    # 0.25 +- 0.52 V in experiments/results/real_dead_time.json
+    assert undecided == ["moteus_hoverboard"]
     for sweep in sweeps:
         assert sweep.campaign is None
         assert any("i_q and v_d are not on file" in s for s in sweep.cannot)

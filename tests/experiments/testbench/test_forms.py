@@ -19,7 +19,8 @@ def test_dowell_against_the_complex_impedance():
 
 @pytest.mark.parametrize("layers", [2, 4, 6])
 def test_branches_follow_dowell(layers):
-    """The error that is reported holds at other frequencies than those of the fit, and is below a tenth of R_ac."""
+    """The error that is reported holds at other frequencies than those of the fit, and is below a
+    tenth of R_ac."""
     branches, error = forms.dowell_branches(0.3, 1000.0, layers, 8000.0)
     assert error < 0.1
     assert np.all(branches[:, 0] >= 0)
@@ -30,13 +31,17 @@ def test_branches_follow_dowell(layers):
     for f in (60.0, 333.0, 1500.0, 6500.0):
         w = 2 * np.pi * f * branches[:, 1]
         r_ac = 1 + branches[:, 0] @ (w**2 / (1 + w**2))
-        assert abs(r_ac / forms.dowell(np.array(x * np.sqrt(f / 1000.0)), layers) - 1) <= error * 1.05
+        assert (
+            abs(r_ac / forms.dowell(np.array(x * np.sqrt(f / 1000.0)), layers) - 1) <= error * 1.05
+        )
 
 
 def test_lamination_has_the_low_frequency_loss_of_the_sheet():
-    """Y(0) is the conductance; the half-power frequency of tanh(sqrt(s tau'))/sqrt(s tau') is kept by the first mode.
+    """Y(0) is the conductance; the half-power frequency of tanh(sqrt(s tau'))/sqrt(s tau') is kept
+    by the first mode.
 
-    The diffusion of a sheet: tanh(z)/z with z = sqrt(s pi^2 tau / 4) has the poles s = -(2k-1)^2 / tau.
+    The diffusion of a sheet: tanh(z)/z with z = sqrt(s pi^2 tau / 4) has the poles s = -(2k-1)^2 /
+    tau.
     """
     modes = forms.lamination(2.0, 2e-4)
     assert modes[:, 0].sum() == pytest.approx(2.0)
@@ -56,7 +61,8 @@ def test_coloured_noise_has_its_deviation():
 
 
 def _toy():
-    """A map with a closed form: psi = 0.1 + tanh-like on q, linear on d, reciprocal by an energy of the currents."""
+    """A map with a closed form: psi = 0.1 + tanh-like on q, linear on d, reciprocal by an energy of
+    the currents."""
     a, b = np.linspace(-10, 10, 21), np.linspace(-12, 12, 25)
     i_d, i_q = np.meshgrid(a, b, indexing="ij")
     psi_q = 0.02 * i_q + 0.1 * np.tanh(i_q / 5)
@@ -79,15 +85,19 @@ def test_a_map_inverts_back():
 
 
 def _turning(m):
-    """d psi_d/d i_q - d psi_q/d i_d over a map's inside, in H: 0 for a machine that has an energy."""
+    """d psi_d/d i_q - d psi_q/d i_d over a map's inside, in H: 0 for a machine that has an
+    energy."""
     a, b = np.meshgrid(m.i_d[2:-2], m.i_q[2:-2], indexing="ij")
     _, _, jac = maps.flux(m, a, b)
-    return float(np.sqrt(np.mean((jac[0, 1] - jac[1, 0]) ** 2))), float(np.sqrt(np.mean(jac[0, 0] ** 2)))
+    return float(np.sqrt(np.mean((jac[0, 1] - jac[1, 0]) ** 2))), float(
+        np.sqrt(np.mean(jac[0, 0] ** 2))
+    )
 
 
 def test_a_map_gets_an_energy():
-    """psi = dW/di + a part that turns (psi_d = c i_q, psi_q = -c i_d): orthogonal to all gradients on a square but for
-    its edge, so the gradient part comes back to within a share of it, and what turns goes."""
+    """psi = dW/di + a part that turns (psi_d = c i_q, psi_q = -c i_d): orthogonal to all gradients
+    on a square but for its edge, so the gradient part comes back to within a share of it, and what
+    turns goes."""
     a = np.linspace(-10, 10, 21)
     i_d, i_q = np.meshgrid(a, a, indexing="ij")
     d, q = 0.01 * i_d - 1e-5 * i_d * i_q**2, 0.02 * i_q - 1e-5 * i_d**2 * i_q
@@ -96,7 +106,8 @@ def test_a_map_gets_an_energy():
     assert before == pytest.approx(1e-3)
     got = maps.reciprocal(turned)
     assert _turning(got)[0] < 1e-3 * before
-    assert np.max(np.abs(got.psi_d[::2, ::2] - d)[5:-5, 5:-5]) < 0.5 * 5e-4 * 10  # less than half of what turned there
+    # less than half of what turned there
+    assert np.max(np.abs(got.psi_d[::2, ::2] - d)[5:-5, 5:-5]) < 0.5 * 5e-4 * 10
     same = maps.reciprocal(maps.FluxMap(a, a, d, q))  # W is of degree 4: inside the splines
     assert same.psi_d[::2, ::2] == pytest.approx(d, abs=1e-9)
     assert same.psi_q[::2, ::2] == pytest.approx(q, abs=1e-9)
@@ -105,7 +116,8 @@ def test_a_map_gets_an_energy():
 def test_sooner_keeps_the_slope_and_saturates_sooner():
     m = maps.sooner(_toy(), 0.2)
     _, _, jac = maps.flux(m, np.array(0.0), np.array(0.0))
-    assert float(jac[1, 1]) == pytest.approx(0.02 + 0.1 / 5, rel=5e-3)  # the spline's own error at 1 A steps
+    # the spline's own error at 1 A steps
+    assert float(jac[1, 1]) == pytest.approx(0.02 + 0.1 / 5, rel=5e-3)
     _, psi_q, _ = maps.flux(m, np.array(0.0), np.array(8.0))
     assert float(psi_q) == pytest.approx((0.02 * 9.6 + 0.1 * np.tanh(9.6 / 5)) / 1.2, rel=1e-3)
 
@@ -134,7 +146,8 @@ def test_published_maps_have_the_magnet_on_d_and_positive_slopes(file):
 
 
 def test_field_is_the_gradient_of_an_energy():
-    """d i_d/d psi_q = d i_q/d psi_d, and the torque is -dH/dtheta at a fixed stator flux: by differences."""
+    """d i_d/d psi_q = d i_q/d psi_d, and the torque is -dH/dtheta at a fixed stator flux: by
+    differences."""
     mag = magnetics.neutral()._replace(
         energy=(20.0, 30.0, 2.0, 3.0, 4.0, 5.0, 2.0),
         power=(50.0, 3.0, 20.0, 2.0, 10.0, 1.0, 0.0),
@@ -143,8 +156,14 @@ def test_field_is_the_gradient_of_an_energy():
         saliency=(0.7, 0.3, 2.0),
     )
     h, psi, theta = 1e-6, (0.5, 0.3), 0.7
-    up = magnetics.field(mag, psi[0], psi[1] + h, theta)[0] - magnetics.field(mag, psi[0], psi[1] - h, theta)[0]
-    side = magnetics.field(mag, psi[0] + h, psi[1], theta)[1] - magnetics.field(mag, psi[0] - h, psi[1], theta)[1]
+    up = (
+        magnetics.field(mag, psi[0], psi[1] + h, theta)[0]
+        - magnetics.field(mag, psi[0], psi[1] - h, theta)[0]
+    )
+    side = (
+        magnetics.field(mag, psi[0] + h, psi[1], theta)[1]
+        - magnetics.field(mag, psi[0] - h, psi[1], theta)[1]
+    )
     assert up == pytest.approx(side, rel=1e-6)
 
     def co(theta):

@@ -35,7 +35,11 @@ def test_nothing_of_the_product_is_loaded_when_it_runs():
     """In a process of its own."""
     code = "import sys, experiments.testbench.make; print(' '.join(m for m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    ours = {m for m in done.stdout.split() if m.split(".")[0] in ("sandbox", "model", "estimators", "experiments")}
+    ours = {
+        m
+        for m in done.stdout.split()
+        if m.split(".")[0] in ("sandbox", "model", "estimators", "experiments")
+    }
     assert {m for m in ours if not m.startswith("experiments.testbench")} == {"experiments"}
 
 

@@ -1,4 +1,5 @@
-"""The draw, the seal and the files: the same by seed, whatever the order; nothing written by half."""
+"""The draw, the seal and the files: the same by seed, whatever the order; nothing written by
+half."""
 
 import hashlib
 import tomllib
@@ -18,7 +19,11 @@ SERVO = next(d for d in DRIVES if d.name == "servo_400w")
 def _short_plans(scale=None, rng=None):
     scale = scale or bench.build(nominal_design(SERVO, None)).scale
     rng = rng or np.random.default_rng(0)
-    rows = cycles._locked(scale, 600, rng) + cycles._driven(scale, 600, rng) + cycles._free(scale, 600, rng)
+    rows = (
+        cycles._locked(scale, 600, rng)
+        + cycles._driven(scale, 600, rng)
+        + cycles._free(scale, 600, rng)
+    )
     return rows[2:3] + rows[6:7] + rows[9:10]
 
 
@@ -35,7 +40,13 @@ def test_each_kind_has_what_it_says(kind):
     for index in range(6):
         truth, _ = draw.draw(kind, 11, index)
         n = len(truth.causes)
-        low, high = {"one": (1, 1), "several": (1, 3), "many": (3, 10), "outside": (0, 1), "none": (0, 0)}[kind]
+        low, high = {
+            "one": (1, 1),
+            "several": (1, 3),
+            "many": (3, 10),
+            "outside": (0, 1),
+            "none": (0, 0),
+        }[kind]
         assert low <= n <= high
         assert len(truth.outside) == (kind == "outside")
         assert all(c["name"] in effects.LIBRARY for c in truth.causes)
@@ -61,16 +72,22 @@ def test_parameters_with_the_ordinary_deviation():
     truth, d = draw.draw("one", 3, index)
     whole = truth.causes[0]["with_background"]["offset"]
     assert whole == d.sens["angle_offset"]
-    assert whole == pytest.approx(truth.causes[0]["parameters"]["offset"] + truth.background["encoder_offset"])
+    assert whole == pytest.approx(
+        truth.causes[0]["parameters"]["offset"] + truth.background["encoder_offset"]
+    )
 
 
 def test_deviations_stay_within_what_is_stated():
-    """Normal draws held at 2.5 deviations; over 40 benches their spread is near 0.98 sigma, +- 30 %."""
+    """Normal draws held at 2.5 deviations; over 40 benches their spread is near 0.98 sigma, +- 30
+    %."""
     values = []
     for k in range(40):
         truth, d = draw.draw("none", 2, k)
         values.append(truth.deviations["resistance"] / 0.01)
-        assert all(abs(truth.background[b]) <= 2.5 * d.background[b] for b in ("encoder_offset", "dead_time"))
+        assert all(
+            abs(truth.background[b]) <= 2.5 * d.background[b]
+            for b in ("encoder_offset", "dead_time")
+        )
     assert np.abs(values).max() <= 2.5
     assert 0.67 < np.std(values) < 1.25
 
@@ -103,7 +120,9 @@ def test_a_campaign_is_written_and_sealed_first(short, tmp_path, capsys):
         np.testing.assert_allclose(t, np.arange(t.size) * n, rtol=1e-12)
         assert all(np.isfinite(table[c].to_numpy()).all() for c in table.column_names)
     stated = bench.campaign_text("c0000", nominal_design(SERVO, None), _short_plans())
-    assert (tmp_path / "c0000" / "campaign.toml").read_text() == stated, "what is stated tells nothing of the causes"
+    assert (tmp_path / "c0000" / "campaign.toml").read_text() == stated, (
+        "what is stated tells nothing of the causes"
+    )
 
 
 def test_a_call_that_was_stopped_goes_on_and_gives_the_same(short, tmp_path):
@@ -113,7 +132,9 @@ def test_a_call_that_was_stopped_goes_on_and_gives_the_same(short, tmp_path):
     assert {p: p.stat().st_mtime_ns for p in (tmp_path / "a").rglob("*.parquet")} == made
     make.make(tmp_path / "b", "one", 2, 4, jobs=1, quiet=True)
     for p in (tmp_path / "a").rglob("*.parquet"):
-        assert pq.read_table(p).equals(pq.read_table(tmp_path / "b" / p.relative_to(tmp_path / "a")))
+        assert pq.read_table(p).equals(
+            pq.read_table(tmp_path / "b" / p.relative_to(tmp_path / "a"))
+        )
     with pytest.raises(ValueError, match="another draw"):
         make.make(tmp_path / "a", "one", 2, 5, quiet=True)
 
@@ -129,7 +150,9 @@ def test_a_changed_seal_and_a_wrong_key_are_refused(tmp_path):
         seal.unpack(tmp_path, "secret")
 
 
-@pytest.mark.parametrize(("arguments", "sentence"), [(["two", "3"], "not one of"), (["one", "0"], "at least 1")])
+@pytest.mark.parametrize(
+    ("arguments", "sentence"), [(["two", "3"], "not one of"), (["one", "0"], "at least 1")]
+)
 def test_bad_arguments_end_in_a_sentence(arguments, sentence, tmp_path, capsys):
     assert make.main([str(tmp_path), *arguments]) == 2
     assert sentence in capsys.readouterr().err
@@ -137,28 +160,36 @@ def test_bad_arguments_end_in_a_sentence(arguments, sentence, tmp_path, capsys):
 
 
 def test_what_is_recorded_is_what_was(short):
-    """A control without drawn deviations: reading less truth is noise of the drawn size and half a count.
+    """A control without drawn deviations: reading less truth is noise of the drawn size and half a
+    count.
 
-    Coloured or white, its deviation is `noise_over_stated` times the stated noise; resolution^2/12 is added.
+    Coloured or white, its deviation is `noise_over_stated` times the stated noise; resolution^2/12
+    is added.
     """
     truth, d = draw.draw("none", 8, 0)
     runs = bench.recordings(truth, d)
     for r in runs:
         c = r.columns
-        ab = np.column_stack([(2 * c[:, 2] - c[:, 3] - c[:, 4]) / 3, (c[:, 3] - c[:, 4]) / np.sqrt(3)])
+        ab = np.column_stack(
+            [(2 * c[:, 2] - c[:, 3] - c[:, 4]) / 3, (c[:, 3] - c[:, 4]) / np.sqrt(3)]
+        )
         rest = ab - r.really[:, :2]
         gain = np.array(truth.background["current_gain"]).mean()
         rest -= (gain - 1) * r.really[:, :2]
-        sigma = np.hypot(d.noise * truth.ordinary["noise_over_stated"], 0.002 * d.drive.current / np.sqrt(12))
-        expected = sigma * np.sqrt(2 / 3)  # amplitude-invariant: 2/3 of a phase's variance on either axis
+        sigma = np.hypot(
+            d.noise * truth.ordinary["noise_over_stated"], 0.002 * d.drive.current / np.sqrt(12)
+        )
+        # amplitude-invariant: 2/3 of a phase's variance on either axis
+        expected = sigma * np.sqrt(2 / 3)
         assert rest.std(0) == pytest.approx([expected, expected], rel=0.25), r.plan.name
 
 
 def _averaged(d, columns):
-    """Currents i_d, i_q by the format's words alone: u_k acts over [t_k, t_k+1) as its mean, scaled by the true link.
+    """Currents i_d, i_q by the format's words alone: u_k acts over [t_k, t_k+1) as its mean, scaled
+    by the true link.
 
-    The paper's equations (elecd)-(iq) in the rotor frame, Runge-Kutta steps of a tenth of a period, angle and speed
-    by a cubic through the recorded angles.
+    The paper's equations (elecd)-(iq) in the rotor frame, Runge-Kutta steps of a tenth of a period,
+    angle and speed by a cubic through the recorded angles.
     """
     t, ts = d.true, d.drive.period
     angle = CubicSpline(np.arange(len(columns)) * ts, columns[:, 5])
@@ -166,7 +197,11 @@ def _averaged(d, columns):
     def currents(f):
         i_d = f[0] / t["inductance_d"] + 3 * t["alpha_30"] * f[0] ** 2 + t["alpha_12"] * f[1] ** 2
         i_d += 4 * t["alpha_40"] * f[0] ** 3 + 2 * t["alpha_22"] * f[0] * f[1] ** 2
-        i_q = f[1] / t["inductance_q"] + 2 * t["alpha_12"] * f[0] * f[1] + 2 * t["alpha_22"] * f[0] ** 2 * f[1]
+        i_q = (
+            f[1] / t["inductance_q"]
+            + 2 * t["alpha_12"] * f[0] * f[1]
+            + 2 * t["alpha_22"] * f[0] ** 2 * f[1]
+        )
         return np.array([i_d, i_q + 4 * t["alpha_04"] * f[1] ** 3])
 
     def slope(time, f, u):
@@ -188,15 +223,23 @@ def _averaged(d, columns):
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_an_averaged_replay_meets_a_neutral_bench(which):
-    """Locked under injection, and turned: a bench with no deviation and no noise is what the format's words say.
+    """Locked under injection, and turned: a bench with no deviation and no noise is what the
+    format's words say.
 
-    A centred pulse and its mean voltage leave, at t_k, what the ripple does through R and the curvature of H within a
-    period: of the order of R T_s/L times the ripple, here (0.03)^2 of a ripple of 2 A: 2 mA of 3.9 A; 6 mA are allowed.
+    A centred pulse and its mean voltage leave, at t_k, what the ripple does through R and the
+    curvature of H within a period: of the order of R T_s/L times the ripple, here (0.03)^2 of a
+    ripple of 2 A: 2 mA of 3.9
+    A; 6 mA are allowed.
     """
     truth, d = draw.draw("none", 8, 0)
     d = nominal_design(SERVO._replace(lines=0, counter=1e13), None)
     truth.background["load_torque_offset"] = 0.0
-    truth.ordinary |= {"noise_over_stated": 0.0, "jitter": 0.0, "begins_under_current": 0.0, "uneven_speed": 0.0}
+    truth.ordinary |= {
+        "noise_over_stated": 0.0,
+        "jitter": 0.0,
+        "begins_under_current": 0.0,
+        "uneven_speed": 0.0,
+    }
     built = bench.build(d)
     sensors = built.parts[4]._replace(resolution=0.0)
     built = built._replace(parts=(*built.parts[:4], sensors))

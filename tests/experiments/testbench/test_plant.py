@@ -1,11 +1,20 @@
-"""The integrator against closed forms, an independent integrator, its own order, and the balance of energy."""
+"""The integrator against closed forms, an independent integrator, its own order, and the balance of
+energy."""
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from experiments.testbench import plant
-from experiments.testbench.design import fixed, inverter, losses, magnetics, mechanics, nominal_design, sensors
+from experiments.testbench.design import (
+    fixed,
+    inverter,
+    losses,
+    magnetics,
+    mechanics,
+    nominal_design,
+    sensors,
+)
 from experiments.testbench.drives import DRIVES
 from experiments.testbench.types import FLOATING, FREE, HIGH, LOCKED, LOW, World
 
@@ -25,7 +34,9 @@ def _advance(parts, y, end, step, legs, world=None, memory=None):
     work = tuple(np.zeros(n) for _ in range(5))
     world = world or World(LOCKED, 0.0, 0.0, 0.0, 0.0, STILL)
     memory = np.zeros(3) if memory is None else memory
-    plant.advance(0.0, end, y, step, work, np.zeros(n), legs, mag, loss, inv, mech, sens, world, memory)
+    plant.advance(
+        0.0, end, y, step, work, np.zeros(n), legs, mag, loss, inv, mech, sens, world, memory
+    )
     return y
 
 
@@ -39,13 +50,18 @@ def _linear(d):
 
 def _start(d, theta=0.0):
     y = np.zeros(plant.STATES)
-    y[0], y[1], y[2] = d.true["magnet_flux"] * np.cos(theta), d.true["magnet_flux"] * np.sin(theta), theta
+    y[0], y[1], y[2] = (
+        d.true["magnet_flux"] * np.cos(theta),
+        d.true["magnet_flux"] * np.sin(theta),
+        theta,
+    )
     y[6] = d.drive.link
     return y
 
 
 def test_current_rise_is_the_exponential_of_r_and_l():
-    """Leg a high, b and c low, rotor locked, linear: i_a = 2/3 U/R (1 - exp(-R t/L)); RK4 leaves h^4."""
+    """Leg a high, b and c low, rotor locked, linear: i_a = 2/3 U/R (1 - exp(-R t/L)); RK4 leaves
+    h^4."""
     d, parts = _parts(_linear)
     legs = np.array([[HIGH, LOW, LOW], [0, 0, 0]])
     t = 2e-3
@@ -56,7 +72,8 @@ def test_current_rise_is_the_exponential_of_r_and_l():
 
 
 def _free_run(parts, d, step):
-    """4 ms without switching, with all that is smooth: saturation, core loss, skin effect, filter, cogging."""
+    """4 ms without switching, with all that is smooth: saturation, core loss, skin effect, filter,
+    cogging."""
     legs = np.array([[HIGH, LOW, HIGH], [0, 0, 0]])
     y = _start(d, 0.3)
     y[3] = 40.0
@@ -74,7 +91,8 @@ def _rich(d):
 
 
 def test_fourth_order_convergence():
-    """Halving the step divides the error by 2^4: the rate between two halvings is within 12 to 20."""
+    """Halving the step divides the error by 2^4: the rate between two halvings is within 12 to
+    20."""
     d, parts = _parts(_rich)
     best = _free_run(parts, d, 2.5e-6)
     errors = [np.abs(_free_run(parts, d, h) - best)[[0, 1, 2, 3, 11, 12]] for h in (4e-5, 2e-5)]
@@ -91,7 +109,11 @@ def test_the_same_run_by_an_independent_integrator():
     def energy_gradient(f_d, f_q):
         i_d = f_d / t["inductance_d"] + 3 * t["alpha_30"] * f_d**2 + t["alpha_12"] * f_q**2
         i_d += 4 * t["alpha_40"] * f_d**3 + 2 * t["alpha_22"] * f_d * f_q**2
-        i_q = f_q / t["inductance_q"] + 2 * t["alpha_12"] * f_d * f_q + 2 * t["alpha_22"] * f_d**2 * f_q
+        i_q = (
+            f_q / t["inductance_q"]
+            + 2 * t["alpha_12"] * f_d * f_q
+            + 2 * t["alpha_22"] * f_d**2 * f_q
+        )
         return i_d, i_q + 4 * t["alpha_04"] * f_q**3
 
     def energy(f, theta):
@@ -102,8 +124,12 @@ def test_the_same_run_by_an_independent_integrator():
     def right(_, y):
         psi, theta, w, eddy, skin = y[0] + 1j * y[1], y[2], y[3], y[4] + 1j * y[5], y[6] + 1j * y[7]
         turn = np.exp(1j * theta)
-        harmonic = 5e-3 * np.cos(6 * theta) + 1e-3 * np.sin(6 * theta) + 1j * 5e-3 * np.sin(6 * theta)
-        slope = 6 * (-5e-3 * np.sin(6 * theta) + 1e-3 * np.cos(6 * theta) + 1j * 5e-3 * np.cos(6 * theta))
+        harmonic = (
+            5e-3 * np.cos(6 * theta) + 1e-3 * np.sin(6 * theta) + 1j * 5e-3 * np.sin(6 * theta)
+        )
+        slope = 6 * (
+            -5e-3 * np.sin(6 * theta) + 1e-3 * np.cos(6 * theta) + 1j * 5e-3 * np.cos(6 * theta)
+        )
         f = psi / turn - magnet - harmonic
         i_d, i_q = energy_gradient(f.real, f.imag)
         h = 1e-6
@@ -127,7 +153,8 @@ def test_the_same_run_by_an_independent_integrator():
 
 
 def test_a_floating_leg_slews_at_the_current_over_its_capacitance():
-    """L so large that the current is constant: v falls from U by i t/C, and is clamped at 0 at t = C U / i.
+    """L so large that the current is constant: v falls from U by i t/C, and is clamped at 0 at
+    t = C U / i.
 
     Four periods of the slew are asked for; the event must be found to 1e-7 of the link.
     """
@@ -152,13 +179,15 @@ def test_a_floating_leg_slews_at_the_current_over_its_capacitance():
     _advance(parts, y, 4 * full, 1e-5, legs)
     assert legs[1, 0] == -1
     # volt-seconds after the gate: U full/2, then nothing; the flux of a linear machine shows it
-    # (2/3 of leg a acts on alpha; magnitudes of V s against 1e3 H * 3 A in the same double: 1e-12 relative)
+    # (2/3 of leg a acts on alpha; magnitudes of V s against 1e3 H * 3 A in the same double: 1e-12
+    # relative)
     gained = y[0] - (d.true["magnet_flux"] + 1e3 * current)
     assert gained == pytest.approx(2 / 3 * 0.5 * d.drive.link * full, rel=2e-5)
 
 
 def test_small_currents_leave_the_leg_unclamped_until_it_is_switched_hard():
-    """Below C U / t_d the leg does not reach the rail; a current into the leg is taken by the upper diode at once."""
+    """Below C U / t_d the leg does not reach the rail; a current into the leg is taken by the upper
+    diode at once."""
 
     def small(d):
         _linear(d)
@@ -181,7 +210,8 @@ def test_small_currents_leave_the_leg_unclamped_until_it_is_switched_hard():
 
 
 def test_a_diode_lets_go_where_its_current_ends():
-    """A clamped leg whose current falls through zero floats from then on: found within the dead time."""
+    """A clamped leg whose current falls through zero floats from then on: found within the dead
+    time."""
 
     def quick(d):
         _linear(d)
@@ -193,7 +223,8 @@ def test_a_diode_lets_go_where_its_current_ends():
     y = _start(d)
     current = 0.02
     y[0] += ell * current
-    legs = np.array([[FLOATING, HIGH, HIGH], [-1, 0, 0]])  # lower diode of a carries; b, c drive the current down
+    # lower diode of a carries; b, c drive the current down
+    legs = np.array([[FLOATING, HIGH, HIGH], [-1, 0, 0]])
     y[8] = 0.0
     _advance(parts, y, 40e-6, 1e-5, legs)
     assert y[8] > 1.0, "the leg has left the lower rail"
@@ -202,9 +233,11 @@ def test_a_diode_lets_go_where_its_current_ends():
 
 
 def test_energy_is_balanced():
-    """1.5 (i . v) dt = heat + work of torque + magnetic energy, with a lossless shaft and no core loss.
+    """1.5 (i . v) dt = heat + work of torque + magnetic energy, with a lossless shaft and no core
+    loss.
 
-    The magnetic energy is the quartic H; integrals by the trapezoid over 1 us leave 1e-5 of the power.
+    The magnetic energy is the quartic H; integrals by the trapezoid over 1 us leave 1e-5 of the
+    power.
     """
     d, parts = _parts()
     t = d.true
@@ -225,7 +258,9 @@ def test_energy_is_balanced():
     for k in range(2001):
         i_a, i_b, _ = plant.currents(parts[0], parts[1], y, np.zeros(3))
         taken = 1.5 * (2 / 3 * d.drive.link * i_a)  # v_beta = 0
-        powers.append(taken - 1.5 * t["resistance"] * (i_a**2 + i_b**2) - t["viscous_friction"] * y[3] ** 2)
+        powers.append(
+            taken - 1.5 * t["resistance"] * (i_a**2 + i_b**2) - t["viscous_friction"] * y[3] ** 2
+        )
         if k < 2000:
             _advance(parts, y, h, h, legs, world)
     put_in = np.trapezoid(powers, dx=h)
@@ -234,7 +269,8 @@ def test_energy_is_balanced():
 
 
 def test_vector_play_follows_at_its_threshold():
-    """On a circle much larger than the threshold the state lags; its distance is the threshold exactly."""
+    """On a circle much larger than the threshold the state lags; its distance is the threshold
+    exactly."""
     x, y = 0.0, 0.0
     for a in np.linspace(0, 6, 400):
         x, y = plant.play(x, y, np.cos(a), np.sin(a), 0.1)
@@ -254,11 +290,14 @@ def test_bristle_ends_at_the_stribeck_curve():
     for _ in range(50):
         plant.relax_bristle(mech, 1.5, 1e-3, memory)
     g = 0.5 + 0.3 * np.exp(-((1.5 / 2) ** 2))
-    assert plant.friction(mech, 1.5, memory[0]) == pytest.approx(g + 1.5 * d.true["viscous_friction"], rel=1e-12)
+    assert plant.friction(mech, 1.5, memory[0]) == pytest.approx(
+        g + 1.5 * d.true["viscous_friction"], rel=1e-12
+    )
 
 
 def test_a_bench_without_extras_reads_no_state_that_it_lacks():
-    """The short state is a view whose next element is not a number: read beyond its end and all currents are lost."""
+    """The short state is a view whose next element is not a number: read beyond its end and all
+    currents are lost."""
     d, parts = _parts()
     backing = np.full(plant.STATES, np.nan)
     y = backing[: plant.FEW]
@@ -271,7 +310,8 @@ def test_a_bench_without_extras_reads_no_state_that_it_lacks():
 
 
 def test_neutral_parts_are_tuples():
-    """What the compiler sees must not change its type with the draw: else it compiles anew for each campaign."""
+    """What the compiler sees must not change its type with the draw: else it compiles anew for each
+    campaign."""
     assert fixed(np.zeros((2, 2))) == ((0.0, 0.0), (0.0, 0.0))
     _, one = _parts()
     _, two = _parts(_rich)

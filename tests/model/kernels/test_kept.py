@@ -1,4 +1,5 @@
-"""What is kept on disk is checked before it is believed; damage is a note and a new entry, never an error."""
+"""What is kept on disk is checked before it is believed; damage is a note and a new entry, never an
+error."""
 
 from __future__ import annotations
 
@@ -28,10 +29,18 @@ def g(x):
 
 
 def run(folder, cache, *, code="from here import f, g; print(g(2.0), f(3))", **env):
-    """Return what a process says that loads two kernels of a file of its own: standard output, standard error."""
+    """Return what a process says that loads two kernels of a file of its own: standard output,
+    standard error."""
     (folder / "here.py").write_text(CODE)
-    env = {**os.environ, "SENSORLESS_CACHE": str(cache), "PYTHONPATH": f"{ROOT}{os.pathsep}{folder}", **env}
-    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
+    env = {
+        **os.environ,
+        "SENSORLESS_CACHE": str(cache),
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{folder}",
+        **env,
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True
+    )
     return done.stdout, done.stderr
 
 
@@ -49,7 +58,8 @@ def damaged(content, chance):
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory):
-    """A folder with a cache of the two kernels, as one process left it and another read it without a word."""
+    """A folder with a cache of the two kernels, as one process left it and another read it without
+    a word."""
     folder = tmp_path_factory.mktemp("compiled")
     for _ in range(2):
         assert run(folder, folder / "cache") == (ANSWER, "")
@@ -92,7 +102,9 @@ def test_a_place_that_cannot_be_written_is_no_error(tmp_path):
 
 
 def test_a_function_without_a_file_is_compiled_too(tmp_path):
-    code = "from model.compiled import kernel; exec('def h(x): return x + x'); print(kernel(h)(2.0))"
+    code = (
+        "from model.compiled import kernel; exec('def h(x): return x + x'); print(kernel(h)(2.0))"
+    )
     assert run(tmp_path, tmp_path / "cache", code=code) == ("4.0\n", "")
 
 

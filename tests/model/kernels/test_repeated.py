@@ -42,10 +42,12 @@ def test_every_variable_of_an_instruction_is_listed():
 
 
 @pytest.mark.parametrize("function", [operator.add, operator.gt, operator.iadd, max])
-@pytest.mark.parametrize("kinds", [(types.float64, types.int64), (types.int64, types.int64), (types.boolean,) * 2])
+@pytest.mark.parametrize(
+    "kinds", [(types.float64, types.int64), (types.int64, types.int64), (types.boolean,) * 2]
+)
 def test_a_call_s_type_is_the_one_numba_finds(function, kinds, monkeypatch):
-    """The first time and the second, and the implementation that goes with it; what was compiled in this process before
-    may be kept with another copy of it."""
+    """The first time and the second, and the implementation that goes with it; what was compiled in
+    this process before may be kept with another copy of it."""
     monkeypatch.setattr(repeated, "_known", {})
     context = cpu_target.typing_context
     context.refresh()
@@ -63,7 +65,9 @@ def test_what_has_no_type_is_refused_each_time():
     context.refresh()
     for _ in range(2):
         with pytest.raises(Exception, match="No implementation of function"):
-            context.resolve_value_type(operator.add).get_call_type(context, (types.none, types.float64), {})
+            context.resolve_value_type(operator.add).get_call_type(
+                context, (types.none, types.float64), {}
+            )
 
 
 def test_flags_are_the_same_where_all_of_their_values_are():

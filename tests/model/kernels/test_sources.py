@@ -9,7 +9,13 @@ def made(folder, files):
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    for memory in (sources.depends_on, sources.code_files, sources.code_key, sources._body, sources.imports_of):
+    for memory in (
+        sources.depends_on,
+        sources.code_files,
+        sources.code_key,
+        sources._body,
+        sources.imports_of,
+    ):
         memory.cache_clear()
     found = sources.code_key("model/*.py", "model/*.toml")
     for name in files:
@@ -29,4 +35,6 @@ def test_a_hash_knows_texts_names_imports_and_data(tmp_path, monkeypatch):
     found = [made(tmp_path, base | other) for other in ({}, *others)]
     swapped = base | {"model/a.py": base["model/b.py"], "model/b.py": base["model/a.py"]}
     assert len({*found, made(tmp_path, swapped)}) == 5
-    assert made(tmp_path, base | {"sandbox/d.py": "not imported"}) == found[0] == made(tmp_path, base)
+    assert (
+        made(tmp_path, base | {"sandbox/d.py": "not imported"}) == found[0] == made(tmp_path, base)
+    )

@@ -25,13 +25,15 @@ QUIET = dataclasses.replace(
 STEP = Scenario("step", (Segment(0.02), Segment(0.1, 0.8, 0.02)), rotor="free", reference="speed")
 
 
-# rad: 1e-5 of rated current (what a step of the exact plant may miss of the resistive drop) over a ripple of a fifth of
-# it, whose q part turns with half the angle (`ipm_exchanged`: (1/L_d - 1/L_q) L_d = -0.5)
+# rad: 1e-5 of rated current (what a step of the exact plant may miss of the resistive drop) over a
+# ripple of a fifth of it, whose q part turns with half the angle (`ipm_exchanged`: (1/L_d - 1/L_q)
+# L_d = -0.5)
 POSITION = 1e-5 / (0.2 * 0.5)
 
 
 def test_recorded_voltages_drive_the_switched_bench_through_the_run():
-    """Voltages as recorded (acting from their own sample on) through the other plant give the recording again."""
+    """Voltages as recorded (acting from their own sample on) through the other plant give the
+    recording again."""
     run = simulate(QUIET, STEP, load_estimator("qnull"), seed=1)
     r, motor = run.recording, DRIVE.motor
     k = int(np.argmax(r.t > run.start_time + 0.02))
@@ -48,19 +50,30 @@ def test_recorded_voltages_drive_the_switched_bench_through_the_run():
         current=rotate(r.i_d[k], r.i_q[k], r.theta[k]),
     )
     for name in ("i_a", "i_b", "i_c"):  # 1e-5 of rated current: see POSITION
-        np.testing.assert_allclose(out[name], getattr(r, name)[part], atol=1e-5 * motor.rated_current)
+        np.testing.assert_allclose(
+            out[name], getattr(r, name)[part], atol=1e-5 * motor.rated_current
+        )
     np.testing.assert_allclose(out["position"], r.theta[part], atol=POSITION)
 
 
 def test_sensors_read_phase_currents_with_noise_and_counts():
-    run = simulate(DRIVE, Scenario("s", (Segment(2.0, 1.0, ramp=0.1),)), load_estimator("qnull"), seed=5)
+    run = simulate(
+        DRIVE, Scenario("s", (Segment(2.0, 1.0, ramp=0.1),)), load_estimator("qnull"), seed=5
+    )
     r, c = run.recording, DRIVE.converter
-    np.testing.assert_allclose(r.i_a / c.current_resolution, np.round(r.i_a / c.current_resolution), atol=1e-6)
-    true = np.array([phases(*rotate(a, b, t)) for a, b, t in zip(r.i_d, r.i_q, r.theta, strict=True)])
+    np.testing.assert_allclose(
+        r.i_a / c.current_resolution, np.round(r.i_a / c.current_resolution), atol=1e-6
+    )
+    true = np.array(
+        [phases(*rotate(a, b, t)) for a, b, t in zip(r.i_d, r.i_q, r.theta, strict=True)]
+    )
     noise = np.column_stack([r.i_a, r.i_b, r.i_c]) - true
-    expected = np.hypot(c.current_noise, c.current_resolution / np.sqrt(12.0))  # uniform count, dithered by the noise
+    # uniform count, dithered by the noise
+    expected = np.hypot(c.current_noise, c.current_resolution / np.sqrt(12.0))
     # n samples: relative deviation of a standard deviation 1/sqrt(2 n), four sigma
-    np.testing.assert_allclose(noise.std(axis=0), expected, rtol=4 / np.sqrt(2 * noise.shape[0]) + 0.01)
+    np.testing.assert_allclose(
+        noise.std(axis=0), expected, rtol=4 / np.sqrt(2 * noise.shape[0]) + 0.01
+    )
     assert abs(np.corrcoef(noise.T)[0, 1]) < 0.05
     # no half count of offset: four sigma of a mean of n
     assert np.abs(noise.mean(axis=0)).max() < 4 * expected / np.sqrt(noise.shape[0]) + 1e-5
@@ -94,7 +107,9 @@ def test_memory_is_bounded_by_recorded_samples():
 
 
 def test_driven_rotor_follows_its_speed():
-    scenario = Scenario("d", (Segment(0.2, 0.5, 0.05, ramp=0.1), Segment(0.1, 0.5, 0.05)), rotor="driven")
+    scenario = Scenario(
+        "d", (Segment(0.2, 0.5, 0.05, ramp=0.1), Segment(0.1, 0.5, 0.05)), rotor="driven"
+    )
     run = simulate(DRIVE, scenario, load_estimator("qnull"))
     late = run.recording.between(run.start_time + 0.15, 9.0)
     np.testing.assert_allclose(late.omega, 0.05 * DRIVE.motor.rated_omega, rtol=1e-9)
@@ -106,33 +121,47 @@ LATER = {"pwm_delay.delay": LATE}
 
 @pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_a_step_of_load_comes_when_it_is_asked_for_also_with_late_pulses(plant):
-    """From its sample on the speed falls by T t/J, the angle by half T t^2/J; nothing answers it for two periods.
+    """From its sample on the speed falls by T t/J, the angle by half T t^2/J; nothing answers it
+    for two periods.
 
-    Beside a run without the step; 2 %: back-EMF and torque change by 1 % in so short a time, on both plants.  The step
-    of the exact plant in which the load comes is taken with its mean torque: an angle of less than T d h/(2 J).  (With
-    load and speed taken at the pattern's start it was off by T t d/J: 2 d/t of it, 16 % after one period.)
+    Beside a run without the step; 2 %: back-EMF and torque change by 1 % in so short a time, on
+    both plants.  The step of the exact plant in which the load comes is taken with its mean torque:
+    an angle of less than T d h/(2 J).  (With load and speed taken at the pattern's start it was off
+    by T t d/J: 2 d/t of it, 16 % after one period.)
     """
     motor, h = DRIVE.motor, DRIVE.converter.sampling_period
     parts = [(Segment(0.02), Segment(0.02, load)) for load in (0.0, 0.8)]
     still, run = (
-        simulate(QUIET, Scenario("s", p, rotor="free"), load_estimator("qnull"), effects=LATER, plant=plant)
+        simulate(
+            QUIET,
+            Scenario("s", p, rotor="free"),
+            load_estimator("qnull"),
+            effects=LATER,
+            plant=plant,
+        )
         for p in parts
     )
     k = int(np.argmax(run.recording.load_torque > 0.0))
     at = slice(k, k + 3)
     t = run.recording.t[at] - run.recording.t[k]
     slowing = motor.pole_pairs * run.recording.load_torque[k] / motor.inertia
-    speed, angle = ((getattr(run.recording, x) - getattr(still.recording, x))[at] for x in ("omega", "theta"))
+    speed, angle = (
+        (getattr(run.recording, x) - getattr(still.recording, x))[at] for x in ("omega", "theta")
+    )
     np.testing.assert_allclose(speed, -slowing * t, rtol=0.02, atol=1e-3 * slowing * LATE)
-    np.testing.assert_allclose(angle, -0.5 * slowing * t * t, rtol=0.02, atol=0.5 * slowing * LATE * h)
+    np.testing.assert_allclose(
+        angle, -0.5 * slowing * t * t, rtol=0.02, atol=0.5 * slowing * LATE * h
+    )
 
 
 @pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_a_driven_rotor_keeps_to_its_ramp_also_with_late_pulses(plant):
-    """Speed straight up the ramp, the angle its integral, at the samples; 1e-9 of the speed: rounding.
+    """Speed straight up the ramp, the angle its integral, at the samples; 1e-9 of the speed:
+    rounding.
 
-    The step of the exact plant in which the ramp begins, or ends, is taken with its mean acceleration: off by less than
-    slope x delay x period/2 of angle (with motion taken at the pattern's start it was off by speed x delay, 1e-3).
+    The step of the exact plant in which the ramp begins, or ends, is taken with its mean
+    acceleration: off by less than slope x delay x period/2 of angle (with motion taken at the
+    pattern's start it was off by speed x delay, 1e-3).
     """
     top, ramp = 0.05 * DRIVE.motor.rated_omega, 0.1
     scenario = Scenario("d", (Segment(0.05), Segment(0.2, 0.5, 0.05, ramp=ramp)), rotor="driven")
@@ -146,7 +175,8 @@ def test_a_driven_rotor_keeps_to_its_ramp_also_with_late_pulses(plant):
 
 
 def test_steps_of_the_plant_converge_on_the_other_plant():
-    """Second order in the step (a free rotor's torque is that of flux and current straight through a segment)."""
+    """Second order in the step (a free rotor's torque is that of flux and current straight through
+    a segment)."""
     qnull = load_estimator("qnull")
     truth = simulate(QUIET, STEP, qnull, plant="switched").recording.theta_hat
     whole, coarse, fine = (
@@ -158,7 +188,8 @@ def test_steps_of_the_plant_converge_on_the_other_plant():
 
 
 def test_flux_that_leaves_the_domain_ends_the_run():
-    """A truth with alpha_04 < 0: Gamma_qq = 1/L_q + 12 alpha_04 phi_q^2 vanishes at 0.33 Wb, below rated current."""
+    """A truth with alpha_04 < 0: Gamma_qq = 1/L_q + 12 alpha_04 phi_q^2 vanishes at 0.33 Wb, below
+    rated current."""
     drive = load_drive("spm_exchanged")
     truth = drive.motor.energy._replace(alpha_12=0.0, alpha_22=0.0, alpha_04=-5.0)
     with pytest.raises(PhysicsError, match=r"after .* s the fluxes .* left the domain"):
@@ -175,7 +206,8 @@ def test_nonsense_is_refused():
 
 
 def test_controller_stays_within_the_inverter_and_does_not_wind_up():
-    """A demand far beyond the voltage: output on the circle at once, and off it as soon as the error turns."""
+    """A demand far beyond the voltage: output on the circle at once, and off it as soon as the
+    error turns."""
     from sandbox.drive import control as ct
 
     gains, state = design(QUIET).control, ct.blank()
@@ -187,14 +219,19 @@ def test_controller_stays_within_the_inverter_and_does_not_wind_up():
 
 
 def test_commanded_voltage_stays_within_the_inverter():
-    low = dataclasses.replace(QUIET, converter=dataclasses.replace(QUIET.converter, dc_bus_voltage=100.0))
-    r = simulate(low, Scenario("s", (Segment(0.05), Segment(0.25, 1.8))), load_estimator("qnull")).recording
+    low = dataclasses.replace(
+        QUIET, converter=dataclasses.replace(QUIET.converter, dc_bus_voltage=100.0)
+    )
+    r = simulate(
+        low, Scenario("s", (Segment(0.05), Segment(0.25, 1.8))), load_estimator("qnull")
+    ).recording
     assert np.hypot(r.u_alpha, r.u_beta).max() <= 100.0 / np.sqrt(3.0) * (1 + 1e-9)
     assert r.i_q[r.t > r.t[-1] - 0.1].mean() == pytest.approx(1.8 * 1.2, abs=0.02)
 
 
 def test_feed_forward_is_the_back_emf():
-    """Without error and integral the q voltage is omega phi_m, of the sense of the speed asked for."""
+    """Without error and integral the q voltage is omega phi_m, of the sense of the speed asked
+    for."""
     from sandbox.drive import control as ct
 
     gains = design(QUIET).control
@@ -222,7 +259,8 @@ def test_voltage_survives_a_jump_of_the_control_frame():
 
 
 def test_fast_frames_are_no_jumps():
-    """A frame that turns by more than a fifth of a radian a sample with its own speed is left alone."""
+    """A frame that turns by more than a fifth of a radian a sample with its own speed is left
+    alone."""
     from sandbox.drive import control as ct
 
     state = ct.blank()
@@ -246,9 +284,12 @@ def test_what_the_drive_cannot_do_is_refused(segment, words):
 
 
 def test_the_highest_speed_allowed_is_held():
-    """Just below the design's top speed the current loop still holds its reference, the encoder in control."""
+    """Just below the design's top speed the current loop still holds its reference, the encoder in
+    control."""
     top = 0.95 * design(QUIET).top_omega / DRIVE.motor.rated_omega
-    scenario = Scenario("s", (Segment(0.6, 0.3, top, ramp=0.5), Segment(0.3, 0.3, top)), rotor="driven")
+    scenario = Scenario(
+        "s", (Segment(0.6, 0.3, top, ramp=0.5), Segment(0.3, 0.3, top)), rotor="driven"
+    )
     r = simulate(QUIET, scenario, load_estimator("ekf"), closed_loop=False).recording
     late = r.t > r.t[-1] - 0.1
     assert r.i_q[late].mean() == pytest.approx(0.3 * 1.2, abs=0.03)
@@ -256,7 +297,9 @@ def test_the_highest_speed_allowed_is_held():
 
 
 def test_polarity_that_cannot_be_found_is_refused():
-    motor = dataclasses.replace(DRIVE.motor, alpha_30=0.0, alpha_12=0.0, alpha_40=0.0, alpha_22=0.0, alpha_04=0.0)
+    motor = dataclasses.replace(
+        DRIVE.motor, alpha_30=0.0, alpha_12=0.0, alpha_40=0.0, alpha_22=0.0, alpha_04=0.0
+    )
     linear = dataclasses.replace(DRIVE, motor=motor)
     with pytest.raises(BadInput, match=r"polarity cannot be found.*start_up = false"):
         simulate(linear, Scenario("s", (Segment(0.1),)), load_estimator("qnull"))
@@ -268,7 +311,10 @@ def test_wrong_estimators_are_told():
     for wrong, words in (
         ("qnull", "no Estimator"),
         (dataclasses.replace(qnull, step=lambda *a: None), "give compiled=False"),
-        (dataclasses.replace(qnull, step=lambda *a: (0.0, 0.0), compiled=False), "must return an Estimate"),
+        (
+            dataclasses.replace(qnull, step=lambda *a: (0.0, 0.0), compiled=False),
+            "must return an Estimate",
+        ),
     ):
         with pytest.raises(BadInput, match=words):
             simulate(DRIVE, Scenario("s", (Segment(0.01),)), wrong)

@@ -1,4 +1,5 @@
-"""A simulated run as a campaign: what it states is what was simulated, and a replay meets it at its noise floor."""
+"""A simulated run as a campaign: what it states is what was simulated, and a replay meets it at its
+noise floor."""
 
 import dataclasses
 
@@ -31,15 +32,20 @@ COUNT = 2 * np.pi * DRIVE.motor.pole_pairs / COUNTS
 
 def run(rotor, plant, effects, seed=3):
     speed, mode = (0.0 if rotor == "locked" else 0.05), ("speed" if rotor == "free" else "current")
-    scenario = Scenario("run", (Segment(0.1), Segment(0.4, 0.5, speed, ramp=0.2)), rotor=rotor, reference=mode)
-    return scenario, simulate(DRIVE, scenario, load_estimator("qnull"), plant=plant, effects=effects, seed=seed)
+    scenario = Scenario(
+        "run", (Segment(0.1), Segment(0.4, 0.5, speed, ramp=0.2)), rotor=rotor, reference=mode
+    )
+    return scenario, simulate(
+        DRIVE, scenario, load_estimator("qnull"), plant=plant, effects=effects, seed=seed
+    )
 
 
 @pytest.mark.parametrize("effects", [{}, EFFECTS], ids=["none", "effects"])
 @pytest.mark.parametrize("rotor", ["locked", "driven", "free"])
 @pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_written_read_and_replayed_at_the_noise_floor(plant, rotor, effects, tmp_path):
-    """With what was simulated: rms 1 within 3 % (5000 readings: 1 %, dead time's soft sign 2 %); without: far off."""
+    """With what was simulated: rms 1 within 3 % (5000 readings: 1 %, dead time's soft sign 2 %);
+    without: far off."""
     scenario, done = run(rotor, plant, effects)
     write_campaign(tmp_path / "c", campaign_of(DRIVE, scenario, done.recording, "c"))
     campaign = read_campaign(tmp_path / "c")
@@ -56,15 +62,24 @@ def test_written_read_and_replayed_at_the_noise_floor(plant, rotor, effects, tmp
 
 @pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_duties_are_formed_with_the_recorded_link(plant):
-    """A reading with 5 % noise: met at the floor with the column, missed by 0.05 u T_s/L (some floors) without it."""
-    drive = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, link_noise=20.0))
+    """A reading with 5 % noise: met at the floor with the column, missed by 0.05 u T_s/L (some
+    floors) without it."""
+    drive = dataclasses.replace(
+        DRIVE, converter=dataclasses.replace(DRIVE.converter, link_noise=20.0)
+    )
     scenario = Scenario("run", (Segment(0.1), Segment(0.2, 0.5)))
     campaign = campaign_of(
-        drive, scenario, simulate(drive, scenario, load_estimator("qnull"), plant=plant).recording, "c"
+        drive,
+        scenario,
+        simulate(drive, scenario, load_estimator("qnull"), plant=plant).recording,
+        "c",
     )
     flat = dataclasses.replace(
         campaign.recordings[0],
-        columns={**campaign.recordings[0].columns, "u_dc": np.full_like(campaign.recordings[0].t, 400.0)},
+        columns={
+            **campaign.recordings[0].columns,
+            "u_dc": np.full_like(campaign.recordings[0].t, 400.0),
+        },
     )
     rms = [
         residuals(p, replay(p, [{}]))[0].rms()[0]
@@ -88,20 +103,30 @@ def test_what_a_campaign_states_is_what_was_simulated():
     assert abs(u.mean()) < 5 * 7.5e-4 / np.sqrt(len(u))
     assert campaign.uncertainty["resistance"] == 0.01
     assert campaign.background["current_offset"] == pytest.approx(8e-4 * DRIVE.motor.rated_current)
-    keys = {"current_gain", "current_offset", "encoder_offset", "dead_time", "load_torque_gain", "load_torque_offset"}
+    keys = {
+        "current_gain",
+        "current_offset",
+        "encoder_offset",
+        "dead_time",
+        "load_torque_gain",
+        "load_torque_offset",
+    }
     assert set(campaign.background) == keys
 
 
 def test_columns_belong_to_the_interval_that_starts_there():
-    """u acts from its own sample on: what starts at rest moves first after the first u that is not 0."""
+    """u acts from its own sample on: what starts at rest moves first after the first u that is not
+    0."""
     _, done = run("locked", "exact", {})
     r = done.recording
     first = int(np.argmax(np.hypot(r.u_alpha, r.u_beta) > 1.0))
     i = np.hypot(r.i_d, r.i_q)
-    assert i[first] < 1e-9  # edges at one instant are taken 1e-14 s apart: 400 V for so long, six times, over 45 mH
+    # edges at one instant are taken 1e-14 s apart: 400 V for so long, six times, over 45 mH
+    assert i[first] < 1e-9
     h = DRIVE.converter.sampling_period
     u = np.hypot(r.u_alpha[first], r.u_beta[first])
-    assert i[first + 1] == pytest.approx(u * h / DRIVE.motor.inductance_q, rel=0.6)  # between L_d and L_q
+    # between L_d and L_q
+    assert i[first + 1] == pytest.approx(u * h / DRIVE.motor.inductance_q, rel=0.6)
 
 
 def test_drive_file_that_states_its_encoder_and_link_keeps_them():
@@ -121,12 +146,17 @@ def test_injection_axis_is_where_the_injection_lay():
 
 
 def test_link_reading_noise_alone_changes_what_is_delivered():
-    """Duties are formed with the reading: the noise is in the currents, and its absence leaves every bit."""
-    silent = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, current_noise=0.0))
+    """Duties are formed with the reading: the noise is in the currents, and its absence leaves
+    every bit."""
+    silent = dataclasses.replace(
+        DRIVE, converter=dataclasses.replace(DRIVE.converter, current_noise=0.0)
+    )
     scenario = Scenario("s", (Segment(0.05),))
     out = []
     for noise in (0.0, 1e-9, 0.3):
-        drive = dataclasses.replace(silent, converter=dataclasses.replace(silent.converter, link_noise=noise))
+        drive = dataclasses.replace(
+            silent, converter=dataclasses.replace(silent.converter, link_noise=noise)
+        )
         out.append(simulate(drive, scenario, load_estimator("qnull"), seed=1).recording)
     assert np.abs(out[0].u_dc - 400.0).max() == 0.0
     assert np.abs(out[0].i_d - out[1].i_d).max() < 1e-6
@@ -153,7 +183,8 @@ def test_blocked_gates_are_not_recorded():
 
 @pytest.mark.parametrize("angle", [0.0, -0.1, 4.0])
 def test_start_up_of_the_estimate_is_no_mistake_of_the_recording(angle, tmp_path):
-    """The estimate steps alpha, beta, axis found, and at 4 rad half a turn as its polarity shows."""
+    """The estimate steps alpha, beta, axis found, and at 4 rad half a turn as its polarity
+    shows."""
     scenario = Scenario("run", (Segment(0.3),), start_angle=angle)
     done = simulate(bench_of(DRIVE), scenario, load_estimator("qnull"), seed=3)
     write_campaign(tmp_path / "c", campaign_of(bench_of(DRIVE), scenario, done.recording, "c"))
@@ -164,16 +195,23 @@ def test_start_up_of_the_estimate_is_no_mistake_of_the_recording(angle, tmp_path
 
 
 def test_injection_that_an_estimator_turned_is_not_blamed_on_the_angle():
-    """180 % load turns the saliency of spm_exchanged by 15 degrees; the current loop's answer adds to it."""
+    """180 % load turns the saliency of spm_exchanged by 15 degrees; the current loop's answer adds
+    to it."""
     drive = bench_of(load_drive("spm_exchanged"))
     scenario = Scenario("run", (Segment(0.5, load=1.8, ramp=0.05), Segment(0.3)), start_up=False)
-    own = campaign_of(drive, scenario, simulate(drive, scenario, load_estimator("qnull"), seed=3).recording, "c")
-    with pytest.raises(NoStaircase, match=r"degrees off axis d, where the recorded estimate .* turned it"):
+    own = campaign_of(
+        drive, scenario, simulate(drive, scenario, load_estimator("qnull"), seed=3).recording, "c"
+    )
+    with pytest.raises(
+        NoStaircase, match=r"degrees off axis d, where the recorded estimate .* turned it"
+    ):
         levels_of(own)
     (r,) = own.recordings
     bare = {n: x for n, x in r.columns.items() if n != "theta_hat"}
     turned = {**r.columns, "theta": r.theta + 1.2}
     for columns in (bare, turned):  # without an estimate, or far from it, the angle is to blame
         with pytest.raises(BadInput, match="give theta in electrical rad") as found:
-            levels_of(dataclasses.replace(own, recordings=(dataclasses.replace(r, columns=columns),)))
+            levels_of(
+                dataclasses.replace(own, recordings=(dataclasses.replace(r, columns=columns),))
+            )
         assert not isinstance(found.value, NoStaircase)

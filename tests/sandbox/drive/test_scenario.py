@@ -101,8 +101,12 @@ def test_voltage_too_low_for_the_load():
     import dataclasses
 
     drive = load_drive("ipm_exchanged")
-    low = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, dc_bus_voltage=90.0))
-    with pytest.raises(PhysicsError, match=r"needs .* V, but the bus of 90 V leaves 21\.96 V.*raise dc_bus_voltage"):
+    low = dataclasses.replace(
+        drive, converter=dataclasses.replace(drive.converter, dc_bus_voltage=90.0)
+    )
+    with pytest.raises(
+        PhysicsError, match=r"needs .* V, but the bus of 90 V leaves 21\.96 V.*raise dc_bus_voltage"
+    ):
         check_feasible(low, load_scenario("staircase"), design(low))
 
 
@@ -114,7 +118,8 @@ def test_load_outside_the_valid_domain_is_refused():
 def test_the_printed_surface_motor_is_refused_with_what_to_take_instead():
     spm, still = load_drive("spm"), load_scenario("staircase").cut(0.1)
     with pytest.raises(
-        PhysicsError, match=r"convex at i_d = -0\.78\d+ A; use 'spm_exchanged'.*or set start_up = false"
+        PhysicsError,
+        match=r"convex at i_d = -0\.78\d+ A; use 'spm_exchanged'.*or set start_up = false",
     ):
         check_feasible(spm, still, design(spm))
     lone = dataclasses.replace(spm, motor=dataclasses.replace(spm.motor, name="mine"))
@@ -131,7 +136,11 @@ VALUES = st.one_of(st.floats(), st.integers(-5, 5), st.text(max_size=3), st.bool
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.dictionaries(st.sampled_from(["duration", "load", "speed", "ramp", "settle", "score", "x"]), VALUES))
+@given(
+    st.dictionaries(
+        st.sampled_from(["duration", "load", "speed", "ramp", "settle", "score", "x"]), VALUES
+    )
+)
 def test_any_segment_is_taken_or_refused(values):
     from model.parameters import build
 

@@ -1,4 +1,5 @@
-"""Many tasks on several processes: one that dies costs one item.  A process started imports this file: it is light."""
+"""Many tasks on several processes: one that dies costs one item.  A process started imports this
+file: it is light."""
 
 import os
 

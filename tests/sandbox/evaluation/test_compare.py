@@ -1,4 +1,5 @@
-"""The main job's numbers against theory: what a linear belief misses, and that a saturated one does not."""
+"""The main job's numbers against theory: what a linear belief misses, and that a saturated one does
+not."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ def staircase(request):
 
 
 def test_linear_belief_errs_by_the_theory(staircase):
-    """Mean within 0.2 degrees of the cross-saturation angle: local (open) or self-consistent (closed)."""
+    """Mean within 0.2 degrees of the cross-saturation angle: local (open) or self-consistent
+    (closed)."""
     motor = staircase.drive.motor
     checked = 0
     for row in staircase.rows:
@@ -34,7 +36,11 @@ def test_linear_belief_errs_by_the_theory(staircase):
         if row.belief != "linear" or (row.estimator == "ekf" and not exchanged_ekf):
             continue
         i_q = row.load * motor.rated_current
-        angle = self_consistent_angle(motor.energy, 0.0, i_q) if row.closed_loop else local_angle(motor.energy, 0, i_q)
+        angle = (
+            self_consistent_angle(motor.energy, 0.0, i_q)
+            if row.closed_loop
+            else local_angle(motor.energy, 0, i_q)
+        )
         expected = np.degrees(float(angle))
         assert not row.lost_lock
         assert row.error_deg.mean == pytest.approx(expected, abs=0.2)
@@ -58,7 +64,14 @@ def test_no_position_error_grew_since_the_last_release(small_comparison):
     assert len(own) == len(kept["position"]) == 16  # two loads, beliefs, loops and estimators
     assert releases.worse(kept, "position", own) == []
     name, entry = next(iter(kept["position"].items()))
-    assert len(releases.worse(kept, "position", own | {name: entry["value"] + 0.02 + 6.0 * entry["noise"]})) == 1
+    assert (
+        len(
+            releases.worse(
+                kept, "position", own | {name: entry["value"] + 0.02 + 6.0 * entry["noise"]}
+            )
+        )
+        == 1
+    )
 
 
 def test_same_seed_same_numbers(small_comparison):
@@ -72,30 +85,38 @@ def test_same_seed_same_numbers(small_comparison):
 
 @pytest.mark.parametrize("name", ["creep_reversal", "speed_steps"])
 def test_moving_scenarios(name):
-    """Settled means meet the quasi-static theory; the rest is lag R omega of the ripple, see `estimators.qnull`."""
-    result = compare(load_drive("ipm_exchanged"), load_scenario(name), ("qnull", "inversion"), seed=2)
+    """Settled means meet the quasi-static theory; the rest is lag R omega of the ripple, see
+    `estimators.qnull`."""
+    result = compare(
+        load_drive("ipm_exchanged"), load_scenario(name), ("qnull", "inversion"), seed=2
+    )
     for row in result.rows:
         assert not row.lost_lock
         assert row.reference_held
-        # 0.1 degree of that, and the tail of a load step: 1.6 s after it with a speed loop of 0.25 s
+        # 0.1 degree of that, and the tail of a load step: 1.6 s after it with a speed loop of 0.25
+        # s
         assert row.error_deg.mean == pytest.approx(row.predicted_mean_deg, abs=0.3)
     speeds = np.concatenate([r.recording.omega for r in result.runs])
     assert speeds.max() > 0 > speeds.min()
 
 
 def test_theory_at_imposed_torque_in_the_creeping_reversal():
-    """Closed loop under speed control: i_q follows from the torque, the error from i_q; both must hold in the run."""
+    """Closed loop under speed control: i_q follows from the torque, the error from i_q; both must
+    hold in the run."""
     drive = load_drive("ipm_exchanged")
     result = compare(drive, load_scenario("creep_reversal"), ("qnull",), seed=2)
     run = next(r for r in result.runs if r.closed_loop and r.belief == "linear")
     late = run.recording.between(run.rows[3].t_start, run.rows[3].t_end)
-    expected = np.degrees(self_consistent_angle(drive.motor.energy, 0.0, float(late.i_q_ref.mean())))
+    expected = np.degrees(
+        self_consistent_angle(drive.motor.energy, 0.0, float(late.i_q_ref.mean()))
+    )
     assert np.degrees(late.error.mean()) == pytest.approx(expected, abs=0.2)
     assert run.rows[3].predicted_mean_deg == pytest.approx(expected, abs=0.1)
 
 
 def test_lost_lock_is_found():
-    """Whoever believes L_d and L_q exchanged tracks with the wrong sign and settles across the magnet."""
+    """Whoever believes L_d and L_q exchanged tracks with the wrong sign and settles across the
+    magnet."""
     drive = load_drive("ipm_exchanged")
     scenario = Scenario("s", (Segment(0.5),), settle=0.2)
     truth = load_drive("ipm").motor.energy
@@ -109,25 +130,41 @@ def test_lost_lock_is_found():
 
 def test_sine_injection_meets_the_theory_too():
     drive = load_drive("ipm_exchanged")
-    sine = dataclasses.replace(drive, injection=dataclasses.replace(drive.injection, waveform="sine", amplitude=35.0))
-    result = compare(sine, Scenario("s", (Segment(0.5, 1.0, ramp=0.1),), settle=0.3), ("qnull", "inversion"))
+    sine = dataclasses.replace(
+        drive, injection=dataclasses.replace(drive.injection, waveform="sine", amplitude=35.0)
+    )
+    result = compare(
+        sine, Scenario("s", (Segment(0.5, 1.0, ramp=0.1),), settle=0.3), ("qnull", "inversion")
+    )
     for row in result.rows:
         expected = row.predicted_mean_deg if row.belief == "linear" else 0.0
         assert row.error_deg.mean == pytest.approx(expected, abs=0.2)
 
 
-@pytest.mark.parametrize(("period", "frequency"), [(125e-6, 1000.0), (62.5e-6, 500.0), (250e-6, 1000.0)])
+@pytest.mark.parametrize(
+    ("period", "frequency"), [(125e-6, 1000.0), (62.5e-6, 500.0), (250e-6, 1000.0)]
+)
 def test_other_sampling_rates(period, frequency):
     drive = load_drive("ipm_exchanged")
     fast = dataclasses.replace(
         drive,
         converter=dataclasses.replace(drive.converter, sampling_period=period, pwm_frequency=None),
-        injection=dataclasses.replace(drive.injection, frequency=frequency, amplitude=30.0 * frequency / 500.0),
+        injection=dataclasses.replace(
+            drive.injection, frequency=frequency, amplitude=30.0 * frequency / 500.0
+        ),
     )
-    result = compare(fast, Scenario("s", (Segment(0.5, 1.0, ramp=0.1),), settle=0.3), ("qnull", "inversion", "ekf"))
+    result = compare(
+        fast,
+        Scenario("s", (Segment(0.5, 1.0, ramp=0.1),), settle=0.3),
+        ("qnull", "inversion", "ekf"),
+    )
     for row in result.rows:
         m = drive.motor.energy
-        angle = self_consistent_angle(m, 0.0, 1.2) if row.closed_loop else float(local_angle(m, 0.0, 1.2))
+        angle = (
+            self_consistent_angle(m, 0.0, 1.2)
+            if row.closed_loop
+            else float(local_angle(m, 0.0, 1.2))
+        )
         expected = 0.0 if row.belief == "saturated" else np.degrees(angle)
         assert row.error_deg.mean == pytest.approx(expected, abs=0.2)
 
@@ -150,8 +187,9 @@ def test_effects_reach_every_run():
 
 
 def test_an_hour_is_recorded_thinned():
-    """3600 s and at most 5 s of starting up at 4 kHz are 14.42 million samples, of which ten million are kept at most:
-    every second; of four such runs together every sixth.  Ten minutes at 10 kHz are kept whole."""
+    """3600 s and at most 5 s of starting up at 4 kHz are 14.42 million samples, of which ten
+    million are kept at most: every second; of four such runs together every sixth.  Ten minutes at
+    10 kHz are kept whole."""
     drive = load_drive("ipm_exchanged")
     hour, ten = (Scenario("long", (Segment(s),), rotor="locked") for s in (3600.0, 600.0))
     assert drive.converter.sampling_period == 2.5e-4

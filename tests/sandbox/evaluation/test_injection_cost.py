@@ -1,4 +1,5 @@
-"""What injection costs, each figure against its closed form: ripples of known size on a linear motor, a real run."""
+"""What injection costs, each figure against its closed form: ripples of known size on a linear
+motor, a real run."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ LINEAR = dataclasses.replace(DRIVE, motor=dataclasses.replace(DRIVE.motor, **ALP
 MOTOR, H, N = LINEAR.motor, DRIVE.converter.sampling_period, 8
 SEEN = np.arange(1000)
 WAVE = np.cos(2.0 * np.pi * SEEN / N)  # at the injection's frequency, 500 Hz
-STRAIGHT = (2.0 + math.cos(2.0 * math.pi / N)) / 3.0  # mean square of straight lines between a sine's samples, over it
+# mean square of straight lines between a sine's samples, over it
+STRAIGHT = (2.0 + math.cos(2.0 * math.pi / N)) / 3.0
 
 
 def recorded(**channels):
@@ -42,7 +44,8 @@ def cost_of(**channels):
 
 
 def test_nothing_injected_costs_nothing():
-    cost = cost_of(i_d=0.1, i_q=1.0, u_alpha=5.0)  # the PWM's own ripple is in what it is compared with
+    # the PWM's own ripple is in what it is compared with
+    cost = cost_of(i_d=0.1, i_q=1.0, u_alpha=5.0)
     assert (cost.copper_w, cost.torque_nm, cost.link_a, cost.injected_v) == pytest.approx(
         (0.0, 0.0, 0.0, 0.0), abs=1e-9
     )
@@ -52,13 +55,17 @@ def test_nothing_injected_costs_nothing():
 
 @pytest.mark.parametrize("axis", ["i_d", "i_q"])
 def test_copper_loss_of_a_sine(axis):
-    """3/2 R I^2/2, of the straight lines between samples; a mean current beside it changes nothing."""
+    """3/2 R I^2/2, of the straight lines between samples; a mean current beside it changes
+    nothing."""
     size = 0.05
     cost = cost_of(**{"i_q": 1.0, axis: (axis == "i_q") + size * WAVE})
     expected = 1.5 * MOTOR.resistance * 0.5 * size**2 * STRAIGHT
-    points = 12  # instants in a period, as RATE asks for: the mean of x^2 over k/12 is 1/3 + 1/(6 12^2)
+    # instants in a period, as RATE asks for: the mean of x^2 over k/12 is 1/3 + 1/(6 12^2)
+    points = 12
     assert cost.copper_w == pytest.approx(expected, rel=1.0 / points**2)
-    assert cost.loss_share == pytest.approx(cost.copper_w / (1.5 * MOTOR.resistance * MOTOR.rated_current**2))
+    assert cost.loss_share == pytest.approx(
+        cost.copper_w / (1.5 * MOTOR.resistance * MOTOR.rated_current**2)
+    )
 
 
 def test_torque_ripple_of_a_current_ripple():
@@ -72,20 +79,25 @@ def test_torque_ripple_of_a_current_ripple():
 
 
 def test_sound_of_known_forces():
-    """q ripple at 500 Hz: its torque; d ripple: the radial force 2 psi_m L_d i_d over that at rated i_q."""
+    """q ripple at 500 Hz: its torque; d ripple: the radial force 2 psi_m L_d i_d over that at rated
+    i_q."""
     weight, size = float(a_weight(500.0)), 1e-3
     rms = size * math.sqrt(0.5 * STRAIGHT)
     torque = 1.5 * MOTOR.pole_pairs * MOTOR.magnet_flux * rms / MOTOR.rated_torque
     expected = 20.0 * math.log10(weight * torque / REFERENCE)
-    # lines bend at the samples: harmonics at 3.5 kHz and on, 1/49 in size, louder by 4 dB; instants as above
+    # lines bend at the samples: harmonics at 3.5 kHz and on, 1/49 in size, louder by 4 dB; instants
+    # as above
     assert cost_of(i_q=size * WAVE).sound_db == pytest.approx(expected, abs=0.05)
     rated = MOTOR.magnet_flux**2 + (MOTOR.inductance_q * MOTOR.rated_current) ** 2
     radial = 2.0 * MOTOR.magnet_flux * MOTOR.inductance_d * rms / rated
-    assert cost_of(i_d=size * WAVE).sound_db == pytest.approx(20.0 * math.log10(weight * radial / REFERENCE), abs=0.05)
+    assert cost_of(i_d=size * WAVE).sound_db == pytest.approx(
+        20.0 * math.log10(weight * radial / REFERENCE), abs=0.05
+    )
 
 
 def test_link_ripple_and_volts_of_a_voltage():
-    """3/2 U I / u_dc of a voltage U cos along a current I; pulses change the current by far less."""
+    """3/2 U I / u_dc of a voltage U cos along a current I; pulses change the current by far
+    less."""
     size, current = 20.0, 1.0
     cost = cost_of(i_q=current, u_beta=size * WAVE)
     assert cost.injected_v == pytest.approx(size)
@@ -93,11 +105,14 @@ def test_link_ripple_and_volts_of_a_voltage():
 
 
 def test_core_loss_of_a_turning_flux():
-    """i_c = j w psi / R_c / (1 + j w tau), so 3/2 R_c |i_c|^2 = 3/2 (w psi)^2 / R_c / (1 + (w tau)^2)."""
+    """i_c = j w psi / R_c / (1 + j w tau), so 3/2 R_c |i_c|^2 = 3/2 (w psi)^2 / R_c / (1 + (w
+    tau)^2)."""
     step, w, flux, resistance, lag = 1e-6, 2.0 * math.pi * 500.0, 0.02, 5000.0, 2e-4
     psi = flux * np.exp(1j * w * step * np.arange(20_000))
     found = branch_current(psi, step, resistance, lag)[10_000:]  # 50 time constants on
-    assert np.abs(found) == pytest.approx(w * flux / resistance / math.hypot(1.0, w * lag), rel=(w * step) ** 2)
+    assert np.abs(found) == pytest.approx(
+        w * flux / resistance / math.hypot(1.0, w * lag), rel=(w * step) ** 2
+    )
 
 
 def test_core_loss_of_an_injection():
@@ -106,13 +121,16 @@ def test_core_loss_of_an_injection():
     cost = injection_cost(LINEAR, recorded(i_d=size * WAVE), MOTOR, effects)
     w, flux = 2.0 * math.pi * 500.0, MOTOR.inductance_d * size
     expected = 1.5 * 0.5 * (w * flux) ** 2 / 5000.0 / (1.0 + (w * 2e-4) ** 2)
-    bent = (math.sin(math.pi / N) / (math.pi / N)) ** 2  # the fundamental of straight lines between samples
-    harmonics = sum(1.0 / (N * k + s) ** 4 * (N * k + s) ** 2 for k in (1, 2, 3) for s in (-1, 1))  # less lagged
+    # the fundamental of straight lines between samples
+    bent = (math.sin(math.pi / N) / (math.pi / N)) ** 2
+    # less lagged
+    harmonics = sum(1.0 / (N * k + s) ** 4 * (N * k + s) ** 2 for k in (1, 2, 3) for s in (-1, 1))
     assert expected * bent**2 < cost.iron_w < expected * bent**2 * (1.0 + harmonics)
 
 
 def test_a_run_costs_what_its_square_wave_does():
-    """At standstill the current is a triangle of peak U Gamma N h/4, beside the PWM's ripple at +-U."""
+    """At standstill the current is a triangle of peak U Gamma N h/4, beside the PWM's ripple
+    at +-U."""
     loaded = Scenario("cost", (Segment(0.6, 1.0, ramp=0.1, settle=0.3),), start_up=False)
     comparison, _ = single(DRIVE, loaded, "qnull")
     (row,) = comparison.rows
@@ -120,10 +138,15 @@ def test_a_run_costs_what_its_square_wave_does():
     gamma = hessian(DRIVE.motor.energy, d, q)
     peak = 30.0 * math.hypot(*gamma[:2]) * N * H / 4.0
     theta, held = 0.0, 1j * DRIVE.motor.resistance * DRIVE.motor.rated_current
-    pulses = pwm_ripple(DRIVE, 30.0 + held, theta, gamma, 0.0) ** 2 - pwm_ripple(DRIVE, held, theta, gamma, 0.0) ** 2
+    pulses = (
+        pwm_ripple(DRIVE, 30.0 + held, theta, gamma, 0.0) ** 2
+        - pwm_ripple(DRIVE, held, theta, gamma, 0.0) ** 2
+    )
     expected = 1.5 * DRIVE.motor.resistance * (peak**2 / 3.0 + pulses)
-    assert row.cost.copper_w == pytest.approx(expected, rel=0.05)  # of it R Gamma T / 2 pi = 0.1 squared, and noise
-    assert row.cost.injected_v == pytest.approx(30.0, rel=0.02)  # and what the loop answers to noise
+    # of it R Gamma T / 2 pi = 0.1 squared, and noise
+    assert row.cost.copper_w == pytest.approx(expected, rel=0.05)
+    # and what the loop answers to noise
+    assert row.cost.injected_v == pytest.approx(30.0, rel=0.02)
 
 
 def test_too_short_or_thinned_a_stretch_tells_nothing():
@@ -134,7 +157,9 @@ def test_too_short_or_thinned_a_stretch_tells_nothing():
 
 def test_the_figure_names_each_estimator_and_marks_the_limits():
     def standing(name, belief, p95, sound, loss):
-        return choice.Standing(name, belief, True, 1, 0, 0, 0.1, p95, None, loss_w=loss, sound_db=sound)
+        return choice.Standing(
+            name, belief, True, 1, 0, 0, 0.1, p95, None, loss_w=loss, sound_db=sound
+        )
 
     found = [standing("a", "saturated", 2.0, 40.0, 0.5), standing("b", "linear", 1.0, -20.0, 1e-6)]
     drawing = cost_figure(found, "motor", limits=choice.limits_of(30.0, 1.0))
@@ -142,12 +167,15 @@ def test_the_figure_names_each_estimator_and_marks_the_limits():
     assert [t.get_text() for t in error.get_yticklabels()] == ["b", "a"]  # the smaller error first
     assert loss.lines[-1].get_xdata()[0] == 1.0
     assert sound.lines[-1].get_xdata()[0] == 30.0
-    assert min(line.get_xdata()[0] for line in sound.lines) == 0.0  # what is not heard stands at the edge
+    # what is not heard stands at the edge
+    assert min(line.get_xdata()[0] for line in sound.lines) == 0.0
     heads, lines = cost_table(found)
     assert len(heads) == len(lines[0]) == len(lines[1]) == 9
 
 
-@pytest.mark.parametrize(("given", "said"), [((math.nan, None), "not finite"), ((None, -1.0), "at least 0")])
+@pytest.mark.parametrize(
+    ("given", "said"), [((math.nan, None), "not finite"), ((None, -1.0), "at least 0")]
+)
 def test_limits_that_are_none_are_refused(given, said):
     with pytest.raises(BadInput, match=said):
         choice.limits_of(*given)
@@ -155,9 +183,15 @@ def test_limits_that_are_none_are_refused(given, said):
 
 def test_limits_leave_out_what_is_louder_or_dearer():
     def standing(name, p95, sound, loss):
-        return choice.Standing(name, "saturated", True, 1, 0, 0, 0.1, p95, None, loss_w=loss, sound_db=sound)
+        return choice.Standing(
+            name, "saturated", True, 1, 0, 0, 0.1, p95, None, loss_w=loss, sound_db=sound
+        )
 
-    found = [standing("loud", 0.3, 40.0, 0.5), standing("dear", 0.3, 20.0, 2.0), standing("fit", 2.0, 20.0, 0.5)]
+    found = [
+        standing("loud", 0.3, 40.0, 0.5),
+        standing("dear", 0.3, 20.0, 2.0),
+        standing("fit", 2.0, 20.0, 0.5),
+    ]
     assert [s.estimator for s in choice.best(found)] == ["loud", "dear"]
     limits = choice.limits_of(30.0, 1.0)
     assert [s.estimator for s in choice.best(found, limits)] == ["fit"]
@@ -165,4 +199,6 @@ def test_limits_leave_out_what_is_louder_or_dearer():
     assert said.startswith("fit with the saturated belief")
     assert "loud with the saturated belief is louder (40 dB) than 30 dB" in said
     assert "dear with the saturated belief adds 2 W, more than 1 W" in said
-    assert choice.which(found, choice.limits_of(10.0, None)).startswith("None of these within the limits. Out: loud")
+    assert choice.which(found, choice.limits_of(10.0, None)).startswith(
+        "None of these within the limits. Out: loud"
+    )

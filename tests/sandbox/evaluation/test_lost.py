@@ -1,4 +1,5 @@
-"""Why lock was lost: the current at which a motor's saliency ends, and a back-EMF that is too small."""
+"""Why lock was lost: the current at which a motor's saliency ends, and a back-EMF that is too
+small."""
 
 import dataclasses
 import math
@@ -22,15 +23,17 @@ from sandbox.evaluation.protocol_tests import Case, points_of, verdict
 from tests.data import real_data
 
 DRIVE = load_drive("ipm_exchanged")
-ROUND = dataclasses.replace(DRIVE.motor, alpha_04=66.2, alpha_22=0.0, alpha_12=0.0)  # its q axis saturates early
+# its q axis saturates early
+ROUND = dataclasses.replace(DRIVE.motor, alpha_04=66.2, alpha_22=0.0, alpha_12=0.0)
 DRIVE_ROUND = dataclasses.replace(DRIVE, motor=ROUND)
 
 
 def closed_form_end():
-    """Return the current on q at which 1/L_qq = gamma_q + 12 alpha_04 (L_q psi / psi_ref)^2 reaches gamma_d, A.
+    """Return the current on q at which 1/L_qq = gamma_q + 12 alpha_04 (L_q psi / psi_ref)^2 reaches
+    gamma_d, A.
 
-    Along q alone the quartic's slope is that of one variable: both sides are asked of the model at two fluxes and the
-    parabola through them is solved.
+    Along q alone the quartic's slope is that of one variable: both sides are asked of the model at
+    two fluxes and the parabola through them is solved.
     """
     m = ROUND.energy
     _, _, first = hessian.py_func(m, 0.0, 0.0)
@@ -52,14 +55,22 @@ def test_saliency_ends_where_both_inductances_meet():
 
 
 def test_a_saturated_belief_is_lost_where_its_own_error_turns_the_saliency_further():
-    """Finite elements of a machine whose L_q falls below L_d: the closed loop, without noise, holds below the current
-    of the theory and is lost within 5 % above it. Measured maps that keep their slope have no such end."""
+    """Finite elements of a machine whose L_q falls below L_d: the closed loop, without noise, holds
+    below the current of the theory and is lost within 5 % above it. Measured maps that keep their
+    slope have no such end."""
     real_data()
     drive = load_drive("thor_fea")
     quiet = dataclasses.replace(drive.converter, current_noise=0.0, current_resolution=0.0)
-    end = known_null_ends(drive.motor.energy, 0.0, 1.5 * drive.motor.rated_current) / drive.motor.rated_current
+    end = (
+        known_null_ends(drive.motor.energy, 0.0, 1.5 * drive.motor.rated_current)
+        / drive.motor.rated_current
+    )
     steps = tuple(Segment(0.4, load=x, ramp=0.1, settle=0.2) for x in (0.9, 0.97 * end, 1.05 * end))
-    run = simulate(dataclasses.replace(drive, converter=quiet), Scenario("steps", steps, rotor="locked"), "qnull")
+    run = simulate(
+        dataclasses.replace(drive, converter=quiet),
+        Scenario("steps", steps, rotor="locked"),
+        "qnull",
+    )
     assert [r.lost_lock for r in run.rows] == [False, False, True]
     told = float(run.rows[-1].why_lost.removeprefix("beyond ").partition(" A")[0])
     assert told == pytest.approx(end * drive.motor.rated_current, rel=1 / 60)  # a step on the way
@@ -73,7 +84,9 @@ def test_a_run_that_loses_its_saliency_says_so(capsys):
     run = simulate(DRIVE_ROUND, "staircase", "qnull", belief="linear")
     lost = [r for r in run.rows if r.lost_lock]
     assert lost
-    assert all(r.why_lost.startswith("beyond 1.") and "no saliency is left" in r.why_lost for r in lost)
+    assert all(
+        r.why_lost.startswith("beyond 1.") and "no saliency is left" in r.why_lost for r in lost
+    )
     assert all(r.why_lost is None for r in run.rows if not r.lost_lock)
     assert reasons(run.rows)[0].startswith("lost lock (qnull, linear, ")
     run.report()
@@ -81,7 +94,8 @@ def test_a_run_that_loses_its_saliency_says_so(capsys):
 
 
 def test_page_and_protocol_say_why_too(tmp_path):
-    """The comparison's page, and of the protocol page, terminal text and JSON, hold the sentence of a lost lock."""
+    """The comparison's page, and of the protocol page, terminal text and JSON, hold the sentence of
+    a lost lock."""
     scene = Scenario("load", (Segment(0.2), Segment(0.3, 1.8, ramp=0.1, settle=0.2)))
     write_comparison(tmp_path / "compare.html", compare(DRIVE_ROUND, scene, ["qnull"]))
     assert "no saliency is left that turns the q ripple" in (tmp_path / "compare.html").read_text()
@@ -107,16 +121,25 @@ def test_a_method_without_injection_needs_speed():
 
 
 def test_a_turned_null_is_not_a_lost_saliency():
-    """With cross-saturation L_dd = L_qq leaves 2 |L_dq|: the axis stands at 45 degrees, a null alone is lost."""
+    """With cross-saturation L_dd = L_qq leaves 2 |L_dq|: the axis stands at 45 degrees, a null
+    alone is lost."""
     crossed = dataclasses.replace(ROUND, alpha_12=DRIVE.motor.alpha_12)
     end, left = null_turned(crossed.energy, 0.0, 2.0, 2000)
-    dd, dq, qq = hessian.py_func(crossed.energy, *(float(x) for x in flux_from_current(crossed.energy, 0.0, end)))
+    dd, dq, qq = hessian.py_func(
+        crossed.energy, *(float(x) for x in flux_from_current(crossed.energy, 0.0, end))
+    )
     assert abs(dd - qq) < 0.05 * abs(dq)
-    assert left == pytest.approx(2.0 * abs(dq) / abs(1.0 / crossed.inductance_d - 1.0 / crossed.inductance_q), rel=0.01)
-    row = dataclasses.replace(simulate(DRIVE, "staircase", "qnull", duration=0.4).rows[0], lost_lock=True, load=1.8)
+    assert left == pytest.approx(
+        2.0 * abs(dq) / abs(1.0 / crossed.inductance_d - 1.0 / crossed.inductance_q), rel=0.01
+    )
+    row = dataclasses.replace(
+        simulate(DRIVE, "staircase", "qnull", duration=0.4).rows[0], lost_lock=True, load=1.8
+    )
 
     def told(estimator, belief, load_d=0.0):
-        own = dataclasses.replace(row, estimator=estimator, belief=belief, speed_rpm=900.0, closed_loop=False)
+        own = dataclasses.replace(
+            row, estimator=estimator, belief=belief, speed_rpm=900.0, closed_loop=False
+        )
         return why_lost(own, DRIVE, crossed, load_estimator(estimator), load_d)
 
     assert "45 degrees or more beside d" in told("qnull", "linear")

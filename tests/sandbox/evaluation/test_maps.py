@@ -15,7 +15,9 @@ def test_maps_are_the_point_functions():
     m = maps(motor, points=9)
     k = (6, 2)
     at = (m.i_d[6], m.i_q[2])
-    np.testing.assert_allclose([m.l_dd[k], m.l_dq[k], m.l_qq[k]], inductances(motor.energy, *at), rtol=1e-12)
+    np.testing.assert_allclose(
+        [m.l_dd[k], m.l_dq[k], m.l_qq[k]], inductances(motor.energy, *at), rtol=1e-12
+    )
     assert m.angle[k] == pytest.approx(float(local_angle(motor.energy, *at)))
     np.testing.assert_allclose(m.l_dd, m.l_dd[:, ::-1], rtol=1e-9)  # even in i_q
     np.testing.assert_allclose(m.angle, -m.angle[:, ::-1], atol=1e-12)
@@ -25,11 +27,15 @@ def test_maps_are_the_point_functions():
 
 def test_rated_load_angle_is_that_of_the_notes():
     m = maps(load_drive("ipm_exchanged").motor, radius=1.2, points=3)
-    assert np.degrees(m.angle[1, 2]) == pytest.approx(-6.1, abs=0.05)  # NOTES: -6.1 degrees at rated, i_d = 0
+    # NOTES: -6.1 degrees at rated, i_d = 0
+    assert np.degrees(m.angle[1, 2]) == pytest.approx(-6.1, abs=0.05)
 
 
 def test_first_order_errors_are_no_small_corrections():
-    assert maps(load_drive("ipm").motor, radius=2.0, points=9).summary()["first_order_error_l_dd"] > 0.05
+    assert (
+        maps(load_drive("ipm").motor, radius=2.0, points=9).summary()["first_order_error_l_dd"]
+        > 0.05
+    )
 
 
 def test_outside_the_valid_domain_is_nan():

@@ -1,4 +1,5 @@
-"""A Python for the peer: made once, nothing left of one that could not be made, said in one sentence."""
+"""A Python for the peer: made once, nothing left of one that could not be made, said in one
+sentence."""
 
 from __future__ import annotations
 
@@ -36,7 +37,11 @@ def test_it_is_made_once(calls):
     assert peer_python("mine") == "mine"
     assert not calls["ran"]
     first = peer_python(None)
-    assert [call[1:3] for call in calls["ran"]] == [["-c", "import venv"], ["-m", "venv"], ["-m", "pip"]]
+    assert [call[1:3] for call in calls["ran"]] == [
+        ["-c", "import venv"],
+        ["-m", "venv"],
+        ["-m", "pip"],
+    ]
     assert calls["ran"][-1][0] == first
     assert calls["ran"][-1][-1] == PEER
     assert peer_python(None) == first
@@ -44,7 +49,8 @@ def test_it_is_made_once(calls):
 
 
 @pytest.mark.parametrize(
-    ("failing", "said"), [(("pip",), r"cannot be made \(no such thing\)"), (("import venv",), "is not found here")]
+    ("failing", "said"),
+    [(("pip",), r"cannot be made \(no such thing\)"), (("import venv",), "is not found here")],
 )
 def test_what_cannot_be_made_leaves_nothing(failing, said, calls, tmp_path):
     calls["failing"] = failing

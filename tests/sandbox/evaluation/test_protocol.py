@@ -1,4 +1,5 @@
-"""The protocol: its rows, verdicts, resumption, files; its measurements against theory and planted faults."""
+"""The protocol: its rows, verdicts, resumption, files; its measurements against theory and planted
+faults."""
 
 from __future__ import annotations
 
@@ -46,7 +47,11 @@ def point(**changes):
 def test_verdict_by_the_goals():
     """Each goal alone decides; what carries no information or lies beyond 180 % does not count."""
     assert t.verdict([point()], "saturated").passed is True
-    for wrong in ({"mean_deg": -1.01}, {"p95_deg": 3.01}, {"lost_lock": True, "mean_deg": None, "p95_deg": None}):
+    for wrong in (
+        {"mean_deg": -1.01},
+        {"p95_deg": 3.01},
+        {"lost_lock": True, "mean_deg": None, "p95_deg": None},
+    ):
         assert t.verdict([point(), point(**wrong)], "saturated").passed is False
         assert t.verdict([point(), point(**wrong, informative=False)], "saturated").passed is True
         assert t.verdict([point(), point(**wrong, load=2.0)], "saturated").passed is True
@@ -58,7 +63,8 @@ def test_verdict_by_the_goals():
 
 
 def test_static_map_meets_theory_over_the_plane():
-    """i_d and i_q both: the linear belief's mean is the cross-saturation angle, open and closed, within 0.3 degrees."""
+    """i_d and i_q both: the linear belief's mean is the cross-saturation angle, open and closed,
+    within 0.3 degrees."""
     linear = t.static_map(DRIVE, "qnull", "linear", 0)
     assert linear.passed
     assert linear.metrics["mean_deg"] > 8.0  # it does err
@@ -85,18 +91,21 @@ def test_current_on_d_is_delivered_and_refused_under_speed_control():
 
 
 def test_starts_are_those_of_simulate():
-    """The batch is the loop itself: angles within noise of `simulate`'s starting up, and every start different."""
+    """The batch is the loop itself: angles within noise of `simulate`'s starting up, and every
+    start different."""
     found = starts(DRIVE, load_estimator("qnull"), "saturated", count=72)
     assert found.errors.shape == (36, 2)
     assert found.right == 1.0
     assert np.unique(found.errors).size == 72
-    assert np.abs(found.axis_errors).max() < 1.5  # as tests/estimators: noise averaged, and the bias current's tail
+    # as tests/estimators: noise averaged, and the bias current's tail
+    assert np.abs(found.axis_errors).max() < 1.5
     with pytest.raises(BadInput, match="at least 36"):
         starts(DRIVE, load_estimator("qnull"), "saturated", count=35)
 
 
 def test_attraction_finds_the_wrong_pole():
-    """q ripple goes with sin 2e: half of all first positions end at the wrong pole, none in between (linear belief)."""
+    """q ripple goes with sin 2e: half of all first positions end at the wrong pole, none in between
+    (linear belief)."""
     found = t.attraction(DRIVE, "qnull", "linear", 0)
     assert found.metrics["back"] + found.metrics["reversed"] == 1.0
     assert found.metrics["back"] == pytest.approx(0.5, abs=2.0 / t.FIRST_ANGLES)
@@ -114,7 +123,8 @@ def test_robustness_sees_each_thing_alone():
 
 
 def test_cost_of_the_ripple():
-    """Ripple of a square wave on the d axis: a triangle of peak U Gamma_dd N h / 4, rms at the samples known."""
+    """Ripple of a square wave on the d axis: a triangle of peak U Gamma_dd N h / 4, rms at the
+    samples known."""
     m = t.costs(DRIVE, "qnull", "saturated", 0).metrics
     from model.energy import flux_from_current, hessian
 
@@ -123,22 +133,36 @@ def test_cost_of_the_ripple():
     n, h = 8, 250e-6
     f = h * (np.abs(np.arange(n) - n / 2) - n / 4)
     expected = 30.0 * math.hypot(dd, dq) * np.sqrt(np.mean(f**2))
-    assert m["ripple_a"] == pytest.approx(expected, rel=0.05)  # of it: R Gamma T / 2 pi = 0.1 squared, and noise
+    # of it: R Gamma T / 2 pi = 0.1 squared, and noise
+    assert m["ripple_a"] == pytest.approx(expected, rel=0.05)
     assert m["loss_w"] == pytest.approx(1.5 * 12.15 * (m["ripple_a"] ** 2 + m["pwm_ripple_a"] ** 2))
     assert 50.0 < m["step_ns"] < 20000.0
     assert m["at_speed"] == 0.3
-    assert m["torque_ripple_at_speed"] == pytest.approx(m["torque_ripple"], rel=0.1)  # injected at any speed
+    # injected at any speed
+    assert m["torque_ripple_at_speed"] == pytest.approx(m["torque_ripple"], rel=0.1)
 
 
 def test_who_injects_nothing_at_speed_ripples_no_more():
-    """Hybrid has faded out at 30 % speed; the PWM's ripple is zero at the samples and costs inside the period."""
-    faded, shifted = (t.costs(DRIVE, name, "saturated", 0).metrics for name in ("hybrid", "pwm_ripple"))
+    """Hybrid has faded out at 30 % speed; the PWM's ripple is zero at the samples and costs inside
+    the period."""
+    faded, shifted = (
+        t.costs(DRIVE, name, "saturated", 0).metrics for name in ("hybrid", "pwm_ripple")
+    )
     assert faded["torque_ripple"] > 0.05
-    assert max(faded["torque_ripple_at_speed"], shifted["torque_ripple"], shifted["torque_ripple_at_speed"]) < 0.002
+    assert (
+        max(
+            faded["torque_ripple_at_speed"],
+            shifted["torque_ripple"],
+            shifted["torque_ripple_at_speed"],
+        )
+        < 0.002
+    )
     assert faded["pwm_ripple_a"] < 0.5 * shifted["pwm_ripple_a"]
 
 
-@pytest.mark.parametrize(("error", "cpu", "met"), [(0.5, 1 / 300, True), (0.51, 1e-3, False), (0.1, 1 / 299, False)])
+@pytest.mark.parametrize(
+    ("error", "cpu", "met"), [(0.5, 1 / 300, True), (0.51, 1e-3, False), (0.1, 1 / 299, False)]
+)
 def test_reversal_is_judged_by_the_peer(error, cpu, met):
     row = p.Row(
         p.Unit(p.PEER, "reversal", "ekf", "saturated"),
@@ -150,7 +174,16 @@ def test_reversal_is_judged_by_the_peer(error, cpu, met):
     assert found.passed is met
 
 
-SMALL = ["protocol", "--estimators", "qnull", "--motors", "ipm_exchanged", "--tests", "creep,cost", "--quiet"]
+SMALL = [
+    "protocol",
+    "--estimators",
+    "qnull",
+    "--motors",
+    "ipm_exchanged",
+    "--tests",
+    "creep,cost",
+    "--quiet",
+]
 
 
 def test_command_writes_table_figure_and_parquet(tmp_path):
@@ -162,7 +195,10 @@ def test_command_writes_table_figure_and_parquet(tmp_path):
     assert found["tests"][0]["passed"] is True
     rows = pq.read_table(tmp_path / found["table"]).to_pylist()
     assert {r["test"] for r in rows} == {"creep", "cost"}
-    assert max(abs(r["mean_deg"]) for r in rows if r["test"] == "creep" and r["belief"] == "saturated") < 1.0
+    assert (
+        max(abs(r["mean_deg"]) for r in rows if r["test"] == "creep" and r["belief"] == "saturated")
+        < 1.0
+    )
     assert (tmp_path / found["figure"]).stat().st_size > 5000
     assert sorted(f.name for f in tmp_path.iterdir()) == [
         f"protocol.{kind}" for kind in ("html", "json", "parquet", "png")
@@ -180,7 +216,13 @@ def test_resumes_after_an_interruption(tmp_path, monkeypatch):
         return t.verdict([point()], belief)
 
     monkeypatch.setitem(p.TESTS, "creep", fake)
-    choose = {"estimators": ["qnull"], "motors": ["ipm_exchanged"], "tests": ["creep"], "keep": tmp_path, "jobs": 1}
+    choose = {
+        "estimators": ["qnull"],
+        "motors": ["ipm_exchanged"],
+        "tests": ["creep"],
+        "keep": tmp_path,
+        "jobs": 1,
+    }
     with pytest.raises(KeyboardInterrupt):
         p.protocol(**choose)
     with next(tmp_path.glob(".protocol-*.jsonl")).open("a") as file:
@@ -189,7 +231,8 @@ def test_resumes_after_an_interruption(tmp_path, monkeypatch):
     assert ran == [("qnull", "saturated"), ("qnull", "linear"), ("qnull", "linear")]
     assert [r.outcome.passed for r in result.rows] == [True, None]
     path = next(tmp_path.glob(".protocol-*.jsonl"))
-    path.write_text(path.read_text().replace('"passed": true', '"passed": false'))  # no longer what was written
+    # no longer what was written
+    path.write_text(path.read_text().replace('"passed": true', '"passed": false'))
     assert [r.outcome.passed for r in p.protocol(**choose).rows] == [True, None]
     assert ran[3:] == [("qnull", "saturated")]
     p.forget(tmp_path)
@@ -199,7 +242,9 @@ def test_resumes_after_an_interruption(tmp_path, monkeypatch):
 def test_a_motor_file_changed_meanwhile_is_run_again(tmp_path, monkeypatch):
     found = []
     monkeypatch.setitem(
-        p.TESTS, "creep", lambda drive, *_: found.append(drive.motor.resistance) or t.Outcome((), {}, True)
+        p.TESTS,
+        "creep",
+        lambda drive, *_: found.append(drive.motor.resistance) or t.Outcome((), {}, True),
     )
     text, path = (MOTORS / "ipm_exchanged.toml").read_text(), tmp_path / "m.toml"
     for resistance in ("12.15", "13.0", "13.0"):
@@ -214,26 +259,51 @@ def test_a_cluster_is_handed_names_and_full_paths(tmp_path, monkeypatch):
 
     def spread(task, work, jobs, cluster):
         """Do the work here."""
-        found.append((cluster, [(unit.belief, drive.name, place, seed) for unit, drive, place, seed in work]))
+        found.append(
+            (cluster, [(unit.belief, drive.name, place, seed) for unit, drive, place, seed in work])
+        )
         return map(task, work)
 
     monkeypatch.setattr(p, "spread", spread)
-    monkeypatch.setitem(p.TESTS, "creep", lambda drive, which, belief, seed: t.verdict([point()], belief))
+    monkeypatch.setitem(
+        p.TESTS, "creep", lambda drive, which, belief, seed: t.verdict([point()], belief)
+    )
     own = tmp_path / "mine.py"
     own.write_text(
-        'import dataclasses, sandbox\nESTIMATOR = dataclasses.replace(sandbox.load_estimator("qnull"), name="mine")\n'
+        "import dataclasses, sandbox\nESTIMATOR = "
+        'dataclasses.replace(sandbox.load_estimator("qnull"), name="mine")\n'
     )
     monkeypatch.chdir(tmp_path)
-    call = ["protocol", "--estimators", "qnull", "--motors", "ipm_exchanged", "--tests", "creep", "--seed", "3"]
-    assert main([*call, "--dask", "tcp://somewhere:8786", "--quiet", "--out", str(tmp_path / "out")]) == 0
+    call = [
+        "protocol",
+        "--estimators",
+        "qnull",
+        "--motors",
+        "ipm_exchanged",
+        "--tests",
+        "creep",
+        "--seed",
+        "3",
+    ]
+    assert (
+        main([*call, "--dask", "tcp://somewhere:8786", "--quiet", "--out", str(tmp_path / "out")])
+        == 0
+    )
     assert len(json.loads((tmp_path / "out" / "protocol.json").read_text())["tests"]) == 2
     beliefs = ("saturated", "linear")
-    assert found.pop() == ("tcp://somewhere:8786", [(b, "ipm_exchanged", "qnull", 3) for b in beliefs])
+    assert found.pop() == (
+        "tcp://somewhere:8786",
+        [(b, "ipm_exchanged", "qnull", 3) for b in beliefs],
+    )
     result = sandbox.protocol(["mine.py"], ["ipm_exchanged"], ["creep"], cluster="tcp://other:1")
-    assert found == [("tcp://other:1", [(b, "ipm_exchanged", str(own.resolve()), 0) for b in beliefs])]
+    assert found == [
+        ("tcp://other:1", [(b, "ipm_exchanged", str(own.resolve()), 0) for b in beliefs])
+    ]
     assert [row.outcome.passed for row in result.protocol.rows] == [True, None]
     with pytest.raises(BadInput, match="workers are told estimators by name or file"):
-        sandbox.protocol(load_estimator("qnull"), ["ipm_exchanged"], ["creep"], cluster="tcp://other:1")
+        sandbox.protocol(
+            load_estimator("qnull"), ["ipm_exchanged"], ["creep"], cluster="tcp://other:1"
+        )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,5 @@
-"""The protocol's test of drives as they modulate: its cases are what they say, and what its verdict is."""
+"""The protocol's test of drives as they modulate: its cases are what they say, and what its verdict
+is."""
 
 from __future__ import annotations
 
@@ -13,7 +14,15 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from model.parameters import MODULATIONS, OVERMODULATIONS
 from sandbox.drive.simulate import simulate
-from sandbox.evaluation.protocol_modulation import BEYOND, beyond, cases, flying, highest, modulation, needed
+from sandbox.evaluation.protocol_modulation import (
+    BEYOND,
+    beyond,
+    cases,
+    flying,
+    highest,
+    modulation,
+    needed,
+)
 from sandbox.plant.gates.modulation import SIX_STEP, given, modulated, modulation_of
 
 DRIVE = load_drive("ipm_exchanged")
@@ -31,14 +40,19 @@ def test_every_modulation_is_among_the_cases():
 
 
 def test_links_are_as_low_as_the_cases_need():
-    """By hand: with the injection along d, beyond the circle; for six steps more than the hexagon's mean radius."""
+    """By hand: with the injection along d, beyond the circle; for six steps more than the hexagon's
+    mean radius."""
     u = needed(DRIVE, 0.3)
     for name in BEYOND:
         link, injection = beyond(DRIVE, 0.3, name)
         assert injection <= 0.05 * link * (1.0 + 1e-12)
         assert link < DRIVE.converter.dc_bus_voltage
         assert max(abs(u + injection), abs(u - injection)) > link / math.sqrt(3.0)
-    assert math.sqrt(3.0) / math.pi * math.log(3.0) < abs(u) / beyond(DRIVE, 0.3, "six_step")[0] < SIX_STEP
+    assert (
+        math.sqrt(3.0) / math.pi * math.log(3.0)
+        < abs(u) / beyond(DRIVE, 0.3, "six_step")[0]
+        < SIX_STEP
+    )
 
 
 OF_VOLTAGE = ("short pulses", *BEYOND)
@@ -50,7 +64,10 @@ def test_every_case_meets_what_it_is_named_for(name):
     case, drive = next(found for found in cases(DRIVE) if found[0].name == name)
     r = simulate(drive, case.scenario, load_estimator("ekf")).recording
     how, u = modulation_of(drive.converter), r.u_alpha + 1j * r.u_beta
-    got = [complex(*given(modulated(how, *x), x[2])) for x in zip(r.u_alpha, r.u_beta, r.u_dc, strict=True)]
+    got = [
+        complex(*given(modulated(how, *x), x[2]))
+        for x in zip(r.u_alpha, r.u_beta, r.u_dc, strict=True)
+    ]
     changed = abs(np.array(got) - u) > 1e-6 * drive.converter.dc_bus_voltage
     six = abs(u) >= SIX_STEP * r.u_dc
     print(f"{name}: {changed.sum()} of {len(u)} rows changed, {six.sum()} of six steps")
@@ -67,7 +84,8 @@ def test_who_reads_induced_voltage_finds_a_flying_start_who_injects_alone_may_no
 
 
 def test_a_flying_start_takes_little_current():
-    """The first voltage is what the magnets induce: what flows then stays below a quarter of rated current."""
+    """The first voltage is what the magnets induce: what flows then stays below a quarter of rated
+    current."""
     scenario = flying(0.3, 0.3)
     run = simulate(DRIVE, scenario, load_estimator("active_flux"))
     r = run.recording
@@ -76,7 +94,9 @@ def test_a_flying_start_takes_little_current():
     blocked = (r.t > begun - 0.09) & (r.t < begun)
     rated = DRIVE.motor.rated_current
     assert abs(r.i_d[blocked]).max() < 1e-6 * rated
-    injected = DRIVE.injection.amplitude / DRIVE.motor.inductance_d / (4.0 * DRIVE.injection.frequency)
+    injected = (
+        DRIVE.injection.amplitude / DRIVE.motor.inductance_d / (4.0 * DRIVE.injection.frequency)
+    )
     assert abs(r.i_q[first]).max() < 0.25 * rated + injected
 
 

@@ -25,7 +25,11 @@ def recording(error_deg, period=1e-3):
 
 def test_statistics():
     e = error_of(recording([1.0, -2.0, 3.0, 4.0]))
-    assert (e.mean, e.rms, e.max) == (pytest.approx(1.5), pytest.approx(math.sqrt(7.5)), pytest.approx(4.0))
+    assert (e.mean, e.rms, e.max) == (
+        pytest.approx(1.5),
+        pytest.approx(math.sqrt(7.5)),
+        pytest.approx(4.0),
+    )
     assert e.p95 == pytest.approx(np.percentile([1, 2, 3, 4], 95))
 
 
@@ -41,17 +45,21 @@ def test_lost_lock_is_reported_not_averaged():
 
 @pytest.mark.parametrize("turns_per_second", [2.0, 8.0, 50.0, 400.0])
 def test_slipping_poles_are_lost_however_fast(turns_per_second):
-    """A slip spends three quarters of each turn beyond 45 degrees, but never 100 ms at a stretch when fast."""
+    """A slip spends three quarters of each turn beyond 45 degrees, but never 100 ms at a stretch
+    when fast."""
     t = np.arange(1000) * 1e-3
     drive = load_drive("ipm_exchanged")
     scenario = Scenario("s", (Segment(1.0),))
-    (row,) = rows_of(drive, scenario, recording(360.0 * turns_per_second * t), 0.0, "qnull", "linear", True)
+    (row,) = rows_of(
+        drive, scenario, recording(360.0 * turns_per_second * t), 0.0, "qnull", "linear", True
+    )
     assert row.lost_lock
     assert row.error_deg.mean is None
 
 
 def test_one_slip_within_twenty_milliseconds_is_lost():
-    """One pole in 20 ms, 15 of them beyond 45 degrees, and no error before or after: no 100 ms are needed."""
+    """One pole in 20 ms, 15 of them beyond 45 degrees, and no error before or after: no 100 ms are
+    needed."""
     slipped = np.concatenate([np.zeros(500), np.linspace(0.0, 360.0, 21), np.full(479, 360.0)])
     assert np.sum(np.abs((slipped + 180.0) % 360.0 - 180.0) > 45.0) < 20
     assert is_lost(recording(slipped))
@@ -61,10 +69,14 @@ def test_one_slip_within_twenty_milliseconds_is_lost():
 def test_lock_lost_before_the_window_counts_too():
     drive = load_drive("ipm_exchanged")
     r = recording([170.0] * 300 + [0.0] * 700)
-    (row,) = rows_of(drive, Scenario("s", (Segment(1.0, settle=0.5),)), r, 0.0, "qnull", "linear", True)
+    (row,) = rows_of(
+        drive, Scenario("s", (Segment(1.0, settle=0.5),)), r, 0.0, "qnull", "linear", True
+    )
     assert row.lost_lock
     r = recording([30.0] * 300 + [1.0] * 700)
-    (row,) = rows_of(drive, Scenario("s", (Segment(1.0, settle=0.5),)), r, 0.0, "qnull", "linear", True)
+    (row,) = rows_of(
+        drive, Scenario("s", (Segment(1.0, settle=0.5),)), r, 0.0, "qnull", "linear", True
+    )
     assert (row.transient_max_deg, row.error_deg.max) == (pytest.approx(30.0), pytest.approx(1.0))
 
 
@@ -80,7 +92,8 @@ def test_a_speed_that_is_not_reached_is_said():
 
 
 def test_a_creep_the_wrong_way_is_missed_and_a_change_that_dies_away_is_not():
-    """0.2 % of rated speed asked for, 2.26 rad/s: 45 degrees in the last half second are 1.57 rad/s."""
+    """0.2 % of rated speed asked for, 2.26 rad/s: 45 degrees in the last half second are 1.57
+    rad/s."""
     drive = load_drive("ipm_exchanged")
     scenario = Scenario("s", (Segment(1.0, 0.0, 0.002),), rotor="free", reference="speed")
     asked = 0.002 * drive.motor.rated_omega
@@ -105,7 +118,9 @@ def test_a_creep_the_wrong_way_is_missed_and_a_change_that_dies_away_is_not():
 
 def test_windows_of_rows():
     drive = load_drive("ipm_exchanged")
-    scenario = Scenario("s", (Segment(0.2), Segment(0.3, 0.5, settle=0.1), Segment(0.1, score=False)), settle=0.05)
+    scenario = Scenario(
+        "s", (Segment(0.2), Segment(0.3, 0.5, settle=0.1), Segment(0.1, score=False)), settle=0.05
+    )
     r = recording([1.0] * 100 + [5.0] * 200 + [9.0] * 700)
     rows = rows_of(drive, scenario, r, 0.1, "qnull", "linear", True)
     assert [(row.t_start, row.t_end) for row in rows] == [

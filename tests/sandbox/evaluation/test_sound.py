@@ -1,4 +1,5 @@
-"""The A-weighting against the table that IEC 61672-1 prints, and its use on signals of known size."""
+"""The A-weighting against the table that IEC 61672-1 prints, and its use on signals of known
+size."""
 
 from __future__ import annotations
 
@@ -47,8 +48,12 @@ def test_a_tone_is_loud_alone_and_noise_is_not():
     tone = weighted_power(np.sin(2.0 * np.pi * 1000.0 * t), rate)
     assert loudest(tone) == pytest.approx(0.5, rel=2e-3)
     noise = weighted_power(np.random.default_rng(2).standard_normal(n), rate)
-    # three of 2400 lines hold 1/800 of evenly spread power; of exponentially distributed ones the largest ln(800) + 2
-    assert loudest(noise) < (np.log(800.0) + 6.0) / 800.0 * float(np.max(a_weight(np.arange(1e3, 5e3)))) ** 2
+    # three of 2400 lines hold 1/800 of evenly spread power; of exponentially distributed ones the
+    # largest ln(800) + 2
+    assert (
+        loudest(noise)
+        < (np.log(800.0) + 6.0) / 800.0 * float(np.max(a_weight(np.arange(1e3, 5e3)))) ** 2
+    )
 
 
 def test_sine_has_its_rms_times_its_weight():
@@ -56,7 +61,8 @@ def test_sine_has_its_rms_times_its_weight():
     t = np.arange(4800) / rate
     for f in (500.0, 1000.0, 6000.0):  # whole periods: all of a Hann window's three lines are in
         found = weighted_rms(3.0 + np.sqrt(2.0) * np.sin(2.0 * np.pi * f * t), rate)
-        assert found == pytest.approx(float(a_weight(f)), rel=2e-3)  # the two outer lines have weights of their own
+        # the two outer lines have weights of their own
+        assert found == pytest.approx(float(a_weight(f)), rel=2e-3)
     assert weighted_rms(np.sin(2.0 * np.pi * 22e3 * t), rate) < 1e-6  # unheard
     assert weighted_rms(np.full(4800, 7.0), rate) == 0.0
 
@@ -65,4 +71,6 @@ def test_white_noise_has_the_integral_of_the_weights():
     rate, noise = 40e3, np.random.default_rng(1).standard_normal(400_000)
     f = np.linspace(0.0, 20e3, 200_001)
     expected = np.sqrt(np.mean(a_weight(f) ** 2))
-    assert weighted_rms(noise, rate) == pytest.approx(expected, rel=4.0 * np.sqrt(1.5 / 2.0 / 200_000.0))
+    assert weighted_rms(noise, rate) == pytest.approx(
+        expected, rel=4.0 * np.sqrt(1.5 / 2.0 / 200_000.0)
+    )

@@ -1,4 +1,5 @@
-"""An exported drive as a shared library, run beside the Python plant on the same commands and the same chances."""
+"""An exported drive as a shared library, run beside the Python plant on the same commands and the
+same chances."""
 
 import ctypes
 import subprocess
@@ -30,7 +31,8 @@ def scene(rotor):
 
 
 def sizes(drive, names=None):
-    """Return effects at half of their typical deviation (orders and phases as they are), all or some."""
+    """Return effects at half of their typical deviation (orders and phases as they are), all or
+    some."""
     out = {}
     for name in names or library.effect_names():
         for p in library.load_effect(name).parameters:
@@ -45,8 +47,11 @@ def sizes(drive, names=None):
 
 
 def python_run(drive, rotor, effects):
-    """Return the recording of the Python plant under encoder control, so that both see the same commands."""
-    run = simulate(drive, scene(rotor), load_estimator("qnull"), effects=effects, closed_loop=False, seed=SEED)
+    """Return the recording of the Python plant under encoder control, so that both see the same
+    commands."""
+    run = simulate(
+        drive, scene(rotor), load_estimator("qnull"), effects=effects, closed_loop=False, seed=SEED
+    )
     return run.recording
 
 
@@ -65,7 +70,18 @@ class Exported:
         (folder / HEADER).write_text(self.source.header)
         (folder / SOURCE).write_text(self.source.source)
         wide = ["-DSENSORLESS_FLOAT64"] if double else []
-        call = [compiler(), *STRICT, "-O2", "-fPIC", "-shared", *wide, "-o", "drive.so", SOURCE, "-lm"]
+        call = [
+            compiler(),
+            *STRICT,
+            "-O2",
+            "-fPIC",
+            "-shared",
+            *wide,
+            "-o",
+            "drive.so",
+            SOURCE,
+            "-lm",
+        ]
         subprocess.run(call, cwd=folder, check=True)
         self.real = REAL if double else ctypes.c_float
         self.library = ctypes.CDLL(str(folder / "drive.so"))
@@ -75,7 +91,10 @@ class Exported:
 
     def parameters(self, values):
         """Return the parameters as exported, some of them changed by public name."""
-        count, title = len(self.source.numbers), f"sensorless_drive_parameters_of_{self.source.motor}"
+        count, title = (
+            len(self.source.numbers),
+            f"sensorless_drive_parameters_of_{self.source.motor}",
+        )
         own = (self.real * count).from_buffer_copy((self.real * count).in_dll(self.library, title))
         for k, number in enumerate(self.source.numbers):
             own[k] = values.get(number.name, own[k])
@@ -85,11 +104,17 @@ class Exported:
         """Return memory of a drive begun, and what init said."""
         memory = ctypes.create_string_buffer(1 << 17)
         given = self.parameters(values or {})
-        return memory, self.library.sensorless_drive_init(memory, given, ROTORS.index(rotor), angle, 0.0, chance)
+        return memory, self.library.sensorless_drive_init(
+            memory, given, ROTORS.index(rotor), angle, 0.0, chance
+        )
 
     def run(self, recording, rotor, values=None, parts=1):
-        """Return outputs (n, 13) under a recording's commands, with the chances that the Python plant had."""
-        rng, jitter = np.random.default_rng(SEED), (values or {}).get("current_sampling.jitter", 0.0) > 0.0
+        """Return outputs (n, 13) under a recording's commands, with the chances that the Python
+        plant had."""
+        rng, jitter = (
+            np.random.default_rng(SEED),
+            (values or {}).get("current_sampling.jitter", 0.0) > 0.0,
+        )
         memory, status = self.begin(rotor, values, chance=rng.standard_normal() if jitter else 0.0)
         assert status == 0
         n, duty, out = len(recording), (self.real * 3)(), (self.real * 13)()
@@ -109,8 +134,9 @@ class Exported:
 
 
 def differences(drive, found, recording):
-    """Return by how much outputs differ from a recording: currents (of rated) at the samples and as read, angles (rad),
-    all but the last two samples, whose next commands a recording does not know."""
+    """Return by how much outputs differ from a recording: currents (of rated) at the samples and as
+    read, angles (rad), all but the last two samples, whose next commands a recording does not
+    know."""
     n, rated, pairs = len(recording) - 2, drive.motor.rated_current, drive.motor.pole_pairs
     a, b, c = found[: n - 1, CURRENT].T
     theta = recording.theta[1:n]
@@ -130,4 +156,9 @@ def within(angle, pairs):
 
 def quiet(drive):
     """Return a drive whose readings have neither noise nor counts."""
-    return replace(drive, converter=replace(drive.converter, current_noise=0.0, current_resolution=0.0, link_noise=0.0))
+    return replace(
+        drive,
+        converter=replace(
+            drive.converter, current_noise=0.0, current_resolution=0.0, link_noise=0.0
+        ),
+    )

@@ -1,4 +1,5 @@
-"""An exported drive in C beside the Python plant: the same commands, the same chances, the same numbers."""
+"""An exported drive in C beside the Python plant: the same commands, the same chances, the same
+numbers."""
 
 import dataclasses
 import subprocess
@@ -29,14 +30,23 @@ from tests.sandbox.export.driven import (
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 GOAL = 1e-9  # of rated current, and rad
-MECHANICS = {"cogging_torque", "coulomb_friction", "viscous_friction", "shaft_compliance", "inertia"}
+MECHANICS = {
+    "cogging_torque",
+    "coulomb_friction",
+    "viscous_friction",
+    "shaft_compliance",
+    "inertia",
+}
 
 
 @pytest.fixture(scope="module")
 def drive():
-    """The usual motor, its readings with noise but without counts: one would turn a last digit into a whole count."""
+    """The usual motor, its readings with noise but without counts: one would turn a last digit into
+    a whole count."""
     usual = load_motor("ipm_exchanged")
-    return dataclasses.replace(usual, converter=dataclasses.replace(usual.converter, current_resolution=0.0))
+    return dataclasses.replace(
+        usual, converter=dataclasses.replace(usual.converter, current_resolution=0.0)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -46,12 +56,17 @@ def plain(drive, tmp_path_factory):
 
 
 def shortened(drive, effects):
-    """Return the step that the Python plant takes with effects, as a parameter of the exported drive."""
+    """Return the step that the Python plant takes with effects, as a parameter of the exported
+    drive."""
     from sandbox.export.source import own_numbers
     from sandbox.plant.sets import complete
 
     values = complete(drive.motor, drive.converter, effects)
-    return {n.name: n.value for n in own_numbers(drive, values, top_speed(drive)) if n.name == "drive.longest_step"}
+    return {
+        n.name: n.value
+        for n in own_numbers(drive, values, top_speed(drive))
+        if n.name == "drive.longest_step"
+    }
 
 
 def compared(drive, exported, rotor, effects):
@@ -62,13 +77,18 @@ def compared(drive, exported, rotor, effects):
 
 @pytest.mark.parametrize("rotor", ROTORS)
 def test_every_effect_at_once(drive, plain, rotor):
-    effects = {k: v for k, v in sizes(drive).items() if rotor == "free" or k.partition(".")[0] not in MECHANICS}
+    effects = {
+        k: v
+        for k, v in sizes(drive).items()
+        if rotor == "free" or k.partition(".")[0] not in MECHANICS
+    }
     assert max(compared(drive, plain, rotor, effects)) < GOAL
 
 
 @pytest.mark.parametrize("effect", library.effect_names())
 def test_each_effect_alone(drive, plain, effect):
-    """Set as a parameter of a drive exported without it: the bits that the plant needs are found in C."""
+    """Set as a parameter of a drive exported without it: the bits that the plant needs are found in
+    C."""
     effects = sizes(drive, [effect]) or {
         f"{effect}.{p.name}": 1.05 * p.neutral_for(drive.motor)
         for p in library.load_effect(effect).parameters
@@ -102,13 +122,16 @@ REST = (
 
 @pytest.mark.parametrize("extra", REST)
 def test_what_typical_sizes_do_not_reach(drive, plain, extra):
-    """Further orders, samples before their pattern, jitter by the same chances, the sign around zero current."""
+    """Further orders, samples before their pattern, jitter by the same chances, the sign around
+    zero current."""
     assert max(compared(drive, plain, "free", extra)) < GOAL
 
 
 def test_an_inverter_by_its_table(drive, tmp_path):
     table = ((0.0, 0.0), (0.1, 0.8), (0.5, 1.4), (2.0, 1.9))
-    measured = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, inverter_table=table))
+    measured = dataclasses.replace(
+        drive, converter=dataclasses.replace(drive.converter, inverter_table=table)
+    )
     assert max(compared(measured, Exported(measured, tmp_path), "free", {})) < GOAL
 
 
@@ -122,8 +145,9 @@ def test_a_flux_map(tmp_path):
 
 
 def test_in_float(drive, tmp_path):
-    """24 bits: fluxes of 0.1 Wb keep 6e-9 Wb, over 45 mH 1.3e-7 A; 400 periods of 12 steps add up as chance does (70
-    times as much), and the rotor's angle as much again: 1e-4 of rated current."""
+    """24 bits: fluxes of 0.1 Wb keep 6e-9 Wb, over 45 mH 1.3e-7 A; 400 periods of 12 steps add up
+    as chance does (70 times as much), and the rotor's angle as much again: 1e-4 of rated
+    current."""
     exported, effects = Exported(quiet(drive), tmp_path, double=False), {"dead_time.time": 1e-6}
     true, read, angle = compared(quiet(drive), exported, "driven", effects)
     assert max(true, read) < 1e-4
@@ -131,17 +155,25 @@ def test_in_float(drive, tmp_path):
 
 
 def test_parts_of_a_period(drive, plain):
-    """Eight parts make a period: with steps of any length the same but for the error of a step, of third order."""
+    """Eight parts make a period: with steps of any length the same but for the error of a step, of
+    third order."""
     effects = {"dead_time.time": 3e-6, "dc_link_ripple.amplitude": 2.0}
     recording, found = python_run(drive, "free", effects), {}
     for parts, steps in ((1, 16), (8, 16), (1, 64), (8, 64)):
         step = {"drive.longest_step": 0.5 * drive.converter.sampling_period / steps}
         found[parts, steps] = plain.run(recording, "free", effects | step, parts)
     rated = drive.motor.rated_current
-    coarse, fine = (np.abs(found[8, n][:, CURRENT] - found[1, n][:, CURRENT]).max() / rated for n in (16, 64))
+    coarse, fine = (
+        np.abs(found[8, n][:, CURRENT] - found[1, n][:, CURRENT]).max() / rated for n in (16, 64)
+    )
     assert fine < 1e-6
     assert fine < coarse / 8.0 or coarse < GOAL
-    assert np.abs(within(found[8, 64][:, THETA] - found[1, 64][:, THETA], drive.motor.pole_pairs)).max() < 1e-6
+    assert (
+        np.abs(
+            within(found[8, 64][:, THETA] - found[1, 64][:, THETA], drive.motor.pole_pairs)
+        ).max()
+        < 1e-6
+    )
     assert np.abs(found[8, 64][:, READ] - found[1, 64][:, READ]).max() / rated < 1e-6
 
 
@@ -157,7 +189,9 @@ def test_parameters_out_of_bounds_are_named(plain):
     names = [n.name for n in plain.source.numbers]
     _, status = plain.begin("free", {"dead_time.time": 1.0})
     assert names[status - 1] == "dead_time.time"
-    _, status = plain.begin("free", {"shaft_compliance.stiffness": 10.0, "shaft_compliance.load_inertia": 1e3})
+    _, status = plain.begin(
+        "free", {"shaft_compliance.stiffness": 10.0, "shaft_compliance.load_inertia": 1e3}
+    )
     assert status != 0
 
 
@@ -173,13 +207,26 @@ def test_it_compiles_strictly(drive, plain, tmp_path):
 
 @pytest.mark.parametrize("estimator", ["qnull", "inversion", "ekf"])
 def test_the_loop_closes_in_c_alone(estimator, tmp_path):
-    """A program of at most 60 lines, no Python: with the exported estimator it keeps the rotor within 5 degrees."""
-    export_drive("ipm_exchanged", {"device_drop.on_resistance": 0.05}, fmu=False).save(tmp_path / "drive")
+    """A program of at most 60 lines, no Python: with the exported estimator it keeps the rotor
+    within 5 degrees."""
+    export_drive("ipm_exchanged", {"device_drop.on_resistance": 0.05}, fmu=False).save(
+        tmp_path / "drive"
+    )
     for name, text in export_estimator(estimator, "ipm_exchanged").files.items():
         (tmp_path / "drive" / name).write_text(text)
     folder = tmp_path / "drive"
     assert len((folder / LOOP).read_text().splitlines()) <= 60
-    call = [compiler(), "-std=c99", "-Wall", "-Wextra", "-O2", LOOP, SOURCE, f"{estimator}.c", "-lm"]
+    call = [
+        compiler(),
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-O2",
+        LOOP,
+        SOURCE,
+        f"{estimator}.c",
+        "-lm",
+    ]
     subprocess.run(call, cwd=folder, check=True)
     done = subprocess.run(["./a.out"], cwd=folder, capture_output=True, text=True, check=True)
     assert done.stdout.startswith("ipm_exchanged: error rms ")

@@ -46,7 +46,9 @@ def effects(drive):
 def folder(drive, effects, tmp_path_factory):
     """The export with every effect on that a master can tell of."""
     rpm = top_speed(drive) / drive.motor.rated_omega * drive.motor.rated_speed_rpm
-    return export_drive(drive, effects, top_speed_rpm=rpm).save(tmp_path_factory.mktemp("fmu") / "out")
+    return export_drive(drive, effects, top_speed_rpm=rpm).save(
+        tmp_path_factory.mktemp("fmu") / "out"
+    )
 
 
 class Unit:
@@ -95,7 +97,11 @@ def commanded(drive, recording):
 @pytest.mark.parametrize("version", [2, 3])
 def test_against_the_python_plant(drive, effects, folder, version):
     unit = Unit(folder / f"ipm_exchanged_fmi{version}.fmu", {"theta_start": ANGLE})
-    recording, period, found = python_run(drive, "free", effects), drive.converter.sampling_period, []
+    recording, period, found = (
+        python_run(drive, "free", effects),
+        drive.converter.sampling_period,
+        [],
+    )
     for k, row in enumerate(commanded(drive, recording)):
         unit.set(dict(zip(INPUTS, row, strict=True)))
         unit.unit.doStep(k * period, period)
@@ -133,7 +139,9 @@ def test_parts_and_other_steps(folder, version):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_parameters_have_bounds_and_units(folder, version):
-    found = fmpy.read_model_description(str(folder / f"ipm_exchanged_fmi{version}.fmu"), validate=True)
+    found = fmpy.read_model_description(
+        str(folder / f"ipm_exchanged_fmi{version}.fmu"), validate=True
+    )
     assert not fmpy.validation.validate_fmu(str(folder / f"ipm_exchanged_fmi{version}.fmu"))
     by = {v.name: v for v in found.modelVariables}
     assert (by["dead_time.time"].unit, by["stator_resistance.resistance"].unit) == ("s", "ohm")

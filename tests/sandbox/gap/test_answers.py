@@ -1,4 +1,5 @@
-"""What a person and a script get: findings, contract, report, trace, command; and that no truth is read."""
+"""What a person and a script get: findings, contract, report, trace, command; and that no truth is
+read."""
 
 import dataclasses
 import json
@@ -32,7 +33,15 @@ from sandbox.gap.pages.page import print_answers, write_report
 from sandbox.gap.planning.menu import menu, settings
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.posterior.estimates import Estimate
-from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, where_text, which_text
+from sandbox.gap.report.answers import (
+    answer,
+    caveats,
+    far_text,
+    linear,
+    next_text,
+    where_text,
+    which_text,
+)
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.gap.report.position import carrier_at, errors
 from sandbox.gap.words import quantity, times
@@ -83,14 +92,42 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     c = content_of(small_answers)
     assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **c}) == []
     assert set(c) == {
-        "campaign", "verdict", "badge", "gap", "where", "hypotheses", "ambiguity_set", "alike", "next_recording",
-        "excluded", "out_of_sight", "excerpts", "cost", "effects", "groups", "unknown", "waterfall", "at_bound",
-    }  # fmt: skip
+        "campaign",
+        "verdict",
+        "badge",
+        "gap",
+        "where",
+        "hypotheses",
+        "ambiguity_set",
+        "alike",
+        "next_recording",
+        "excluded",
+        "out_of_sight",
+        "excerpts",
+        "cost",
+        "effects",
+        "groups",
+        "unknown",
+        "waterfall",
+        "at_bound",
+    }
     assert set(c["gap"]) == {
-        "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains",
+        "raw",
+        "before",
+        "after",
+        "floor",
+        "closed",
+        "closed_ci95",
+        "recordings",
+        "position_error_deg",
+        "remains",
         "noise",
-    }  # fmt: skip
-    assert set(c["gap"]["position_error_deg"]) == {"recorded", "simulated_before", "simulated_after"}
+    }
+    assert set(c["gap"]["position_error_deg"]) == {
+        "recorded",
+        "simulated_before",
+        "simulated_after",
+    }
     assert [set(r) for r in c["gap"]["recordings"]] == 4 * [{"file", "before", "after", "held_out"}]
     assert {frozenset(f) for f in c["where"]} == {
         frozenset({"subsystem", "channel", "region", "order", "share", "text"})
@@ -111,16 +148,31 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
 
 
 def test_electrical_recordings_alone_judge_no_mechanics(small_folder, tmp_path):
-    """Locked and driven rotors, nothing known of the shaft, nothing injected: the electrical cause is found as with all
-    that stated, effects of mechanics are no candidates, and the answer says so."""
+    """Locked and driven rotors, nothing known of the shaft, nothing injected: the electrical cause
+    is found as with all that stated, effects of mechanics are no candidates, and the answer says
+    so."""
     shutil.copytree(small_folder, tmp_path / "c")
-    text = (tmp_path / "c" / "campaign.toml").read_text().replace('injection_axis = "d"', 'injection_axis = "none"')
+    text = (
+        (tmp_path / "c" / "campaign.toml")
+        .read_text()
+        .replace('injection_axis = "d"', 'injection_axis = "none"')
+    )
     text = re.sub(r"\[injection\]\n(\w+ = .*\n)+", "", text)
-    kept = [x for x in text.splitlines() if not x.startswith(("inertia", "viscous_friction", "rated_"))]
+    kept = [
+        x for x in text.splitlines() if not x.startswith(("inertia", "viscous_friction", "rated_"))
+    ]
     (tmp_path / "c" / "campaign.toml").write_text("\n".join(kept) + "\n")
     assert not any(word in "\n".join(kept) for word in ("inertia =", "[injection]"))
-    shaft = {"coulomb_friction", "viscous_friction", "cogging_torque", "inertia", "shaft_compliance"}
-    left_out = set(library.effect_names()) - shaft - {"dead_time", "stator_resistance", "encoder_offset"}
+    shaft = {
+        "coulomb_friction",
+        "viscous_friction",
+        "cogging_torque",
+        "inertia",
+        "shaft_compliance",
+    }
+    left_out = (
+        set(library.effect_names()) - shaft - {"dead_time", "stator_resistance", "encoder_offset"}
+    )
     found = diagnose(tmp_path / "c", exclude=sorted(left_out), jobs=1)
     told = plain(found.as_json())
     assert set(told["out_of_sight"]) == shaft
@@ -137,25 +189,33 @@ def test_mechanics_are_candidates_where_a_rotor_is_free(small_answers):
     campaign = small_answers.diagnosis.campaign
     assert len(out_of_sight(campaign)) == 5
     one = dataclasses.replace(campaign.recordings[0], rotor="free")
-    assert out_of_sight(dataclasses.replace(campaign, recordings=(*campaign.recordings[1:], one))) == ()
+    assert (
+        out_of_sight(dataclasses.replace(campaign, recordings=(*campaign.recordings[1:], one)))
+        == ()
+    )
 
 
 def test_the_files_for_the_simulator_meet_the_recordings(small_answers, tmp_path):
-    """motor.toml and effects.toml put the recordings where the fit left them, to rounding: nothing of it is lost."""
+    """motor.toml and effects.toml put the recordings where the fit left them, to rounding: nothing
+    of it is lost."""
     found = DiagnosisResult(small_answers)
     found.refitted.write(tmp_path)
     stated = found.as_json()["simulator"]
     campaign = small_answers.diagnosis.campaign
     again = replay(campaign, tmp_path / stated["effects"], motor=tmp_path / stated["motor"])
     assert again.rms == pytest.approx({r["file"]: r["rms"] for r in stated["residual"]}, rel=1e-6)
-    # as many readings as noise: 3 phases x 1200 samples, of which fits take up some: rms 1 within 4 / sqrt(2 x 3600)
+    # as many readings as noise: 3 phases x 1200 samples, of which fits take up some: rms 1 within 4
+    # / sqrt(2 x 3600)
     assert max(again.rms.values()) < 1.05
     assert min(replay(campaign).rms.values()) > 20.0  # as `gap.raw`: what dead time makes
-    # the line leaves the bench's own deviations and angles within a count out: still the cause is taken away
+    # the line leaves the bench's own deviations and angles within a count out: still the cause is
+    # taken away
     assert max(replay(campaign, stated["line"], motor=tmp_path / "motor.toml").rms.values()) < 1.5
     told = tomllib.loads((tmp_path / "motor.toml").read_text())
     own = campaign.drive.motor
-    assert told["ci95"]["resistance"][0] < told["motor"]["resistance"] < told["ci95"]["resistance"][1]
+    assert (
+        told["ci95"]["resistance"][0] < told["motor"]["resistance"] < told["ci95"]["resistance"][1]
+    )
     assert (
         told["ci95"]["resistance"][0] < own.resistance < told["ci95"]["resistance"][1]
     )  # the plant had the nominal one
@@ -170,23 +230,29 @@ def test_no_gap_is_said_plainly(quiet_answers):
     chance = 1.0 - sum(h["probability"] for h in c["hypotheses"] if not h["effects"])
     assert sum(f["share"] for f in c["where"]) <= chance * (1.0 + 1e-12)
     assert c["gap"]["closed"] is None
-    assert all(h["closed"] is None for h in c["hypotheses"])  # over next to nothing any share came out
+    # over next to nothing any share came out
+    assert all(h["closed"] is None for h in c["hypotheses"])
     assert "None" in which_text(quiet_answers)
     assert "nothing to close" in far_text(quiet_answers)
     assert "Nothing is needed" in next_text(quiet_answers)
     assert any("held out" in text for text in caveats(quiet_answers))  # a campaign of one recording
     assert caveats(quiet_answers)[-1].startswith(
-        "Values of the nominal model that are assumed, as no source states them: magnet_flux, inertia"
+        "Values of the nominal model that are assumed, as no source states them: "
+        "magnet_flux, inertia"
     )
-    assert not any("printed" in text for text in caveats(quiet_answers))  # what is known is no caveat
+    # what is known is no caveat
+    assert not any("printed" in text for text in caveats(quiet_answers))
 
 
 def test_beside_something_unknown_names_come_second(small_answers):
-    """Doubtful names must not lead the answer (issue 21): the same diagnosis, its best hypothesis left open."""
+    """Doubtful names must not lead the answer (issue 21): the same diagnosis, its best hypothesis
+    left open."""
     d = small_answers.diagnosis
     best = d.hypotheses[0]
     open_to_more = dataclasses.replace(best, effects=(*best.effects, "unknown"), probability=0.9)
-    found = dataclasses.replace(d, hypotheses=(open_to_more, dataclasses.replace(best, probability=0.1)))
+    found = dataclasses.replace(
+        d, hypotheses=(open_to_more, dataclasses.replace(best, probability=0.1))
+    )
     text = which_text(dataclasses.replace(small_answers, diagnosis=found))
     assert text.startswith("Something outside the library is at work, 90 % probable")
     assert text.index("less surely") < text.index("dead time")
@@ -197,12 +263,16 @@ def test_a_recommended_recording_is_told_as_it_is_set(small_answers):
     entry = next(e for e in menu(campaign.drive, 2.0) if e.name == "driven_idle_half_link")
     told = settings(entry, campaign.drive)
     rpm = 0.4 * campaign.drive.motor.rated_speed_rpm
-    assert told == f"{-rpm:.0f} to {rpm:.0f} rpm, DC link {0.5 * campaign.drive.converter.dc_bus_voltage:g} V"
-    asked = Next(entry.name, f"turn it ({told})", 2.0, (("dead_time",), ("device_drop",)), 12.0, 0.96)
+    assert told == (
+        f"{-rpm:.0f} to {rpm:.0f} rpm, DC link {0.5 * campaign.drive.converter.dc_bus_voltage:g} V"
+    )
+    asked = Next(
+        entry.name, f"turn it ({told})", 2.0, (("dead_time",), ("device_drop",)), 12.0, 0.96
+    )
     text = next_text(dataclasses.replace(small_answers, following=asked))
     assert text == (
-        f"Record: turn it ({told}), for 2 s. That it leaves only the true one of these is 96 % probable: "
-        "dead time; device drop."
+        f"Record: turn it ({told}), for 2 s. That it leaves only the true one of these is 96 % "
+        "probable: dead time; device drop."
     )
 
 
@@ -219,8 +289,8 @@ def test_few_recordings_that_do_not_foretell_each_other_are_no_closed_matter(qui
 
 
 def test_position_error_follows_the_diagnosis(small_answers):
-    """Dead time moves the estimator: simulated currents show that once it is in the model, and before only what
-    ordinary deviations imitate of it."""
+    """Dead time moves the estimator: simulated currents show that once it is in the model, and
+    before only what ordinary deviations imitate of it."""
     p = small_answers.position
     assert abs(p.recorded - p.simulated_after) < 0.05 * p.recorded
     assert abs(p.recorded - p.simulated_before) > 5.0 * abs(p.recorded - p.simulated_after)
@@ -256,9 +326,19 @@ def test_report_is_one_page_with_the_answers_first(small_answers, tmp_path):
     assert "url(http" not in text
     assert 'name="viewport"' in text
     said = "".join(page.text)
-    order = [said.index(t) for t in ("Where does", "Which effect", "How far", "Hypotheses", "The gap, recording")]
+    order = [
+        said.index(t)
+        for t in ("Where does", "Which effect", "How far", "Hypotheses", "The gap, recording")
+    ]
     assert order == sorted(order)
-    for wanted in ("inverter", "dead_time.time", "µs", "held out", "What remains", "Before you rely on it"):
+    for wanted in (
+        "inverter",
+        "dead_time.time",
+        "µs",
+        "held out",
+        "What remains",
+        "Before you rely on it",
+    ):
         assert wanted in said, wanted
     assert text.count("<svg") >= 3
 
@@ -272,14 +352,19 @@ def test_report_escapes_names(quiet_answers, tmp_path):
 
 
 def test_command_reads_no_truth(quiet_folder, tmp_path, capsys):
-    """The same recordings with a truth file beside and inside and notes in campaign.toml give the same answers."""
+    """The same recordings with a truth file beside and inside and notes in campaign.toml give the
+    same answers."""
     out = tmp_path / "one"
     assert main(["diagnose", str(quiet_folder), "--out", str(out), "--jobs", "1"]) == 0
     said = capsys.readouterr().out
     assert "Where?" in said and "How far?" in said  # noqa: PT018
     assert sorted(p.name for p in out.iterdir()) == [
-        "diagnosis.json", "diagnosis.rrd", "effects.toml", "motor.toml", "report.html",
-    ]  # fmt: skip
+        "diagnosis.json",
+        "diagnosis.rrd",
+        "effects.toml",
+        "motor.toml",
+        "report.html",
+    ]
     copy = tmp_path / "campaign"
     shutil.copytree(quiet_folder, copy)
     truth = 'effects = ["dead_time"]\n[dead_time]\ntime = 3e-6\n'
@@ -290,21 +375,38 @@ def test_command_reads_no_truth(quiet_folder, tmp_path, capsys):
     (copy / "campaign.toml").write_text(text)
     assert main(["diagnose", str(copy), "--out", str(tmp_path / "two"), "--quiet"]) == 0
     assert capsys.readouterr().out == ""
-    first, second = (json.loads((tmp_path / k / "diagnosis.json").read_text()) for k in ("one", "two"))
+    first, second = (
+        json.loads((tmp_path / k / "diagnosis.json").read_text()) for k in ("one", "two")
+    )
     assert (first["schema"], first["command"]) == (1, "diagnose")
     for found in (first, second):
-        del found["cost"]["seconds"], found["made_by"]  # which folder it was, and hashes of its files
+        # which folder it was, and hashes of its files
+        del found["cost"]["seconds"], found["made_by"]
     assert first == second
 
 
 def test_a_diagnosis_goes_on_from_an_earlier_one(quiet_folder, quiet_answers, tmp_path, capsys):
-    """A set that the earlier one left is fitted and weighed, though the search alone does not come upon it."""
+    """A set that the earlier one left is fitted and weighed, though the search alone does not come
+    upon it."""
     rival = ("dead_time", "magnet_flux")
     assert rival not in [j.effects for j in quiet_answers.diagnosis.evaluated]
-    left = {"verdict": "ambiguous", "ambiguity_set": [list(rival), [], ["unknown"]], "next_recording": None}
+    left = {
+        "verdict": "ambiguous",
+        "ambiguity_set": [list(rival), [], ["unknown"]],
+        "next_recording": None,
+    }
     (tmp_path / "diagnosis.json").write_text(json.dumps(left))
     out = tmp_path / "out"
-    call = ["diagnose", str(quiet_folder), "--out", str(out), "--jobs", "1", "--continue", str(tmp_path)]
+    call = [
+        "diagnose",
+        str(quiet_folder),
+        "--out",
+        str(out),
+        "--jobs",
+        "1",
+        "--continue",
+        str(tmp_path),
+    ]
     assert main(call) == 0
     assert (
         "The earlier diagnosis said: ambiguous (dead_time + magnet_flux; or no effect; or unknown)."
@@ -312,7 +414,11 @@ def test_a_diagnosis_goes_on_from_an_earlier_one(quiet_folder, quiet_answers, tm
     )
     found = json.loads((out / "diagnosis.json").read_text())
     assert misfits("diagnosis", found) == []
-    assert found["continued"] == {"verdict": "ambiguous", "ambiguity_set": left["ambiguity_set"], "recommended": None}
+    assert found["continued"] == {
+        "verdict": "ambiguous",
+        "ambiguity_set": left["ambiguity_set"],
+        "recommended": None,
+    }
     assert found["verdict"] == "no_gap"
     assert list(rival) in [h["effects"] for h in found["hypotheses"]]
 
@@ -327,7 +433,8 @@ def test_trace_holds_recorded_and_both_simulations(quiet_folder, quiet_answers, 
     assert np.allclose(t, r.t, atol=1e-8)
     assert values.shape == (len(r.t), 3)
     i_alpha, i_beta = r.current
-    i_d = np.cos(r.theta) * i_alpha + np.sin(r.theta) * i_beta  # smoothed angle against counts of 4e-4 rad
+    # smoothed angle against counts of 4e-4 rad
+    i_d = np.cos(r.theta) * i_alpha + np.sin(r.theta) * i_beta
     assert np.allclose(values[:, 0], i_d, atol=5e-3)
     assert {"driven_fast/residual_q", "driven_fast/angle"} <= set(found)
 
@@ -352,7 +459,9 @@ def test_bad_calls_get_one_sentence(quiet_folder, tmp_path, capsys, call, part):
 
 def test_linear_nominal_model(quiet_folder):
     own = linear(read_campaign(quiet_folder))
-    assert [getattr(own.drive.motor, f"alpha_{k}") for k in ("30", "12", "40", "22", "04")] == 5 * [0.0]
+    assert [getattr(own.drive.motor, f"alpha_{k}") for k in ("30", "12", "40", "22", "04")] == 5 * [
+        0.0
+    ]
     assert read_campaign(quiet_folder).drive.motor.alpha_30 != 0.0
 
 
@@ -365,12 +474,14 @@ def test_estimator_outside_the_loop_is_the_one_inside():
     assert design(drive, start_up=False).tuning == run.design.tuning
     again = errors(drive, r, None, "ekf")
     inside = r.theta - run.recording.theta_hat
-    assert np.allclose(again, inside[-len(again) :], atol=1e-4)  # the loop writes its command one sample later
+    # the loop writes its command one sample later
+    assert np.allclose(again, inside[-len(again) :], atol=1e-4)
 
 
 @pytest.mark.parametrize("theta", [0.0, math.pi / 2.0])
 def test_carrier_s_phase_is_read_along_the_rotor(theta):
-    """Injected along d three samples late: in u_alpha where the rotor lies there, in u_beta a quarter turn on."""
+    """Injected along d three samples late: in u_alpha where the rotor lies there, in u_beta a
+    quarter turn on."""
     drive = load_drive("ipm_exchanged")
     wave = carrier(drive.injection, drive.converter)
     late, n = np.resize(np.roll(wave.waveform, 3), 4 * len(wave.waveform)), 4 * len(wave.waveform)
@@ -408,7 +519,8 @@ def test_quantities_are_written_as_people_do(e, text):
 
 
 def test_linear_model_as_nominal_is_found_to_lack_saturation():
-    """The project's first story as a gap: three recordings of a saturated motor, the linear model as nominal."""
+    """The project's first story as a gap: three recordings of a saturated motor, the linear model
+    as nominal."""
     campaign = read_campaign(recordings_folder() / "practice" / "p01")
     some = tuple(campaign[f] for f in ("locked_d", "locked_q_inject_q", "run_slow"))
     found = answer(linear(dataclasses.replace(campaign, recordings=some)))
@@ -421,7 +533,8 @@ def test_linear_model_as_nominal_is_found_to_lack_saturation():
 
 
 def test_a_point_that_no_drive_can_have_is_not_shown(small_answers, monkeypatch):
-    """Leaving a subsystem out by the equations may lead anywhere: then the place is told from where it all began."""
+    """Leaving a subsystem out by the equations may lead anywhere: then the place is told from where
+    it all began."""
     d = small_answers.diagnosis
     assert places.without(d, "inverter", alone=False) is not d.before.point
 
@@ -434,19 +547,27 @@ def test_a_point_that_no_drive_can_have_is_not_shown(small_answers, monkeypatch)
 
 def with_size(a, **changes):
     d = a.diagnosis
-    return dataclasses.replace(a, diagnosis=dataclasses.replace(d, size=dataclasses.replace(d.size, **changes)))
+    return dataclasses.replace(
+        a, diagnosis=dataclasses.replace(d, size=dataclasses.replace(d.size, **changes))
+    )
 
 
 def test_what_grows_is_not_said_to_fall(small_answers):
     assert small_answers.verdict != "no_gap"
     worse = with_size(small_answers, before=43.1, after=85.4, closed=-2.927, closed_ci95=None)
-    assert far_text(worse).startswith("Not at all: residuals grow from 43.1 times to 85.4 times the noise floor")
+    assert far_text(worse).startswith(
+        "Not at all: residuals grow from 43.1 times to 85.4 times the noise floor"
+    )
     lost = with_size(small_answers, before=215.0, after=math.nan, closed=math.nan, closed_ci95=None)
-    assert far_text(lost).startswith("Not at all: what was fitted to the others predicts nothing finite")
+    assert far_text(lost).startswith(
+        "Not at all: what was fitted to the others predicts nothing finite"
+    )
     assert "nan" not in far_text(lost)
 
 
-@pytest.mark.parametrize(("x", "text"), [(1.0, "1.00 times"), (12.34, "12.3 times"), (1.7e6, "1,700,000 times")])
+@pytest.mark.parametrize(
+    ("x", "text"), [(1.0, "1.00 times"), (12.34, "12.3 times"), (1.7e6, "1,700,000 times")]
+)
 def test_multiples_have_no_exponents(x, text):
     assert times(x) == text
 
@@ -454,7 +575,9 @@ def test_multiples_have_no_exponents(x, text):
 def test_a_file_keeps_its_name_in_a_sentence(small_answers):
     """Its capitals, too; a subsystem's details are shares of its own part."""
     part = dataclasses.replace(
-        decompose(small_answers.diagnosis.before.point, shown(small_answers.diagnosis.before.point)),
+        decompose(
+            small_answers.diagnosis.before.point, shown(small_answers.diagnosis.before.point)
+        ),
         recordings={"Locked_STEPS.parquet": 0.8} | dict.fromkeys(map(str, range(11)), 0.0),
         directions={"along the voltage command": 0.7},
     )
@@ -478,9 +601,12 @@ def test_a_diagnosis_is_a_result_of_the_page(quiet_answers, tmp_path):
 
 
 def test_the_diagnosis_got_no_worse_since_the_last_release(small_answers):
-    """By more than five standard deviations over draws of the noise (experiments/results/releases.md)."""
+    """By more than five standard deviations over draws of the noise
+    (experiments/results/releases.md)."""
     kept, own = releases.last(), releases.scores(small_answers, "dead_time")
     assert set(own) == set(kept["diagnosis"])
     assert releases.worse(kept, "diagnosis", own) == []
     lost = own | {"probability of the truth": 0.3}
-    assert [x.partition(":")[0] for x in releases.worse(kept, "diagnosis", lost)] == ["probability of the truth"]
+    assert [x.partition(":")[0] for x in releases.worse(kept, "diagnosis", lost)] == [
+        "probability of the truth"
+    ]

@@ -1,6 +1,8 @@
-"""Dead time by real switches: a capacitance across each, on the switched bench, whose circuit is its own.
+"""Dead time by real switches: a capacitance across each, on the switched bench, whose circuit is
+its own.
 
-As issue 53 has it: the zone of a current's sign is another form, and was taken for a device drop, sure and wrong.
+As issue 53 has it: the zone of a current's sign is another form, and was taken for a device drop,
+sure and wrong.
 """
 
 import pytest
@@ -11,10 +13,12 @@ from tests.sandbox.gap.conftest import CASES, DEAD_TIME, TURNING, small_campaign
 
 @pytest.mark.parametrize("capacitance", [1e-12, 1e-10, 1e-9])
 def test_dead_time_by_switches_diodes_and_capacitance(capacitance):
-    """Named alone, time and capacitance within three standard deviations (1.53 halves of 95 %) of those put in.
+    """Named alone, time and capacitance within three standard deviations (1.53 halves of 95 %) of
+    those put in.
 
-    1 pF: switches and diodes hardly slew.  100 pF: the leg slews over in the dead time at 3 % of rated current; 1 nF:
-    at a third of it.  J scatters by 0.8 % (`test_five_at_once`); five deviations are allowed."""
+    1 pF: switches and diodes hardly slew.  100 pF: the leg slews over in the dead time at 3 % of
+    rated current; 1 nF: at a third of it.  J scatters by 0.8 % (`test_five_at_once`); five
+    deviations are allowed."""
     put_in = {"dead_time.time": DEAD_TIME, "dead_time.capacitance": capacitance}
     d = diagnose(small_campaign(put_in, CASES + TURNING), workers=1)
     assert d.best.effects == ("dead_time",)

@@ -1,4 +1,5 @@
-"""Effects that earlier diagnoses named with a small second one beside them: a whole diagnosis names them alone."""
+"""Effects that earlier diagnoses named with a small second one beside them: a whole diagnosis names
+them alone."""
 
 import pytest
 
@@ -7,13 +8,22 @@ from sandbox.gap.diagnose import diagnose
 from sandbox.gap.evidence.priors import of_effect
 from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
 
-ALIKE = {"current_filter", "current_sampling", "pwm_delay", "skin_effect", "dead_time", "stator_resistance"}
+ALIKE = {
+    "current_filter",
+    "current_sampling",
+    "pwm_delay",
+    "skin_effect",
+    "dead_time",
+    "stator_resistance",
+}
 OTHERS = sorted(set(library.effect_names()) - ALIKE)
-FAR = 1.4  # of the first bound: the skin effect that was once held at it had 10.2 ohm, the bound was 7.1
+# of the first bound: the skin effect that was once held at it had 10.2 ohm, the bound was 7.1
+FAR = 1.4
 
 
 def first_bound():
-    """Return how far the prior lets the skin effect's resistance (ohm) go before a fit widens it."""
+    """Return how far the prior lets the skin effect's resistance (ohm) go before a fit widens
+    it."""
     coordinates = of_effect("skin_effect", DRIVE, library.neutral(DRIVE.motor))
     return next(c.bounds()[1] for c in coordinates if c.names == ("skin_effect.resistance",))
 
@@ -27,8 +37,9 @@ def first_bound():
     ],
 )
 def test_an_effect_is_named_without_a_false_companion(name, size):
-    """On the switched bench, beside its look-alikes: alone, by its size (95 % interval; of three that are looked at,
-    widened by 1.22: 0.05 / 3 to both sides), with an interval that a bound does not cut to nothing."""
+    """On the switched bench, beside its look-alikes: alone, by its size (95 % interval; of three
+    that are looked at, widened by 1.22: 0.05 / 3 to both sides), with an interval that a bound does
+    not cut to nothing."""
     effect = name.partition(".")[0]
     d = diagnose(small_campaign({name: size}, CASES), exclude=OTHERS, workers=1)
     assert d.best.effects == (effect,)

@@ -1,4 +1,5 @@
-"""How alike two hypotheses are: the cosine against plain regression on dense slopes, the way against both fits."""
+"""How alike two hypotheses are: the cosine against plain regression on dense slopes, the way
+against both fits."""
 
 from types import SimpleNamespace
 
@@ -22,8 +23,13 @@ SETS = (("dead_time",), ("device_drop",))
 def pair(small_folder):
     at = start(small_folder)
     weights = weights_of(len(at.prepared.recordings))
-    chosen = [p for p in at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")]
-    return [evaluate(fit(at, effects, weights), chosen, USUAL.trace_at(1.0), weights) for effects in SETS]
+    chosen = [
+        p for p in at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")
+    ]
+    return [
+        evaluate(fit(at, effects, weights), chosen, USUAL.trace_at(1.0), weights)
+        for effects in SETS
+    ]
 
 
 def diagnosis(judged, temperature=1.0):
@@ -32,7 +38,8 @@ def diagnosis(judged, temperature=1.0):
 
 
 def left(columns, target, deviation):
-    """Squares that regression with Gaussian priors leaves of a target: extra rows 1/deviation (ridge), by lstsq."""
+    """Squares that regression with Gaussian priors leaves of a target: extra rows 1/deviation
+    (ridge), by lstsq."""
     rows = np.vstack([columns, np.diag(1.0 / deviation)])
     aim = np.concatenate([target, np.zeros(len(deviation))])
     rest = aim - rows @ np.linalg.lstsq(rows, aim, rcond=None)[0]

@@ -1,4 +1,5 @@
-"""Evidence, normal equations, fits and the split, against integrals, differences and planted answers."""
+"""Evidence, normal equations, fits and the split, against integrals, differences and planted
+answers."""
 
 import math
 from dataclasses import replace
@@ -21,29 +22,37 @@ from tests.sandbox.gap.conftest import DEAD_TIME, start
 
 
 def test_slopes_next_to_what_no_drive_can_have_are_taken_to_the_other_side(small_folder):
-    """A link that loses all but a fifth: the equations there are those a thousandth of the bound lower, where slopes
-    are taken forwards, to that thousandth and little more; a load inertia next to the total one is no math error."""
+    """A link that loses all but a fifth: the equations there are those a thousandth of the bound
+    lower, where slopes are taken forwards, to that thousandth and little more; a load inertia next
+    to the total one is no math error."""
     begin = start(small_folder)
     drive = begin.prepared.campaign.drive
     bound = 0.2 * drive.converter.dc_bus_voltage / drive.motor.rated_current
     found = []
     for sag in (bound * (1.0 - 1e-9), 0.999 * bound):
         values = complete(drive.motor, drive.converter, {**begin.values, "dc_link_error.sag": sag})
-        own = [c for c in of_effect("dc_link_error", drive, begin.values, values) if c.names[0].endswith("sag")]
+        own = [
+            c
+            for c in of_effect("dc_link_error", drive, begin.values, values)
+            if c.names[0].endswith("sag")
+        ]
         ahead = {**values, **own[0].changes(values, own[0].value(values) + 1e-4 * own[0].deviation)}
         assert possible(drive, ahead) == (sag < 0.9999 * bound)
         found.append(normal(replace(begin, values=values), own).summed()[0][0, 0])
     assert found[0] == pytest.approx(found[1], rel=5e-3)
     inertia = begin.values["inertia.inertia"]
     load = {"load_inertia": inertia * (1.0 - 2e-5), "stiffness": inertia * 2e-5 * 5000.0**2}
-    shaft = complete(drive.motor, drive.converter, {f"shaft_compliance.{k}": v for k, v in load.items()})
+    shaft = complete(
+        drive.motor, drive.converter, {f"shaft_compliance.{k}": v for k, v in load.items()}
+    )
     n = normal(replace(begin, values=shaft), of_effect("shaft_compliance", drive, shaft, shaft))
     assert np.isfinite(n.summed()[0]).all()
 
 
 @pytest.mark.parametrize("pull", [-6.0, -1.0, 0.0, 1.5, 8.0])
 def test_evidence_of_a_size_that_can_only_be_positive_is_its_integral(pull):
-    """Half a Gaussian prior times exp(pull x - a x^2/2), integrated numerically: another way than the closed form."""
+    """Half a Gaussian prior times exp(pull x - a x^2/2), integrated numerically: another way than
+    the closed form."""
     a, sd = 3.0, 0.7
     own = Algebra(np.array([[a]]), np.array([pull]), 5.0, np.array([0.0]))
     prior = Prior(np.array([0.0]), np.array([sd]), np.array([0.0]), np.array([np.inf]))
@@ -57,7 +66,8 @@ def test_evidence_of_a_size_that_can_only_be_positive_is_its_integral(pull):
 
 @pytest.mark.parametrize("pull", [9.0, 14.0, -11.0])
 def test_evidence_of_a_deviation_held_at_four_sigma_is_its_integral(pull):
-    """A whole Gaussian prior cut off at four deviations, the likelihood's top beyond: integrated numerically."""
+    """A whole Gaussian prior cut off at four deviations, the likelihood's top beyond: integrated
+    numerically."""
     a, sd = 3.0, 0.7
     own = Algebra(np.array([[a]]), np.array([4.0 * pull]), 5.0, np.array([0.0]))
     prior = Prior(np.array([0.0]), np.array([sd]), np.array([-4.0 * sd]), np.array([4.0 * sd]))
@@ -66,19 +76,22 @@ def test_evidence_of_a_deviation_held_at_four_sigma_is_its_integral(pull):
         gauss = 1.0 / (sd * math.sqrt(2.0 * math.pi)) * math.exp(-0.5 * (x / sd) ** 2)
         return gauss * math.exp(-0.5 * (5.0 - 8.0 * pull * x + a * x * x))
 
-    whole = quad(density, -4.0 * sd, 4.0 * sd, points=[math.copysign(4.0 * sd - 0.1, pull)], limit=200)[0]
+    whole = quad(
+        density, -4.0 * sd, 4.0 * sd, points=[math.copysign(4.0 * sd - 0.1, pull)], limit=200
+    )[0]
     assert own.log_evidence(prior) == pytest.approx(math.log(whole), abs=1e-5)
 
 
 @pytest.mark.parametrize("pull", [0.0, -0.5, -4.0])
 @pytest.mark.parametrize("alike", [0.0, 0.9, -0.998])
 def test_evidence_of_a_size_at_its_bound_beside_one_that_follows_is_the_integral(alike, pull):
-    """A size that can only be positive, held at 0, beside a free coordinate with almost the same trace: the double
-    integral, the free one's by the Gaussian formula, the other's numerically.  Laplace is exact but for the tail's
-    prior, so both agree to rounding."""
+    """A size that can only be positive, held at 0, beside a free coordinate with almost the same
+    trace: the double integral, the free one's by the Gaussian formula, the other's numerically.
+    Laplace is exact but for the tail's prior, so both agree to rounding."""
     a, sd = 9.0 * np.array([[1.0, alike], [alike, 1.0]]), np.array([0.7, 1.1])
     inner = np.array([pull, 0.0])
-    own = Algebra(a, inner + np.array([alike * 2.0, 2.0]), 5.0, np.zeros(2))  # the free one pulls, too
+    # the free one pulls, too
+    own = Algebra(a, inner + np.array([alike * 2.0, 2.0]), 5.0, np.zeros(2))
     prior = Prior(np.zeros(2), sd, np.array([0.0, -np.inf]), np.full(2, np.inf))
     m = a[1, 1] + sd[1] ** -2
 
@@ -87,7 +100,10 @@ def test_evidence_of_a_size_at_its_bound_beside_one_that_follows_is_the_integral
         b = own.g[1] - a[0, 1] * x
         level = 5.0 - 2.0 * own.g[0] * x + a[0, 0] * x * x + (x / sd[0]) ** 2
         return (
-            2.0 / (sd[0] * math.sqrt(2.0 * math.pi)) * math.exp(-0.5 * level + 0.5 * b * b / m) / (sd[1] * math.sqrt(m))
+            2.0
+            / (sd[0] * math.sqrt(2.0 * math.pi))
+            * math.exp(-0.5 * level + 0.5 * b * b / m)
+            / (sd[1] * math.sqrt(m))
         )
 
     expected = math.log(quad(density, 0.0, 20.0, limit=200)[0])
@@ -95,7 +111,8 @@ def test_evidence_of_a_size_at_its_bound_beside_one_that_follows_is_the_integral
 
 
 def test_evidence_of_several_free_coordinates_is_the_gaussian_integral():
-    """log N(y; 0, J P J' + 1) of data y = J x + noise: the marginal likelihood written in the data's own space."""
+    """log N(y; 0, J P J' + 1) of data y = J x + noise: the marginal likelihood written in the
+    data's own space."""
     rng = np.random.default_rng(1)
     j, y, sd = rng.normal(size=(9, 3)), rng.normal(size=9), np.array([0.5, 1.0, 2.0])
     far = np.full(3, np.inf)
@@ -106,7 +123,8 @@ def test_evidence_of_several_free_coordinates_is_the_gaussian_integral():
 
 
 def test_most_probable_values_respect_bounds():
-    """Two coordinates that pull against each other, one held at its bound: the other solves alone."""
+    """Two coordinates that pull against each other, one held at its bound: the other solves
+    alone."""
     a = np.array([[2.0, 1.5], [1.5, 2.0]])
     own = Algebra(a, np.array([1.0, -4.0]), 9.0, np.zeros(2))
     prior = Prior(np.zeros(2), np.full(2, 10.0), np.array([-np.inf, 0.0]), np.full(2, np.inf))
@@ -118,7 +136,8 @@ def test_most_probable_values_respect_bounds():
 
 
 def test_blocks_of_white_noise_widen_nothing_and_equal_blocks_widen_by_their_number():
-    """White: the sandwich is the plain covariance within sampling error; a residual repeated m times: m times it."""
+    """White: the sandwich is the plain covariance within sampling error; a residual repeated m
+    times: m times it."""
     rng = np.random.default_rng(2)
     blocks, per, repeat = 4000, 20, 5
     j = rng.normal(size=(blocks, per, 1))
@@ -127,7 +146,15 @@ def test_blocks_of_white_noise_widen_nothing_and_equal_blocks_widen_by_their_num
 
     def widened(j, r):
         a = np.einsum("bij,bik->bjk", j, j)
-        s = Segment(0, "current", np.array([0]), a, np.einsum("bij,bi->bj", j, r), (r**2).sum(1), np.full(len(r), 1.0))
+        s = Segment(
+            0,
+            "current",
+            np.array([0]),
+            a,
+            np.einsum("bij,bi->bj", j, r),
+            (r**2).sum(1),
+            np.full(len(r), 1.0),
+        )
         n = Normal((flat,), np.zeros(1), (s,), 1)
         total, g, _ = n.summed()
         plain = np.linalg.inv(total)
@@ -139,14 +166,20 @@ def test_blocks_of_white_noise_widen_nothing_and_equal_blocks_widen_by_their_num
 
 
 def test_normal_equations_are_the_change_of_the_residual(small_folder):
-    """r'r at a displaced point against r'r - 2 d'g + d'A d: a difference of two replays, not of slopes."""
+    """r'r at a displaced point against r'r - 2 d'g + d'A d: a difference of two replays, not of
+    slopes."""
     at = start(small_folder)
     coordinates = coordinates_of(at, ("iron_loss",))
     n = normal(at, coordinates)
     a, g, rr = n.summed()
     place = {c.label: k for k, c in enumerate(n.coordinates)}
-    for label in ("stator_resistance.resistance", "iron_loss.core_resistance", "turn:locked_slow.parquet",
-                  "turn:driven_fast.parquet", "current_gain.gain_b"):  # fmt: skip
+    for label in (
+        "stator_resistance.resistance",
+        "iron_loss.core_resistance",
+        "turn:locked_slow.parquet",
+        "turn:driven_fast.parquet",
+        "current_gain.gain_b",
+    ):
         k = place[label]
         d = np.zeros(len(n.x))
         d[k] = 0.01 * n.coordinates[k].deviation
@@ -165,12 +198,15 @@ def test_fit_finds_a_planted_dead_time(small_folder):
 
 
 def test_split_does_not_look_at_readings(small_folder):
-    """The same recordings with other currents are split alike; every kind of rotor keeps a recording to fit."""
+    """The same recordings with other currents are split alike; every kind of rotor keeps a
+    recording to fit."""
     at = start(small_folder)
 
     def split(point):
         """Return the split by the slopes of all effects at a point."""
-        return held_out(linear_model(point, at_typical(point), (), 1.0, weights_of(len(at.prepared.recordings))))
+        return held_out(
+            linear_model(point, at_typical(point), (), 1.0, weights_of(len(at.prepared.recordings)))
+        )
 
     left = split(at)
     noisy = tuple(replace(r, read=r.read + 3.0) for r in at.prepared.recordings)
@@ -186,9 +222,11 @@ def test_a_kind_that_is_there_once_is_never_held_out():
 
 
 def test_segments_that_disagree_widen_estimates_by_as_much_as_they_scatter():
-    """k segments of equal size, each with a bias of its own: the mean's variance is (bias^2 + noise^2 / m) / k.
+    """k segments of equal size, each with a bias of its own: the mean's variance is (bias^2 +
+    noise^2 / m) / k.
 
-    Over 400 draws its average is known to sqrt(2 / (k - 1) / 400), a chi-square with k - 1 degrees of freedom.
+    Over 400 draws its average is known to sqrt(2 / (k - 1) / 400), a chi-square with k - 1 degrees
+    of freedom.
     """
     rng = np.random.default_rng(3)
     k, m, bias, draws = 8, 50, 0.4, 400
@@ -198,7 +236,8 @@ def test_segments_that_disagree_widen_estimates_by_as_much_as_they_scatter():
         r = rng.normal(size=(k, m)) + bias * rng.normal(size=(k, 1))
         one = np.ones((m, 1, 1))
         segments = tuple(
-            Segment(s, "current", np.array([0]), one, r[s][:, None], r[s] ** 2, np.ones(m)) for s in range(k)
+            Segment(s, "current", np.array([0]), one, r[s][:, None], r[s] ** 2, np.ones(m))
+            for s in range(k)
         )
         n = Normal((flat,), np.zeros(1), segments, 1)
         a, g, _ = n.summed()
@@ -209,7 +248,8 @@ def test_segments_that_disagree_widen_estimates_by_as_much_as_they_scatter():
 
 
 def test_bounded_most_probable_point_is_that_of_an_independent_minimiser():
-    """L-BFGS-B on the same objective, in scipy; 20 draws of ten coordinates of which some are held at a bound."""
+    """L-BFGS-B on the same objective, in scipy; 20 draws of ten coordinates of which some are held
+    at a bound."""
     from scipy.optimize import minimize
 
     rng = np.random.default_rng(4)
@@ -226,7 +266,12 @@ def test_bounded_most_probable_point_is_that_of_an_independent_minimiser():
         def cost(z, j=j, y=y, deviation=deviation):
             return float(np.sum((y - j @ z) ** 2) + np.sum((z / deviation) ** 2))
 
-        found = minimize(cost, start, bounds=list(zip(low, high, strict=True)), options={"ftol": 1e-15, "gtol": 1e-10})
+        found = minimize(
+            cost,
+            start,
+            bounds=list(zip(low, high, strict=True)),
+            options={"ftol": 1e-15, "gtol": 1e-10},
+        )
         assert value == pytest.approx(cost(x), rel=1e-10)
         assert value <= found.fun * (1.0 + 1e-9)
         held += int((~free).sum())
@@ -235,10 +280,13 @@ def test_bounded_most_probable_point_is_that_of_an_independent_minimiser():
 
 @pytest.mark.parametrize("exchanges", [20, 0])
 def test_both_ways_to_bounds_meet_the_conditions_of_a_minimum(exchanges, monkeypatch):
-    """Karush, Kuhn, Tucker: no slope where free, a slope outwards at a bound; the slow way, too, which takes over."""
+    """Karush, Kuhn, Tucker: no slope where free, a slope outwards at a bound; the slow way, too,
+    which takes over."""
     monkeypatch.setattr(algebra_module, "EXCHANGES", exchanges)
     slow, asked = algebra_module.lsq_linear, []
-    monkeypatch.setattr(algebra_module, "lsq_linear", lambda *given, **more: asked.append(1) or slow(*given, **more))
+    monkeypatch.setattr(
+        algebra_module, "lsq_linear", lambda *given, **more: asked.append(1) or slow(*given, **more)
+    )
     rng = np.random.default_rng(7)
     for _ in range(20):
         j = rng.normal(size=(60, 30)) * np.exp(2.0 * rng.normal(size=30))
@@ -248,7 +296,8 @@ def test_both_ways_to_bounds_meet_the_conditions_of_a_minimum(exchanges, monkeyp
         x, free = algebra_module.within_bounds(hessian, pull, low, high)
         outwards = pull - hessian @ x
         assert np.abs(outwards[free]).max(initial=0.0) < 1e-9 * np.abs(pull).max()
-        at_low, at_high = (np.abs(x - bound) < 1e-12 for bound in (low, high))  # rounding of values below 10
+        # rounding of values below 10
+        at_low, at_high = (np.abs(x - bound) < 1e-12 for bound in (low, high))
         assert (outwards[at_low] <= 0.0).all()
         assert (outwards[at_high] >= 0.0).all()
         assert np.array_equal(free, (x > low) & (x < high) & ~at_low & ~at_high)
@@ -257,7 +306,8 @@ def test_both_ways_to_bounds_meet_the_conditions_of_a_minimum(exchanges, monkeyp
 
 
 def test_equations_kept_from_one_point_to_another_have_the_other_point_s_residuals(small_folder):
-    """The same slopes, residuals of a replay at the other point: r'r as taken anew, g = J' r with the old J."""
+    """The same slopes, residuals of a replay at the other point: r'r as taken anew, g = J' r with
+    the old J."""
     at = start(small_folder)
     coordinates = coordinates_of(at, ())
     n = normal(at, coordinates)
@@ -267,18 +317,25 @@ def test_equations_kept_from_one_point_to_another_have_the_other_point_s_residua
     assert kept.summed()[2] == pytest.approx(anew.summed()[2], rel=1e-9)
     assert np.array_equal(kept.summed()[0], n.summed()[0])
     assert kept.x == pytest.approx(anew.x, rel=1e-12)
-    # halfway by old slopes: the true change of r'r over a small step along d is -2 e d'g of the point itself
+    # halfway by old slopes: the true change of r'r over a small step along d is -2 e d'g of the
+    # point itself
     slope = anew.summed()[1] @ d
-    assert kept.summed()[1] @ d == pytest.approx(slope, rel=0.1)  # slopes change little over half a deviation
+    # slopes change little over half a deviation
+    assert kept.summed()[1] @ d == pytest.approx(slope, rel=0.1)
 
 
 @pytest.mark.parametrize("slope", [0.5, 3.0, 400.0])
 def test_a_value_held_at_its_bound_may_lie_as_far_as_its_tail(slope):
-    """One size that can only be positive beside a free one: the quantile of a truncated normal (scipy.stats), the other
-    integrated out."""
+    """One size that can only be positive beside a free one: the quantile of a truncated normal
+    (scipy.stats), the other integrated out."""
     a = np.array([[4.0, 1.0], [1.0, 9.0]])
     x = np.array([0.0, 0.5])
-    prior = Prior(np.array([0.0, 0.5]), np.array([2.0, 1.0]), np.array([0.0, -np.inf]), np.array([np.inf, np.inf]))
+    prior = Prior(
+        np.array([0.0, 0.5]),
+        np.array([2.0, 1.0]),
+        np.array([0.0, -np.inf]),
+        np.array([np.inf, np.inf]),
+    )
     own = Algebra(a, np.array([-slope, 0.0]), 10.0, x)
     precision = a + np.diag([0.25, 1.0])
     spread = np.sqrt(np.linalg.inv(precision)[0, 0])
@@ -290,11 +347,13 @@ def test_a_value_held_at_its_bound_may_lie_as_far_as_its_tail(slope):
 
 
 def test_the_sign_of_currents_is_freed_near_the_floor_only(small_answers):
-    """Dead time of 2 us, nobody's in the nominal model, leaves tens of floors: there the sign keeps its usual width."""
+    """Dead time of 2 us, nobody's in the nominal model, leaves tens of floors: there the sign keeps
+    its usual width."""
     d = small_answers.diagnosis
     sign = {"bench.soft_current", "bench.soft_shape"}
     assert d.size.before > 3.0 > d.size.after
     assert not sign & {c.label for c in d.before.coordinates}
-    kept = pytest.approx(d.start.values["bench.soft_current"], rel=1e-12)  # by its logarithm, there and back
+    # by its logarithm, there and back
+    kept = pytest.approx(d.start.values["bench.soft_current"], rel=1e-12)
     assert d.before.point.values["bench.soft_current"] == kept
     assert sign <= {c.label for c in d.after.coordinates}

@@ -1,6 +1,8 @@
-"""Long recordings: which parts stand for them, and that a replay starts in mid-recording as if it had come there.
+"""Long recordings: which parts stand for them, and that a replay starts in mid-recording as if it
+had come there.
 
-Numbers come from the definition of the choice, from counting rows, and from the replay of the whole recording.
+Numbers come from the definition of the choice, from counting rows, and from the replay of the whole
+recording.
 """
 
 import dataclasses
@@ -15,7 +17,16 @@ from model.drive_files import load_drive
 from model.effects.library import effect_names
 from model.errors import BadInput
 from sandbox.gap import excerpts as cutting
-from sandbox.gap.excerpts import CUT_TO, LEAST, MAX_SAMPLES, PARTS, SETTLED, excerpted, farthest_first, rows_to_settle
+from sandbox.gap.excerpts import (
+    CUT_TO,
+    LEAST,
+    MAX_SAMPLES,
+    PARTS,
+    SETTLED,
+    excerpted,
+    farthest_first,
+    rows_to_settle,
+)
 from sandbox.gap.pages.page import part_rows
 from sandbox.gap.report.answers import caveats
 from sandbox.gap.report.diagnosis_json import excerpts
@@ -30,7 +41,8 @@ PERIOD = DRIVE.converter.sampling_period
 
 
 def recording(n, file="run.parquet", rotor="driven", loaded=None):
-    """Return n rows at half of rated speed without current, but with rated i_q in rows `loaded` (first, last)."""
+    """Return n rows at half of rated speed without current, but with rated i_q in rows `loaded`
+    (first, last)."""
     k = np.arange(n)
     theta = 0.5 * DRIVE.motor.pole_pairs * DRIVE.motor.rated_speed_rpm * math.pi / 30.0 * PERIOD * k
     theta = np.full(n, 0.3) if rotor == "locked" else theta
@@ -39,7 +51,12 @@ def recording(n, file="run.parquet", rotor="driven", loaded=None):
         size[slice(*loaded)] = DRIVE.motor.rated_current
     abc = [size * np.cos(theta + math.pi / 2.0 - j * math.tau / 3.0) for j in range(3)]
     volts = {"u_alpha": np.zeros(n), "u_beta": np.zeros(n), "u_dc": np.full(n, 400.0)}
-    columns = {"t": k * PERIOD, **volts, "theta": theta, **dict(zip(("i_a", "i_b", "i_c"), abc, strict=True))}
+    columns = {
+        "t": k * PERIOD,
+        **volts,
+        "theta": theta,
+        **dict(zip(("i_a", "i_b", "i_c"), abc, strict=True)),
+    }
     return CampaignRecording(file, rotor, "none", columns)
 
 
@@ -58,8 +75,8 @@ def test_a_campaign_of_usual_length_is_left_as_it_is():
 
 
 def test_twenty_five_seconds_at_ten_kilohertz_are_used_whole_and_ten_of_a_longer_run():
-    """The largest campaign of the blind checks (169 920 samples) is below the first number, the usual one (84 960)
-    below the second: what the checks say holds for what is cut."""
+    """The largest campaign of the blind checks (169 920 samples) is below the first number, the
+    usual one (84 960) below the second: what the checks say holds for what is cut."""
     own = campaign(recording(250_000))
     assert excerpted(own) is own
     assert 90_000 < excerpted(campaign(recording(250_002))).excerpts.samples_used <= 100_000
@@ -85,8 +102,8 @@ def test_blocks_are_a_twenty_fourth_of_what_is_used(monkeypatch):
 
 
 def test_blocks_are_described_in_shares_of_rated_values():
-    """Rated load torque is 1; ten times the rated current counts as three; kinds of rotor lie ten apart, and the first
-    and last of four blocks three quarters of a tenth."""
+    """Rated load torque is 1; ten times the rated current counts as three; kinds of rotor lie ten
+    apart, and the first and last of four blocks three quarters of a tenth."""
     run = recording(400, loaded=(0, 400))
     run.columns["load_torque"] = np.full(400, DRIVE.motor.rated_torque)
     for phase in ("i_a", "i_b", "i_c"):
@@ -97,7 +114,10 @@ def test_blocks_are_described_in_shares_of_rated_values():
     assert marks[:, 2] == pytest.approx(0.5, rel=1e-6)  # speed, as `recording` turns
     assert marks[:, 5] == pytest.approx(1.0)  # load
     assert np.ptp(marks[:, 17]) == pytest.approx(0.075)
-    kinds = [cutting._marks(campaign(recording(100, rotor=r)), 0, 100)[0, 16] for r in ("locked", "driven", "free")]
+    kinds = [
+        cutting._marks(campaign(recording(100, rotor=r)), 0, 100)[0, 16]
+        for r in ("locked", "driven", "free")
+    ]
     assert kinds == [0.0, 10.0, 20.0]
 
 
@@ -106,7 +126,8 @@ def test_the_farthest_comes_next():
     marks = np.array([[0.0], [3.0], [10.0], [5.0], [0.0]])
     assert farthest_first(marks, [1] * 5, [1], 4) == [1, 2, 0, 3]
     assert farthest_first(marks, [1] * 5, [1], 99) == [1, 2, 0, 3]  # the other 0 is like one taken
-    assert farthest_first(marks, [1, 1, 3, 1, 1], [1], 3) == [1]  # the farthest does not fit: nor is the rest taken
+    # the farthest does not fit: nor is the rest taken
+    assert farthest_first(marks, [1, 1, 3, 1, 1], [1], 3) == [1]
     assert farthest_first(marks, [1] * 5, [2, 3], 3) == [2, 3, 0]
 
 
@@ -125,14 +146,16 @@ def test_equal_blocks_spread_over_the_recording():
     cut = excerpted(campaign(recording(n)), LEAST)
     first = np.sort([e.first for e in cut.excerpts.parts])
     assert PARTS - 2 <= len(first) <= PARTS
-    # twelve by halving gaps (none larger than 1/8 then), twelve evenly over what is left: none larger than 1/12 and two
-    # blocks
+    # twelve by halving gaps (none larger than 1/8 then), twelve evenly over what is left: none
+    # larger than 1/12 and two blocks
     assert np.max(np.diff(np.concatenate([[0], first, [n]]))) <= n / 12 + 2 * LEAST / PARTS
 
 
 def test_every_kind_of_rotor_is_there():
     own = campaign(
-        recording(30 * LEAST), recording(LEAST, "still.parquet", "locked"), recording(LEAST, "free.parquet", "free")
+        recording(30 * LEAST),
+        recording(LEAST, "still.parquet", "locked"),
+        recording(LEAST, "free.parquet", "free"),
     )
     assert {r.rotor for r in excerpted(own, LEAST)} == {"locked", "driven", "free"}
 
@@ -162,7 +185,9 @@ def test_a_part_holds_its_own_rows_and_those_in_which_states_settle(most, rotor)
 
 
 def test_of_few_recordings_each_is_used_and_of_many_every_kind():
-    few = campaign(*(recording(LEAST, f"{k}.parquet") for k in range(11)), recording(100, "short.parquet"))
+    few = campaign(
+        *(recording(LEAST, f"{k}.parquet") for k in range(11)), recording(100, "short.parquet")
+    )
     assert {e.of for e in excerpted(few, LEAST).excerpts.parts} == {r.file for r in few}
     assert excerpted(few, LEAST).excerpts.unused == []
     rare = dataclasses.replace(recording(900, "injected.parquet"), injection_axis="d")
@@ -187,8 +212,11 @@ def test_too_few_samples_are_refused():
 
 def test_where_states_settle_slowly_parts_are_longer_and_fewer():
     inductance = max(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q)
-    motor = dataclasses.replace(DRIVE.motor, resistance=SETTLED * inductance / (1999.5 * PERIOD))  # 5 L/R: 2000 rows
-    cut = excerpted(campaign(recording(5 * LEAST), drive=dataclasses.replace(DRIVE, motor=motor)), LEAST)
+    # 5 L/R: 2000 rows
+    motor = dataclasses.replace(DRIVE.motor, resistance=SETTLED * inductance / (1999.5 * PERIOD))
+    cut = excerpted(
+        campaign(recording(5 * LEAST), drive=dataclasses.replace(DRIVE, motor=motor)), LEAST
+    )
     assert max(len(r.settling.get("t", ())) for r in cut) == 2000
     assert 8 <= len(cut) <= LEAST // 2000
 
@@ -207,16 +235,22 @@ def test_contract_and_page_list_the_parts():
 
 
 def test_a_long_campaign_is_diagnosed_in_parts_and_its_files_replay_it_whole(tmp_path):
-    """Dead time of the switched bench, 28 000 samples of which 20 000 are used; its values meet the whole of it."""
+    """Dead time of the switched bench, 28 000 samples of which 20 000 are used; its values meet the
+    whole of it."""
     rng = np.random.default_rng(5)
     long = tuple(record(*case, {"dead_time.time": DEAD_TIME}, rng, n=7000) for case in CASES)
     folder = write_campaign(tmp_path / "long", Campaign("long", BENCH, long, {}, {}, False))
     left = ("dead_time", "stator_resistance", "current_gain")
-    found = sandbox.diagnose(folder, samples=LEAST, exclude=[e for e in effect_names() if e not in left], jobs=1)
+    found = sandbox.diagnose(
+        folder, samples=LEAST, exclude=[e for e in effect_names() if e not in left], jobs=1
+    )
     got = json.loads(json.dumps(found.as_json()))
     assert got["hypotheses"][0]["effects"] == ["dead_time"]
     low, high = got["hypotheses"][0]["parameters"]["dead_time.time"]["ci95"]
-    assert abs(got["hypotheses"][0]["parameters"]["dead_time.time"]["value"] - DEAD_TIME) < 4.0 * (high - low) / 3.92
+    assert (
+        abs(got["hypotheses"][0]["parameters"]["dead_time.time"]["value"] - DEAD_TIME)
+        < 4.0 * (high - low) / 3.92
+    )
     assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **got}) == []
     assert got["excerpts"]["samples_recorded"] == 28_000
     assert any(text.startswith("Of 28,000 samples") for text in caveats(found.answers))

@@ -1,4 +1,5 @@
-"""Dry friction with Stribeck's hump, planted on the switched bench, is found with its three sizes."""
+"""Dry friction with Stribeck's hump, planted on the switched bench, is found with its three
+sizes."""
 
 import numpy as np
 import pytest
@@ -18,23 +19,38 @@ FASTEST, SAMPLES = 40.0, 6000  # rad/s, mechanical: eight times the hump's 5 rad
 
 
 def turned(effects):
-    """Return a campaign of a free rotor that a turning voltage takes from rest to FASTEST and back, without noise."""
+    """Return a campaign of a free rotor that a turning voltage takes from rest to FASTEST and back,
+    without noise."""
     motor, c = DRIVE.motor, DRIVE.converter
     k = np.arange(SAMPLES)
     speed = FASTEST * motor.pole_pairs * np.sin(np.pi * k / SAMPLES) ** 2
     angle = 0.3 + np.cumsum(speed) * c.sampling_period
-    u = (motor.resistance * motor.rated_current + 1j * speed * motor.magnet_flux) * np.exp(1j * angle)
+    u = (motor.resistance * motor.rated_current + 1j * speed * motor.magnet_flux) * np.exp(
+        1j * angle
+    )
     b, link = quiet(bench(motor, c, effects)), np.full(SAMPLES, c.dc_bus_voltage)
-    r = switched(b, "free", u.real, u.imag, c.dc_bus_voltage, theta=0.3, load_torque=np.zeros(SAMPLES))
-    columns = {"t": k * c.sampling_period, "u_alpha": u.real, "u_beta": u.imag, "theta": r["theta"], "u_dc": link}
-    columns |= {name: r[name] for name in ("i_a", "i_b", "i_c")} | {"load_torque": np.zeros(SAMPLES)}
-    return Campaign("turned", DRIVE, (CampaignRecording("turned.parquet", "free", "d", columns),), {}, {}, False)
+    r = switched(
+        b, "free", u.real, u.imag, c.dc_bus_voltage, theta=0.3, load_torque=np.zeros(SAMPLES)
+    )
+    columns = {
+        "t": k * c.sampling_period,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "theta": r["theta"],
+        "u_dc": link,
+    }
+    columns |= {name: r[name] for name in ("i_a", "i_b", "i_c")} | {
+        "load_torque": np.zeros(SAMPLES)
+    }
+    return Campaign(
+        "turned", DRIVE, (CampaignRecording("turned.parquet", "free", "d", columns),), {}, {}, False
+    )
 
 
 @pytest.mark.parametrize("hump", [0.012, 0.0])
 def test_the_hump_is_fitted_with_the_friction_it_sits_on(hump):
-    """Without noise every size lies within one of the fit's own deviations of what the bench has (measured: a fifth),
-    and a hump of 0.012 N m would stand out by ten of its own."""
+    """Without noise every size lies within one of the fit's own deviations of what the bench has
+    (measured: a fifth), and a hump of 0.012 N m would stand out by ten of its own."""
     planted = {"torque": 0.03, "width": 1.6, "stribeck_torque": hump}
     recorded = turned({f"coulomb_friction.{n}": x for n, x in planted.items()})
     begun = Point(prepare(recorded), complete(DRIVE.motor, DRIVE.converter))

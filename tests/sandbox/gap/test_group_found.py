@@ -1,4 +1,5 @@
-"""Two effects that recordings cannot part, named as a group by a whole diagnosis of the switched bench."""
+"""Two effects that recordings cannot part, named as a group by a whole diagnosis of the switched
+bench."""
 
 import pytest
 
@@ -12,8 +13,9 @@ OTHERS = {"dead_time", "device_drop", "current_offset", "stator_resistance", "pw
 
 
 def test_a_short_filter_and_late_sampling_are_a_group():
-    """5 us of filter at 4 kHz: readings lag as if they came 5 us later, but where a pulse reaches into the lag, and
-    these voltages leave zero vectors of 100 us.  Together they are sure (0.99, as in issue 19), each of them is not;
+    """5 us of filter at 4 kHz: readings lag as if they came 5 us later, but where a pulse reaches
+    into the lag, and these voltages leave zero vectors of 100 us.  Together they are sure (0.99, as
+    in issue 19), each of them is not;
     what parts them is what their cards say: a link nearly used up."""
     own = small_campaign({"current_filter.time_constant": 5e-6}, CASES[2:])
     d = diagnose(own, exclude=sorted(set(library.effect_names()) - ALIKE - OTHERS), workers=1)

@@ -1,4 +1,5 @@
-"""The menu of recordings on motors whose flux map ends: no current beyond it, and as it was on others."""
+"""The menu of recordings on motors whose flux map ends: no current beyond it, and as it was on
+others."""
 
 import numpy as np
 import pytest
@@ -43,15 +44,19 @@ def half(tmp_path_factory):
 def test_every_experiment_s_currents_lie_in_the_map(half):
     energy, swing = half.motor.energy, HALF_WAVE * half.converter.sampling_period
     entries = menu(half, 0.1)
-    assert any(float(e.i_d.min()) < -0.5 * half.motor.rated_current for e in entries)  # where the map has room
+    # where the map has room
+    assert any(float(e.i_d.min()) < -0.5 * half.motor.rated_current for e in entries)
     for e in entries:
-        for i_d, i_q in {(round(a, 6), round(b, 6)) for a, b in zip(e.i_d[::40], e.i_q[::40], strict=True)}:
+        for i_d, i_q in {
+            (round(a, 6), round(b, 6)) for a, b in zip(e.i_d[::40], e.i_q[::40], strict=True)
+        }:
             d, q, status = flux_newton(energy, i_d, i_q, 0.0, 0.0)
             assert status == SOLVED, (e.name, i_d, i_q)
             for side in (-1.0, 1.0):  # a whole half period of the injection to either side
                 x = (d + side * swing * e.injection[0] - energy.low_d) * energy.per_d
                 y = (q + side * swing * e.injection[1] - energy.low_q) * energy.per_q
-                no_current = i_d == 0.0  # always asked for, though this map ends there and an injection goes beyond
+                # always asked for, though this map ends there and an injection goes beyond
+                no_current = i_d == 0.0
                 assert no_current or -1e-6 <= x <= energy.cells.shape[0] + 1e-6
                 assert -1e-6 <= y <= energy.cells.shape[1] + 1e-6
         if e.rotor != "free":
@@ -74,7 +79,8 @@ def test_motors_whose_model_has_room_keep_the_menu():
 
 
 def test_the_largest_current_on_d_is_the_map_s_own(half):
-    """Bisection against the edge of the box: the current where psi_d is the largest of the map's fit."""
+    """Bisection against the edge of the box: the current where psi_d is the largest of the map's
+    fit."""
     from model.spline import currents
 
     e = half.motor.energy

@@ -1,7 +1,8 @@
-"""A known part and an unknown part, the normal case on hardware: shares, sizes and chances of a whole diagnosis.
+"""A known part and an unknown part, the normal case on hardware: shares, sizes and chances of a
+whole diagnosis.
 
-The bench has dead time, and something that is no effect of the library: a current that turns with twice the rotor's
-angle is added to its readings; or it has cores that remember, or a knee.
+The bench has dead time, and something that is no effect of the library: a current that turns with
+twice the rotor's angle is added to its readings; or it has cores that remember, or a knee.
 """
 
 import pytest
@@ -12,7 +13,14 @@ from sandbox.gap.report.ranking import SLIGHT, ranking
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, small_campaign, with_added
 
 L_Q = DRIVE.motor.inductance_q
-LEFT = ("dead_time", "device_drop", "current_offset", "flux_harmonics", "stator_resistance", "saturation")
+LEFT = (
+    "dead_time",
+    "device_drop",
+    "current_offset",
+    "flux_harmonics",
+    "stator_resistance",
+    "saturation",
+)
 
 
 def diagnosed(effects):
@@ -51,8 +59,8 @@ def test_the_known_part_is_named_and_its_size_is_not_bent(both):
 
 
 def test_shares_are_those_of_the_bench_with_dead_time_alone_taken_out(both):
-    """Of the squared residual above the noise the unmodeled cause has what is left on a bench without dead time;
-    shares within 0.05."""
+    """Of the squared residual above the noise the unmodeled cause has what is left on a bench
+    without dead time; shares within 0.05."""
     d, r = both
     alone = diagnosed({})
     truth = (alone.size.before**2 - 1.0) / (d.size.before**2 - 1.0)
@@ -63,8 +71,9 @@ def test_shares_are_those_of_the_bench_with_dead_time_alone_taken_out(both):
 
 
 def test_where_the_unknown_part_lies_is_told(both):
-    """The unmodeled cause turns with twice the electrical angle in the rotor's frame, both senses alike; the sentence
-    and the figures say so, and the regression finds a current that depends on the angle."""
+    """The unmodeled cause turns with twice the electrical angle in the rotor's frame, both senses
+    alike; the sentence and the figures say so, and the regression finds a current that depends on
+    the angle."""
     found = both[1].as_json()["unknown"]
     order = found["regions"]["angle"][0]
     assert (order["order"], order["of"]) == (2, "electrical")
@@ -82,9 +91,9 @@ OUTSIDE = {
 
 @pytest.mark.parametrize("outside", OUTSIDE.values(), ids=OUTSIDE)
 def test_what_the_regression_does_not_hold_bends_the_known_part_no_more(outside):
-    """Neither a play nor a knee is among the regression's functions: both leave J at 2.3 and `unknown` above 0.99 (a
-    saturation may be named beside a knee, which is one); the true 2 us stay within the 95 % interval beside it, widened
-    by one half as above."""
+    """Neither a play nor a knee is among the regression's functions: both leave J at 2.3 and
+    `unknown` above 0.99 (a saturation may be named beside a knee, which is one); the true 2 us stay
+    within the 95 % interval beside it, widened by one half as above."""
     d = of_campaign(small_campaign({"dead_time.time": DEAD_TIME}, outside=outside))
     found = ranking(d, position=False).as_json()
     assert {"dead_time", "unknown"} <= set(d.best.effects) <= {"dead_time", "unknown", "saturation"}
@@ -99,8 +108,9 @@ def test_what_the_regression_does_not_hold_bends_the_known_part_no_more(outside)
 
 
 def test_a_rival_outside_the_best_set_has_a_size_and_is_said_to_be_alike():
-    """A device drop takes the voltage that dead time takes, u_dc t / T, in each leg against its current; a quarter of
-    that may be its on-resistance's, or of its other form near zero.  The shorter the time, the less they differ."""
+    """A device drop takes the voltage that dead time takes, u_dc t / T, in each leg against its
+    current; a quarter of that may be its on-resistance's, or of its other form near zero.  The
+    shorter the time, the less they differ."""
     short = 0.7 * DEAD_TIME
     d = diagnosed({"dead_time.time": short})
     r = ranking(d, position=False)

@@ -1,4 +1,5 @@
-"""A measured inverter table that the nominal model lacks: no named effect is of that form, so the curve is the answer.
+"""A measured inverter table that the nominal model lacks: no named effect is of that form, so the
+curve is the answer.
 
 The switched bench plays the table leg by leg; it is the one that `model/inverter_table.py` shows.
 """
@@ -19,7 +20,9 @@ TABLE = ((0.0, 0.0), (0.2, 2.4), (0.5, 4.4), (1.0, 5.3), (4.5, 6.2))  # A, V
 @pytest.fixture(scope="module")
 def found():
     """The diagnosis of a bench whose legs lose what the table says."""
-    legs = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, inverter_table=TABLE))
+    legs = dataclasses.replace(
+        DRIVE, converter=dataclasses.replace(DRIVE.converter, inverter_table=TABLE)
+    )
     recorded = small_campaign({}, CASES + TURNING, drive=legs)
     return diagnose(dataclasses.replace(recorded, drive=DRIVE), workers=1)
 
@@ -33,12 +36,16 @@ def test_the_curve_is_the_answer(found):
 
 
 def test_it_is_the_table_where_currents_were(found):
-    """Within 0.15 V up to rated current: what issue 53 asks for, not derived.  What the resistance is off counts
-    with it, as no recording tells both apart; the curve is straight between corners of its own."""
+    """Within 0.15 V up to rated current: what issue 53 asks for, not derived.  What the resistance
+    is off counts with it, as no recording tells both apart; the curve is straight between corners
+    of its own."""
     (c,) = curves_found(found.best.evaluated)
     amps, volts = np.array(TABLE).T
     i = np.linspace(0.0, DRIVE.motor.rated_current, 60)
-    ohm = found.best.evaluated.fit.point.values["stator_resistance.resistance"] - DRIVE.motor.resistance
+    ohm = (
+        found.best.evaluated.fit.point.values["stator_resistance.resistance"]
+        - DRIVE.motor.resistance
+    )
     got = np.interp(i, c.at, c.value) + ohm * i
     assert np.max(np.abs(got - np.interp(i, amps, volts))) < 0.15
     assert np.all(np.array(c.low) <= c.value)
@@ -47,7 +54,8 @@ def test_it_is_the_table_where_currents_were(found):
 
 
 def test_the_simulator_that_is_written_loses_as_much(found):
-    """The exported effects hold every term, so a replay of them leaves what is stated: nothing but noise."""
+    """The exported effects hold every term, so a replay of them leaves what is stated: nothing but
+    noise."""
     own = refitted(found)
     assert sum(name.startswith("leg_voltage.v_") for name in own.effects) >= 8
     assert all(x == pytest.approx(1.0, abs=0.06) for x in own.residual.values())

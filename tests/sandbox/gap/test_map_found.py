@@ -1,8 +1,8 @@
-"""A flux map that is stated at few points: recordings correct it, no effect is named for what it misses, and the motor
-that is written leaves what the diagnosis says.
+"""A flux map that is stated at few points: recordings correct it, no effect is named for what it
+misses, and the motor that is written leaves what the diagnosis says.
 
-The switched bench runs on the measured map as published, on cells of its own; the campaign states every second row and
-column of it.
+The switched bench runs on the measured map as published, on cells of its own; the campaign states
+every second row and column of it.
 """
 
 import json
@@ -19,7 +19,11 @@ from tests.data import real_data
 
 SCENE = Scenario(
     "bench",
-    (Segment(0.05), Segment(0.25, load=0.7, ramp=0.1), Segment(0.25, load=-0.5, speed=0.2, ramp=0.2)),
+    (
+        Segment(0.05),
+        Segment(0.25, load=0.7, ramp=0.1),
+        Segment(0.25, load=-0.5, speed=0.2, ramp=0.2),
+    ),
     rotor="driven",
     start_up=False,
 )
@@ -30,14 +34,23 @@ LEFT = ("dead_time", "device_drop", "stator_resistance", "inductance", "magnet_f
 def diagnosed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("map") / "campaign"
     sandbox.simulate(
-        "baldor_pmsyrm", SCENE, "qnull", closed_loop=False, plant="switched", effects={}, seed=3, record=folder
+        "baldor_pmsyrm",
+        SCENE,
+        "qnull",
+        closed_loop=False,
+        plant="switched",
+        effects={},
+        seed=3,
+        record=folder,
     )
     own = np.load(real_data() / "baldor_pmsyrm" / "baldor_meas.npz")
     i, psi = (own[name] for name in ("i_s_dq", "psi_s_dq"))
     every = np.zeros(i.shape, dtype=bool)
     every[::2, ::2] = True
     columns = np.column_stack([i.real[every], i.imag[every], psi.real[every], psi.imag[every]])
-    np.savetxt(folder / "few.csv", columns, delimiter=",", header="i_d,i_q,psi_d,psi_q", comments="")
+    np.savetxt(
+        folder / "few.csv", columns, delimiter=",", header="i_d,i_q,psi_d,psi_q", comments=""
+    )
     text = (folder / "campaign.toml").read_text()
     text = re.sub(r"\[flux_map\]\n(.+\n)+", '[flux_map]\nfile = "few.csv"\n', text)
     (folder / "campaign.toml").write_text(text)
@@ -47,7 +60,8 @@ def diagnosed(tmp_path_factory):
 
 def test_what_the_map_misses_is_no_effect(diagnosed):
     _, _, found = diagnosed
-    assert not set(found["hypotheses"][0]["effects"]) & set(LEFT)  # what is left may stay without a name
+    # what is left may stay without a name
+    assert not set(found["hypotheses"][0]["effects"]) & set(LEFT)
     of_map = found["flux_map"]
     assert of_map["residual"] ** 2 - 1.0 < 0.25 * (of_map["as_stated"] ** 2 - 1.0)
     assert 0.0 < of_map["rms"] < of_map["largest"]
@@ -60,7 +74,9 @@ def test_the_motor_that_is_written_leaves_what_is_said(diagnosed, tmp_path):
     found.save(out)
     assert (out / "flux_map_found.npz").is_file()
     own = sandbox.load_motor(out / "motor.toml").motor
-    assert np.hypot(*currents(own.spline, 0.0, 0.0)) < 1e-9 * own.rated_current  # no current at the magnet's flux
+    # no current at the magnet's flux
+    assert np.hypot(*currents(own.spline, 0.0, 0.0)) < 1e-9 * own.rated_current
     stated = {r["file"]: r["rms"] for r in got["simulator"]["residual"]}
     left = sandbox.replay(folder, motor=out / "motor.toml", effects=out / "effects.toml").rms
-    assert left == pytest.approx(stated, rel=0.01)  # within rounding of a free fit's end: its last step
+    # within rounding of a free fit's end: its last step
+    assert left == pytest.approx(stated, rel=0.01)

@@ -1,4 +1,5 @@
-"""A diagnosis within little memory: the same answers to the bit, what is cut short, what is refused."""
+"""A diagnosis within little memory: the same answers to the bit, what is cut short, what is
+refused."""
 
 import dataclasses
 import os
@@ -21,12 +22,16 @@ from sandbox.replay.stretches import stretches
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, small_campaign
 from tests.sandbox.replay.benches import campaign
 
-EFFECTS = ("dead_time", "pwm_delay")  # a late pattern: readings of one stretch belong to the next one
-TIGHT = 3e6  # bytes: slopes of the small campaign are 3.1 MB, of which a quarter of this is kept; stretches of 400
+# a late pattern: readings of one stretch belong to the next one
+EFFECTS = ("dead_time", "pwm_delay")
+# bytes: slopes of the small campaign are 3.1 MB, of which a quarter of this is kept; stretches of
+# 400
+TIGHT = 3e6
 
 
 def point(left=np.inf):
-    """Return a point of a campaign whose voltages come late, of which so many bytes are to spare."""
+    """Return a point of a campaign whose voltages come late, of which so many bytes are to
+    spare."""
     effects = {"dead_time.time": DEAD_TIME, "pwm_delay.delay": 4e-6}
     prepared = dataclasses.replace(prepare(small_campaign(effects, CASES[1:])), spare=left)
     turned = {prepared.recordings[0].file: 1e-4}
@@ -39,12 +44,15 @@ def equations(left, workers=1):
     at = point(left)
     n = normal(at, coordinates_of(at, EFFECTS), workers=workers)
     step = np.array([0.1 * c.deviation for c in n.coordinates]) * (np.arange(len(n.x)) < 3)
-    others = [dataclasses.replace(at.moved(n.coordinates, n.x + k * step), turns=at.turns) for k in (1, 2)]
+    others = [
+        dataclasses.replace(at.moved(n.coordinates, n.x + k * step), turns=at.turns) for k in (1, 2)
+    ]
     return [n, *n.at_each(others, workers=workers)]
 
 
 def test_slopes_in_a_file_are_the_same_to_the_bit():
-    """Recordings in stretches of three blocks, slopes written and read: every number as in memory, on two threads."""
+    """Recordings in stretches of three blocks, slopes written and read: every number as in memory,
+    on two threads."""
     for one, other in zip(equations(np.inf), equations(TIGHT, 2), strict=True):
         assert not any(isinstance(r, Kept) for r in one.rows)
         assert all(isinstance(r, Kept) for r in other.rows)
@@ -59,15 +67,24 @@ def test_slopes_in_a_file_are_the_same_to_the_bit():
 
 
 def test_a_free_rotor_and_an_eccentric_encoder_go_on_from_stretch_to_stretch():
-    """Motion, twist of the shaft and the encoder's error at a stretch's end are those that the next begins with."""
+    """Motion, twist of the shaft and the encoder's error at a stretch's end are those that the next
+    begins with."""
     recorded = campaign({}, cases=(("free", 0.0), ("driven", 20.0)))
     motor, shaft = recorded.drive.motor, "shaft_compliance"
-    wanted = {"encoder_eccentricity.amplitude_mech": 1e-3, "pwm_delay.delay": 1e-5, f"{shaft}.stiffness": 50.0}
-    values = complete(motor, recorded.drive.converter, {**wanted, f"{shaft}.load_inertia": 0.5 * motor.inertia})
+    wanted = {
+        "encoder_eccentricity.amplitude_mech": 1e-3,
+        "pwm_delay.delay": 1e-5,
+        f"{shaft}.stiffness": 50.0,
+    }
+    values = complete(
+        motor, recorded.drive.converter, {**wanted, f"{shaft}.load_inertia": 0.5 * motor.inertia}
+    )
     found = []
     for left in (np.inf, 1e5):  # 100 kB: stretches of one block, 200 samples
         prepared = dataclasses.replace(prepare(recorded, steps=1), spare=left)
-        n = normal(Point(prepared, values), coordinates_of(Point(prepared, values), ("coulomb_friction",)))
+        n = normal(
+            Point(prepared, values), coordinates_of(Point(prepared, values), ("coulomb_friction",))
+        )
         found.append([n, n.at(Point(prepared, values))])
     for one, other in zip(*found, strict=True):
         assert {s.channel for s in one.segments} == {"current", "motion", "angle"}
@@ -84,29 +101,40 @@ def test_a_fit_is_the_same_to_the_bit():
 
 @pytest.mark.parametrize(("left", "waits"), [(1.05e7, True), (1.07e7, False)])
 def test_a_quarter_of_what_is_left_may_be_slopes(left, waits):
-    """25 columns (22 ordinary coordinates, an effect's, two turns) of 1200 samples of 3, 4 and 4 readings: 2.64 MB."""
+    """25 columns (22 ordinary coordinates, an effect's, two turns) of 1200 samples of 3, 4 and 4
+    readings: 2.64 MB."""
     at = point(left)
     n = normal(at, coordinates_of(at, EFFECTS))
     assert isinstance(n.rows[0], Kept) is waits
 
 
 def test_stretches_by_hand():
-    """Groups of at most so many samples; a long recording cut at multiples of a block, a last bit of one left on."""
+    """Groups of at most so many samples; a long recording cut at multiples of a block, a last bit
+    of one left on."""
     assert stretches([10, 20, 30], np.inf) == [[(0, 0, 10, 10), (1, 0, 20, 20), (2, 0, 30, 30)]]
     assert stretches([10, 20, 30], 30) == [[(0, 0, 10, 10), (1, 0, 20, 20)], [(2, 0, 30, 30)]]
     assert stretches([10, 65, 5], 35, 10) == [
-        [(0, 0, 10, 10)], [(1, 0, 30, 65)], [(1, 30, 65, 65)], [(2, 0, 5, 5)],
-    ]  # fmt: skip
+        [(0, 0, 10, 10)],
+        [(1, 0, 30, 65)],
+        [(1, 30, 65, 65)],
+        [(2, 0, 5, 5)],
+    ]
     assert stretches([30], 30, 7) == [[(0, 0, 30, 30)]]
     assert stretches([25], 1, 10) == [[(0, 0, 10, 25)], [(0, 10, 25, 25)]]
 
 
 def test_what_acts_in_one_stretch_alone_counts():
-    """Two stretches of two samples: the first column acts in one, the third in the other, the second in none."""
+    """Two stretches of two samples: the first column acts in one, the third in the other, the
+    second in none."""
     spill, own, columns = Spill(96), Gathering(0, 3, 4), np.arange(3)
     for first, row in ((0, [1.0, 0.0, 0.0]), (2, [0.0, 0.0, 2.0])):
         part = ChannelSlopes(
-            "motion", np.array([[row], [row]]), np.ones((2, 1)), columns, np.array([1.0, 1.0, -1.0]), 5 + columns
+            "motion",
+            np.array([[row], [row]]),
+            np.ones((2, 1)),
+            columns,
+            np.array([1.0, 1.0, -1.0]),
+            5 + columns,
         )
         own.add(part, spill, first)
     segment, rows = own.squared(0, part, spill, 4)
@@ -121,7 +149,8 @@ def test_what_a_limit_leaves():
     assert spare(8.0, 100_000) == pytest.approx(8e9 - 0.6e9 - 7e7)
     assert spare(0.8, 100_000) == pytest.approx(1.3e8)
     with pytest.raises(
-        BadInput, match=r"--memory 0\.7 GB is too little for a campaign of 100000 samples; give 0\.8 or"
+        BadInput,
+        match=r"--memory 0\.7 GB is too little for a campaign of 100000 samples; give 0\.8 or",
     ):
         spare(0.7, 100_000)
     for wrong in (0.0, -1.0, np.nan):
@@ -131,15 +160,20 @@ def test_what_a_limit_leaves():
 
 def test_too_little_memory_is_refused_before_anything_runs(small_folder):
     said = []
-    with pytest.raises(BadInput, match=r"--memory 0\.5 GB is too little .* of 4800 samples; give 0\.8 or more"):
+    with pytest.raises(
+        BadInput, match=r"--memory 0\.5 GB is too little .* of 4800 samples; give 0\.8 or more"
+    ):
         diagnose(small_folder, memory=0.5, report=said.append)
     assert said == ["reading"]
 
 
 def test_a_file_that_cannot_be(tmp_path, monkeypatch):
-    """No room, no folder: one sentence that says what to do; the folder of temporary files is one's own to choose."""
+    """No room, no folder: one sentence that says what to do; the folder of temporary files is one's
+    own to choose."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    with pytest.raises(BadInput, match=r"1000000000\.0 GB of slopes fit neither into memory nor .* TMPDIR"):
+    with pytest.raises(
+        BadInput, match=r"1000000000\.0 GB of slopes fit neither into memory nor .* TMPDIR"
+    ):
         Spill(1e18)
     held = Spill(24)
     held.write(0, np.array([[1.0, 2.0], [3.0, 4.0]]))
@@ -156,8 +190,10 @@ def test_a_file_that_cannot_be(tmp_path, monkeypatch):
 
 
 def test_regressions_are_made_on_what_memory_allows():
-    """Half of what 3600 samples need: the middle half of each recording, the whole of it with more."""
-    at = point(0.5 * 14e3 * 3600)  # bytes: 198 regressors of two numbers, made of as many, twice copied
+    """Half of what 3600 samples need: the middle half of each recording, the whole of it with
+    more."""
+    # bytes: 198 regressors of two numbers, made of as many, twice copied
+    at = point(0.5 * 14e3 * 3600)
     assert share(at) == pytest.approx(0.5)
     short = shortened(at)
     assert [r.samples for r in short.prepared.recordings] == [600] * 3
@@ -168,12 +204,14 @@ def test_regressions_are_made_on_what_memory_allows():
     assert shortened(point()).prepared.samples == 3600
     alone, all_of_it = (replay(p.prepared, [p.values]).currents[1][:, :, 0] for p in (short, at))
     miss = np.abs(alone - all_of_it[300:900]) / at.prepared.noise_std
-    assert miss[0].max() > 1.0  # it starts from what was read, which is not what this point predicts
+    # it starts from what was read, which is not what this point predicts
+    assert miss[0].max() > 1.0
     assert miss[-1].max() < 1e-3  # and forgets that within L/R: 75 ms later to nothing
 
 
 def test_what_is_simulated_is_counted():
-    """Where it is listened to: equations cost one simulation and one a move (two of them turns), points one each."""
+    """Where it is listened to: equations cost one simulation and one a move (two of them turns),
+    points one each."""
     found, at = [], point()
     with counted(found.append):
         n = normal(at, coordinates_of(at, ("dead_time",)))

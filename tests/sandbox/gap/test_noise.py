@@ -21,7 +21,9 @@ from sandbox.replay.inputs import noise_floor
 
 def with_noise(campaign, noise):
     converter = dataclasses.replace(campaign.drive.converter, current_noise=noise)
-    return dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=converter))
+    return dataclasses.replace(
+        campaign, drive=dataclasses.replace(campaign.drive, converter=converter)
+    )
 
 
 def with_currents(campaign, change):
@@ -33,10 +35,12 @@ def with_currents(campaign, change):
 
 
 def test_noise_seen_is_that_put_in(small_folder):
-    """White noise of 20 mA on top of the bench's own: their root sum of squares, less what the quietest blocks lie low.
+    """White noise of 20 mA on top of the bench's own: their root sum of squares, less what the
+    quietest blocks lie low.
 
-    The tenth percentile of mean squares of 400 second differences: relative deviation sqrt(2 * 35/18 / 400) = 0.10 of
-    the square (fourth moment of (1, -2, 1)-filtered noise), so 0.13 low in the square, 0.065 low in the root.
+    The tenth percentile of mean squares of 400 second differences: relative deviation sqrt(2 *
+    35/18 / 400) = 0.10 of the square (fourth moment of (1, -2, 1)-filtered noise), so 0.13 low in
+    the square, 0.065 low in the root.
     """
     campaign, rng = read_campaign(small_folder), np.random.default_rng(0)
     noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
@@ -47,15 +51,21 @@ def test_noise_seen_is_that_put_in(small_folder):
 def test_stated_noise_far_from_the_sensors_is_told(small_folder):
     campaign = read_campaign(small_folder)
     floor = noise_floor(campaign.drive.converter)
-    own = dataclasses.replace(campaign.drive.converter, current_noise=noise_of(campaign).seen, current_resolution=0.0)
+    own = dataclasses.replace(
+        campaign.drive.converter, current_noise=noise_of(campaign).seen, current_resolution=0.0
+    )
     right = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=own))
     assert noise_caution(right) == ""
     with pytest.raises(BadInput, match="nothing could be seen below the stated noise"):
         noise_caution(with_noise(campaign, 1000.0 * floor))
     with pytest.raises(BadInput, match="no current of any recording ever changes"):
         noise_caution(with_currents(campaign, lambda i: 0.0 * i))
-    small = dataclasses.replace(campaign.drive.converter, current_noise=floor / 10.0, current_resolution=0.0)
-    found = noise_caution(dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=small)))
+    small = dataclasses.replace(
+        campaign.drive.converter, current_noise=floor / 10.0, current_resolution=0.0
+    )
+    found = noise_caution(
+        dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=small))
+    )
     assert "may look larger than it is" in found
 
 
@@ -69,24 +79,30 @@ def test_the_sum_of_two_sensors_tells_nothing_of_noise(small_folder):
 
 
 def test_rounding_to_float32_is_no_noise(small_folder):
-    """Without counts each reading is rounded to 24 bits; the sum's rest is rounding, below all stated noise.  What
-    neighbouring readings show is told: 10 mA beside the bench's own 4 mA."""
+    """Without counts each reading is rounded to 24 bits; the sum's rest is rounding, below all
+    stated noise.  What neighbouring readings show is told: 10 mA beside the bench's own 4 mA."""
     campaign = read_campaign(small_folder)
     rng = np.random.default_rng(1)
     two = []
     for r in campaign.recordings:
         a, b = (c + 0.01 * rng.standard_normal(len(c)) for c in (r.i_a, r.i_b))
-        kept = {k: v.astype(np.float32).astype(float) for k, v in (("i_a", a), ("i_b", b), ("i_c", -a - b))}
+        kept = {
+            k: v.astype(np.float32).astype(float)
+            for k, v in (("i_a", a), ("i_b", b), ("i_c", -a - b))
+        }
         two.append(dataclasses.replace(r, columns={**r.columns, **kept}))
     assert np.any(two[0].i_a + two[0].i_b + two[0].i_c != 0.0)
     two = dataclasses.replace(campaign, recordings=tuple(two))
     assert seen(two) is None
-    assert noise_of(two).seen == pytest.approx(math.hypot(0.01, noise_floor(campaign.drive.converter)), rel=0.1)
+    assert noise_of(two).seen == pytest.approx(
+        math.hypot(0.01, noise_floor(campaign.drive.converter)), rel=0.1
+    )
     assert "may look larger than it is" in noise_caution(two)
 
 
 def with_counts(campaign, noise, resolution):
-    """Return a campaign read in counts, the first recording at rest, the others swinging; noise (A) in each reading."""
+    """Return a campaign read in counts, the first recording at rest, the others swinging; noise (A)
+    in each reading."""
     rng = np.random.default_rng(2)
 
     def read(i, size):
@@ -94,17 +110,24 @@ def with_counts(campaign, noise, resolution):
 
     recordings = []
     for k, r in enumerate(campaign.recordings):
-        columns = {x: read(v, float(k > 0)) if x in ("i_a", "i_b", "i_c") else v for x, v in r.columns.items()}
+        columns = {
+            x: read(v, float(k > 0)) if x in ("i_a", "i_b", "i_c") else v
+            for x, v in r.columns.items()
+        }
         recordings.append(dataclasses.replace(r, columns=columns))
-    converter = dataclasses.replace(campaign.drive.converter, current_noise=noise, current_resolution=resolution)
+    converter = dataclasses.replace(
+        campaign.drive.converter, current_noise=noise, current_resolution=resolution
+    )
     drive = dataclasses.replace(campaign.drive, converter=converter)
     return dataclasses.replace(campaign, drive=drive, recordings=tuple(recordings))
 
 
 def test_coarse_counts_at_rest_are_cautioned_not_refused(small_folder):
-    """Counts of 50 mA, noise of 6 mA: half a count is four deviations away, so a current at rest never changes.
+    """Counts of 50 mA, noise of 6 mA: half a count is four deviations away, so a current at rest
+    never changes.
 
-    Stated in mA instead (a count of 5 A), readings a hundredth of that apart tell the slip, and it is refused.
+    Stated in mA instead (a count of 5 A), readings a hundredth of that apart tell the slip, and it
+    is refused.
     """
     counts = with_counts(read_campaign(small_folder), 6e-3, 50e-3)
     assert np.ptp(counts.recordings[0].i_a) == 0.0
@@ -112,10 +135,13 @@ def test_coarse_counts_at_rest_are_cautioned_not_refused(small_folder):
     assert "a count of 0.05 A hides the noise" in found
     used = floor_of(counts, noise_floor(counts.drive.converter))
     assert f"units of {used:.3g} A" in found
-    assert used == pytest.approx(0.0156, rel=0.1)  # (6^2 + 50^2/12)^(1/2) mA; a quarter of the readings is at rest
+    # (6^2 + 50^2/12)^(1/2) mA; a quarter of the readings is at rest
+    assert used == pytest.approx(0.0156, rel=0.1)
     slip = dataclasses.replace(counts.drive.converter, current_resolution=5.0)
     with pytest.raises(BadInput, match="nothing could be seen below the stated noise"):
-        noise_caution(dataclasses.replace(counts, drive=dataclasses.replace(counts.drive, converter=slip)))
+        noise_caution(
+            dataclasses.replace(counts, drive=dataclasses.replace(counts.drive, converter=slip))
+        )
 
 
 def test_a_nominal_model_without_finite_currents_is_refused(small_folder):
@@ -145,7 +171,9 @@ def test_slips_in_campaign_toml_are_one_sentence(small_folder, tmp_path, capsys)
         assert not out.exists()
 
 
-def test_a_place_that_cannot_be_written_is_refused_before_the_run(small_folder, tmp_path, capsys, monkeypatch):
+def test_a_place_that_cannot_be_written_is_refused_before_the_run(
+    small_folder, tmp_path, capsys, monkeypatch
+):
     def begun(*_, **__):
         raise AssertionError("the run began")
 
@@ -161,8 +189,9 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_run(small_folder, 
 
 @pytest.mark.parametrize("wrong", [1.0, 0.975, 1.2, 1.0 / 1.2])
 def test_the_floor_is_what_stated_and_seen_noise_agree_on(small_folder, wrong):
-    """A stated floor that is wrong by up to a fifth moves the floor by less than 1.5 %, which is what the seen one errs
-    (VOTE); a right one by less than what the seen one errs, too.  20 mA of white noise are the truth."""
+    """A stated floor that is wrong by up to a fifth moves the floor by less than 1.5 %, which is
+    what the seen one errs (VOTE); a right one by less than what the seen one errs, too.  20 mA of
+    white noise are the truth."""
     campaign, rng = read_campaign(small_folder), np.random.default_rng(0)
     noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
     true = np.hypot(0.02, noise_floor(campaign.drive.converter))
@@ -170,18 +199,22 @@ def test_the_floor_is_what_stated_and_seen_noise_agree_on(small_folder, wrong):
 
 
 def locked(i, u, noise):
-    """Return a campaign of one locked rotor: current (n,) and voltage along alpha, two sensors with noise (A)."""
+    """Return a campaign of one locked rotor: current (n,) and voltage along alpha, two sensors with
+    noise (A)."""
     a, b = np.stack([i, -0.5 * i]) + noise * np.random.default_rng(2).standard_normal((2, len(i)))
     columns = {"u_alpha": u, "i_a": a, "i_b": b, "i_c": -a - b, "t": 1e-4 * np.arange(len(u))}
     columns |= dict.fromkeys(("u_beta", "theta"), 0.0 * u) | {"u_dc": 400.0 + 0.0 * u}
     return SimpleNamespace(recordings=[CampaignRecording("a.csv", "locked", "d", columns)])
 
 
-@pytest.mark.parametrize(("period", "kinks", "told"), [(8, 0.0, True), (4, 0.0, True), (8, 0.05, False)])
+@pytest.mark.parametrize(
+    ("period", "kinks", "told"), [(8, 0.0, True), (4, 0.0, True), (8, 0.05, False)]
+)
 def test_two_sensors_show_their_noise_where_only_noise_is_left(period, kinks, told):
-    """An R-L circuit by Euler's rule in steps of 1/20 of L/R, under a swing and square injection: 5 mA of white noise
-    on both sensors come out within 1.5 % (VOTE).  Kinks of 50 mA in a tenth of the samples, half of the time, as dead
-    time makes them near zero current, are not taken for noise."""
+    """An R-L circuit by Euler's rule in steps of 1/20 of L/R, under a swing and square injection: 5
+    mA of white noise on both sensors come out within 1.5 % (VOTE).  Kinks of 50 mA in a tenth of
+    the samples, half of the time, as dead time makes them near zero current, are not taken for
+    noise."""
     k, rng = np.arange(40_000), np.random.default_rng(1)
     u = 20.0 * np.sin(k / 300.0) + np.where(k % period < period / 2, 5.0, -5.0)
     i = lfilter([0.0, 0.05], [1.0, -0.95], u)
@@ -193,10 +226,11 @@ def test_two_sensors_show_their_noise_where_only_noise_is_left(period, kinks, to
 @pytest.mark.parametrize("late", [0, 1])
 @pytest.mark.parametrize("band", [0.02, 0.1, 0.3])
 def test_a_controller_that_answers_the_noise_hides_none_of_it(band, late):
-    """Commands that hold the noise explain it: of u[k] = -K n[k] four changes hold 4.8 s^2 of the 6 s^2 of second
-    differences, so 0.45 of the true noise would come out.  A proportional controller of phase a, of `band` of the
-    sampling rate, without delay and with one sample of it, under injection: nothing is said of phase a, and what phase
-    b says, whose noise no command holds, is right."""
+    """Commands that hold the noise explain it: of u[k] = -K n[k] four changes hold 4.8 s^2 of the 6
+    s^2 of second differences, so 0.45 of the true noise would come out.  A proportional controller
+    of phase a, of `band` of the sampling rate, without delay and with one sample of it, under
+    injection: nothing is said of phase a, and what phase b says, whose noise no command holds, is
+    right."""
     k, rng = np.arange(12_000), np.random.default_rng(4)
     noise, i, u = 0.005 * rng.standard_normal((len(k), 2)), 0.0, np.zeros((len(k), 2))
     read, waiting = np.zeros((len(k), 2)), 0.0
@@ -207,15 +241,19 @@ def test_a_controller_that_answers_the_noise_hides_none_of_it(band, late):
         i = 0.95 * i + 0.05 * u[j, 0]
     campaign = locked(np.zeros(len(k)), u[:, 0], 0.0)
     columns = {"i_a": read[:, 0], "i_b": read[:, 1], "i_c": -read.sum(axis=1)}
-    campaign.recordings = [dataclasses.replace(r, columns={**r.columns, **columns}) for r in campaign.recordings]
+    campaign.recordings = [
+        dataclasses.replace(r, columns={**r.columns, **columns}) for r in campaign.recordings
+    ]
     found = two_sensors(campaign)
     assert found is None or found == pytest.approx(0.005, rel=0.02)
 
 
-@pytest.mark.parametrize(("wider", "told"), [(-0.1, True), (0.0, True), (0.01, True), (0.017, False), (0.05, False)])
+@pytest.mark.parametrize(
+    ("wider", "told"), [(-0.1, True), (0.0, True), (0.01, True), (0.017, False), (0.05, False)]
+)
 def test_two_sensors_say_nothing_where_blocks_scatter_more_than_noise(monkeypatch, wider, told):
-    """Quartiles of the root of chi-squared (51 degrees of freedom, scipy) are 0.9275 and 1.0609; of 400 blocks their
-    ratio may be 0.31 / 20 = 1.55 % larger."""
+    """Quartiles of the root of chi-squared (51 degrees of freedom, scipy) are 0.9275 and 1.0609; of
+    400 blocks their ratio may be 0.31 / 20 = 1.55 % larger."""
     low, high = np.sqrt(chi2.ppf([0.25, 0.75], 51) / 51) * (0.005, 0.005 * (1.0 + wider))
     squares = [low**2, high**2] * 200
     monkeypatch.setattr("sandbox.gap.two_sensors._blocks", lambda r: squares)
@@ -224,8 +262,9 @@ def test_two_sensors_say_nothing_where_blocks_scatter_more_than_noise(monkeypatc
 
 
 def test_few_readings_of_two_sensors_say_nothing():
-    """A second difference and the eight changes of the voltage from which its command has to follow span 10 readings:
-    2010 make 20 blocks of each phase, 40 in all (FEWEST); one fewer makes 38.  A rotor that turns tells nothing."""
+    """A second difference and the eight changes of the voltage from which its command has to follow
+    span 10 readings: 2010 make 20 blocks of each phase, 40 in all (FEWEST); one fewer makes 38.  A
+    rotor that turns tells nothing."""
     assert two_sensors(locked(np.zeros(2_009), np.zeros(2_009), 0.005)) is None
     assert two_sensors(locked(np.zeros(4), np.zeros(4), 0.005)) is None
     turning = locked(np.zeros(2_010), np.zeros(2_010), 0.005)
@@ -235,10 +274,13 @@ def test_few_readings_of_two_sensors_say_nothing():
 
 
 def test_noise_that_cannot_be_seen_is_the_stated_one(small_folder):
-    """Ten times the noise is no vote; nor is the sum of two sensors' readings, the third made of theirs, where too few
-    blocks of locked rotors are left."""
+    """Ten times the noise is no vote; nor is the sum of two sensors' readings, the third made of
+    theirs, where too few blocks of locked rotors are left."""
     campaign = read_campaign(small_folder)
-    both = [dataclasses.replace(r, columns={**r.columns, "i_c": -r.i_a - r.i_b}) for r in campaign.recordings]
+    both = [
+        dataclasses.replace(r, columns={**r.columns, "i_c": -r.i_a - r.i_b})
+        for r in campaign.recordings
+    ]
     assert floor_of(dataclasses.replace(campaign, recordings=tuple(both)), 0.01) == 0.01
     assert floor_of(campaign, 10.0 * noise_floor(campaign.drive.converter)) == 10.0 * noise_floor(
         campaign.drive.converter

@@ -1,4 +1,5 @@
-"""One phase that misses more than the others: a star's fault of one leg is found at exactly two to one."""
+"""One phase that misses more than the others: a star's fault of one leg is found at exactly two to
+one."""
 
 from types import SimpleNamespace
 
@@ -19,7 +20,13 @@ def at(*errors, rotor="driven", angle=None, turns=TURNS, seed=8):
     recording = SimpleNamespace(rotor=rotor, motion=SimpleNamespace(angle=angle))
     point = SimpleNamespace(prepared=SimpleNamespace(recordings=[recording]))
     return point, [
-        Residual("a", rotor, (noise + np.stack([e * np.ones(n) for e in errors], axis=1))[:, :, None], None, None)
+        Residual(
+            "a",
+            rotor,
+            (noise + np.stack([e * np.ones(n) for e in errors], axis=1))[:, :, None],
+            None,
+            None,
+        )
     ]
 
 
@@ -30,7 +37,8 @@ def fault(size, even=0.0):
 
 @pytest.mark.parametrize("size", [3.0, 20.0])
 def test_a_fault_of_one_leg_is_two_to_one(size):
-    """Currents e, -e/2, -e/2; a mean of squares of 2400 samples with noise s.d. 2 s at s = 3 is known to 2 %."""
+    """Currents e, -e/2, -e/2; a mean of squares of 2400 samples with noise s.d. 2 s at s = 3 is
+    known to 2 %."""
     found = odd_phase(*at(-size, 2.0 * size, -size))
     assert found.phase == "b"
     assert found.times == pytest.approx(2.0, rel=0.05)
@@ -44,18 +52,21 @@ def test_three_quarters_have_to_be_one_phases(even, told):
 
 
 def test_noise_makes_no_phase_odd():
-    """Of 200 draws of noise alone three standard errors are passed by at most 3 (0.13 % one-sided, three phases)."""
+    """Of 200 draws of noise alone three standard errors are passed by at most 3 (0.13 % one-sided,
+    three phases)."""
     assert sum(odd_phase(*at(0.0, 0.0, 0.0, seed=k)) is not None for k in range(200)) <= 3
 
 
 def test_a_sensors_own_fault_leaves_nothing_in_the_others():
     found = odd_phase(*at(0.0, 0.0, 9.0))
     assert found.phase == "c"
-    assert found.times is None or found.times > 20.0  # 81 against a mean of noise's squares within 3 x 0.03
+    # 81 against a mean of noise's squares within 3 x 0.03
+    assert found.times is None or found.times > 20.0
 
 
 def test_a_current_that_stands_still_in_one_phase_is_no_fault():
-    """Half of the time the rotor stands and its error is along a, turning it is even; a locked one does not count."""
+    """Half of the time the rotor stands and its error is along a, turning it is even; a locked one
+    does not count."""
     turning = 2.0 * np.pi * np.arange(TURNS * PER // 2) / PER
     angle = np.concatenate([turning, turning[-1] + np.zeros(TURNS * PER // 2)])
     along = [9.0 * np.cos(angle - 2.0 * np.pi * k / 3.0) for k in range(3)]
@@ -70,8 +81,8 @@ def test_ten_turns_are_needed(turns, told):
 
 
 def test_little_more_than_three_standard_errors_over_turns_suffice():
-    """12 turns with squares 1 + m +- s in phase b, in the others 1 as noise has: the mean m over its standard error
-    s / sqrt(11) is 3.7."""
+    """12 turns with squares 1 + m +- s in phase b, in the others 1 as noise has: the mean m over
+    its standard error s / sqrt(11) is 3.7."""
     turns, m = 13, 50.0  # of the last turn a sample is missing
     squares = 1.0 + m + np.resize([1.0, -1.0], turns) * m * np.sqrt(11.0) / 3.7
     own, others = np.sqrt(np.repeat(squares, PER)), np.ones(turns * PER)

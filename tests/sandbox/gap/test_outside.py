@@ -19,7 +19,8 @@ def shown(current, motion=None):
 
 
 def test_a_bent_sensor_is_told_by_the_sum_of_readings():
-    """cos^3 = 3/4 cos + 1/4 cos of the triple, which is alike in all phases: a tenth of the squares, by hand."""
+    """cos^3 = 3/4 cos + 1/4 cos of the triple, which is alike in all phases: a tenth of the
+    squares, by hand."""
     sizes = excesses([shown(20.0 * np.cos(ANGLE) ** 3)])
     assert sizes["sum"] / sizes["current"] == pytest.approx(0.1, rel=0.05)
     found = shares(sizes, NONE)

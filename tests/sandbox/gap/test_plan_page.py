@@ -15,10 +15,14 @@ def planned():
     """Return a plan of two experiments of the menu, what they tell made up."""
     drive = load_drive("ipm_exchanged")
     found = Visible(
-        {"dead_time": 40.0, "device_drop": 2.0, "viscous_friction": 0.1}, (("dead_time", "device_drop", 0.999),)
+        {"dead_time": 40.0, "device_drop": 2.0, "viscous_friction": 0.1},
+        (("dead_time", "device_drop", 0.999),),
     )
     chosen = {e.rotor: e for e in menu(drive)}
-    own = [Planned(chosen[r], settings(chosen[r], drive), found, ("dead_time",)) for r in ("locked", "driven")]
+    own = [
+        Planned(chosen[r], settings(chosen[r], drive), found, ("dead_time",))
+        for r in ("locked", "driven")
+    ]
     return Plan(drive, tuple(own), found)
 
 
@@ -43,7 +47,8 @@ def test_the_page_shows_all_of_it(planned, tmp_path):
 
 
 def test_the_share_is_that_of_the_time():
-    """80 s that compile once, then pieces of 0.6 s (a public report: 8 % was shown at 81 s of 88)."""
+    """80 s that compile once, then pieces of 0.6 s (a public report: 8 % was shown at 81 s of
+    88)."""
     ends = [80.6 + 0.6 * k for k in range(12)]
     assert over([], 0.0, 12) == 0.0
     for k in range(1, 13):

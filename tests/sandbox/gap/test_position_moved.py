@@ -22,7 +22,9 @@ def listing(moved, **shares):
     """A ranking of these moves, all effects likely, with shares."""
     of = {e: SimpleNamespace(value=x) for e, x in shares.items()}
     return SimpleNamespace(
-        moved=moved, inclusion=SimpleNamespace(chances=dict.fromkeys(moved, 1.0)), shares=SimpleNamespace(of=of)
+        moved=moved,
+        inclusion=SimpleNamespace(chances=dict.fromkeys(moved, 1.0)),
+        shares=SimpleNamespace(of=of),
     )
 
 
@@ -30,20 +32,26 @@ def listing(moved, **shares):
 def found():
     return moved(
         load_drive("spm_exchanged"),
-        {"saturation": SATURATED, "encoder_offset": {"encoder_offset.offset": 0.1}, "odd": {"odd.x": 1.0}},
+        {
+            "saturation": SATURATED,
+            "encoder_offset": {"encoder_offset.offset": 0.1},
+            "odd": {"odd.x": 1.0},
+        },
     )
 
 
 def test_an_encoder_that_controls_nothing_moves_nothing(found):
-    """The estimate controls, and its error is against the true angle: an encoder's offset enters nowhere."""
+    """The estimate controls, and its error is against the true angle: an encoder's offset enters
+    nowhere."""
     assert set(found["encoder_offset"]) == {"qnull", "ekf", "active_flux"}
     assert all(m == Moved(0.0, 0.0) for m in found["encoder_offset"].values())
 
 
 def test_another_saturation_turns_the_null_by_the_difference_of_two_angles(found):
-    """The null stands at the true motor's cross-saturation angle, the belief takes off that of its own: e = angle of
-    the true motor at (I sin e, I cos e) - angle of the believed one at (0, I), model.saliency, solved by iteration.
-    Ripple of the motion and the speed's turn of the null leave some hundredths of a degree."""
+    """The null stands at the true motor's cross-saturation angle, the belief takes off that of its
+    own: e = angle of the true motor at (I sin e, I cos e) - angle of the believed one at (0, I),
+    model.saliency, solved by iteration. Ripple of the motion and the speed's turn of the null leave
+    some hundredths of a degree."""
     motor = load_drive("spm_exchanged").motor
     values = complete(motor, load_drive("spm_exchanged").converter, SATURATED)
     true, current, e = true_motor(motor, values).energy, motor.rated_current, 0.0
@@ -63,8 +71,11 @@ def test_another_saturation_turns_the_null_by_the_difference_of_two_angles(found
         ("active_flux", 120.0, 0.5, 1.0),
     ],
 )
-def test_a_mechanical_turn_at_the_speed_that_the_page_names(monkeypatch, estimator, rpm, speed, seconds):
-    """At a twentieth of 1200 rpm a turn takes 1 s, at half of 120 rpm, too; of 400 rpm two of its three seconds."""
+def test_a_mechanical_turn_at_the_speed_that_the_page_names(
+    monkeypatch, estimator, rpm, speed, seconds
+):
+    """At a twentieth of 1200 rpm a turn takes 1 s, at half of 120 rpm, too; of 400 rpm two of its
+    three seconds."""
     monkeypatch.setattr(position_moved, "set_up", lambda drive, scenario, *_: scenario)
     drive = load_drive("spm_exchanged")
     drive = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, rated_speed_rpm=rpm))
@@ -80,9 +91,12 @@ def test_values_no_drive_can_have_are_said_to_be_none(found):
     assert got == {"mean_deg": None, "ripple_deg": None, "lost": False}
 
 
-@pytest.mark.parametrize(("fails", "why"), [(True, "on this drive: no saliency"), (False, "loses the rotor")])
+@pytest.mark.parametrize(
+    ("fails", "why"), [(True, "on this drive: no saliency"), (False, "loses the rotor")]
+)
 def test_an_estimator_that_cannot_run_says_so(monkeypatch, fails, why):
-    """No gains can be designed, or the rotor is lost without any effect: each effect says why, the page once."""
+    """No gains can be designed, or the rotor is lost without any effect: each effect says why, the
+    page once."""
 
     def ready(drive, name):
         if fails:
@@ -101,10 +115,16 @@ def test_an_estimator_that_cannot_run_says_so(monkeypatch, fails, why):
 
 def test_a_rotor_that_is_lost_is_said_to_be():
     ranking = {"dead_time": {"qnull": Moved(math.nan, math.nan), "ekf": Moved(1.234, 0.1)}}
-    assert position_rows(listing(ranking)) == (["effect", "qnull", "ekf"], [["dead time", "lost", "+1.23° (+0.10°)"]])
+    assert position_rows(listing(ranking)) == (
+        ["effect", "qnull", "ekf"],
+        [["dead time", "lost", "+1.23° (+0.10°)"]],
+    )
     assert Moved(math.nan, math.nan).as_json() == {
-        "mean_deg": None, "ripple_deg": None, "lost": True, "not_run": None
-    }  # fmt: skip
+        "mean_deg": None,
+        "ripple_deg": None,
+        "lost": True,
+        "not_run": None,
+    }
 
 
 def test_rows_stand_in_the_order_of_the_list():
@@ -113,9 +133,12 @@ def test_rows_stand_in_the_order_of_the_list():
     assert [r[0] for r in rows] == ["saturation", "inertia", "dead time"]
 
 
-@pytest.mark.parametrize(("error", "lost"), [(Diverged("not finite"), True), (PhysicsError("needs 900 V"), False)])
+@pytest.mark.parametrize(
+    ("error", "lost"), [(Diverged("not finite"), True), (PhysicsError("needs 900 V"), False)]
+)
 def test_lost_is_said_only_where_a_run_breaks_off(monkeypatch, error, lost):
-    """What is refused before a run begins is no lost rotor; the page names the effect where the others were run."""
+    """What is refused before a run begins is no lost rotor; the page names the effect where the
+    others were run."""
 
     def run(setup, values):
         if values:
@@ -130,14 +153,20 @@ def test_lost_is_said_only_where_a_run_breaks_off(monkeypatch, error, lost):
     assert got["lost"] == lost
     assert bool(got["not_run"]) != lost
     said = list(not_run_sentences(SimpleNamespace(moved=own)))
-    assert said == ([] if lost else [
-        "`qnull`, `ekf` and `active_flux` were not run with inertia: "
-        "the drive cannot run so with the effect: needs 900 V."
-    ])  # fmt: skip
+    assert said == (
+        []
+        if lost
+        else [
+            "`qnull`, `ekf` and `active_flux` were not run with inertia: "
+            "the drive cannot run so with the effect: needs 900 V."
+        ]
+    )
 
 
 def test_a_run_that_breaks_off_is_told_by_its_own_error():
     """Fluxes out of the domain in a run, as a rotor that is lost ends."""
-    raised = simulate._failure(simulate.loop.OUTSIDE_DOMAIN, 0.1, (1.0, 2.0), SimpleNamespace(name="x"))
+    raised = simulate._failure(
+        simulate.loop.OUTSIDE_DOMAIN, 0.1, (1.0, 2.0), SimpleNamespace(name="x")
+    )
     assert isinstance(raised, Diverged)
     assert isinstance(raised, PhysicsError)

@@ -24,34 +24,49 @@ MAP = Path(__file__).resolve().parents[3] / "experiments" / "synrm_standstill.to
 
 
 def test_synrm_is_diagnosed_from_its_raw_tables(tmp_path, capsys):
-    """The quartic nominal model misses this map by 53 floors, so `unknown` has to be said, and the limits told."""
-    call = ["diagnose", str(real_data() / "synrm_standstill"), "--columns", str(MAP), "--out", str(tmp_path / "out")]
+    """The quartic nominal model misses this map by 53 floors, so `unknown` has to be said, and the
+    limits told."""
+    call = [
+        "diagnose",
+        str(real_data() / "synrm_standstill"),
+        "--columns",
+        str(MAP),
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert main(call) == 0
     said = capsys.readouterr().out
     found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert sum(h["probability"] for h in found["hypotheses"] if "unknown" in h["effects"]) > 0.5
     assert found["gap"]["remains"]["excess"] > 100.0
-    for wanted in ("Cannot show: single phases", "phase currents are made from i_d and i_q", "never turned"):
+    for wanted in (
+        "Cannot show: single phases",
+        "phase currents are made from i_d and i_q",
+        "never turned",
+    ):
         assert wanted in said
 
 
 def test_why_the_synrm_parts_from_its_map():
-    """Its authors integrated all three files with one R (they agree to rounding); an angle of the cross test, proposed
-    by the first half, is most of what the second half misses."""
+    """Its authors integrated all three files with one R (they agree to rounding); an angle of the
+    cross test, proposed by the first half, is most of what the second half misses."""
     real_data()
     resistances = [synrm_flux.of_authors(name)[0] for name in synrm_standstill.FILES]
     assert np.ptp(resistances) < 1e-6 * resistances[0]
     offsets = synrm_flux.of_authors("cross")[1]
     assert offsets == pytest.approx([0.0574, -1.0], abs=1e-6)  # V; -1 to rounding: somebody set it
     (_, _), (_, _), (resistance, late), (_, turned) = synrm_flux.steps().values()
-    assert resistance == pytest.approx(10.2815, abs=1e-4)  # recovered from the filed flux by the first assertion
-    assert 0.02 < synrm_flux.proposed_angle(late) < 0.06  # the diagnosis as filed says 0.033 (results/real_cases.md)
+    # recovered from the filed flux by the first assertion
+    assert resistance == pytest.approx(10.2815, abs=1e-4)
+    # the diagnosis as filed says 0.033 (results/real_cases.md)
+    assert 0.02 < synrm_flux.proposed_angle(late) < 0.06
     before, after = (synrm_flux.misses(x, resistance)["cross_held_out"] for x in (late, turned))
     assert after < 0.4 * before
 
 
 def test_map_of_the_synrm_holds_its_identification():
-    """[motor] is R and the least-squares quartic of the flux points, computed here from the recordings again."""
+    """[motor] is R and the least-squares quartic of the flux points, computed here from the
+    recordings again."""
     real_data()
     motor = tomllib.loads(MAP.read_text())["motor"]
     data = synrm_standstill.tests()
@@ -61,7 +76,9 @@ def test_map_of_the_synrm_holds_its_identification():
     rows = np.r_[np.c_[d, o, 4 * d**3, 2 * d * q**2, o], np.c_[o, q, o, 2 * d**2 * q, 4 * q**3]]
     x = np.linalg.lstsq(rows, np.r_[i_d, i_q], rcond=None)[0]
     assert motor["resistance"] == pytest.approx(fit.resistance, rel=1e-3)
-    assert (motor["inductance_d"], motor["inductance_q"]) == pytest.approx(tuple(1 / x[:2]), rel=1e-3)
+    assert (motor["inductance_d"], motor["inductance_q"]) == pytest.approx(
+        tuple(1 / x[:2]), rel=1e-3
+    )
     assert [motor[f"alpha_{k}"] for k in ("40", "22", "04")] == pytest.approx(list(x[2:]), rel=1e-3)
     assert np.sqrt(np.mean((np.r_[i_d, i_q] - rows @ x) ** 2)) == pytest.approx(0.24, abs=0.005)
 
@@ -84,8 +101,9 @@ def test_laas_says_what_it_hides():
 
 
 def test_thors_slots_are_order_18_and_hang_on_the_current():
-    """18 an electrical turn, the slots' order, is the largest; no constant amplitude explains half of an order; an even
-    energy of third degree, such as inductance harmonics have, explains more than half of 18 and 12."""
+    """18 an electrical turn, the slots' order, is the largest; no constant amplitude explains half
+    of an order; an even energy of third degree, such as inductance harmonics have, explains more
+    than half of 18 and 12."""
     found = thor_orders.of_tables(thor.read(real_data() / "thor_fea" / "thor_fea.npz"))
     assert list(found)[:3] == [18, 6, 12]
     assert max(row["constant"] for row in found.values()) < 0.5
@@ -93,15 +111,20 @@ def test_thors_slots_are_order_18_and_hang_on_the_current():
 
 
 def test_the_harmonics_named_of_thor_are_those_of_its_tables():
-    """A check of a kept result (minutes to make: `python -m experiments.real_cases thor_own_map`), not of today's
-    diagnosis.  Named from recordings, judged on the tables without a simulation: most of orders 18 and 12.  Not of
-    order 6, whose energy of degree 4 (66 % of it against 22 % by degree 3) the library does not have.
-    Bounds: more than an energy of third degree explains of these orders of the tables (0.71, 0.74; 0.22); kept are
-    0.82, 0.80 and 0.33."""
+    """A check of a kept result (minutes to make: `python -m experiments.real_cases thor_own_map`),
+    not of today's diagnosis.  Named from recordings, judged on the tables without a simulation:
+    most of orders 18 and 12.  Not of order 6, whose energy of degree 4 (66 % of it against 22 % by
+    degree 3) the library does not have.
+    Bounds: more than an energy of third degree explains of these orders of the tables (0.71, 0.74;
+    0.22); kept are 0.82, 0.80 and 0.33."""
     table = thor.read(real_data() / "thor_fea" / "thor_fea.npz")
     kept = json.loads((RESULTS / "real_cases.json").read_text(encoding="utf-8"))
     values = kept["cases"]["thor_own_map"]["parameters"]
-    named = {x for k, x in values.items() if k.startswith("inductance_harmonics.") and k.endswith(".order")}
+    named = {
+        x
+        for k, x in values.items()
+        if k.startswith("inductance_harmonics.") and k.endswith(".order")
+    }
     assert {18.0, 12.0, 6.0} <= named
     found = thor_orders.of_diagnosis(table, values)
     assert min(found[18], found[12]) > 0.75
@@ -110,8 +133,9 @@ def test_the_harmonics_named_of_thor_are_those_of_its_tables():
 
 
 def test_a_co_energy_is_found_whole_from_its_own_slopes():
-    """By hand: x^2 cos + x y^2 cos + y^3 sin of an order; slopes 2 x + y^2, 2 x y along d and q with the cosine, 3 y^2
-    along q with the sine (-j).  Of first degree a constant is left for y^2: (mean y^2)^2 / mean y^4 of its energy."""
+    """By hand: x^2 cos + x y^2 cos + y^3 sin of an order; slopes 2 x + y^2, 2 x y along d and q
+    with the cosine, 3 y^2 along q with the sine (-j).  Of first degree a constant is left for y^2:
+    (mean y^2)^2 / mean y^4 of its energy."""
     x, y = (v.ravel() for v in np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 9)))
     psi_d, psi_q = 2.0 * x + y**2 + 0j, 2.0 * x * y - 3j * y**2
     assert thor_orders.of_coenergy(x, y, psi_d, psi_q, 3) == pytest.approx(1.0, abs=1e-12)
@@ -121,12 +145,15 @@ def test_a_co_energy_is_found_whole_from_its_own_slopes():
 
 
 def test_thors_tables_are_met_at_their_points_and_mirrored():
-    """Cubic splines meet the tables' own points (not at the rim), and i_q < 0 is the mirror image."""
+    """Cubic splines meet the tables' own points (not at the rim), and i_q < 0 is the mirror
+    image."""
     t = thor.read(real_data() / "thor_fea" / "thor_fea.npz")
     tables, rng = Tables(t), np.random.default_rng(0)
     a, b, c = rng.integers(5, 26, 40), rng.integers(1, 26, 40), rng.integers(0, 90, 40)
     i = np.c_[t.i_d[a], t.i_q[b]]
-    assert np.allclose(tables.flux(i, t.theta[c]), np.c_[t.psi_d[a, b, c], t.psi_q[a, b, c]], atol=1e-9)
+    assert np.allclose(
+        tables.flux(i, t.theta[c]), np.c_[t.psi_d[a, b, c], t.psi_q[a, b, c]], atol=1e-9
+    )
     x = tables.flux(i * (1.0, -1.0), -t.theta[c]) * (1.0, -1.0)
     assert np.allclose(x, tables.flux(i, t.theta[c]), atol=1e-9)
     psi = tables.flux(i, t.theta[c])
@@ -143,4 +170,6 @@ def test_a_motor_without_magnets_has_sizes():
     of_harmonics = library.typical("flux_harmonics", bare, drive.converter)
     own = library.typical("flux_harmonics", drive.motor, drive.converter)
     ratio = links / drive.motor.magnet_flux
-    assert of_harmonics["flux_harmonics.psi_d6"] == pytest.approx(ratio * own["flux_harmonics.psi_d6"])
+    assert of_harmonics["flux_harmonics.psi_d6"] == pytest.approx(
+        ratio * own["flux_harmonics.psi_d6"]
+    )

@@ -9,14 +9,14 @@ from sandbox.withheld.making.make import campaign_of
 
 
 def test_a_shaft_is_named_without_something_unknown():
-    """Four free runs and two locked ones of a practice cycle, half as long as usual; every effect of the library is a
-    candidate.  The bench's own stiffness and load inertia lie within the 95 % intervals (of two, widened by 1.15:
-    0.05 / 4 to either side)."""
+    """Four free runs and two locked ones of a practice cycle, half as long as usual; every effect
+    of the library is a candidate.  The bench's own stiffness and load inertia lie within the 95 %
+    intervals (of two, widened by 1.15: 0.05 / 4 to either side)."""
     drawn = draw(Case(0, "one", "ipm_exchanged", "practice", ("shaft_compliance",), (2.0,)), 6)
     whole = campaign_of(drawn, 0.5)
-    chosen = [r for r in whole.recordings if r.rotor == "free"] + [r for r in whole.recordings if r.rotor == "locked"][
-        :2
-    ]
+    chosen = [r for r in whole.recordings if r.rotor == "free"] + [
+        r for r in whole.recordings if r.rotor == "locked"
+    ][:2]
     d = diagnose(replace(whole, recordings=tuple(chosen)), workers=1)
     assert d.best.effects == ("shaft_compliance",)
     assert d.best.probability > 0.9  # the prior gives 0.15 to one effect more

@@ -21,8 +21,8 @@ from tests.sandbox.gap.sizes import BLOCKS, SCATTER, fit_with, size_at
 
 @pytest.mark.parametrize("deviations", [1.0, 1.4, 1.55, 1.65])
 def test_near_the_floor_there_is_no_interval(deviations):
-    """A normal mean 1 (1.4, 1.55) deviations above the floor falls below in 16 % (8, 6 %) of draws; at 1.65 in 5 %,
-    with the draws that meet the floor exactly (blocks have two sizes) in 6.5 %."""
+    """A normal mean 1 (1.4, 1.55) deviations above the floor falls below in 16 % (8, 6 %) of draws;
+    at 1.65 in 5 %, with the draws that meet the floor exactly (blocks have two sizes) in 6.5 %."""
     s = size_at(deviations)
     assert s.closed == pytest.approx(0.5)
     assert s.closed_ci95 is None
@@ -30,8 +30,9 @@ def test_near_the_floor_there_is_no_interval(deviations):
 
 @pytest.mark.parametrize("deviations", [1.8, 2.2, 100.0])
 def test_farther_off_the_interval_holds_the_share(deviations):
-    """At 1.8 (2.2) deviations 3.6 % (1.4 %) of draws fall below; what closes is drawn with the gap, excess e':
-    (e/2)/e'.  So a draw z deviations off gives 1/2 / (1 + z/deviations), far off 1/2 (1 -+ 1.96/deviations).
+    """At 1.8 (2.2) deviations 3.6 % (1.4 %) of draws fall below; what closes is drawn with the gap,
+    excess e': (e/2)/e'.  So a draw z deviations off gives 1/2 / (1 + z/deviations), far off 1/2
+    (1 -+ 1.96/deviations).
     """
     s = size_at(deviations)
     low, high = s.closed_ci95
@@ -47,18 +48,22 @@ def twice(one):
 
 
 def test_channels_of_one_time_are_no_more_blocks():
-    """A channel that repeats another tells nothing new: the share and its interval are those of one channel."""
+    """A channel that repeats another tells nothing new: the share and its interval are those of one
+    channel."""
     scatter = 1.0 + SCATTER * np.random.default_rng(1).standard_normal(BLOCKS)
     before, after = fit_with(1.0 + scatter), fit_with(1.0 + 0.3 * scatter**2, ("x",))
-    one, two = (size_of(b.normal, b, a, [0], ["a"]) for b, a in ((before, after), (twice(before), twice(after))))
+    one, two = (
+        size_of(b.normal, b, a, [0], ["a"])
+        for b, a in ((before, after), (twice(before), twice(after)))
+    )
     assert two == one
     assert one.closed_ci95 is not None
 
 
 @pytest.mark.parametrize("blocks", [7, 8])
 def test_few_blocks_of_time_have_no_interval(blocks):
-    """Of one recording with two channels; a bootstrap over b values is sqrt((b-1)/b) 1.96 / t(b-1) as wide as it
-    should be: over 7 0.74, over 8 0.78."""
+    """Of one recording with two channels; a bootstrap over b values is sqrt((b-1)/b) 1.96 / t(b-1)
+    as wide as it should be: over 7 0.74, over 8 0.78."""
     scatter = np.linspace(0.9, 1.1, blocks)
     before, after = twice(fit_with(2.0 * scatter)), twice(fit_with(1.1 * scatter, ("x",)))
     s = size_of(before.normal, before, after, [0], ["a"])
@@ -68,21 +73,27 @@ def test_few_blocks_of_time_have_no_interval(blocks):
 
 def test_a_missing_interval_is_said():
     s = Size(2.0, 1.01, 1.0, 0.9, None, ())
-    near = SimpleNamespace(diagnosis=SimpleNamespace(size=s, held_out=(0,)), verdict="explained", position=None)
+    near = SimpleNamespace(
+        diagnosis=SimpleNamespace(size=s, held_out=(0,)), verdict="explained", position=None
+    )
     text = far_text(near)
     assert "90.0 % of the reducible gap closes" in text
     assert "no interval: the gap is too near the noise floor" in text
 
 
 def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_folder):
-    """One recording's currents are a fifth too large, so the fit to all is wrong.  From there the fit to the others
-    ends where it does from the nominal model: a step that gains less than TOLERANCE ends either."""
+    """One recording's currents are a fifth too large, so the fit to all is wrong.  From there the
+    fit to the others ends where it does from the nominal model: a step that gains less than
+    TOLERANCE ends either."""
     own, effects = read_campaign(small_folder), ("dead_time",)
     first, others = own.recordings[0], weights_of(len(own.recordings), (0,))
     wrong = {k: (1.2 * x if k in ("i_a", "i_b", "i_c") else x) for k, x in first.columns.items()}
     spoilt = replace(own, recordings=(replace(first, columns=wrong), *own.recordings[1:]))
     start = Point(prepare(spoilt), complete(own.drive.motor, own.drive.converter))
-    whole, honest = fit(start, effects, weights_of(len(own.recordings))), fit(start, effects, others)
+    whole, honest = (
+        fit(start, effects, weights_of(len(own.recordings))),
+        fit(start, effects, others),
+    )
     found = _without(whole, start, (0,), 1)
     assert normalised(found.normal, others) < NEAR  # one fit, from the end of the whole one
     little = 2.0 * TOLERANCE * noise_at(honest.normal, others)

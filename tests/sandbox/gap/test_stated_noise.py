@@ -21,9 +21,10 @@ SMALL = {"current_offset", "dead_time", "stator_resistance"}
 
 
 def test_a_fifth_of_stated_noise_changes_no_answer(small_folder):
-    """A fifth is more than ten errors of the vote, so the stated value weighs exp(-74) at most: with 0.8 and 1.2 times
-    the noise the floor is the same to rounding, the one that readings show, and with it all that follows; `unknown` to
-    what fits that end within the same tolerance leave.  What is overruled is said, and stands in the contract."""
+    """A fifth is more than ten errors of the vote, so the stated value weighs exp(-74) at most:
+    with 0.8 and 1.2 times the noise the floor is the same to rounding, the one that readings show,
+    and with it all that follows; `unknown` to what fits that end within the same tolerance leave.
+    What is overruled is said, and stands in the contract."""
     campaign = read_campaign(small_folder)
     others = sorted(set(library.effect_names()) - CANDIDATES)
     low, high = (diagnose(misstated(campaign, x), exclude=others, workers=1) for x in (0.8, 1.2))
@@ -43,20 +44,26 @@ def test_a_fifth_of_stated_noise_changes_no_answer(small_folder):
 
 @pytest.mark.parametrize("share", [0.8, 0.975, 1.0, 1.2])
 def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
-    """Every effect of the library a candidate: without a gap none is found, nor `unknown` (0.05 is what a list that
-    holds 95 % may leave out); an offset of one phase, ten times what is usual, is found by each."""
+    """Every effect of the library a candidate: without a gap none is found, nor `unknown` (0.05 is
+    what a list that holds 95 % may leave out); an offset of one phase, ten times what is usual, is
+    found by each."""
     quiet = read_campaign(quiet_folder)
     found = diagnose(misstated(quiet, share), workers=1)
     assert verdict(found) == "no_gap"
     assert unknown_of(found) < 0.1
-    offset = 10.0 * next(c.deviation for c in ordinary(quiet) if c.names[0].startswith("current_offset."))
+    offset = 10.0 * next(
+        c.deviation for c in ordinary(quiet) if c.names[0].startswith("current_offset.")
+    )
     moved = dataclasses.replace(
         quiet,
         recordings=tuple(
-            dataclasses.replace(r, columns={**r.columns, "i_b": r.i_b + offset}) for r in quiet.recordings
+            dataclasses.replace(r, columns={**r.columns, "i_b": r.i_b + offset})
+            for r in quiet.recordings
         ),
     )
-    got = diagnose(misstated(moved, share), exclude=sorted(set(library.effect_names()) - SMALL), workers=1)
+    got = diagnose(
+        misstated(moved, share), exclude=sorted(set(library.effect_names()) - SMALL), workers=1
+    )
     assert got.best.effects == ("current_offset",)
     assert unknown_of(got) < 0.1
 
@@ -64,14 +71,21 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
 @pytest.mark.parametrize(
     ("seen", "said"),
     [
-        (None, ""), (1.0, ""), (1.0177, ""), (1.0179, "follows the readings"), (0.975, "follows the readings"),
-        (1.49, "follows the readings"), (1.51, "may look larger"), (2.9, "may look larger"), (0.66, "may look smaller"),
+        (None, ""),
+        (1.0, ""),
+        (1.0177, ""),
+        (1.0179, "follows the readings"),
+        (0.975, "follows the readings"),
+        (1.49, "follows the readings"),
+        (1.51, "may look larger"),
+        (2.9, "may look larger"),
+        (0.66, "may look smaller"),
         (0.51, "may look smaller"),
     ],
-)  # fmt: skip
+)
 def test_a_stated_noise_that_is_overruled_or_stands_against_the_readings_is_told(seen, said):
-    """The seen one counts for more than half from 1.5 % x sqrt(2 ln 2) = 1.766 % on (0.975: the issue's campaign),
-    and not at all beyond 1.5 times."""
+    """The seen one counts for more than half from 1.5 % x sqrt(2 ln 2) = 1.766 % on (0.975: the
+    issue's campaign), and not at all beyond 1.5 times."""
     found = parting(Noise(1.0, seen, noise.voted(1.0, seen)))
     assert said in found
     assert bool(found) == bool(said)
@@ -88,8 +102,12 @@ def test_counts_that_hide_noise_are_not_said_to_be_overruled(small_folder, monke
     assert "follows" not in found
 
 
-@pytest.mark.parametrize(("seen", "chance", "told"), [(None, 0.2, True), (None, 0.01, False), (0.004, 0.2, False)])
-def test_noise_that_only_the_file_knows_is_told_where_unknown_hangs_on_it(small_answers, seen, chance, told):
+@pytest.mark.parametrize(
+    ("seen", "chance", "told"), [(None, 0.2, True), (None, 0.01, False), (0.004, 0.2, False)]
+)
+def test_noise_that_only_the_file_knows_is_told_where_unknown_hangs_on_it(
+    small_answers, seen, chance, told
+):
     """Issue 19: 2.5 % less stated noise moved `unknown` from 0.002 to 0.446 without a caution."""
     d = small_answers.diagnosis
     more = dataclasses.replace(d.best, effects=(*d.best.effects, "unknown"), probability=chance)

@@ -18,7 +18,9 @@ from tests.sandbox.gap.conftest import DRIVE
 from tests.sandbox.gap.entries import named
 
 
-@pytest.mark.parametrize(("z", "word"), [(6.1, "clear"), (5.9, "faint"), (2.1, "faint"), (1.9, "not")])
+@pytest.mark.parametrize(
+    ("z", "word"), [(6.1, "clear"), (5.9, "faint"), (2.1, "faint"), (1.9, "not")]
+)
 def test_clear_is_six_and_faint_two_standard_deviations(z, word):
     own = Visible({"a": z}, ())
     assert own.words("a") == word
@@ -28,7 +30,13 @@ def test_clear_is_six_and_faint_two_standard_deviations(z, word):
 def recorded(i_a, theta, name="r"):
     """Return a recording with a current along a, and an angle."""
     n = len(i_a)
-    columns = {"t": np.arange(n) * 1e-3, "i_a": i_a, "i_b": np.zeros(n), "i_c": np.zeros(n), "theta": theta}
+    columns = {
+        "t": np.arange(n) * 1e-3,
+        "i_a": i_a,
+        "i_b": np.zeros(n),
+        "i_c": np.zeros(n),
+        "theta": theta,
+    }
     columns |= {"u_alpha": np.zeros(n), "u_beta": np.zeros(n), "u_dc": np.full(n, 400.0)}
     return CampaignRecording(f"{name}.parquet", "driven", "none", columns)
 
@@ -76,48 +84,70 @@ def test_what_is_short_is_looked_at_whole():
 
 
 def test_what_ordinary_deviations_leave_by_hand():
-    """3 less 1 x 1 / (2 + 4) of the coordinate beside it, whose deviation is a half; a wide one takes nothing."""
+    """3 less 1 x 1 / (2 + 4) of the coordinate beside it, whose deviation is a half; a wide one
+    takes nothing."""
     a = np.array([[2.0, 1.0, 1.0], [1.0, 3.0, 1.0], [1.0, 1.0, 9.0]])
-    assert visible._left(a, np.array([4.0, 0.0, 0.0]), [1]) == pytest.approx(np.array([[17.0 / 6.0]]))
+    assert visible._left(a, np.array([4.0, 0.0, 0.0]), [1]) == pytest.approx(
+        np.array([[17.0 / 6.0]])
+    )
 
 
 def test_a_typical_move_by_hand():
     """A share is a whole step; else 1/1.5 of the deviation that an effect's prior has."""
-    own = [Coordinate("s", 0.0, 3.0, "share", ("a.b",)), Coordinate("l", 0.0, 3.0, "linear", ("a.b",))]
+    own = [
+        Coordinate("s", 0.0, 3.0, "share", ("a.b",)),
+        Coordinate("l", 0.0, 3.0, "linear", ("a.b",)),
+    ]
     assert visible._move(own, {"s": 0, "l": 1}, ["l", "s"]) == pytest.approx([2.0, 1.0])
 
 
 @pytest.mark.parametrize(
     ("cosine", "sizes", "found"),
-    [(0.975, (5.0, 5.0), None), (0.985, (5.0, 5.0), 0.985), (-0.985, (2.1, 2.1), 0.985), (0.985, (5.0, 1.9), None)],
+    [
+        (0.975, (5.0, 5.0), None),
+        (0.985, (5.0, 5.0), 0.985),
+        (-0.985, (2.1, 2.1), 0.985),
+        (0.985, (5.0, 1.9), None),
+    ],
 )
 def test_two_effects_look_alike_from_a_cosine_of_98_hundredths(cosine, sizes, found):
     """Moves of 2 and 3 along slopes of length 1 and 4; both are to be seen at all."""
     a = 1e-3 * np.array([[1.0, 4.0 * cosine], [4.0 * cosine, 16.0]])
     got = visible._alike(
-        a, np.zeros(2), {"e": ["e"], "f": ["f"]}, {"e": 0, "f": 1}, {"e": np.array([2.0]), "f": np.array([3.0])},
+        a,
+        np.zeros(2),
+        {"e": ["e"], "f": ["f"]},
+        {"e": 0, "f": 1},
+        {"e": np.array([2.0]), "f": np.array([3.0])},
         dict(zip("ef", sizes, strict=True)),
-    )  # fmt: skip
+    )
     assert got == (() if found is None else (("e", "f", pytest.approx(found)),))
 
 
 def test_the_most_alike_are_told_first():
     a = np.array([[1.0, 0.985, 0.99], [0.985, 1.0, 0.0], [0.99, 0.0, 1.0]])
     groups, one = {e: [e] for e in "efg"}, dict.fromkeys("efg", np.ones(1))
-    found = visible._alike(a, np.zeros(3), groups, {"e": 0, "f": 1, "g": 2}, one, dict.fromkeys("efg", 9.0))
+    found = visible._alike(
+        a, np.zeros(3), groups, {"e": 0, "f": 1, "g": 2}, one, dict.fromkeys("efg", 9.0)
+    )
     assert [x[:2] for x in found] == [("e", "g"), ("e", "f")]
 
 
 def test_sizes_grow_with_the_samples_left_out(monkeypatch):
-    """500 of 1000 samples are replayed, so all squares count twice: of 2 x 3 beside a deviation of a half and a turn
-    of one (2 x 2 + 4, 2 x 1 + 1) 6 - 4/8 - 4/3 are left; a second effect, beside no ordinary one, has 2 x 1/8."""
+    """500 of 1000 samples are replayed, so all squares count twice: of 2 x 3 beside a deviation of
+    a half and a turn of one (2 x 2 + 4, 2 x 1 + 1) 6 - 4/8 - 4/3 are left; a second effect, beside
+    no ordinary one, has 2 x 1/8."""
     own = Coordinate("x", 0.0, 0.5, "linear", ("bench.x",))
     effects = [Coordinate(e, 0.0, 1.0, "share", (f"{e}.size",)) for e in "ef"]
     turn = Coordinate("t", 0.0, 1.0, "turn", ("bench.t",))
-    a = np.array([[2.0, 1.0, 0.0, 0.0], [1.0, 3.0, 0.1, 1.0], [0.0, 0.1, 0.125, 0.0], [0.0, 1.0, 0.0, 1.0]])
+    a = np.array(
+        [[2.0, 1.0, 0.0, 0.0], [1.0, 3.0, 0.1, 1.0], [0.0, 0.1, 0.125, 0.0], [0.0, 1.0, 0.0, 1.0]]
+    )
     n = SimpleNamespace(coordinates=(own, *effects, turn), summed=lambda: (a, None, None))
     seen = []
-    monkeypatch.setattr(visible, "prepare", lambda campaign: seen.extend(len(r.t) for r in campaign.recordings))
+    monkeypatch.setattr(
+        visible, "prepare", lambda campaign: seen.extend(len(r.t) for r in campaign.recordings)
+    )
     monkeypatch.setattr(visible, "coordinates_of", lambda *_: [own])
     own_of = {e: [c for c in effects if c.effect == e] for e in "fe"}
     candidates = [SimpleNamespace(effect=e, coordinates=lambda point, e=e: own_of[e]) for e in "fe"]
@@ -133,8 +163,14 @@ def test_sizes_grow_with_the_samples_left_out(monkeypatch):
 @pytest.mark.parametrize(("counts", "planned"), [(None, 4096), (1000, 1000)])
 def test_a_drive_that_names_no_encoder_is_planned_with_4096_counts(monkeypatch, counts, planned):
     seen = []
-    monkeypatch.setattr(bench_plan, "allowed", lambda drive, limits: seen.append(drive.converter.encoder_counts) or [])
-    drive = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=counts))
+    monkeypatch.setattr(
+        bench_plan,
+        "allowed",
+        lambda drive, limits: seen.append(drive.converter.encoder_counts) or [],
+    )
+    drive = dataclasses.replace(
+        DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=counts)
+    )
     with pytest.raises(BadInput, match="no experiment of the menu"):
         bench_plan.plan(drive, NO_LIMITS)
     assert seen == [planned]
@@ -142,7 +178,12 @@ def test_a_drive_that_names_no_encoder_is_planned_with_4096_counts(monkeypatch, 
 
 def test_experiments_are_in_the_order_of_what_they_add(monkeypatch):
     monkeypatch.setattr(bench_plan, "settings", lambda *_: "")
-    got = [("x", {"a": 9.0, "b": 5.9}), ("y", {"a": 6.1, "b": 6.1}), ("z", {"b": 99.0, "c": 9.0}), ("w", {"c": 7.0})]
+    got = [
+        ("x", {"a": 9.0, "b": 5.9}),
+        ("y", {"a": 6.1, "b": 6.1}),
+        ("z", {"b": 99.0, "c": 9.0}),
+        ("w", {"c": 7.0}),
+    ]
     found = bench_plan._ordered(DRIVE, [(named(n), Visible(sizes, ())) for n, sizes in got])
     assert [(p.entry.name, p.adds) for p in found] == [("y", ("a", "b")), ("z", ("c",))]
 
@@ -150,23 +191,37 @@ def test_experiments_are_in_the_order_of_what_they_add(monkeypatch):
 def test_setpoints_are_told_every_millisecond():
     """At 4 kHz every fourth sample; 6 pole pairs at 60 pi rad/s: 300 rpm; half of 400 V."""
     entry = named(link=0.5, injection=(5.0, 3.0))
-    entry = dataclasses.replace(entry, i_d=np.arange(8.0), i_q=-np.arange(8.0), speed=np.full(8, 60.0 * math.pi))
+    entry = dataclasses.replace(
+        entry, i_d=np.arange(8.0), i_q=-np.arange(8.0), speed=np.full(8, 60.0 * math.pi)
+    )
     first, second = bench_plan.setpoints(entry, DRIVE)
-    expected = {"t_s": 1e-3, "i_d_A": 4.0, "i_q_A": -4.0, "speed_rpm": 300.0, "injected_d_V": 5.0, "injected_q_V": 3.0,
-                "link_V": 200.0}  # fmt: skip
+    expected = {
+        "t_s": 1e-3,
+        "i_d_A": 4.0,
+        "i_q_A": -4.0,
+        "speed_rpm": 300.0,
+        "injected_d_V": 5.0,
+        "injected_q_V": 3.0,
+        "link_V": 200.0,
+    }
     assert second == pytest.approx(expected)
     assert first == pytest.approx(expected | {"t_s": 0.0, "i_d_A": 0.0, "i_q_A": 0.0})
 
 
 @pytest.mark.parametrize(("rotor", "link"), [("driven", 0.5), ("free", 1.0)])
 def test_a_bench_table_by_hand(monkeypatch, tmp_path, rotor, link):
-    """60 pi rad/s of 6 pole pairs are 300 rpm, or as fast as the angle goes: 0.25 rad a millisecond, 398 rpm.  3 and
-    4 V are 5 V phase peak, 3 V of them along a."""
+    """60 pi rad/s of 6 pole pairs are 300 rpm, or as fast as the angle goes: 0.25 rad a
+    millisecond, 398 rpm.  3 and 4 V are 5 V phase peak, 3 V of them along a."""
     n = 8
     entry = dataclasses.replace(named("one", 1.0, injection=(0.0, 5.0), link=link), rotor=rotor)
     entry = dataclasses.replace(entry, speed=np.full(n, -60.0 * math.pi), i_q=np.full(n, 1.5))
-    columns = {"t": np.arange(n) * 1e-3, "theta": 0.25 * np.arange(n), "u_alpha": np.full(n, 3.0),
-               "u_beta": np.full(n, 4.0), "u_dc": np.full(n, 400.0 * link)}  # fmt: skip
+    columns = {
+        "t": np.arange(n) * 1e-3,
+        "theta": 0.25 * np.arange(n),
+        "u_alpha": np.full(n, 3.0),
+        "u_beta": np.full(n, 4.0),
+        "u_dc": np.full(n, 400.0 * link),
+    }
     planned = SimpleNamespace(recordings=(SimpleNamespace(**columns),))
     monkeypatch.setattr(bench_table, "menu", lambda drive, seconds: [entry])
     monkeypatch.setattr(bench_table, "within", lambda wanted, drive, limits: wanted)
@@ -181,27 +236,34 @@ def test_a_bench_table_by_hand(monkeypatch, tmp_path, rotor, link):
     assert found.columns["injected_q_V"] == pytest.approx([5.0] * 4 + [-5.0] * 4)
     assert not found.columns["injected_d_V"].any()
     assert found.columns["u_a_V"] == pytest.approx(3.0)
-    assert found.limits == pytest.approx({"current": 1.75, "speed_rpm": abs(rpm), "voltage": 5.0, "link": 400.0 * link})
-    said = {"rotor": rotor, "injection_axis": "q"} | ({"dc_bus_voltage": 200.0} if link == 0.5 else {})
+    assert found.limits == pytest.approx(
+        {"current": 1.75, "speed_rpm": abs(rpm), "voltage": 5.0, "link": 400.0 * link}
+    )
+    said = {"rotor": rotor, "injection_axis": "q"} | (
+        {"dc_bus_voltage": 200.0} if link == 0.5 else {}
+    )
     assert found.recording == said
     bench_table.write_bench_table(tmp_path / "t.csv", found, wanted)
     text = (tmp_path / "t.csv").read_text().splitlines()
     assert (
-        f"# at most: 1.75 A peak, 5 V phase peak, {abs(rpm):.0f} rpm, link {400.0 * link:g} V; rotor {rotor}" in text[2]
-    )
+        f"# at most: 1.75 A peak, 5 V phase peak, {abs(rpm):.0f} rpm, link "
+        f"{400.0 * link:g} V; rotor {rotor}"
+    ) in text[2]
     assert text[2].endswith("; [limits]: 2 A peak, 300 V link")
     assert text[-1].split(",")[3] == ("-300" if rotor == "driven" else "397.8874")  # seven digits
 
 
 def test_an_eccentric_disc_is_no_more_than_a_misaligned_one_where_the_angle_stays():
-    """The offset counts as far off as the effect has it: precision 1/0.075^2 instead of 1/0.003^2."""
+    """The offset counts as far off as the effect has it: precision 1/0.075^2 instead of
+    1/0.003^2."""
     assert visible.reads_angle("encoder_eccentricity")
     assert not visible.reads_angle("encoder_offset")
     assert not visible.reads_angle("e")
     moved = {"encoder_offset": [Coordinate("o", 0.0, 0.075, "linear", ("encoder_offset.offset",))]}
     found = visible._misaligned(np.array([4.0, 0.003**-2]), {"x": 0, "o": 1}, moved)
     assert found == pytest.approx([4.0, 0.075**-2])
-    # reading off by 0.03 rad, read 0.001 rad exactly, beside that offset: 0.03/hypot(0.001, 0.075) deviations
+    # reading off by 0.03 rad, read 0.001 rad exactly, beside that offset: 0.03/hypot(0.001, 0.075)
+    # deviations
     a = 1e6 * np.array([[1.0, 1.0], [1.0, 1.0]])
     left = float(visible._left(a, np.array([0.0, found[1]]), [0])[0, 0])
     assert 0.03 * math.sqrt(left) == pytest.approx(0.03 / math.hypot(0.001, 0.075))

@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from sandbox.gap.planning import menu as menus
-from sandbox.gap.planning.menu import demand, menu, reached, recording_of, settings, tight, usual_seconds
+from sandbox.gap.planning.menu import (
+    demand,
+    menu,
+    reached,
+    recording_of,
+    settings,
+    tight,
+    usual_seconds,
+)
 from sandbox.recordings.campaign import Campaign
 from tests.sandbox.gap.entries import PERIOD, drive_at, entry_of
 
@@ -19,34 +27,63 @@ def test_a_second_or_as_many_samples_as_a_drive_of_8_khz_has_in_one(rate, second
 
 S = math.sqrt(0.5)
 SHAPES = {  # share of the duration: i_d and i_q over rated current, speed over rated speed
-    "locked_low_current": {1 / 16: (0.15, 0.15 * S, 0), 1 / 8: (0, 0, 0), 3 / 16: (-0.15, 0.15 * S, 0)},
+    "locked_low_current": {
+        1 / 16: (0.15, 0.15 * S, 0),
+        1 / 8: (0, 0, 0),
+        3 / 16: (-0.15, 0.15 * S, 0),
+    },
     "locked_low_current_half_link": {1 / 16: (0.15, 0.15 * S, 0), 3 / 16: (-0.15, 0.15 * S, 0)},
-    "locked_circle": {0.05: (0.5 * math.cos(0.2 * math.pi), 0.5 * math.sin(0.2 * math.pi), 0), 1 / 8: (0, 1, 0),
-                      0.25: (-1, 0, 0)},
-    "locked_steps": {0.05: (0.6, 0.6, 0), 0.15: (-0.6, -0.6, 0), 0.22: (0.6, 0.6, 0), 0.27: (-0.6, 0.6, 0),
-                     0.3: (-0.6, -0.6, 0), 0.35: (0.6, -0.6, 0), 0.9: (0.6, 0.6, 0), 0.99: (-0.6, -0.6, 0)},
+    "locked_circle": {
+        0.05: (0.5 * math.cos(0.2 * math.pi), 0.5 * math.sin(0.2 * math.pi), 0),
+        1 / 8: (0, 1, 0),
+        0.25: (-1, 0, 0),
+    },
+    "locked_steps": {
+        0.05: (0.6, 0.6, 0),
+        0.15: (-0.6, -0.6, 0),
+        0.22: (0.6, 0.6, 0),
+        0.27: (-0.6, 0.6, 0),
+        0.3: (-0.6, -0.6, 0),
+        0.35: (0.6, -0.6, 0),
+        0.9: (0.6, 0.6, 0),
+        0.99: (-0.6, -0.6, 0),
+    },
     "locked_q_inject_d": {0: (0, -1, 0), 0.1: (0, -0.75, 0), 0.3: (0, -0.5, 0), 0.9: (0, 0.75, 0)},
     "locked_d_inject_q": {0: (-1, 0, 0), 0.1: (-0.75, 0, 0), 0.3: (-0.5, 0, 0), 0.9: (0.75, 0, 0)},
-    "driven_fast_q": {0.05: (0, 0.5, 0.8), 0.35: (0, 1, 0.8), 0.425: (0, 1, 0.4), 0.9: (0, 1, -0.8)},
+    "driven_fast_q": {
+        0.05: (0, 0.5, 0.8),
+        0.35: (0, 1, 0.8),
+        0.425: (0, 1, 0.4),
+        0.9: (0, 1, -0.8),
+    },
     "driven_fast_idle": {0.05: (0, 0, 0.8), 0.425: (0, 0, 0.4), 0.9: (0, 0, -0.8)},
     "driven_idle_half_link": {0.05: (0, 0, 0.4), 0.425: (0, 0, 0.2), 0.9: (0, 0, -0.4)},
     "driven_slow_dq": {0.05: (0.175, 0.175, 0.04), 0.9: (0.35, 0.35, 0.04)},
-    "free_coast": {0: (0, 0, 0), 0.01: (0, 0.2, 0), 0.02: (0, 0.4, 0), 0.25: (0, 0.4, 0), 0.26: (0, 0.2, 0),
-                   0.27: (0, 0, 0), 0.6: (0, 0, 0)},
-}  # fmt: skip
+    "free_coast": {
+        0: (0, 0, 0),
+        0.01: (0, 0.2, 0),
+        0.02: (0, 0.4, 0),
+        0.25: (0, 0.4, 0),
+        0.26: (0, 0.2, 0),
+        0.27: (0, 0, 0),
+        0.6: (0, 0, 0),
+    },
+}
 
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_an_experiments_shape_by_hand(name):
-    """Two turns of the circle, four swings through zero, six steps (q a fifth of the duration later), nine stairs; all
-    begin within 0.1 s."""
+    """Two turns of the circle, four swings through zero, six steps (q a fifth of the duration
+    later), nine stairs; all begin within 0.1 s."""
     drive = drive_at()
     e = next(e for e in menu(drive, 1.0) if e.name == name)
     assert len(e.i_d) == 1600
     scale = np.array([2.0, 2.0, drive.motor.rated_omega])
     for share, expected in SHAPES[name].items():
         k = round(1600 * share)
-        assert np.array([e.i_d[k], e.i_q[k], e.speed[k]]) / scale == pytest.approx(expected, abs=1e-9), share
+        assert np.array([e.i_d[k], e.i_q[k], e.speed[k]]) / scale == pytest.approx(
+            expected, abs=1e-9
+        ), share
     assert e.link == (0.5 if name.endswith("half_link") else 1.0)
     injection = {"locked_q_inject_d": (5.0, 0.0), "locked_d_inject_q": (0.0, 5.0)}
     assert e.injection == injection.get(name, (0.0, 0.0))
@@ -60,11 +97,13 @@ def test_a_drive_without_injection_is_offered_seven_hundredths_of_its_link():
 
 
 def test_a_free_rotor_swings_from_5_to_80_hz():
-    """Turns of the wave up to t: 5 t + 37.5 t^2, of which each half one turns the torque of half the rated current."""
+    """Turns of the wave up to t: 5 t + 37.5 t^2, of which each half one turns the torque of half
+    the rated current."""
     e = next(e for e in menu(drive_at(), 1.0) if e.name == "free_swing")
     assert set(e.i_q.tolist()) == {1.0, -1.0}  # A: rated are 2
     turns = np.flatnonzero(np.diff(e.i_q)) / 1600.0
-    assert [int((turns < t).sum()) for t in (0.1, 0.5, 1.0)] == [1, 23, 84]  # 0.875, 11.9 and just less than 42.5 turns
+    # 0.875, 11.9 and just less than 42.5 turns
+    assert [int((turns < t).sum()) for t in (0.1, 0.5, 1.0)] == [1, 23, 84]
 
 
 @pytest.mark.parametrize(
@@ -95,14 +134,20 @@ def test_control_follows_within_five_milliseconds():
 
 def test_settings_in_words():
     """15 and -30 rad/s electrical of two pole pairs: 7.5 / (2 pi) x 60 = 71.6 rpm."""
-    e = entry_of(i_d=np.array([-0.5, 1.5]), speed=np.array([-30.0, 15.0]), n=2, link=0.5, injection=(5.0, 0.0))
+    e = entry_of(
+        i_d=np.array([-0.5, 1.5]),
+        speed=np.array([-30.0, 15.0]),
+        n=2,
+        link=0.5,
+        injection=(5.0, 0.0),
+    )
     found = "-143 to 72 rpm, i_d -0.5 to 1.5 A, 5 V square wave on d, DC link 86.6 V"
     assert settings(e, drive_at()) == found
 
 
 def test_voltages_of_a_steady_motor_by_hand():
-    """1 A and 2 A at 100 rad/s: u_d = 1 - 100 x 0.1 x 2, u_q = 2 + 100 (0.05 + 0.16); 5 V come and go every four
-    samples; the angle starts at 0.3 rad."""
+    """1 A and 2 A at 100 rad/s: u_d = 1 - 100 x 0.1 x 2, u_q = 2 + 100 (0.05 + 0.16); 5 V come and
+    go every four samples; the angle starts at 0.3 rad."""
     e = entry_of(i_d=1.0, i_q=2.0, speed=100.0, injection=(5.0, 3.0))
     theta, speed, u_d, u_q = demand(e, drive_at(), None)
     assert theta == pytest.approx(0.3 + 100.0 * PERIOD * np.arange(200))
@@ -113,8 +158,8 @@ def test_voltages_of_a_steady_motor_by_hand():
 
 
 def test_voltages_of_growing_currents_by_hand():
-    """Currents grow by 100 and 50 A/s, behind by a/(1 - a) samples, a = e^-1/8; flux by 5 Wb/s on either axis.  Speed
-    grows by 160 rad/s in 0.1 s: half of it on the way."""
+    """Currents grow by 100 and 50 A/s, behind by a/(1 - a) samples, a = e^-1/8; flux by 5 Wb/s on
+    either axis.  Speed grows by 160 rad/s in 0.1 s: half of it on the way."""
     t = PERIOD * np.arange(161)
     e = entry_of("driven", 100.0 * t, 50.0 * t, 1600.0 * t, n=161)
     theta, speed, u_d, u_q = demand(e, drive_at(), None)
@@ -127,7 +172,8 @@ def test_voltages_of_growing_currents_by_hand():
 
 
 def test_a_free_rotors_torque_and_speed_by_hand():
-    """1.5 x 2 x ((0.05 + 0.16) x 2 - 0.2 x 1) = 0.66 N m; a tenth of a radian each sample are 160 rad/s."""
+    """1.5 x 2 x ((0.05 + 0.16) x 2 - 0.2 x 1) = 0.66 N m; a tenth of a radian each sample are 160
+    rad/s."""
     torques = []
 
     def turned(torque):
@@ -144,8 +190,8 @@ CAMPAIGN = Campaign("x", drive_at(), (), {}, {}, False)
 
 @pytest.mark.parametrize(("i_q", "speed", "size"), [(2.0, 0.0, 2.0), (0.0, 1000.0, 47.5)])
 def test_a_recordings_voltages_by_hand(i_q, speed, size):
-    """Half a period further than the angle, in front of the magnet by a quarter; 160 V at half of 100 V are cut to
-    0.95 of what there is."""
+    """Half a period further than the angle, in front of the magnet by a quarter; 160 V at half of
+    100 V are cut to 0.95 of what there is."""
     (r,) = recording_of(CAMPAIGN, entry_of("driven", 0.0, i_q, speed, link=0.5), None).recordings
     k = np.arange(200)
     angle = 0.3 + (k + 0.5) * speed * PERIOD + 0.5 * math.pi
@@ -164,9 +210,15 @@ def test_the_whole_link_is_nothing_to_be_said():
 
 def test_a_planned_shaft_carries_no_load(monkeypatch):
     seen = {}
-    monkeypatch.setattr(menus, "turned_by", lambda batch, features, torque, period, steps, out: seen.update(batch))
+    monkeypatch.setattr(
+        menus, "turned_by", lambda batch, features, torque, period, steps, out: seen.update(batch)
+    )
     batch = {"load_gain": np.ones(1), "load_offset": np.ones(1), "inertia": np.ones(1)}
     monkeypatch.setattr(menus, "batch_of", lambda *_: batch)
     monkeypatch.setattr(menus, "features_of", lambda *_: None)
     assert menus.shaft({}, drive_at())(np.ones(3)) == pytest.approx(np.zeros(3))
-    assert {k: float(v[0]) for k, v in seen.items()} == {"load_gain": 0.0, "load_offset": 0.0, "inertia": 1.0}
+    assert {k: float(v[0]) for k, v in seen.items()} == {
+        "load_gain": 0.0,
+        "load_offset": 0.0,
+        "inertia": 1.0,
+    }

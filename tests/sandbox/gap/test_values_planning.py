@@ -1,4 +1,5 @@
-"""Numbers of the recommended recording, by hand: chances, lengths, rivals; what an experiment is expected to bring."""
+"""Numbers of the recommended recording, by hand: chances, lengths, rivals; what an experiment is
+expected to bring."""
 
 import math
 from types import SimpleNamespace
@@ -19,7 +20,8 @@ SURE_OF_TWO = math.log(19.0)  # log evidence that leaves 0.95 to one of two: 0.9
 
 
 def tried(told, apart=0.0, missed=0.0, name="x", seconds=1.0, n=2):
-    """What an entry brings for the first hypothesis; the others never stand alone if they are true."""
+    """What an entry brings for the first hypothesis; the others never stand alone if they are
+    true."""
     rows = np.full((n, n), -1000.0)
     rows[0] = told
     np.fill_diagonal(rows, np.inf)
@@ -33,16 +35,21 @@ def even(n):
 
 @pytest.mark.parametrize(("told", "alone"), [(-0.05, 0.0), (0.05, 1.0)])
 def test_one_stands_alone_from_95_of_100(told, alone):
-    """Among two at ln 19, among three at ln 38 from both; half and a third of the cases have the first be true."""
+    """Among two at ln 19, among three at ln 38 from both; half and a third of the cases have the
+    first be true."""
     assert power(even(2), tried(SURE_OF_TWO + told)) == pytest.approx(alone / 2.0)
-    assert power(even(3), tried(SURE_OF_TWO + math.log(2.0) + told, n=3)) == pytest.approx(alone / 3.0)
+    assert power(even(3), tried(SURE_OF_TWO + math.log(2.0) + told, n=3)) == pytest.approx(
+        alone / 3.0
+    )
 
 
 @pytest.mark.parametrize(("told", "alone"), [(-0.05, 0.0), (0.05, 1.0)])
 def test_what_was_probable_before_counts(told, alone):
     """Twice as probable: ln 2 less is needed; true in two of three cases."""
     rivals = [(0.6, None), (0.3, None)]
-    assert power(rivals, tried(SURE_OF_TWO - math.log(2.0) + told)) == pytest.approx(alone * 2.0 / 3.0)
+    assert power(rivals, tried(SURE_OF_TWO - math.log(2.0) + told)) == pytest.approx(
+        alone * 2.0 / 3.0
+    )
 
 
 DRAWN = 4.0 * math.sqrt(0.25 / 4000.0)  # four standard deviations of a share of the draws
@@ -50,17 +57,21 @@ DRAWN = 4.0 * math.sqrt(0.25 / 4000.0)  # four standard deviations of a share of
 
 @pytest.mark.parametrize(("missed", "apart"), [(0.0, 2.0), (50.0 / 9.0, 1.0)])
 def test_what_a_simulator_misses_leans_by_three_tenths(missed, apart):
-    """Variance 2 x 2 = 4; or 2 (1 + 2 x 0.09 x 50/9) x 1 = 4: one deviation, 2, above ln 19, the first stands alone in
-    84 of the 100 cases in which it is true."""
+    """Variance 2 x 2 = 4; or 2 (1 + 2 x 0.09 x 50/9) x 1 = 4: one deviation, 2, above ln 19, the
+    first stands alone in 84 of the 100 cases in which it is true."""
     found = power(even(2), tried(SURE_OF_TWO + 2.0, apart, missed))
     assert found == pytest.approx(0.5 * norm.cdf(1.0), abs=0.5 * DRAWN)
 
 
 @pytest.mark.parametrize(("between", "sides"), [(0.0, 1.0), (8.0, -1.0), (4.0, 0.0)])
 def test_rivals_on_one_side_go_together(between, sides):
-    """Both are 2 from the truth, so deviations of 2; 0, 4 or 8 from each other: the same, independent or opposite.  In
-    the mean each is as far behind as both together may be: half of the cases, fewer, none."""
-    found, away = SURE_OF_TWO + math.log(2.0), np.array([[0.0, 2.0, 2.0], [2.0, 0.0, between], [2.0, between, 0.0]])
+    """Both are 2 from the truth, so deviations of 2; 0, 4 or 8 from each other: the same,
+    independent or opposite.  In the mean each is as far behind as both together may be: half of the
+    cases, fewer, none."""
+    found, away = (
+        SURE_OF_TWO + math.log(2.0),
+        np.array([[0.0, 2.0, 2.0], [2.0, 0.0, between], [2.0, between, 0.0]]),
+    )
     a, b = 2.0 * np.random.default_rng(5).standard_normal((2, 400_000))
     b = sides * a if sides else b
     alone = np.mean(np.exp(-a) + np.exp(-b) <= 2.0)
@@ -77,8 +88,8 @@ def judged(*effects):
 
 
 def test_expected_evidence_by_hand(monkeypatch):
-    """What b cannot follow, 10, less what a itself cannot, 3; and b's spread 2 less a's 1; what is missed, 6, is told
-    at the temperature of 2."""
+    """What b cannot follow, 10, less what a itself cannot, 3; and b's spread 2 less a's 1; what is
+    missed, 6, is told at the temperature of 2."""
     found = {"a": (3.0, 1.0), "b": (10.0, 2.0)}
     monkeypatch.setattr(following, "simulate_experiment", lambda *_: (None, None))
     monkeypatch.setattr(following, "_surprise", lambda c, t, j, *_: found[j.effects[0]])
@@ -98,9 +109,11 @@ def replayed(monkeypatch, n):
 
 
 def test_what_a_simulator_misses_by_hand(monkeypatch):
-    """Half of 0.012 of each of 1000 readings and 3e-4 of the 20000 that the effects of the truth make."""
+    """Half of 0.012 of each of 1000 readings and 3e-4 of the 20000 that the effects of the truth
+    make."""
     n = SimpleNamespace(
-        segments=[SimpleNamespace(n=np.array([400.0, 600.0]))], summed=lambda: SimpleNamespace(rr=20000.0)
+        segments=[SimpleNamespace(n=np.array([400.0, 600.0]))],
+        summed=lambda: SimpleNamespace(rr=20000.0),
     )
     seen = replayed(monkeypatch, n)
     found = SimpleNamespace(drive=DRIVE)
@@ -112,22 +125,30 @@ def test_what_a_simulator_misses_by_hand(monkeypatch):
 
 
 def test_surprise_by_hand(monkeypatch):
-    """At a temperature of 2: x is known by 8/2 of its fit and 1/0.5^2 of its prior, a turn by 1/0.5^2;
-    y, a share, is no belief.
+    """At a temperature of 2: x is known by 8/2 of its fit and 1/0.5^2 of its prior, a turn by
+    1/0.5^2; y, a share, is no belief.
 
-    A = diag(2, 3), g = (2, 0), r'r = 10 after it: 1/2 (10 - 4/10) cannot be followed, and the spread is half of
-    ln(10/8 x 7/4) less the shares 2/10 and 3/7."""
-    x, y = Coordinate("x", 0.0, 0.5, "linear", ("dead_time.time",)), Coordinate("y", 0.0, 0.0, "share", ("y.y",))
+    A = diag(2, 3), g = (2, 0), r'r = 10 after it: 1/2 (10 - 4/10) cannot be followed, and the
+    spread is half of ln(10/8 x 7/4) less the shares 2/10 and 3/7."""
+    x, y = (
+        Coordinate("x", 0.0, 0.5, "linear", ("dead_time.time",)),
+        Coordinate("y", 0.0, 0.0, "share", ("y.y",)),
+    )
     turn = Coordinate("t", 0.0, 0.5, "turn", ("t.t",))
-    n = SimpleNamespace(coordinates=(x, turn), summed=lambda: (np.diag([4.0, 6.0]), np.array([4.0, 0.0]), 20.0))
+    n = SimpleNamespace(
+        coordinates=(x, turn), summed=lambda: (np.diag([4.0, 6.0]), np.array([4.0, 0.0]), 20.0)
+    )
     asked = []
     seen = replayed(monkeypatch, n)
-    monkeypatch.setattr(following, "normal", lambda point, own, workers: asked.extend(c.label for c in own) or n)
+    monkeypatch.setattr(
+        following, "normal", lambda point, own, workers: asked.extend(c.label for c in own) or n
+    )
     j = SimpleNamespace(
-        fit=SimpleNamespace(point=SimpleNamespace(values={})), equations=SimpleNamespace(a=np.diag([8.0, 5.0, 1.0])),
+        fit=SimpleNamespace(point=SimpleNamespace(values={})),
+        equations=SimpleNamespace(a=np.diag([8.0, 5.0, 1.0])),
         prior=SimpleNamespace(deviation=np.array([0.5, 0.0, 0.5])),
         normal=SimpleNamespace(coordinates=(x, y, turn)),
-    )  # fmt: skip
+    )
     found, wide = following._surprise(None, {}, j, 2.0, 1)
     assert (asked, seen) == (["x"], {"steps": 1})
     assert found == pytest.approx(4.8)
@@ -139,16 +160,22 @@ def test_a_foretold_recording_holds_what_a_truth_reads(monkeypatch):
     read = np.arange(24.0).reshape(8, 3, 1)
     columns = {k: np.zeros(8) for k in ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta")}
     columns |= {"t": np.arange(8.0), "u_dc": np.full(8, 400.0)}
-    planned = Campaign("x", DRIVE, (CampaignRecording("r.parquet", "locked", "none", columns),), {}, {}, False)
+    planned = Campaign(
+        "x", DRIVE, (CampaignRecording("r.parquet", "locked", "none", columns),), {}, {}, False
+    )
     monkeypatch.setattr(following, "shaft", lambda *_: None)
     monkeypatch.setattr(following, "recording_of", lambda *_: planned)
     monkeypatch.setattr(following, "prepare", lambda found, truth, steps: steps)
-    monkeypatch.setattr(following, "replay", lambda steps, sets: SimpleNamespace(currents=[steps * read]))
+    monkeypatch.setattr(
+        following, "replay", lambda steps, sets: SimpleNamespace(currents=[steps * read])
+    )
     values = {"dead_time.time": 1e-6, "inertia.factor": math.nan}
     a = SimpleNamespace(fit=SimpleNamespace(point=SimpleNamespace(values=values)))
     found, truth = following.simulate_experiment(planned, None, a)
     assert truth == {"dead_time.time": 1e-6}
-    assert np.array([found.recordings[0][f"i_{p}"] for p in "abc"]) == pytest.approx(read[:, :, 0].T)
+    assert np.array([found.recordings[0][f"i_{p}"] for p in "abc"]) == pytest.approx(
+        read[:, :, 0].T
+    )
 
 
 @pytest.mark.parametrize(("rotor", "off"), [("driven", 0.1), ("locked", 0.0)])
@@ -161,7 +188,9 @@ def test_an_encoder_reads_its_own_turn(monkeypatch, rotor, off):
     monkeypatch.setattr(following, "readings_off", eccentric)
     columns = {k: np.zeros(8) for k in ("u_alpha", "u_beta", "i_a", "i_b", "i_c")}
     columns |= {"t": np.arange(8.0), "theta": np.linspace(1.0, 2.0, 8), "u_dc": np.full(8, 400.0)}
-    planned = Campaign("x", DRIVE, (CampaignRecording("r.parquet", rotor, "none", columns),), {}, {}, False)
+    planned = Campaign(
+        "x", DRIVE, (CampaignRecording("r.parquet", rotor, "none", columns),), {}, {}, False
+    )
     (r,) = following.encoded(planned, {}).recordings
     assert r.theta == pytest.approx((1.0 + off) * columns["theta"])
 
@@ -182,15 +211,19 @@ def test_what_an_entry_brings_is_told_row_by_row(monkeypatch, worst, kept):
     found = following._tried(None, named(), [(0.3, judged(k)) for k in range(3)], 1.0, 1)
     assert (found is not None) == kept
     if kept:
-        assert found.told.tolist() == [[math.inf, 1.0, 2.0], [10.0, math.inf, 12.0], [20.0, 21.0, math.inf]]
+        assert found.told.tolist() == [
+            [math.inf, 1.0, 2.0],
+            [10.0, math.inf, 12.0],
+            [20.0, 21.0, math.inf],
+        ]
         assert found.apart.tolist() == [[0.0, -1.0, -2.0], [-10.0, 0.0, -12.0], [-20.0, -21.0, 0.0]]
         assert found.missed.tolist() == [5.0, 6.0, 7.0]
 
 
 @pytest.fixture
 def recommending(monkeypatch):
-    """Return a function that recommends for rivals where powers are told by (entry, seconds); a second usually takes
-    0.5 s; `asked` holds what was looked at."""
+    """Return a function that recommends for rivals where powers are told by (entry, seconds); a
+    second usually takes 0.5 s; `asked` holds what was looked at."""
     asked = SimpleNamespace(menus=[], tried=[])
 
     def recommend(powers, rivals=2, missed=None):
@@ -204,7 +237,11 @@ def recommending(monkeypatch):
             asked.tried.append((entry.name, len(own)))
             found = powers.get((entry.name, entry.seconds))
             away = (missed or {}).get(entry.name, 0.0)
-            return None if found is None else tried(found, 0.0, away, entry.name, entry.seconds, len(own))
+            return (
+                None
+                if found is None
+                else tried(found, 0.0, away, entry.name, entry.seconds, len(own))
+            )
 
         def chance(own, x):
             assert len(own) == len(x.told)
@@ -216,7 +253,9 @@ def recommending(monkeypatch):
         monkeypatch.setattr(following, "_tried", once)
         monkeypatch.setattr(following, "power", chance)
         campaign = Campaign("own", DRIVE, (), {}, {}, False)
-        return following.recommend(campaign, [(1.0 / rivals, judged(str(k))) for k in range(rivals)], 1.0)
+        return following.recommend(
+            campaign, [(1.0 / rivals, judged(str(k))) for k in range(rivals)], 1.0
+        )
 
     return recommend, asked
 
@@ -234,7 +273,9 @@ def test_twice_and_four_times_as_long_is_tried_where_nothing_is_sure(recommendin
     assert asked.menus == menus
 
 
-@pytest.mark.parametrize(("chance", "menus"), [(0.24, [0.5, 2.0]), (0.26, [0.5, 1.0, 2.0]), (0.12, [0.5])])
+@pytest.mark.parametrize(
+    ("chance", "menus"), [(0.24, [0.5, 2.0]), (0.26, [0.5, 1.0, 2.0]), (0.12, [0.5])]
+)
 def test_a_longer_recording_is_tried_where_it_promises_an_even_chance(recommending, chance, menus):
     recommend, asked = recommending
     recommend({("x", 0.5): chance})
@@ -261,7 +302,9 @@ def test_of_equal_chances_the_shorter_is_taken(recommending):
 def test_four_rivals_are_looked_at_on_three_entries(recommending, count, looked_at):
     """Five entries on the first two, the best three on all."""
     recommend, asked = recommending
-    found = recommend({(name, 0.5): 0.96 + 0.001 * k for k, name in enumerate("abcde")}, rivals=count)
+    found = recommend(
+        {(name, 0.5): 0.96 + 0.001 * k for k, name in enumerate("abcde")}, rivals=count
+    )
     assert len(found.separates) == looked_at
     assert asked.tried == [(n, 2) for n in "abcde"] + [(n, looked_at) for n in "edc"]
 

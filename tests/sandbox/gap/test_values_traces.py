@@ -22,13 +22,18 @@ def test_a_spectrums_bars_are_decibels_over_a_thousandth_of_the_floor(monkeypatc
 
 @pytest.mark.parametrize(("f", "width"), [([10.0], 1.0), ([10.0, 14.0], 4.0)])
 def test_a_bar_is_as_wide_as_two_are_apart(monkeypatch, f, width):
-    monkeypatch.setattr(traces.looks, "spectrum", lambda values, period: (np.array(f), np.ones(len(f))))
+    monkeypatch.setattr(
+        traces.looks, "spectrum", lambda values, period: (np.array(f), np.ones(len(f)))
+    )
     assert traces._spectrum(1e-3, {"after": None}).width == width
 
 
-@pytest.mark.parametrize(("samples", "step"), [(400_000, 1), (500_000, 2), (800_000, 2), (800_004, 3)])
+@pytest.mark.parametrize(
+    ("samples", "step"), [(400_000, 1), (500_000, 2), (800_000, 2), (800_004, 3)]
+)
 def test_a_trace_holds_400000_samples_of_a_recording(monkeypatch, samples, step):
-    """2 A recorded along d where 1 A along q is simulated, on a rotor that stands at 0.4, ... rad."""
+    """2 A recorded along d where 1 A along q is simulated, on a rotor that stands at 0.4, ...
+    rad."""
     monkeypatch.setattr(traces, "_spectrum", lambda *_: None)
     angle = 0.4 + 0.1 * np.arange(12)
 
@@ -36,10 +41,15 @@ def test_a_trace_holds_400000_samples_of_a_recording(monkeypatch, samples, step)
         return np.real(z[:, None] * np.exp(-2j * np.pi * np.arange(3) / 3.0))
 
     r = SimpleNamespace(
-        samples=samples, first=0, motion=SimpleNamespace(angle=angle), read=read(2.0 * np.exp(1j * angle))
+        samples=samples,
+        first=0,
+        motion=SimpleNamespace(angle=angle),
+        read=read(2.0 * np.exp(1j * angle)),
     )
     p = SimpleNamespace(currents=[None, read(1j * np.exp(1j * angle))[:, :, None]])
-    x = SimpleNamespace(current=read(3j * np.exp(1j * angle))[:, :, None], motion=np.ones((12, 1)), angle=None)
+    x = SimpleNamespace(
+        current=read(3j * np.exp(1j * angle))[:, :, None], motion=np.ones((12, 1)), angle=None
+    )
     found = dict(traces._recording(1, 1e-3, {"before": (r, p, x), "after": (r, p, x)}))
     few = -(-12 // step)
     assert found["current_d"].x[:3] == pytest.approx(step * 1e-3 * np.arange(3))
@@ -51,28 +61,42 @@ def test_a_trace_holds_400000_samples_of_a_recording(monkeypatch, samples, step)
     assert found["residual_d"].lines["after"] == pytest.approx(np.full(few, 2.0))
     assert found["motion"].lines["after"].tolist() == [1.0] * few
     assert "angle" not in found
-    assert [len(found[x].colours) for x in ("current_d", "residual_d", "residual_q", "motion")] == [3, 2, 2, 2]
+    assert [len(found[x].colours) for x in ("current_d", "residual_d", "residual_q", "motion")] == [
+        3,
+        2,
+        2,
+        2,
+    ]
 
 
 def test_a_trace_has_a_tab_of_each_recording(monkeypatch, tmp_path):
-    """What is shown of the second: its own inputs, the prediction of all, its own residual, before and after."""
+    """What is shown of the second: its own inputs, the prediction of all, its own residual, before
+    and after."""
     made = {}
     points = {
-        name: SimpleNamespace(name=name, prepared=SimpleNamespace(recordings=[f"{name} a", f"{name} b"]))
+        name: SimpleNamespace(
+            name=name, prepared=SimpleNamespace(recordings=[f"{name} a", f"{name} b"])
+        )
         for name in ("before", "after")
     }
-    monkeypatch.setattr(traces, "_seen", lambda p: (f"{p.name} all", [f"{p.name} 0", f"{p.name} 1"]))
+    monkeypatch.setattr(
+        traces, "_seen", lambda p: (f"{p.name} all", [f"{p.name} 0", f"{p.name} 1"])
+    )
     monkeypatch.setattr(traces, "decompose", lambda p, own: (p.name, own))
     monkeypatch.setattr(traces, "_whole", lambda a, parts: [("parts", parts)])
-    monkeypatch.setattr(traces, "_recording", lambda k, period, shown: [("plot", (k, period, shown))])
+    monkeypatch.setattr(
+        traces, "_recording", lambda k, period, shown: [("plot", (k, period, shown))]
+    )
     monkeypatch.setattr(traces, "_text", lambda a: "told")
     monkeypatch.setattr(traces, "write_series", lambda path, title, text, tabs: made.update(tabs))
     files = [SimpleNamespace(file=f"{x}.parquet") for x in "ab"]
     d = SimpleNamespace(
-        before=SimpleNamespace(point=points["before"]), after=SimpleNamespace(point=points["after"]), held_out=(1,),
+        before=SimpleNamespace(point=points["before"]),
+        after=SimpleNamespace(point=points["after"]),
+        held_out=(1,),
         start=SimpleNamespace(prepared=SimpleNamespace(recordings=files)),
         campaign=SimpleNamespace(name="x", drive=DRIVE),
-    )  # fmt: skip
+    )
     traces.write_traces(tmp_path, SimpleNamespace(diagnosis=d))
     assert list(made) == ["Overview", "a", "b, held out"]
     assert made["Overview"]["parts"]["after"] == ("after", ["after 0", "after 1"])
@@ -81,7 +105,8 @@ def test_a_trace_has_a_tab_of_each_recording(monkeypatch, tmp_path):
 
 
 def test_bars_of_width_one_stand_around_their_place(monkeypatch):
-    """Recordings 1 and 2, orders n: drawn from half before on; what is left, 2 of 8, in shares of the gap before."""
+    """Recordings 1 and 2, orders n: drawn from half before on; what is left, 2 of 8, in shares of
+    the gap before."""
     monkeypatch.setattr(traces, "waterfall", lambda a: (["before", "+ PWM delay"], [5.0, 1.0]))
     rows = [SimpleNamespace(before=4.0, after=2.0)] * 2
     parts = {
@@ -109,4 +134,7 @@ def test_recordings_are_numbered_from_one(monkeypatch):
     said = traces._text(SimpleNamespace(diagnosis=d))
     assert "One noise floor is 2 mA." in said
     found = said.splitlines()[-2:]
-    assert found == ["| 1 | a.parquet | 4.00 | 2.00 |", "| 2 | b.parquet (held out) | 3.00 | 1.00 |"]
+    assert found == [
+        "| 1 | a.parquet | 4.00 | 2.00 |",
+        "| 2 | b.parquet (held out) | 3.00 | 1.00 |",
+    ]

@@ -1,4 +1,5 @@
-"""Numbers of where a gap lies and of how large it is, by hand: bounds of regions, turns, lines, draws."""
+"""Numbers of where a gap lies and of how large it is, by hand: bounds of regions, turns, lines,
+draws."""
 
 import math
 from types import SimpleNamespace
@@ -32,18 +33,26 @@ def test_regions_by_hand(bounds, names, at):
 def test_a_current_below_two_hundredths_has_no_direction(monkeypatch, size, along):
     n = 17
     read = np.column_stack([np.full(n, size), np.zeros(n)]) @ LEGS.T  # along alpha, rated current 1
-    r = SimpleNamespace(read=read, samples=n, motion=SimpleNamespace(angle=np.zeros(n), speed=np.zeros(n)))
+    r = SimpleNamespace(
+        read=read, samples=n, motion=SimpleNamespace(angle=np.zeros(n), speed=np.zeros(n))
+    )
     r.mean_duty = lambda: np.ones((n, 2))
     drive = SimpleNamespace(motor=SimpleNamespace(rated_current=1.0))
     prepared = SimpleNamespace(recordings=[r], campaign=SimpleNamespace(drive=drive))
-    monkeypatch.setattr(decompose, "voltage_residual", lambda *_: np.column_stack([np.ones(n - 1), np.zeros(n - 1)]))
-    point, shown = SimpleNamespace(prepared=prepared, values={}), SimpleNamespace(current=np.zeros((n, 3, 1)))
+    monkeypatch.setattr(
+        decompose, "voltage_residual", lambda *_: np.column_stack([np.ones(n - 1), np.zeros(n - 1)])
+    )
+    point, shown = (
+        SimpleNamespace(prepared=prepared, values={}),
+        SimpleNamespace(current=np.zeros((n, 3, 1))),
+    )
     found = decompose._projected(point, 0, shown, np.random.default_rng(0))[0]
     assert found[:, 0] == pytest.approx(np.full(2, along))  # the voltage points along alpha, too
 
 
 def test_directions_are_shares_of_the_recordings_that_miss_voltage(monkeypatch):
-    """Two recordings, half the weight each, of which one misses none: the other's 4 : 1 along and across stays."""
+    """Two recordings, half the weight each, of which one misses none: the other's 4 : 1 along and
+    across stays."""
     missing = np.zeros((1, len(decompose.DIRECTIONS)))
     missing[0, :2] = 2.0, 1.0
     blocks = [
@@ -58,7 +67,8 @@ def test_directions_are_shares_of_the_recordings_that_miss_voltage(monkeypatch):
 
 
 def turned(per_turn, turns, order):
-    """Return a turning recording, and a space vector of amplitude 1 with an order of the rotor's frame."""
+    """Return a turning recording, and a space vector of amplitude 1 with an order of the rotor's
+    frame."""
     angle = (np.arange(round(per_turn * turns)) + 0.5) * math.tau / per_turn
     r = SimpleNamespace(rotor="driven", motion=SimpleNamespace(angle=angle), pole_pairs=1)
     return r, np.exp(1j * order * angle)
@@ -72,8 +82,8 @@ def test_a_turn_needs_twice_as_many_samples_as_orders(per_turn, seen):
 
 
 def test_electrical_orders_by_hand():
-    """An amplitude of 3 at order 2, two stretches of two turns with m samples each: 1.5 x 9 m - 2 a stretch, noise's
-    own variance taken off; orders from -13 to 13 and of slots."""
+    """An amplitude of 3 at order 2, two stretches of two turns with m samples each: 1.5 x 9 m - 2 a
+    stretch, noise's own variance taken off; orders from -13 to 13 and of slots."""
     r, z = turned(100, 4.5, 2)
     found = decompose._orders([r], [3.0 * z], 1.0)
     assert found[2] == pytest.approx(2 * (1.5 * 9.0 * 200 - 2.0))
@@ -82,10 +92,16 @@ def test_electrical_orders_by_hand():
 
 
 def test_mechanical_orders_by_hand():
-    """A cos(5 theta), two turns of n samples each: 2 ((A n/2)^2/n - 1) a turn, nothing at the 47 other orders; a turn
-    needs 96 samples."""
+    """A cos(5 theta), two turns of n samples each: 2 ((A n/2)^2/n - 1) a turn, nothing at the 47
+    other orders; a turn needs 96 samples."""
     r, _ = turned(200, 2.5, 0)
-    x = Residual("a", "free", np.zeros((len(r.motion.angle), 3, 1)), 3.0 * np.cos(5 * r.motion.angle)[:, None], None)
+    x = Residual(
+        "a",
+        "free",
+        np.zeros((len(r.motion.angle), 3, 1)),
+        3.0 * np.cos(5 * r.motion.angle)[:, None],
+        None,
+    )
     found = decompose._mechanical([r], [x], 1.0)
     assert list(found) == list(range(1, 49))
     assert found[5] == pytest.approx(2 * 2.0 * (9.0 * 200 / 4.0 - 1.0))
@@ -99,14 +115,19 @@ def test_an_amplitude_needs_thirty_blocks(count):
     none = np.zeros(count)
     found = decompose._amplitudes(np.full(count, 3.0), none, none, np.ones(count))[0, 1]
     assert found == pytest.approx(3.0 if count == 30 else math.nan, nan_ok=True)
-    beside = decompose._amplitudes(np.full(count, 5.0), np.full(count, 3.0), none, np.ones(count))[0, 1]
-    assert beside == pytest.approx(4.0 if count == 30 else math.nan, nan_ok=True)  # noise's squares taken off
+    beside = decompose._amplitudes(np.full(count, 5.0), np.full(count, 3.0), none, np.ones(count))[
+        0, 1
+    ]
+    # noise's squares taken off
+    assert beside == pytest.approx(4.0 if count == 30 else math.nan, nan_ok=True)
 
 
 @pytest.mark.parametrize(("times", "told"), [(25.0, False), (40.0, True)])
 def test_a_line_stands_thirty_times_above_its_neighbourhood(times, told):
-    """A pulse in the window's middle has a flat spectrum, 1 at each frequency of either sign; a turning vector in phase
-    with it stands on one bin: ((1 + w)^2 + 1) / 2 times the neighbourhood, w its amplitude times the window's sum."""
+    """A pulse in the window's middle has a flat spectrum, 1 at each frequency of either sign; a
+    turning vector in phase with it stands on one bin: ((1 + w)^2 + 1) / 2 times the neighbourhood,
+    w its amplitude times
+    the window's sum."""
     window, k, n = np.hanning(BINS), 300, np.arange(BINS)
     amplitude = (math.sqrt(2.0 * times - 1.0) - 1.0) / np.sum(window)
     middle = BINS // 2
@@ -115,7 +136,9 @@ def test_a_line_stands_thirty_times_above_its_neighbourhood(times, told):
     drive = SimpleNamespace(
         converter=SimpleNamespace(sampling_period=1e-4), injection=SimpleNamespace(frequency=1000.0)
     )
-    prepared = SimpleNamespace(recordings=[SimpleNamespace(rotor="locked")], campaign=SimpleNamespace(drive=drive))
+    prepared = SimpleNamespace(
+        recordings=[SimpleNamespace(rotor="locked")], campaign=SimpleNamespace(drive=drive)
+    )
     found = decompose._line(SimpleNamespace(prepared=prepared), [z], 1.0)
     assert (found is not None) == told
     if told:
@@ -123,17 +146,23 @@ def test_a_line_stands_thirty_times_above_its_neighbourhood(times, told):
 
 
 @pytest.mark.parametrize(
-    ("k", "beside", "told"), [(300, 2.5, False), (300, 4.5, True), (6, -100.5, False), (10, -100.5, True)]
+    ("k", "beside", "told"),
+    [(300, 2.5, False), (300, 4.5, True), (6, -100.5, False), (10, -100.5, True)],
 )
 def test_a_line_stands_apart_from_an_injections_harmonics_and_from_slow_changes(k, beside, told):
-    """A vector on bin k in the noise of readings; of a voltage injected so many bins below, what is within four bins of
-    a harmonic is its own; what is slower than eight bins is a change of the state."""
+    """A vector on bin k in the noise of readings; of a voltage injected so many bins below, what is
+    within four bins of a harmonic is its own; what is slower than eight bins is a change of the
+    state."""
     n, rng = np.arange(8 * BINS), np.random.default_rng(1)
-    z = 0.5 * np.exp(2j * np.pi * k * n / BINS) + 0.1 * (rng.standard_normal(n.size) + 1j * rng.standard_normal(n.size))
+    z = 0.5 * np.exp(2j * np.pi * k * n / BINS) + 0.1 * (
+        rng.standard_normal(n.size) + 1j * rng.standard_normal(n.size)
+    )
     rate = 1.0 / (BINS * 1e-4)
     injection = SimpleNamespace(frequency=(k - beside) * rate)
     drive = SimpleNamespace(converter=SimpleNamespace(sampling_period=1e-4), injection=injection)
-    prepared = SimpleNamespace(recordings=[SimpleNamespace(rotor="locked")], campaign=SimpleNamespace(drive=drive))
+    prepared = SimpleNamespace(
+        recordings=[SimpleNamespace(rotor="locked")], campaign=SimpleNamespace(drive=drive)
+    )
     found = decompose._line(SimpleNamespace(prepared=prepared), [z], 1.0)
     assert found is None or found[0] == pytest.approx(k * rate)
     assert (found is not None) == told
@@ -153,7 +182,11 @@ def test_three_values_are_looked_at(monkeypatch):
     prepared = SimpleNamespace(recordings=[SimpleNamespace(rotor="free")], samples=1)
     pair = ("cogging_torque.a", "cogging_torque.b")
     point = SimpleNamespace(prepared=prepared, values={})
-    assert spectrum.best_values(point, pair, "cogging_torque.order_mech", [1, 2, 3, 4, 5]) == [3.0, 5.0, 2.0]
+    assert spectrum.best_values(point, pair, "cogging_torque.order_mech", [1, 2, 3, 4, 5]) == [
+        3.0,
+        5.0,
+        2.0,
+    ]
 
 
 @pytest.mark.parametrize(("chance", "asked"), [(0.04, 0), (0.06, 1)])
@@ -163,13 +196,16 @@ def test_no_regression_where_nothing_outside_is_likely(monkeypatch, chance, aske
     monkeypatch.setattr(outside, "explained", lambda point: calls.append(1) or (0.0, 0.0))
     monkeypatch.setattr(outside, "residuals", lambda *_: [])
     monkeypatch.setattr(outside, "replay", lambda *_: None)
-    monkeypatch.setattr(outside, "excesses", lambda shown: dict.fromkeys(("current", "sum", "motion", "angle"), 0.0))
+    monkeypatch.setattr(
+        outside, "excesses", lambda shown: dict.fromkeys(("current", "sum", "motion", "angle"), 0.0)
+    )
     outside.outside(SimpleNamespace(turned=lambda: None, values={}), {}, chance)
     assert len(calls) == asked
 
 
 def test_where_nothing_was_asked_neither_side_predicts(monkeypatch):
-    """Of currents that no regression was made of the machine has six tenths, and of what effects could take up four."""
+    """Of currents that no regression was made of the machine has six tenths, and of what effects
+    could take up four."""
     monkeypatch.setattr(outside, "residuals", lambda *_: [])
     monkeypatch.setattr(outside, "replay", lambda *_: None)
     own = {"current": 10.0, "sum": 0.0, "motion": 0.0, "angle": 0.0}

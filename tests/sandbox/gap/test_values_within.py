@@ -1,4 +1,5 @@
-"""Numbers of what a bench may run of the menu, by hand: shrunk into limits of current, speed and voltage."""
+"""Numbers of what a bench may run of the menu, by hand: shrunk into limits of current, speed and
+voltage."""
 
 import dataclasses
 import math
@@ -15,7 +16,8 @@ from tests.sandbox.gap.entries import drive_at, entry_of
 
 
 def looked_at(monkeypatch, *peaks):
-    """An experiment has these peaks (current; or current, speed, voltage) when looked at again and again."""
+    """An experiment has these peaks (current; or current, speed, voltage) when looked at again and
+    again."""
     found = iter([Peaks(*x) if isinstance(x, tuple) else Peaks(x, 0.0, 0.0) for x in peaks])
     monkeypatch.setattr(limiting, "_peaks", lambda entry, drive: next(found))
 
@@ -23,15 +25,24 @@ def looked_at(monkeypatch, *peaks):
 @pytest.mark.parametrize(
     ("peaks", "share"),
     [
-        ([0.9], 1.0), ([1.2, 0.9], 1.0 / 1.2),  # inside; a fifth too much
+        ([0.9], 1.0),
+        ([1.2, 0.9], 1.0 / 1.2),  # inside; a fifth too much
         ([2.0, 1.1, 0.9], 0.45),  # half, and 0.99 / 1.1 of that
-        ([19.0, 0.9], 1.0 / 19.0), ([21.0, 0.9], 0.5), ([math.inf, 0.9], 0.5),  # near, too far, not possible
-        ([19.0, 1.04, 0.9], 0.99 / 19.0 / 1.04), ([19.0, 1.06, 0.9], None),  # 0.0501 and 0.0492 of its currents
-        ([1.01] * 11 + [0.9], (0.99 / 1.01) ** 10 / 1.01), ([1.01] * 12 + [0.9], None),  # looked at twelve times
+        # near, too far, not possible
+        ([19.0, 0.9], 1.0 / 19.0),
+        ([21.0, 0.9], 0.5),
+        ([math.inf, 0.9], 0.5),
+        # 0.0501 and 0.0492 of its currents
+        ([19.0, 1.04, 0.9], 0.99 / 19.0 / 1.04),
+        ([19.0, 1.06, 0.9], None),
+        # looked at twelve times
+        ([1.01] * 11 + [0.9], (0.99 / 1.01) ** 10 / 1.01),
+        ([1.01] * 12 + [0.9], None),
     ],
-)  # fmt: skip
+)
 def test_currents_shrink_into_a_limit_by_hand(monkeypatch, peaks, share):
-    """Of 1 A: the first proportion, then 0.99 of it; what the link and the speed are is not touched."""
+    """Of 1 A: the first proportion, then 0.99 of it; what the link and the speed are is not
+    touched."""
     looked_at(monkeypatch, *peaks)
     found = within(entry_of(i_d=2.0, i_q=-3.0, speed=50.0), drive_at(), Limits(current=1.0))
     if share is None:
@@ -46,7 +57,11 @@ def test_an_imposed_speed_is_shrunk_where_the_voltage_does_not_suffice(monkeypat
     """Twice the current a bench may have; 0.95 of 100 V is what it may use."""
     looked_at(monkeypatch, (2.0, 0.0, volts), (0.9, 0.0, 0.0))
     drive = drive_at()
-    found = within(entry_of(i_q=1.0, speed=50.0), drive, Limits(current=1.0, voltage=drive.converter.dc_bus_voltage))
+    found = within(
+        entry_of(i_q=1.0, speed=50.0),
+        drive,
+        Limits(current=1.0, voltage=drive.converter.dc_bus_voltage),
+    )
     assert (found.i_q[0], found.speed[0]) == pytest.approx((0.5, 50.0 * turning))
 
 
@@ -54,7 +69,9 @@ def test_an_imposed_speed_is_shrunk_where_the_voltage_does_not_suffice(monkeypat
 def test_the_link_is_that_of_the_bench(monkeypatch, limit, link):
     looked_at(monkeypatch, 0.0)
     drive = drive_at()
-    found = within(entry_of(i_q=1.0, link=0.8), drive, Limits(voltage=limit * drive.converter.dc_bus_voltage))
+    found = within(
+        entry_of(i_q=1.0, link=0.8), drive, Limits(voltage=limit * drive.converter.dc_bus_voltage)
+    )
     assert found.link == pytest.approx(link)
 
 
@@ -77,7 +94,9 @@ def test_a_room_by_hand():
     )
     assert dataclasses.astuple(limiting._room(driven, drive, NO_LIMITS)) == (math.inf,) * 3
     for entry in (free, driven):
-        assert dataclasses.astuple(limiting._room(entry, drive, held)) == pytest.approx((3.0, 100.0, 47.5))
+        assert dataclasses.astuple(limiting._room(entry, drive, held)) == pytest.approx(
+            (3.0, 100.0, 47.5)
+        )
 
 
 @pytest.mark.parametrize("worst", [0, 1, 2])
@@ -87,20 +106,29 @@ def test_the_worst_of_three_counts(worst):
 
 
 def test_peaks_are_looked_for_every_millisecond(monkeypatch):
-    """At 4 kHz every fourth sample: a speed at the second one is not seen, one at the fifth is, and what the motor
-    needs for it: 100 rad/s times 0.16 Wb; below 1 kHz every one.  A motor
+    """At 4 kHz every fourth sample: a speed at the second one is not seen, one at the fifth is, and
+    what the motor needs for it: 100 rad/s times 0.16 Wb; below 1 kHz every one.  A motor
     that cannot have such currents is far beyond every limit."""
     drive = drive_at(0.25e-3)
     monkeypatch.setattr(limiting, "complete", lambda *_: {})
     monkeypatch.setattr(limiting, "shaft", lambda values, slow: slow.converter.sampling_period)
-    for at, period, seen in ((1, 0.25e-3, 0.0), (2, 0.25e-3, 0.0), (4, 0.25e-3, 100.0), (1, 2e-3, 100.0)):
+    for at, period, seen in (
+        (1, 0.25e-3, 0.0),
+        (2, 0.25e-3, 0.0),
+        (4, 0.25e-3, 100.0),
+        (1, 2e-3, 100.0),
+    ):
         speed = np.zeros(9)
         speed[at] = -100.0
         found = limiting._peaks(entry_of(speed=speed, n=9), drive_at(period))
         assert dataclasses.astuple(found) == pytest.approx((0.0, seen, 0.16 * seen))
     periods = []
     monkeypatch.setattr(
-        limiting, "demand", lambda thin, slow, motion: periods.append((slow.converter.sampling_period, motion)) or 1 / 0
+        limiting,
+        "demand",
+        lambda thin, slow, motion: (
+            periods.append((slow.converter.sampling_period, motion)) or 1 / 0
+        ),
     )
     with pytest.raises(ZeroDivisionError):
         limiting._peaks(entry_of(n=9), drive)
@@ -116,12 +144,16 @@ def test_peaks_are_looked_for_every_millisecond(monkeypatch):
 @pytest.mark.parametrize(
     ("currents", "injection", "expected"),
     [
-        ((0.5, 0.0), (4.0, 0.0), 0.7), ((-0.5, 0.0), (4.0, 0.0), 0.7),
-        ((0.0, 0.5), (0.0, 4.0), 0.6), ((0.0, -0.5), (0.0, 4.0), 0.6),
-        ((0.3, 0.4), (0.0, 0.0), 0.5), ((0.3, 0.4), (4.0, 8.0), math.hypot(0.5, 0.6)),
+        ((0.5, 0.0), (4.0, 0.0), 0.7),
+        ((-0.5, 0.0), (4.0, 0.0), 0.7),
+        ((0.0, 0.5), (0.0, 4.0), 0.6),
+        ((0.0, -0.5), (0.0, 4.0), 0.6),
+        ((0.3, 0.4), (0.0, 0.0), 0.5),
+        ((0.3, 0.4), (4.0, 8.0), math.hypot(0.5, 0.6)),
     ],
-)  # fmt: skip
+)
 def test_an_injections_ripple_by_hand(currents, injection, expected):
-    """4 V over half a wave, four samples of 1/1600 s, are 0.01 Wb: 0.2 A in 0.05 H and 0.1 A in 0.1 H, either way."""
+    """4 V over half a wave, four samples of 1/1600 s, are 0.01 Wb: 0.2 A in 0.05 H and 0.1 A in 0.1
+    H, either way."""
     entry = entry_of("locked", *(np.array([0.0, x]) for x in currents), n=2, injection=injection)
     assert largest_current(entry, drive_at()) == pytest.approx(expected)

@@ -1,4 +1,5 @@
-"""How the gap shrinks from effect to effect: on real fits, those that have not seen the recordings held out."""
+"""How the gap shrinks from effect to effect: on real fits, those that have not seen the recordings
+held out."""
 
 import dataclasses
 
@@ -16,12 +17,14 @@ from sandbox.gap.report.shares import with_part
 
 
 def test_without_its_effects_a_fit_is_the_one_before(small_answers):
-    """Ordinary deviations that follow the missing effect by algebra stand where a fit of them alone ends: what is left
-    on the recordings held out agrees within the tenth that replay and slopes differ by at 20 floors."""
+    """Ordinary deviations that follow the missing effect by algebra stand where a fit of them alone
+    ends: what is left on the recordings held out agrees within the tenth that replay and slopes
+    differ by at 20 floors."""
     d = small_answers.diagnosis
     assert d.held_out
     part = with_part(d, d.after.effects)
-    assert part.values["dead_time.time"] == pytest.approx(0.0, abs=4.0 * 0.2e-6)  # an ordinary deviation again
+    # an ordinary deviation again
+    assert part.values["dead_time.time"] == pytest.approx(0.0, abs=4.0 * 0.2e-6)
     assert rms(normal(part, ()), d.held_out) == pytest.approx(d.size.before, rel=0.1)
     assert rms(normal(with_part(d, ()), ()), d.held_out) == pytest.approx(d.size.after, rel=1e-3)
 
@@ -30,7 +33,10 @@ def test_a_step_knows_nothing_of_the_recordings_held_out(small_answers):
     """What they say is replaced by nonsense in the fit's equations: the point stays."""
     d = small_answers.diagnosis
     n = d.after.normal
-    spoilt = [dataclasses.replace(s, g=1e3 * s.g + 1.0) if s.recording in d.held_out else s for s in n.segments]
+    spoilt = [
+        dataclasses.replace(s, g=1e3 * s.g + 1.0) if s.recording in d.held_out else s
+        for s in n.segments
+    ]
     other = dataclasses.replace(
         d, after=dataclasses.replace(d.after, normal=dataclasses.replace(n, segments=tuple(spoilt)))
     )
@@ -53,4 +59,6 @@ def test_one_effect_has_a_waterfall_on_page_and_trace(small_answers, tmp_path):
     assert list(drawn.lines) == ["1_before", "2_dead_time", "3_noise"]
     assert np.array(list(drawn.lines.values())) == pytest.approx(np.diag(levels))
     write_report(tmp_path / "r.html", small_answers)
-    assert "as effects are added one after the other" in (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "as effects are added one after the other" in (tmp_path / "r.html").read_text(
+        encoding="utf-8"
+    )

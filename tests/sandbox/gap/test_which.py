@@ -1,4 +1,5 @@
-"""The badge and the answer to "which": what `unknown` is called, and that both and the next step agree."""
+"""The badge and the answer to "which": what `unknown` is called, and that both and the next step
+agree."""
 
 from types import SimpleNamespace
 
@@ -19,11 +20,19 @@ from tests.sandbox.gap.conftest import DRIVE
 
 def diagnosis(*found, closed=0.5):
     """A diagnosis of these (effects, probability)."""
-    hypotheses = [SimpleNamespace(effects=e, probability=p, evaluated=SimpleNamespace(effects=A)) for e, p in found]
+    hypotheses = [
+        SimpleNamespace(effects=e, probability=p, evaluated=SimpleNamespace(effects=A))
+        for e, p in found
+    ]
     own = SimpleNamespace(
-        hypotheses=hypotheses, best=hypotheses[0], size=SimpleNamespace(closed=closed), out_of_sight=(),
-        parameters=[{}], evaluated=(), campaign=SimpleNamespace(limits=None, recordings=()),
-    )  # fmt: skip
+        hypotheses=hypotheses,
+        best=hypotheses[0],
+        size=SimpleNamespace(closed=closed),
+        out_of_sight=(),
+        parameters=[{}],
+        evaluated=(),
+        campaign=SimpleNamespace(limits=None, recordings=()),
+    )
     own.ambiguity_set = Diagnosis.ambiguity_set.fget(own)
     return own
 
@@ -35,8 +44,10 @@ U, A, AU = ("unknown",), ("dead_time",), ("dead_time", "unknown")
     ("told", "closed", "expected"),
     [
         ([(U, 0.97)], None, "unknown"),
-        ([(U, 0.51), (A, 0.49)], 0.5, "unknown"),  # more likely than not; the sentence says that it may be A
-        ([(U, 0.45), (A, 0.30), ((), 0.25)], 0.5, "ambiguous"),  # less than half: not "not in the library"
+        # more likely than not; the sentence says that it may be A
+        ([(U, 0.51), (A, 0.49)], 0.5, "unknown"),
+        # less than half: not "not in the library"
+        ([(U, 0.45), (A, 0.30), ((), 0.25)], 0.5, "ambiguous"),
         ([(U, 0.40), (AU, 0.15), (A, 0.45)], 0.5, "ambiguous"),  # the most probable is A alone
         ([(U, 0.46), (AU, 0.10), (A, 0.44)], 0.98, "unknown"),  # 0.56 in all
         ([(U, 0.90), ((), 0.10)], 0.5, "unknown"),  # no likely hypothesis names an effect
@@ -63,30 +74,34 @@ def test_the_answer_agrees_with_what_is_recommended():
     d = diagnosis((U, 0.88), (("dc_link_ripple", "dead_time", "unknown"), 0.10), closed=0.4)
     said = which_text(d)
     assert badge(d) == "unknown"
-    assert said.startswith("None for sure: that something outside the library is at work is 98 % probable.")
-    assert said.endswith("Perhaps DC link ripple + dead time with something outside the library (10 %).")
+    assert said.startswith(
+        "None for sure: that something outside the library is at work is 98 % probable."
+    )
+    assert said.endswith(
+        "Perhaps DC link ripple + dead time with something outside the library (10 %)."
+    )
     a = SimpleNamespace(diagnosis=d, following=None, verdict="unknown", odd_phase=None)
     assert answers.next_text(a).startswith("Recordings that show more, for DC link ripple:")
     alone = diagnosis((U, 0.98))
     assert badge(alone) == "unknown"
     assert which_text(alone).startswith("None in the library")
-    assert answers.next_text(SimpleNamespace(diagnosis=alone, following=None, verdict="unknown", odd_phase=None)) == (
-        "No effect is known that a recording could confirm."
-    )
+    assert answers.next_text(
+        SimpleNamespace(diagnosis=alone, following=None, verdict="unknown", odd_phase=None)
+    ) == ("No effect is known that a recording could confirm.")
 
 
 def test_what_closes_nearly_all_is_told():
     assert which_text(diagnosis((U, 0.97), closed=0.991)) == (
-        "None for sure: that something outside the library is at work is 97 % probable, although with dead time 99.1 % "
-        "of the gap closes."
+        "None for sure: that something outside the library is at work is 97 % probable, although "
+        "with dead time 99.1 % of the gap closes."
     )
 
 
 def test_less_than_half_is_told_as_an_ambiguity():
     said = which_text(diagnosis((U, 0.40), (A, 0.35), ((), 0.25)))
     assert said == (
-        "These recordings cannot tell apart: something outside the library (40 %); or dead time (35 %); or no effect "
-        "(25 %)."
+        "These recordings cannot tell apart: something outside the library (40 %); or dead time "
+        "(35 %); or no effect (25 %)."
     )
 
 
@@ -94,9 +109,15 @@ MANY = ("current_filter", "dead_time", "device_drop", "stator_resistance")
 
 
 def test_many_effects_are_listed_by_their_share_and_not_by_sixteen_numbers():
-    shares = {"stator_resistance": 0.495, "dead_time": 0.281, "device_drop": 0.265, "current_filter": -0.041}
+    shares = {
+        "stator_resistance": 0.495,
+        "dead_time": 0.281,
+        "device_drop": 0.265,
+        "current_filter": -0.041,
+    }
     assert which_text(diagnosis((MANY, 0.964)), shares) == (
-        "4 effects at once, 96 % probable. By their share of the gap: stator resistance (49.5 %), dead time (28.1 %), "
+        "4 effects at once, 96 % probable. By their share of the gap: stator resistance "
+        "(49.5 %), dead time (28.1 %), "
         "device drop (26.5 %), current filter (-4.1 %). Their sizes stand below."
     )
     assert "device drop (26.5 %); with hardly any: current filter. Their" in which_text(
@@ -109,50 +130,77 @@ def test_three_effects_are_told_with_their_numbers():
         "Current filter + dead time + device drop, 97 % probable: no parameter."
     )
     two = which_text(diagnosis((MANY[:3], 0.6), (MANY[:2], 0.4)))
-    assert two.startswith("These recordings cannot tell apart: current filter + dead time + device drop (60 %); or")
+    assert two.startswith(
+        "These recordings cannot tell apart: current filter + dead time + device drop (60 %); or"
+    )
 
 
 def test_a_few_effects_stand_in_the_order_of_their_share():
     shares = {"current_filter": 0.1, "dead_time": 0.3, "device_drop": 0.6}
     assert which_text(diagnosis((MANY[:3], 0.97)), shares).startswith(
-        "Device drop (60.0 % of the gap) + dead time (30.0 % of the gap) + current filter (10.0 % of the gap), 97 %"
+        "Device drop (60.0 % of the gap) + dead time (30.0 % of the gap) + current "
+        "filter (10.0 % of the gap), 97 %"
     )
 
 
 def test_shares_stand_beside_something_outside_too():
-    """In the order of their share, with it; one effect's, too, as the rest of the gap is nobody's."""
-    both, shares = ("current_gain", "iron_loss", "unknown"), {"current_gain": 0.021, "iron_loss": 0.197}
+    """In the order of their share, with it; one effect's, too, as the rest of the gap is
+    nobody's."""
+    both, shares = (
+        ("current_gain", "iron_loss", "unknown"),
+        {"current_gain": 0.021, "iron_loss": 0.197},
+    )
     assert which_text(diagnosis((both, 0.99)), shares).endswith(
         "of it: iron loss (19.7 % of the gap) + current gain (2.1 % of the gap)."
     )
-    assert which_text(diagnosis((AU, 0.99)), {"dead_time": 0.4}).endswith("of it: dead time (40.0 % of the gap).")
-    found = which_text(diagnosis((MANY[:3], 0.5), (MANY[1:], 0.5)), {"device_drop": 0.6, "dead_time": 0.3})
-    assert found.startswith("These recordings cannot tell apart: device drop + dead time + current filter (50 %); or")
+    assert which_text(diagnosis((AU, 0.99)), {"dead_time": 0.4}).endswith(
+        "of it: dead time (40.0 % of the gap)."
+    )
+    found = which_text(
+        diagnosis((MANY[:3], 0.5), (MANY[1:], 0.5)), {"device_drop": 0.6, "dead_time": 0.3}
+    )
+    assert found.startswith(
+        "These recordings cannot tell apart: device drop + dead time + current filter (50 %); or"
+    )
 
 
 def test_effects_of_every_likely_set_are_told_as_sure():
     two = ("dead_time", "magnet_flux")
     d = diagnosis((two, 0.945), ((*two, "unknown"), 0.055))
     assert which_text(d, {"dead_time": 0.172, "magnet_flux": 0.828}) == (
-        "Magnet flux (82.8 % of the gap) + dead time (17.2 % of the gap) are in every likely set. Not sure beside "
-        "them: something outside the library (6 %)."
+        "Magnet flux (82.8 % of the gap) + dead time (17.2 % of the gap) are in every likely set. "
+        "Not sure beside them: something outside the library (6 %)."
     )
-    a = SimpleNamespace(diagnosis=d, following=None, verdict="ambiguous", odd_phase=None, shares={"magnet_flux": 0.8})
+    a = SimpleNamespace(
+        diagnosis=d,
+        following=None,
+        verdict="ambiguous",
+        odd_phase=None,
+        shares={"magnet_flux": 0.8},
+    )
     assert answers.next_text(a).startswith("Nothing is needed to name magnet flux and dead time.")
     alone = which_text(diagnosis((A, 0.9), (AU, 0.1)), {"dead_time": 0.9})
     assert alone.startswith("Dead time is in every likely set. Not sure beside it: something")
 
 
 def test_an_odd_phase_outside_leads_to_exchanging_sensors():
-    """Not to recordings for effects of a few per cent; where nothing is outside, the effect's own recording."""
+    """Not to recordings for effects of a few per cent; where nothing is outside, the effect's own
+    recording."""
     both = ("current_gain", "iron_loss", "unknown")
-    a = SimpleNamespace(diagnosis=diagnosis((both, 0.99)), following=None, verdict="unknown",
-                        odd_phase=OddPhase("a", 5.0), shares={})  # fmt: skip
+    a = SimpleNamespace(
+        diagnosis=diagnosis((both, 0.99)),
+        following=None,
+        verdict="unknown",
+        odd_phase=OddPhase("a", 5.0),
+        shares={},
+    )
     found = answers.next_text(a)
     assert found.startswith("Exchange the current sensors of phases a and b, ")
     assert "record again" in found
     assert "iron loss" not in found
-    assert OddPhase("b", None).exchange.startswith("Exchange the current sensors of phases b and a,")
+    assert OddPhase("b", None).exchange.startswith(
+        "Exchange the current sensors of phases b and a,"
+    )
     a.diagnosis = diagnosis((A, 0.9), (("iron_loss",), 0.1))
     a.verdict = "ambiguous"
     assert "Exchange" not in answers.next_text(a)
@@ -161,8 +209,12 @@ def test_an_odd_phase_outside_leads_to_exchanging_sensors():
 def test_an_angle_that_was_made_may_be_what_is_outside():
     d = diagnosis((U, 0.99))
     d.campaign.recordings = [SimpleNamespace(made=Made("'hall'", 0.1)), SimpleNamespace(made=None)]
-    a = SimpleNamespace(diagnosis=d, following=None, verdict="unknown", odd_phase=OddPhase("a", 5.0), shares={})
-    assert answers.next_text(a).startswith("Log the rotor's angle: what one made from 'hall' misses counts as")
+    a = SimpleNamespace(
+        diagnosis=d, following=None, verdict="unknown", odd_phase=OddPhase("a", 5.0), shares={}
+    )
+    assert answers.next_text(a).startswith(
+        "Log the rotor's angle: what one made from 'hall' misses counts as"
+    )
     a.diagnosis.hypotheses = diagnosis((A, 0.9), (U, 0.1)).hypotheses
     assert "Log the rotor" not in answers.next_text(a)
 
@@ -172,16 +224,21 @@ def ranked(parameters, shares=None):
     own = {e: {k: Estimate(v, v, v, "") for k, v in of.items()} for e, of in parameters.items()}
     of = {e: SimpleNamespace(value=x) for e, x in (shares or {}).items()}
     chances = dict.fromkeys(parameters, 0.9)
-    return SimpleNamespace(parameters=own, inclusion=SimpleNamespace(chances=chances), shares=SimpleNamespace(of=of))
+    return SimpleNamespace(
+        parameters=own, inclusion=SimpleNamespace(chances=chances), shares=SimpleNamespace(of=of)
+    )
 
 
 def test_each_named_effect_says_what_to_do():
-    """The largest share first; an effect that only some likely sets hold behind an "if"; sizes in a user's units."""
+    """The largest share first; an effect that only some likely sets hold behind an "if"; sizes in a
+    user's units."""
     both = ("dead_time", "stator_resistance")
     d = diagnosis((both, 0.97))
     d.campaign.drive = DRIVE
-    values = {"dead_time": {"dead_time.time": 2e-6},
-              "stator_resistance": {"stator_resistance.resistance": 1.15 * DRIVE.motor.resistance}}  # fmt: skip
+    values = {
+        "dead_time": {"dead_time.time": 2e-6},
+        "stator_resistance": {"stator_resistance.resistance": 1.15 * DRIVE.motor.resistance},
+    }
     r = ranked(values, {"dead_time": 0.2, "stator_resistance": 0.8})
     first, second = todo(d, r)
     assert first.startswith("Stator resistance: R +15 %: winding 38 K warmer")
@@ -190,16 +247,28 @@ def test_each_named_effect_says_what_to_do():
     assert todo(diagnosis(((), 0.97)), r) == []
     one = diagnosis((both, 0.6), (("dead_time",), 0.4))
     one.campaign.drive = DRIVE
-    assert [t.partition(":")[0] for t in todo(one, r)] == ["If it is stator resistance", "Dead time"]
+    assert [t.partition(":")[0] for t in todo(one, r)] == [
+        "If it is stator resistance",
+        "Dead time",
+    ]
     out = diagnosis((AU, 0.97))
     out.campaign.drive = DRIVE
     (found,) = todo(out, r)
-    assert found.startswith("Find first what is outside the library: it may bend these sizes. Then, dead time: set")
+    assert found.startswith(
+        "Find first what is outside the library: it may bend these sizes. Then, dead time: set"
+    )
 
 
 def test_half_a_percent_of_the_gap_is_told():
-    shares = {"stator_resistance": 0.5, "dead_time": 0.3, "device_drop": 0.194, "current_filter": 0.006}
-    assert "device drop (19.4 %), current filter (0.6 %). Their" in which_text(diagnosis((MANY, 0.97)), shares)
+    shares = {
+        "stator_resistance": 0.5,
+        "dead_time": 0.3,
+        "device_drop": 0.194,
+        "current_filter": 0.006,
+    }
+    assert "device drop (19.4 %), current filter (0.6 %). Their" in which_text(
+        diagnosis((MANY, 0.97)), shares
+    )
 
 
 def test_what_many_effects_have_in_common_is_sure():
@@ -208,33 +277,48 @@ def test_what_many_effects_have_in_common_is_sure():
     rest = tuple(e for e in MANY if e != "current_filter")
     found = ((MANY, 0.55), (rest, 0.41), ((*rest, "unknown"), 0.04))
     assert which_text(diagnosis(*found), shares) == (
-        "3 effects are in every likely set. By their share of the gap: stator resistance (50.0 %), dead time (30.0 %), "
-        "device drop (20.0 %). Their sizes stand below. Not sure beside them: current filter (55 %)."
+        "3 effects are in every likely set. By their share of the gap: stator resistance (50.0 "
+        "%), dead time (30.0 %), device drop (20.0 %). Their sizes stand below. Not sure beside "
+        "them: current filter (55 %)."
     )
 
 
 def test_chances_in_the_sentence_are_those_of_the_list():
     """Beside a free regression an effect may be less sure than the hypotheses that hold it."""
     rest = tuple(e for e in MANY if e != "current_filter")
-    said = which_text(diagnosis((MANY, 0.55), (rest, 0.41), ((*rest, "unknown"), 0.04)), {}, {"current_filter": 0.3})
+    said = which_text(
+        diagnosis((MANY, 0.55), (rest, 0.41), ((*rest, "unknown"), 0.04)),
+        {},
+        {"current_filter": 0.3},
+    )
     assert "Not sure beside them: current filter (30 %)." in said
 
 
 def test_rows_of_many_effects_are_told_by_their_difference_from_the_first():
-    first, rest, few = (SimpleNamespace(effects=e) for e in (MANY, (*MANY[1:], "inertia", "unknown"), MANY[:3]))
-    assert listed.beside_first(rest, first) == "as row 1, with inertia and unknown, without current filter"
-    assert listed.beside_first(first, first) == "current filter + dead time + device drop + stator resistance"
+    first, rest, few = (
+        SimpleNamespace(effects=e) for e in (MANY, (*MANY[1:], "inertia", "unknown"), MANY[:3])
+    )
+    assert (
+        listed.beside_first(rest, first)
+        == "as row 1, with inertia and unknown, without current filter"
+    )
+    assert (
+        listed.beside_first(first, first)
+        == "current filter + dead time + device drop + stator resistance"
+    )
     assert listed.beside_first(few, first) == "current filter + dead time + device drop"
 
 
 def test_many_effects_without_shares_are_all_named():
     assert which_text(diagnosis((MANY, 0.97))) == (
-        "4 effects at once, 97 % probable. They are: current filter, dead time, device drop, stator resistance. Their "
-        "sizes stand below."
+        "4 effects at once, 97 % probable. They are: current filter, dead time, device drop, "
+        "stator resistance. Their sizes stand below."
     )
 
 
-@pytest.mark.parametrize(("chance", "said"), [(0.62, "skin effect (62 %)"), (0.84, "skin effect (84 %)"), (0.87, "")])
+@pytest.mark.parametrize(
+    ("chance", "said"), [(0.62, "skin effect (62 %)"), (0.84, "skin effect (84 %)"), (0.87, "")]
+)
 def test_an_effect_less_sure_than_its_set_is_explained(chance, said):
     d = diagnosis((("dead_time", "skin_effect"), 0.96), (("dead_time",), 0.04))
     inclusion = SimpleNamespace(chances={"dead_time": 1.0, "skin_effect": chance, "inertia": 0.02})
@@ -246,7 +330,8 @@ def test_an_effect_less_sure_than_its_set_is_explained(chance, said):
 
 
 def test_nothing_has_no_sign():
-    """A share of -0.0002 is none to a tenth of a percent, and so is a move of -0.001 degrees to a hundredth."""
+    """A share of -0.0002 is none to a tenth of a percent, and so is a move of -0.001 degrees to a
+    hundredth."""
     assert (tenths(-0.0002), tenths(-0.0007), tenths(0.0)) == ("0.0 %", "-0.1 %", "0.0 %")
     assert listed._moved(Moved(-0.001, 0.004)) == "+0.00\u00b0 (+0.00\u00b0)"
 

@@ -10,13 +10,15 @@ from tests.sandbox.gap.conftest import DRIVE, small_campaign
 
 FLUX = 0.8 * DRIVE.motor.magnet_flux
 CASES = (
-    ("driven_slow", "driven", 10.0, 20.0), ("driven_middle", "driven", 30.0, 22.0),
+    ("driven_slow", "driven", 10.0, 20.0),
+    ("driven_middle", "driven", 30.0, 22.0),
     ("driven_fast", "driven", 60.0, 25.0),
-)  # fmt: skip
+)
 
 
 def without_angle(folder, seed=3):
-    """Write the recordings with erpm in whole numbers and no angle; return the campaign as it is read."""
+    """Write the recordings with erpm in whole numbers and no angle; return the campaign as it is
+    read."""
     own = small_campaign({"magnet_flux.magnet_flux": FLUX}, CASES)
     write_campaign(folder, own)
     text = (folder / "campaign.toml").read_text().replace(".parquet", ".csv")
@@ -27,7 +29,9 @@ def without_angle(folder, seed=3):
         columns["erpm"] = np.round(speed + rng.normal(0.0, 3.0, len(r.t)))
         rows = np.column_stack(list(columns.values()))
         name = r.file.replace(".parquet", ".csv")
-        np.savetxt(folder / name, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+        np.savetxt(
+            folder / name, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g"
+        )
     (folder / "campaign.toml").write_text(text)
     (folder / "m.toml").write_text('[columns]\nspeed = {column = "erpm", unit = "rpm"}\n')
     return read_recordings(folder, folder / "m.toml")
@@ -44,4 +48,7 @@ def test_a_weak_magnet_is_found_and_nothing_false_is_sure(tmp_path):
     assert sure <= {"magnet_flux"}
     value = d.parameters[0]["magnet_flux.magnet_flux"].value
     assert abs(value / FLUX - 1.0) < 5e-3
-    assert "No angle was read: encoder eccentricity, encoder offset were no candidates" in which_text(d)
+    assert (
+        "No angle was read: encoder eccentricity, encoder offset were no candidates"
+        in which_text(d)
+    )

@@ -13,8 +13,8 @@ ORDERS = {7: (0.02, 1.0), 12: (0.012, -2.0), 36: (0.006, 0.3)}  # N m, rad
 
 @njit
 def _turned(goal, h, inertia, friction, teeth, lag):
-    """Return angle (rad) and shown current (A) at each step; friction: dry (N m), viscous, of a fan; teeth: order,
-    N m, rad, a row each."""
+    """Return angle (rad) and shown current (A) at each step; friction: dry (N m), viscous, of a
+    fan; teeth: order, N m, rad, a row each."""
     steps = len(goal)
     theta, shown = np.zeros(steps), np.zeros(steps)
     angle, omega, total, late = 0.3, 0.0, 0.0, 0.0
@@ -24,7 +24,9 @@ def _turned(goal, h, inertia, friction, teeth, lag):
         i = 0.4 * (goal[k] - omega) + 8.0 * total
         late += h / lag * (i - late) if lag else i - late
         theta[k], shown[k] = angle, late
-        torque = CONSTANT * i - dry * math.tanh(omega / 0.2) - viscous * omega - fan * omega * abs(omega)
+        torque = (
+            CONSTANT * i - dry * math.tanh(omega / 0.2) - viscous * omega - fan * omega * abs(omega)
+        )
         for n, size, phase in teeth:
             torque += size * math.sin(n * angle + phase)
         omega += h * torque / inertia
@@ -32,8 +34,21 @@ def _turned(goal, h, inertia, friction, teeth, lag):
     return theta, shown
 
 
-def shaft(seed, run, *, inertia=INERTIA, dry=0.0, viscous=0.0, orders=(), fan=0.0, lag=0.0, noise=0.02, seconds=6.0):
-    """A speed-controlled run (its course in rad/s over time), 20 kHz Euler steps, logged unevenly by counts."""
+def shaft(
+    seed,
+    run,
+    *,
+    inertia=INERTIA,
+    dry=0.0,
+    viscous=0.0,
+    orders=(),
+    fan=0.0,
+    lag=0.0,
+    noise=0.02,
+    seconds=6.0,
+):
+    """A speed-controlled run (its course in rad/s over time), 20 kHz Euler steps, logged unevenly
+    by counts."""
     rng, h = np.random.default_rng(seed), 5e-5
     steps = round(seconds / h)
     t = np.arange(steps) * h
@@ -47,7 +62,9 @@ def shaft(seed, run, *, inertia=INERTIA, dry=0.0, viscous=0.0, orders=(), fan=0.
 
 
 def campaign(*recordings, inertia=INERTIA):
-    return MotionCampaign("bench", CONSTANT, inertia, 0.0, {}, None, COUNT, recordings, (), "no voltages")
+    return MotionCampaign(
+        "bench", CONSTANT, inertia, 0.0, {}, None, COUNT, recordings, (), "no voltages"
+    )
 
 
 def both_ways(t):

@@ -1,5 +1,6 @@
-"""A measured linear axis whose authors published its four numbers: the EMPS benchmark (electro-mechanical positioning
-system; Janot, Gautier, Brunot 2019, 1 kHz), with metres for radians."""
+"""A measured linear axis whose authors published its four numbers: the EMPS benchmark
+(electro-mechanical positioning system; Janot, Gautier, Brunot 2019, 1 kHz), with metres for
+radians."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""A load of the wrong sign or unit, and pole pairs counted as poles, are named; no campaign of the bench is doubted."""
+"""A load of the wrong sign or unit, and pole pairs counted as poles, are named; no campaign of the
+bench is doubted."""
 
 import dataclasses
 import functools
@@ -29,7 +30,10 @@ def of_load(factor, name="p06", **motor):
         if r.rotor == "free"
     ]
     own = dataclasses.replace(c.drive, motor=dataclasses.replace(c.drive.motor, **motor))
-    return " ".join(f.text for f in shaft_contradicted(dataclasses.replace(c, recordings=tuple(held), drive=own)))
+    return " ".join(
+        f.text
+        for f in shaft_contradicted(dataclasses.replace(c, recordings=tuple(held), drive=own))
+    )
 
 
 @pytest.mark.parametrize("name", [f"p{k:02d}" for k in range(1, 13)])
@@ -39,12 +43,14 @@ def test_no_shaft_of_the_bench_is_doubted(name):
 
 @pytest.mark.parametrize("rows", [20, 24, 30])
 def test_a_short_recording_says_nothing_of_the_shaft(rows):
-    """As few windows as these rows hold, or none: alone it is not judged, beside others it changes nothing."""
+    """As few windows as these rows hold, or none: alone it is not judged, beside others it changes
+    nothing."""
     c = bench("p06")
     short = []
     for r in c.recordings:
         if r.rotor == "free":
-            theta = np.linspace(0.0, 1.0, rows) ** 2  # of no encoder, so that no noise hides what it seems to say
+            # of no encoder, so that no noise hides what it seems to say
+            theta = np.linspace(0.0, 1.0, rows) ** 2
             columns = {n: x[:rows] for n, x in r.columns.items()}
             short.append(dataclasses.replace(r, columns={**columns, "theta": theta}))
     assert short
@@ -58,7 +64,9 @@ def test_sign_unit_and_pole_pairs():
     assert "is in mN m" in of_load(1e3)
     assert "is in cN m" in of_load(1e2)
     assert "pole_pairs counts poles (halve it in [motor])" in of_load(1.0, pole_pairs=2 * pairs)
-    assert "pole_pairs is half of what it is (double it in [motor])" in of_load(1.0, pole_pairs=pairs // 2)
+    assert "pole_pairs is half of what it is (double it in [motor])" in of_load(
+        1.0, pole_pairs=pairs // 2
+    )
     assert "inertia is in kg cm^2" in of_load(1.0, inertia=1e4 * bench("p06").drive.motor.inertia)
 
 
@@ -68,7 +76,9 @@ def motion(load, read, stated=None):
     angle, speed = 300.0 * t + 8.0 * np.sin(2.0 * t), 300.0 + 16.0 * np.cos(2.0 * t)
     torque = INERTIA * -32.0 * np.sin(2.0 * t) + load + FRICTION * speed + DRY
     torque += 1e-3 * np.random.default_rng(1).standard_normal(len(t))
-    r = MotionRecording("r.csv", t, angle, torque, read * np.ones(len(t)), source={"load_torque": "brake"})
+    r = MotionRecording(
+        "r.csv", t, angle, torque, read * np.ones(len(t)), source={"load_torque": "brake"}
+    )
     return MotionCampaign("m", 0.04, INERTIA, 0.0, {}, None, 0.0, (r,), (), "why", stated or {})
 
 

@@ -1,6 +1,8 @@
-"""A motion with one mistake planted is refused or doubted with the mistake's name; the motion as it is passes.
+"""A motion with one mistake planted is refused or doubted with the mistake's name; the motion as it
+is passes.
 
-The motion is a closed form: angle, speed and acceleration are exact, the current is what the shaft's equation asks for.
+The motion is a closed form: angle, speed and acceleration are exact, the current is what the
+shaft's equation asks for.
 """
 
 import json
@@ -12,7 +14,9 @@ import pytest
 from sandbox import check
 
 CONSTANT, INERTIA, DRY, VISCOUS, PAIRS, FLUX, R = 0.04, 2e-4, 0.01, 1e-4, 7, 0.04 / 10.5, 0.05
-MOTOR = f"[motor]\npole_pairs = {PAIRS}\nmagnet_flux = {FLUX}\nresistance = {R}\ninertia = {INERTIA}\n"
+MOTOR = (
+    f"[motor]\npole_pairs = {PAIRS}\nmagnet_flux = {FLUX}\nresistance = {R}\ninertia = {INERTIA}\n"
+)
 
 
 def motion(n=2500, step=2e-3, seed=0):
@@ -24,11 +28,18 @@ def motion(n=2500, step=2e-3, seed=0):
     torque += DRY * np.tanh(speed / 0.2) + VISCOUS * speed
     current = torque / CONSTANT + 0.01 * np.random.default_rng(seed).standard_normal(n)
     volts = R * current + PAIRS * speed * FLUX
-    return {"t": t, "angle": angle / math.tau, "speed": speed / math.tau, "iq": current, "uq": volts}
+    return {
+        "t": t,
+        "angle": angle / math.tau,
+        "speed": speed / math.tau,
+        "iq": current,
+        "uq": volts,
+    }
 
 
 def checked(folder, change=lambda c: c, columns=None, motor=MOTOR, also=()):
-    """Return levels and texts of `check` on two runs of a motion, changed before they are written."""
+    """Return levels and texts of `check` on two runs of a motion, changed before they are
+    written."""
     mapped = columns or {
         "t": {"column": "t"},
         "theta": {"column": "angle", "unit": "rev", "mechanical": True},
@@ -42,11 +53,17 @@ def checked(folder, change=lambda c: c, columns=None, motor=MOTOR, also=()):
     for k in (1, 2):
         c = change(motion(seed=k))
         own = ["t", "angle", "iq", *also]
-        rows = [",".join(own), *(",".join(f"{x:.9g}" for x in row) for row in zip(*(c[n] for n in own), strict=True))]
+        rows = [
+            ",".join(own),
+            *(",".join(f"{x:.9g}" for x in row) for row in zip(*(c[n] for n in own), strict=True)),
+        ]
         (folder / f"r{k}.csv").write_text("\n".join(rows) + "\n")
         lines.append(f'[[recording]]\nfile = "r{k}.csv"\nrotor = "free"\n')
     (folder / "map.toml").write_text("\n".join(lines))
-    return [(n.level, n.finding.text) for n in check(folder, columns=folder / "map.toml", effects=False).noticed]
+    return [
+        (n.level, n.finding.text)
+        for n in check(folder, columns=folder / "map.toml", effects=False).noticed
+    ]
 
 
 def times(**factors):
@@ -78,10 +95,14 @@ def test_a_mistake_is_named(tmp_path, change, words):
     assert any(level != "note" and words in text for level, text in checked(tmp_path, change))
 
 
-@pytest.mark.parametrize(("factor", "words"), [(1e4, "inertia is in kg cm^2"), (1e7, "inertia is in g cm^2")])
+@pytest.mark.parametrize(
+    ("factor", "words"), [(1e4, "inertia is in kg cm^2"), (1e7, "inertia is in g cm^2")]
+)
 def test_a_stated_inertia_in_another_unit_is_named(tmp_path, factor, words):
     motor = MOTOR.replace(f"inertia = {INERTIA}", f"inertia = {INERTIA * factor}")
-    assert any(words in text for level, text in checked(tmp_path, motor=motor) if level == "refused")
+    assert any(
+        words in text for level, text in checked(tmp_path, motor=motor) if level == "refused"
+    )
 
 
 def test_a_load_is_no_mistake_of_units(tmp_path):
@@ -117,9 +138,13 @@ def test_the_back_emf_tells_a_gear(tmp_path):
         "u_dc": {"value": 24.0},
     }
     motor = MOTOR + "inductance_d = 1e-5\ninductance_q = 1e-5\n"
-    assert [level for level, _ in checked(tmp_path, columns=columns, motor=motor, also=("uq",))] == []
+    assert [
+        level for level, _ in checked(tmp_path, columns=columns, motor=motor, also=("uq",))
+    ] == []
     found = checked(tmp_path, times(angle=1.0 / 3.0), columns, motor, ("uq",))
-    assert any("a gear of about 3 stands between motor and 'angle'" in text for _, text in found), found
+    assert any("a gear of about 3 stands between motor and 'angle'" in text for _, text in found), (
+        found
+    )
 
 
 def wrapped(size):
@@ -140,7 +165,9 @@ def every(k):
 def test_an_angle_that_turns_too_far_between_rows_is_refused_or_follows_the_speed(tmp_path):
     far = every(30)
     found = checked(tmp_path, far)
-    assert any("can be followed up to a third" in text for level, text in found if level == "refused"), found
+    assert any(
+        "can be followed up to a third" in text for level, text in found if level == "refused"
+    ), found
     found = checked(tmp_path, far, SPEED, also=("speed",))
     assert [level for level, _ in found] == ["note", "note"]
     assert "follows the log's speed" in found[0][1]
@@ -160,16 +187,30 @@ def with_stamps(change):
 @pytest.mark.parametrize(
     ("change", "words", "level"),
     [
-        (lambda t: np.where(np.arange(len(t)) == 600, 1e6, t), "stamps that belong nowhere are left out", "suspicious"),
-        (lambda t: np.where(np.arange(len(t)) >= 1200, t - t[1200], t), "the clock begins again", "suspicious"),
-        (lambda t: np.where(np.arange(len(t)) >= 1200, t + 3.0, t), "a pause in column 't'", "note"),
+        (
+            lambda t: np.where(np.arange(len(t)) == 600, 1e6, t),
+            "stamps that belong nowhere are left out",
+            "suspicious",
+        ),
+        (
+            lambda t: np.where(np.arange(len(t)) >= 1200, t - t[1200], t),
+            "the clock begins again",
+            "suspicious",
+        ),
+        (
+            lambda t: np.where(np.arange(len(t)) >= 1200, t + 3.0, t),
+            "a pause in column 't'",
+            "note",
+        ),
         (lambda t: np.floor(t / 0.01) * 0.01, "give it enough digits", "refused"),
     ],
 )
 def test_a_clock_that_jumps_loses_no_more_rows_than_it_must(tmp_path, change, words, level):
     found = checked(tmp_path, with_stamps(change))
     assert any(words in text and at == level for at, text in found), found
-    assert not any("rows in shorter" in text and ", 0 of 2500 rows" not in text for _, text in found)
+    assert not any(
+        "rows in shorter" in text and ", 0 of 2500 rows" not in text for _, text in found
+    )
 
 
 def test_the_same_motion_twice_is_counted_once(tmp_path):
@@ -180,8 +221,13 @@ def test_the_same_motion_twice_is_counted_once(tmp_path):
 
 
 def test_poles_for_pole_pairs_where_the_angle_is_electrical(tmp_path):
-    """Torque by magnet_flux doubles, the shaft's angle halves: four times the inertia, and the back-EMF agrees."""
-    columns = {"t": {"column": "t"}, "theta": {"column": "angle", "unit": "rev"}, "i_q": {"column": "iq"}}
+    """Torque by magnet_flux doubles, the shaft's angle halves: four times the inertia, and the
+    back-EMF agrees."""
+    columns = {
+        "t": {"column": "t"},
+        "theta": {"column": "angle", "unit": "rev"},
+        "i_q": {"column": "iq"},
+    }
     motor = MOTOR.replace(f"pole_pairs = {PAIRS}", f"pole_pairs = {2 * PAIRS}")
     motor = motor.replace(f"inertia = {INERTIA}", f"inertia = {0.9 * INERTIA}")
     found = checked(tmp_path, times(angle=PAIRS), columns, motor)
@@ -190,4 +236,6 @@ def test_poles_for_pole_pairs_where_the_angle_is_electrical(tmp_path):
 
 def test_currents_per_unit_of_the_rated_one(tmp_path):
     found = checked(tmp_path, times(iq=1.0 / 40.0), motor=MOTOR + "rated_current = 40.0\n")
-    assert any("'iq' is per unit of rated_current (map it with scale = 40)" in text for _, text in found), found
+    assert any(
+        "'iq' is per unit of rated_current (map it with scale = 40)" in text for _, text in found
+    ), found

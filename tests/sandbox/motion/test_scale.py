@@ -1,4 +1,5 @@
-"""A drive of another size gives the same answers, scaled; a linear axis (radians are metres) is told as it is."""
+"""A drive of another size gives the same answers, scaled; a linear axis (radians are metres) is
+told as it is."""
 
 import numpy as np
 import pytest
@@ -6,12 +7,14 @@ import pytest
 from sandbox.motion.judging import judge
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
-MASS, VISCOUS, DRY, OFFSET = 95.0, 203.0, 20.0, -3.0  # kg, N s/m, N, N: about those of the EMPS benchmark's axis
+# kg, N s/m, N, N: about those of the EMPS benchmark's axis
+MASS, VISCOUS, DRY, OFFSET = 95.0, 203.0, 20.0, -3.0
 COUNT = 5e-8  # m: what the axis resolves
 
 
 def axis(time=1.0, force=1.0, noise=0.3):
-    """Return a linear axis that goes to and fro over 0.25 m at 0.125 m/s at most, faster and stronger by factors."""
+    """Return a linear axis that goes to and fro over 0.25 m at 0.125 m/s at most, faster and
+    stronger by factors."""
     t = np.arange(8000) * 1e-3
     swing = np.tanh(6.0 * np.sin(1.5 * t))
     speed = 0.125 * swing * (0.8 + 0.2 * np.cos(0.7 * t))
@@ -40,10 +43,20 @@ def test_a_linear_axis_has_its_four_numbers_and_nothing_else(told):
 
 @pytest.mark.parametrize(("time", "force"), [(2.0**-6, 2.0**-10), (2.0, 4.0)])
 def test_answers_scale_digit_by_digit(told, time, force):
-    """Powers of two scale without rounding; what is left of it is that of the solvers, 1e-9.  Sizes stay in bounds."""
+    """Powers of two scale without rounding; what is left of it is that of the solvers, 1e-9.  Sizes
+    stay in bounds."""
     other = judge(axis(time, force))
     assert [w.effects for w in other.weighed] == [w.effects for w in told.weighed]
-    assert [w.probability for w in other.weighed] == pytest.approx([w.probability for w in told.weighed], abs=1e-9)
-    for name, unit in (("inertia", force * time**2), ("viscous", force * time), ("dry", force), ("lag", time)):
-        assert other.best.shaft.value(name) == pytest.approx(told.best.shaft.value(name) * unit, rel=1e-9), name
+    assert [w.probability for w in other.weighed] == pytest.approx(
+        [w.probability for w in told.weighed], abs=1e-9
+    )
+    for name, unit in (
+        ("inertia", force * time**2),
+        ("viscous", force * time),
+        ("dry", force),
+        ("lag", time),
+    ):
+        assert other.best.shaft.value(name) == pytest.approx(
+            told.best.shaft.value(name) * unit, rel=1e-9
+        ), name
     assert other.after == pytest.approx(told.after, rel=1e-9)

@@ -16,7 +16,8 @@ class Terminal(io.StringIO):
 
 
 def terminal(monkeypatch):
-    """Return a terminal of 100 columns in place of the standard error (in a test: pytest sets it anew before)."""
+    """Return a terminal of 100 columns in place of the standard error (in a test: pytest sets it
+    anew before)."""
     out = Terminal()
     monkeypatch.setattr(sys, "stderr", out)
     for name, value in (("COLUMNS", "100"), ("TERM", "xterm")):
@@ -54,22 +55,34 @@ def test_nobody_watches(monkeypatch):
     out, clock = io.StringIO(), [0.0]
     monkeypatch.setattr(sys, "stderr", out)
     monkeypatch.setattr(tables.time, "monotonic", lambda: clock[0])
-    with progress_bar("a", True) as one, rate_bar("b", True) as two, effort_bar("c", True, 1.0) as (stage, count):
+    with (
+        progress_bar("a", True) as one,
+        rate_bar("b", True) as two,
+        effort_bar("c", True, 1.0) as (stage, count),
+    ):
         assert one is two is None
         clock[0] = 1e3
         stage("d")
         count(1.0)
     assert out.getvalue() == ""
-    with progress_bar("a", False) as one, rate_bar("b", False) as two, effort_bar("c", False, 1.0) as (stage, count):
+    with (
+        progress_bar("a", False) as one,
+        rate_bar("b", False) as two,
+        effort_bar("c", False, 1.0) as (stage, count),
+    ):
         stage("fitting")
         for clock[0] in (1030.0, 1061.0, 1090.0, 1125.0):
             one(0.5)
             two(3, 12)
             count(1e3)
     assert out.getvalue().splitlines() == [
-        "a: 50 %, 61 s", "b: 3 of 12 runs, 61 s", "c: fitting, 2,000 simulations, 61 s",
-        "a: 50 %, 125 s", "b: 3 of 12 runs, 125 s", "c: fitting, 4,000 simulations, 125 s",
-    ]  # fmt: skip
+        "a: 50 %, 61 s",
+        "b: 3 of 12 runs, 61 s",
+        "c: fitting, 2,000 simulations, 61 s",
+        "a: 50 %, 125 s",
+        "b: 3 of 12 runs, 125 s",
+        "c: fitting, 4,000 simulations, 125 s",
+    ]
 
 
 def test_a_step_that_takes_long_is_told_meanwhile(monkeypatch):

@@ -14,7 +14,8 @@ PERIOD = 125e-6  # s
 
 
 def test_a_line_has_its_height_and_channels_add_as_powers():
-    """On a bin of Hann windows a sine's peak is its amplitude; between two it is 15 % lower, Hann's scalloping loss."""
+    """On a bin of Hann windows a sine's peak is its amplitude; between two it is 15 % lower, Hann's
+    scalloping loss."""
     n, t = 4 * looks.LONGEST, PERIOD * np.arange(4 * looks.LONGEST)
     step = 1.0 / (looks.LONGEST * PERIOD)  # Hz
     for at, expected in ((100.0, 0.3), (100.5, 0.3 * 0.8488)):  # 8 / (3 pi) = 0.8488
@@ -23,7 +24,8 @@ def test_a_line_has_its_height_and_channels_add_as_powers():
         assert size.max() == pytest.approx(expected, rel=1e-3)
     both = np.stack([np.sin(2.0 * math.pi * 100.0 * step * t), np.zeros(n)], axis=1)
     assert looks.spectrum(both, PERIOD)[1].max() == pytest.approx(math.sqrt(0.5), rel=1e-3)
-    short_f, short = looks.spectrum(np.ones(64), PERIOD)  # shorter than a stretch; the mean is left out
+    # shorter than a stretch; the mean is left out
+    short_f, short = looks.spectrum(np.ones(64), PERIOD)
     assert short_f.size == 32
     assert short.max() < 1e-12
 
@@ -32,7 +34,8 @@ def test_an_error_against_the_angle_is_found_in_its_sectors():
     theta = np.linspace(0.0, 20.0 * math.pi, 200_001)
     found = looks.over_angle(2.0 * np.sin(3.0 * theta), -theta)
     at, mean, low, high = found
-    half = math.pi / looks.SECTORS  # a sector's half width: its mean is the middle's value times sin(3 half) / (3 half)
+    # a sector's half width: its mean is the middle's value times sin(3 half) / (3 half)
+    half = math.pi / looks.SECTORS
     expected = -2.0 * np.sin(3.0 * np.radians(at)) * math.sin(3.0 * half) / (3.0 * half)
     np.testing.assert_allclose(
         mean, expected, atol=2.0 * 3.0 * 20.0 * math.pi / 200_000
@@ -65,4 +68,7 @@ def test_bars_keep_the_largest_line_of_each_stretch():
 def test_a_line_on_a_sheet_points_upwards_and_breaks_at_the_undefined():
     x = np.array([0.0, 1.0, np.nan, 3.0, 4.0, 5.0, np.nan, 7.0])
     parts = upright(x, x)
-    assert [part.tolist() for part in parts] == [[[0.0, 0.0], [1.0, -1.0]], [[3.0, -3.0], [4.0, -4.0], [5.0, -5.0]]]
+    assert [part.tolist() for part in parts] == [
+        [[0.0, 0.0], [1.0, -1.0]],
+        [[3.0, -3.0], [4.0, -4.0], [5.0, -5.0]],
+    ]

@@ -1,4 +1,5 @@
-"""A page on a telephone: names stay whole, and an enlarged figure can be zoomed with fingers or buttons."""
+"""A page on a telephone: names stay whole, and an enlarged figure can be zoomed with fingers or
+buttons."""
 
 import re
 
@@ -26,8 +27,9 @@ def rules(text):
 
 
 def test_names_do_not_break_in_mid_word(text):
-    """`anywhere` counts letters as places to break when a column's least width is found, so a table's column gets as
-    narrow as a letter; `break-word` does not, and breaks what is longer than a whole line alone.  Files' names may."""
+    """`anywhere` counts letters as places to break when a column's least width is found, so a
+    table's column gets as narrow as a letter; `break-word` does not, and breaks what is longer than
+    a whole line alone.  Files' names may."""
     found = rules(text)
     anywhere = {s for s, own in found.items() if re.search(r"overflow-wrap:\s*anywhere", own)}
     assert anywhere == {"td.file"}
@@ -40,7 +42,8 @@ def test_names_do_not_break_in_mid_word(text):
 
 
 def test_an_enlarged_figure_is_zoomed_without_a_wheel(text):
-    """The browser leaves fingers to the page there; two of them zoom, buttons do the same and close."""
+    """The browser leaves fingers to the page there; two of them zoom, buttons do the same and
+    close."""
     assert "touch-action: none" in rules(text)["figure svg.big"]
     for event in ("pointerdown", "pointermove", "pointerup", "pointercancel"):
         assert f'"{event}"' in text

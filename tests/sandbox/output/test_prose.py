@@ -1,4 +1,5 @@
-"""What commands print: folded to a terminal's width, written at one place, one line each where no terminal is."""
+"""What commands print: folded to a terminal's width, written at one place, one line each where no
+terminal is."""
 
 from __future__ import annotations
 
@@ -16,7 +17,11 @@ from sandbox.cli.refusals import commands_of
 from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.catalogue import estimator_card_text
 
-TEXT = "audited up to 180 % of rated current; see --continue and " + "/a/long/path" * 6 + " for what was kept"
+TEXT = (
+    "audited up to 180 % of rated current; see --continue and "
+    + "/a/long/path" * 6
+    + " for what was kept"
+)
 
 
 class Terminal(io.StringIO):
@@ -63,7 +68,9 @@ def test_a_tables_title_is_folded(columns, printed):
     assert sum(line.count("what") for line in said) == 40
 
 
-@pytest.mark.parametrize("kind", ["motors", "effects", "estimators", "scenarios", "datasets", "presets"])
+@pytest.mark.parametrize(
+    "kind", ["motors", "effects", "estimators", "scenarios", "datasets", "presets"]
+)
 def test_lists_fit_eighty_columns(kind, printed):
     said = printed(80, lambda: main(["list", kind]))
     assert max(map(len, said)) <= 80
@@ -82,7 +89,8 @@ def test_answers_fit_eighty_columns(command, printed, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", sandbox.list_estimators())
 def test_cards_of_estimators_fit_eighty_columns(name, printed):
-    """Those of effects: tests/model/test_effects.py. The dearest cost in words that was seen is that of Python."""
+    """Those of effects: tests/model/test_effects.py. The dearest cost in words that was seen is
+    that of Python."""
     cost = "saturated 123456, linear 123456 ns a step, measured now on ipm_exchanged (in Python)"
     card = estimator_card_text(sandbox.load_estimator(name), cost)
     assert max(map(len, card.splitlines())) <= 80
@@ -101,16 +109,23 @@ def test_help_fits_eighty_columns(monkeypatch, capsys):
     assert len(every) > 20
     for words in every:
         assert main([*words, "--help"]) == 0
-        assert [line for line in capsys.readouterr().out.splitlines() if len(line) > 80] == [], words
+        assert [line for line in capsys.readouterr().out.splitlines() if len(line) > 80] == [], (
+            words
+        )
 
 
 def test_prose_is_printed_at_one_place():
-    """`print` elsewhere would not be folded; that on standard error is for refusals, which scripts read as one line."""
+    """`print` elsewhere would not be folded; that on standard error is for refusals, which scripts
+    read as one line."""
     root = Path(sandbox.__file__).parent
     found = []
     for path in root.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            bare = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
+            bare = (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Name)
+                and node.func.id == "print"
+            )
             if bare and not any(word.arg == "file" for word in node.keywords):
                 found.append(path.relative_to(root).as_posix())
     assert found == ["output/tables.py"]

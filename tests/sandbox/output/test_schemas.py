@@ -1,4 +1,5 @@
-"""Every JSON file that a command writes is what its schema says, key by key, and every key of a schema is explained."""
+"""Every JSON file that a command writes is what its schema says, key by key, and every key of a
+schema is explained."""
 
 from __future__ import annotations
 
@@ -19,8 +20,10 @@ ROOT = Path(__file__).resolve().parents[3]
 LOADED = sandbox.Scenario("loaded", (sandbox.Segment(0.2, load=1.0, settle=0.15),), start_up=False)
 ELSEWHERE = {  # files whose command takes long: checked where a test has run it anyway
     "bench": "experiments/results/bench.json",  # as the command wrote it
-    "diagnosis": "docs/stored/diagnosis.json",  # likewise, with a date; a new one: tests/sandbox/gap/test_answers.py
-    "check": "",  # where `check`, `plan` and `verify` are tested: tests/sandbox/recordings, tests/sandbox/public
+    # likewise, with a date; a new one: tests/sandbox/gap/test_answers.py
+    "diagnosis": "docs/stored/diagnosis.json",
+    # where `check`, `plan` and `verify` are tested: tests/sandbox/recordings, tests/sandbox/public
+    "check": "",
     "plan": "",
     "verify": "",
     "withheld": "",  # tests/sandbox/withheld/test_withheld_commands.py
@@ -51,13 +54,17 @@ def set_beside(folder):
     (folder / "motor.toml").write_text(
         "[motor]\npole_pairs = 7\nresistance = 0.05\n[ci95]\nresistance = [0.04, 0.06]\n"
     )
-    (folder / "vesc.xml").write_text("<a><foc_motor_r>0.1</foc_motor_r><foc_current_ki>50</foc_current_ki></a>")
+    (folder / "vesc.xml").write_text(
+        "<a><foc_motor_r>0.1</foc_motor_r><foc_current_ki>50</foc_current_ki></a>"
+    )
     return sandbox.check_settings(folder, folder / "vesc.xml")
 
 
 MADE = {
     "settings": set_beside,
-    "simulate": lambda folder: sandbox.simulate("ipm_exchanged", LOADED, effects="dead_time.time=1e-6"),
+    "simulate": lambda folder: sandbox.simulate(
+        "ipm_exchanged", LOADED, effects="dead_time.time=1e-6"
+    ),
     "compare": lambda folder: sandbox.compare("ipm_exchanged", LOADED, ["qnull"]),
     "audit": lambda folder: sandbox.audit("spm"),  # not valid: violations and nulls
     "maps": lambda folder: sandbox.maps("spm", points=5),
@@ -65,7 +72,9 @@ MADE = {
     "replay": replayed,
     "protocol": lambda folder: sandbox.protocol(["qnull"], ["ipm_exchanged"], ["load_step"]),
     "sweep": lambda folder: sandbox.sweep(SWEEP, folder / "runs", jobs=1),
-    "tolerances": lambda folder: sandbox.tolerances("ipm_exchanged", LOADED, "qnull", percent=[10], draws=2, jobs=1),
+    "tolerances": lambda folder: sandbox.tolerances(
+        "ipm_exchanged", LOADED, "qnull", percent=[10], draws=2, jobs=1
+    ),
     "export-drive": lambda folder: sandbox.export_drive("ipm", {"dead_time.time": 1e-6}, fmu=False),
     "export-estimator": lambda folder: sandbox.export_estimator("qnull"),
     "motor": lambda folder: sandbox.convert_motor(

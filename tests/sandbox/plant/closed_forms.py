@@ -14,7 +14,8 @@ def settled(b, u, n=800):
 
 
 def pulsed(u, r, link=U):
-    """Return the exact sample of a linear R-L circuit in periodic steady state under centred pulses, along alpha."""
+    """Return the exact sample of a linear R-L circuit in periodic steady state under centred
+    pulses, along alpha."""
     legs = np.array([u, -u / 2, -u / 2])
     duty, a = 0.5 + (legs - u / 4) / U, r / L
     level = np.exp(-a * 0.5 * (1 - duty) * TS) - np.exp(-a * 0.5 * (1 + duty) * TS)
@@ -22,8 +23,8 @@ def pulsed(u, r, link=U):
 
 
 def iron(omega, core, tau):
-    """Return the flux and terminal current (rotor frame) of a shorted turning motor: psi/L - phi_m/L + i_c = i,
-    R i = -j omega psi, i_c = j omega psi/(R_c (1 + j omega tau))."""
+    """Return the flux and terminal current (rotor frame) of a shorted turning motor:
+    psi/L - phi_m/L + i_c = i, R i = -j omega psi, i_c = j omega psi/(R_c (1 + j omega tau))."""
     s = 1j * omega
     psi = 0.1 / L / (1.0 / L + s / R + s / (core * (1.0 + s * tau)))
     return psi, -s * psi / R

@@ -1,4 +1,5 @@
-"""Small motors and a converter on which effects have closed forms, for the exact plant and the switched bench."""
+"""Small motors and a converter on which effects have closed forms, for the exact plant and the
+switched bench."""
 
 import dataclasses
 import math
@@ -17,9 +18,13 @@ CONVERTER = Converter(TS, U, 0.0, 0.0)
 def signs(i):
     """Return the vector of the three legs' current signs: amplitude 4/3."""
     a, b, c = i.real, -i.real / 2 + math.sqrt(0.75) * i.imag, -i.real / 2 - math.sqrt(0.75) * i.imag
-    return (2 * np.sign(a) - np.sign(b) - np.sign(c)) / 3 + 1j * (np.sign(b) - np.sign(c)) / math.sqrt(3)
+    return (2 * np.sign(a) - np.sign(b) - np.sign(c)) / 3 + 1j * (
+        np.sign(b) - np.sign(c)
+    ) / math.sqrt(3)
 
 
 def vector(out):
     """Return the vector (A) of three phase currents i_a, i_b, i_c by name."""
-    return (2 * out["i_a"] - out["i_b"] - out["i_c"]) / 3 + 1j * (out["i_b"] - out["i_c"]) / np.sqrt(3)
+    return (2 * out["i_a"] - out["i_b"] - out["i_c"]) / 3 + 1j * (
+        out["i_b"] - out["i_c"]
+    ) / np.sqrt(3)

@@ -1,6 +1,7 @@
 """The plant without a compiler, one lane: what a test starts with NUMBA_DISABLE_JIT=1.
 
-`bits` prints readings of one lane in hexadecimal; `energy` the energies of one electrical turn at steady state.
+`bits` prints readings of one lane in hexadecimal; `energy` the energies of one electrical turn at
+steady state.
 """
 
 import json
@@ -76,31 +77,46 @@ def bits():
 
 
 class Meter:
-    """Adds up powers over the plant's segments by Simpson's rule: at start, middle and the next one's start."""
+    """Adds up powers over the plant's segments by Simpson's rule: at start, middle and the next
+    one's start."""
 
     def __init__(self, w, values, omega, first):
         """first: the period at whose start the turn begins."""
-        self.w, self.v, self.omega, self.first_period, self.total = w, values, omega, first, dict.fromkeys(NAMES, 0.0)
+        self.w, self.v, self.omega, self.first_period, self.total = (
+            w,
+            values,
+            omega,
+            first,
+            dict.fromkeys(NAMES, 0.0),
+        )
         self.period, self.begun, self.last = -1, [], None
 
     def losses(self, i, core, slow):
-        """Return copper, skin, winding and core losses (W) at a current, iron-loss current and slow current."""
+        """Return copper, skin, winding and core losses (W) at a current, iron-loss current and slow
+        current."""
         v, g = self.v, self.w.core_g[0]
         a, b = i.real, -0.5 * i.real + 0.5 * np.sqrt(3.0) * i.imag
         phases = v["winding_asymmetry.delta_a"] * a * a + v["winding_asymmetry.delta_b"] * b * b
         copper = 1.5 * self.w.resistance[0] * abs(i) ** 2 + phases
-        return np.array([copper, 1.5 * self.w.skin_r[0] * abs(i - slow) ** 2, 1.5 * abs(core) ** 2 / g])
+        return np.array(
+            [copper, 1.5 * self.w.skin_r[0] * abs(i - slow) ** 2, 1.5 * abs(core) ** 2 / g]
+        )
 
     def at_start(self, share):
         """End the last segment and begin one, share of the period after its start."""
         w, counts = self.w, 0 <= self.period - self.first_period < TURN
-        now = [complex(getattr(w, f"{x}_alpha")[0], getattr(w, f"{x}_beta")[0]) for x in ("i", "core", "slow")]
+        now = [
+            complex(getattr(w, f"{x}_alpha")[0], getattr(w, f"{x}_beta")[0])
+            for x in ("i", "core", "slow")
+        ]
         if counts:
             span, volts, impulse, first, middle = self.last
             i = (first[0] + 4.0 * middle[0] + now[0]) / 6.0
             self.total["input"] += 1.5 * (volts.conjugate() * i).real
             middle[2] = 0.5 * (first[2] + now[2])
-            lost = (self.losses(*first) + 4.0 * self.losses(*middle) + self.losses(*now)) * span / 6.0
+            lost = (
+                (self.losses(*first) + 4.0 * self.losses(*middle) + self.losses(*now)) * span / 6.0
+            )
             for name, x in zip(("copper", "skin", "core"), lost, strict=True):
                 self.total[name] += x
             self.total["shaft"] += impulse * self.omega
@@ -110,7 +126,9 @@ class Meter:
     def in_middle(self, span, impulse):
         """Keep what a segment's middle says."""
         w = self.w
-        middle = [complex(getattr(w, f"{x}_alpha")[0], getattr(w, f"{x}_beta")[0]) for x in ("j", "core")] + [0j]
+        middle = [
+            complex(getattr(w, f"{x}_alpha")[0], getattr(w, f"{x}_beta")[0]) for x in ("j", "core")
+        ] + [0j]
         self.last = span, complex(w.volt_alpha[0], w.volt_beta[0]), impulse, self.begun, middle
 
 
@@ -124,7 +142,10 @@ def energy(steps, turns=8):
     n = TURN * turns
     middle = 0.3 + speed * period * (np.arange(n) + 0.5)
     u = 0.28 * np.exp(1j * (middle + 1.9))
-    legs = np.stack([u.real, -0.5 * u.real + np.sqrt(0.75) * u.imag, -0.5 * u.real - np.sqrt(0.75) * u.imag], axis=1)
+    legs = np.stack(
+        [u.real, -0.5 * u.real + np.sqrt(0.75) * u.imag, -0.5 * u.real - np.sqrt(0.75) * u.imag],
+        axis=1,
+    )
     duty = 0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None]
     (w, features), v = lane(values), complete(DRIVE.motor, DRIVE.converter, values)
     w.psi_alpha[0] = w.eddy_alpha[0] = 0.0
@@ -145,7 +166,11 @@ def energy(steps, turns=8):
     plant.at_start, plant.in_middle = at_start, in_middle
     prepared = from_duties(DRIVE, duty, *turning(n, speed))
     timing = timing_of(w, period, steps)
-    track, out, moved = [Fields(x) for x in prepared.recordings[0].track], np.empty((n, 3, 1)), np.zeros((n, 1))
+    track, out, moved = (
+        [Fields(x) for x in prepared.recordings[0].track],
+        np.empty((n, 3, 1)),
+        np.zeros((n, 1)),
+    )
     run(
         w,
         None,

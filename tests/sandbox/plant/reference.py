@@ -1,15 +1,20 @@
-"""The plant once more, readable: phase legs, edges and samples as events, SciPy's integrator between them.
+"""The plant once more, readable: phase legs, edges and samples as events, SciPy's integrator
+between them.
 
-Same physics as `sandbox.plant.period` and none of its code; space vectors are complex numbers alpha + j beta.
+Same physics as `sandbox.plant.period` and none of its code; space vectors are complex numbers
+alpha + j beta.
 
-    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m,  m = phi_m + sum psi_d cos x + j psi_q sin x
-    dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_c di_c/dt = (dpsi/dt)/R_c - i_c,  tau_x dx/dt = i - x
-    tau_f df/dt = i - f,  torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) . dm/dtheta - dH/dtheta]
-    x = n theta + phase of every order,  H += sum gamma/2 Re(z^2 exp(-j x)) + back/2 Re(z^2 exp(j x))
-        + pulse/2 |z|^2 cos x + cos x (alpha_30 d^3 + alpha_12 d q^2) + sin x (alpha_21 d^2 q + alpha_03 q^3)
+    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m,  m = phi_m + sum psi_d cos x + j psi_q
+    sin x dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_c di_c/dt = (dpsi/dt)/R_c - i_c,  tau_x
+    dx/dt = i - x tau_f df/dt = i - f,  torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) .
+    dm/dtheta - dH/dtheta] x = n theta + phase of every order,  H += sum gamma/2 Re(z^2 exp(-j x)) +
+    back/2 Re(z^2 exp(j x))
+        + pulse/2 |z|^2 cos x + cos x (alpha_30 d^3 + alpha_12 d q^2) + sin x (alpha_21 d^2 q +
+          alpha_03 q^3)
 
-A commanded edge is taken at its instant; what the leg does then stands in `reference_legs`.  What is sampled is f, or
-i where there is no filter, handed to the sensors.  Slow (about 10 ms a period): for tests, and to be read.
+A commanded edge is taken at its instant; what the leg does then stands in `reference_legs`.  What
+is sampled is f, or i where there is no filter, handed to the sensors.  Slow (about 10 ms a period):
+for tests, and to be read.
 """
 
 from __future__ import annotations
@@ -32,15 +37,19 @@ from model.spline import SplineEnergy
 from tests.sandbox.plant.reference_legs import LEVEL, A, Commutating, Late, Legs
 
 Array = NDArray[np.float64]
-PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST = 0, 2, 4, 6, 8, 9, 10, 11  # places in the state
+# places in the state
+PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST = 0, 2, 4, 6, 8, 9, 10, 11
 
 
 @dataclass
 class Reference:
-    """A motor with completed effects `v` (public names, `bench.*` too) on an inverter of given period (s) and link (V).
+    """A motor with completed effects `v` (public names, `bench.*` too) on an inverter of given
+    period (s) and link (V).
 
-    trajectory: rotor angle (rad electrical) and speed (rad/s electrical) by time; None: the rotor moves by its torque.
-    load: N m asked of the load machine, by time; table: a leg's voltage error (V) against its current (A), measured.
+    trajectory: rotor angle (rad electrical) and speed (rad/s electrical) by time; None: the rotor
+    moves by its torque.
+    load: N m asked of the load machine, by time; table: a leg's voltage error (V) against its
+    current (A), measured.
     """
 
     motor: Motor
@@ -60,8 +69,14 @@ class Reference:
             return map_gradient(self.flux_map, d, q)
         a = {n: v[f"saturation.alpha_{n}"] for n in ("30", "12", "40", "22", "04")}
         i_d = d / (v["inductance.scale_d"] * m.inductance_d) + 3.0 * a["30"] * d**2 + a["12"] * q**2
-        i_q = q / (v["inductance.scale_q"] * m.inductance_q) + 2.0 * a["12"] * d * q + 4.0 * a["04"] * q**3
-        return complex(i_d + 4.0 * a["40"] * d**3 + 2.0 * a["22"] * d * q**2, i_q + 2.0 * a["22"] * d**2 * q)
+        i_q = (
+            q / (v["inductance.scale_q"] * m.inductance_q)
+            + 2.0 * a["12"] * d * q
+            + 4.0 * a["04"] * q**3
+        )
+        return complex(
+            i_d + 4.0 * a["40"] * d**3 + 2.0 * a["22"] * d * q**2, i_q + 2.0 * a["22"] * d**2 * q
+        )
 
     def machine(self, psi: complex, theta: float) -> tuple[complex, float]:
         """Return the magnetising current (A) and the air-gap torque (N m)."""
@@ -102,11 +117,17 @@ class Reference:
     def teeth(self) -> list[tuple[float, ...]]:
         """Amplitude (N m), order a turn, phase (rad) of every order of cogging."""
         places = ("", "2.", "3.", "4.", "5.", "6.")
-        return [tuple(self.v[f"cogging_torque.{k}{x}"] for x in ("amplitude", "order_mech", "phase")) for k in places]
+        return [
+            tuple(self.v[f"cogging_torque.{k}{x}"] for x in ("amplitude", "order_mech", "phase"))
+            for k in places
+        ]
 
     def orders(self, effect: str, *sizes: str) -> list[tuple[float, ...]]:
         """Return order, phase (rad) and sizes of all further harmonics of an effect."""
-        return [tuple(self.v[f"{effect}.{k}.{n}"] for n in ("order", "phase", *sizes)) for k in range(2, 7)]
+        return [
+            tuple(self.v[f"{effect}.{k}.{n}"] for n in ("order", "phase", *sizes))
+            for k in range(2, 7)
+        ]
 
     def present(self, orders: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
         """Return those that have a size."""
@@ -115,7 +136,9 @@ class Reference:
     def phases(self, i: complex) -> complex:
         """Return the vector of what the phases lose one by one (V)."""
         v, lost = self.v, 0j
-        for k, own in enumerate((v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"], 0.0)):
+        for k, own in enumerate(
+            (v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"], 0.0)
+        ):
             x = (i * A ** (-k)).real
             r = v["device_drop.on_resistance"] + own
             own_volts = v["device_drop.threshold"] * self.sign(x) + r * x
@@ -142,18 +165,25 @@ class Reference:
     def voltage(self, t: float, y: Array) -> complex:
         """Return the vector of the legs' voltages (V)."""
         levels = y[LEVEL:]
-        return (2.0 / 3.0) * self.supply(t) * sum(complex(level) * A**k for k, level in enumerate(levels))
+        return (
+            (2.0 / 3.0)
+            * self.supply(t)
+            * sum(complex(level) * A**k for k, level in enumerate(levels))
+        )
 
     def rotor(self, t: float, y: Array) -> tuple[float, float]:
         """Return the rotor's angle (rad electrical) and speed (rad/s electrical)."""
-        return self.trajectory(t) if self.trajectory else (y[THETA], self.motor.pole_pairs * y[OMEGA])
+        return (
+            self.trajectory(t) if self.trajectory else (y[THETA], self.motor.pole_pairs * y[OMEGA])
+        )
 
     def current(self, t: float, y: Array) -> complex:
         """Return the terminal current (A)."""
         return self.machine(two(y, PSI), self.rotor(t, y)[0])[0] + two(y, CORE)
 
     def slopes(self, t: float, y: Array, algebra: bool = True) -> Array:
-        """Return the state's time derivative; algebra: floating legs without capacitance find their levels first."""
+        """Return the state's time derivative; algebra: floating legs without capacitance find their
+        levels first."""
         v, out = self.v, np.zeros_like(y)
         if self.legs and algebra:
             y = self.legs.settled(t, y)
@@ -176,7 +206,8 @@ class Reference:
         return out
 
     def shaft(self, t: float, y: Array, torque: float) -> tuple[float, float, float]:
-        """Return accelerations of motor and load (rad/s^2) and the slope of the twist, all mechanical."""
+        """Return accelerations of motor and load (rad/s^2) and the slope of the twist, all
+        mechanical."""
         v, omega, load_omega = self.v, y[OMEGA], y[LOAD_OMEGA]
         level = v["coulomb_friction.torque"]
         level += v["coulomb_friction.stribeck_torque"] * math.exp(
@@ -185,9 +216,15 @@ class Reference:
         net = torque
         for size, n, phase in self.teeth:
             net += size * math.sin(n * y[THETA] / self.motor.pole_pairs + phase)
-        net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(omega / v["coulomb_friction.width"])
+        net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(
+            omega / v["coulomb_friction.width"]
+        )
         load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
-        j, j_l, k = v["inertia.inertia"], v["shaft_compliance.load_inertia"], v["shaft_compliance.stiffness"]
+        j, j_l, k = (
+            v["inertia.inertia"],
+            v["shaft_compliance.load_inertia"],
+            v["shaft_compliance.stiffness"],
+        )
         if not (j_l and math.isfinite(k)):
             return (net - load) / j, (net - load) / j, 0.0
         damping = 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(k * (j - j_l) * j_l / j)
@@ -210,9 +247,11 @@ class Reference:
         return y
 
     def run(self, duty: Array, y: Array) -> tuple[Array, Array]:
-        """Return readings (n, 3) in A for t_k and states (n, 15) at t_k under duties (n, 3) of the periods from t_k on.
+        """Return readings (n, 3) in A for t_k and states (n, 15) at t_k under duties (n, 3) of the
+        periods from t_k on.
 
-        y: the state at the first pattern's start, which is later than t_0 by the delay of the pattern.
+        y: the state at the first pattern's start, which is later than t_0 by the delay of the
+        pattern.
         """
         n, v, t = len(duty), self.v, self.v["pwm_delay.delay"]
         readings, states = np.tile(self.read(t, y), (n, 1)), np.tile(y, (n, 1))
@@ -250,18 +289,23 @@ class Reference:
         off = [v["current_offset.offset_a"], v["current_offset.offset_b"]]
         off.append(-sum(off))
         gain = [v[f"current_gain.gain_{x}"] for x in "abc"]
-        return np.array([gain[k] * (i * A ** (-k)).real + off[k] + v["bench.common_offset"] for k in range(3)])
+        return np.array(
+            [gain[k] * (i * A ** (-k)).real + off[k] + v["bench.common_offset"] for k in range(3)]
+        )
 
 
 def harmonic_energy(
     z: complex, u: complex, gamma: float, back: float, pulse: float, *alphas: float
 ) -> tuple[complex, float]:
-    """Return the current (A) and dH/dx (J) that one order of the inductances has at a flux z (Wb); u = exp(j x)."""
+    """Return the current (A) and dH/dx (J) that one order of the inductances has at a flux z (Wb);
+    u = exp(j x)."""
     d, q, (a_30, a_12, a_21, a_03) = z.real, z.imag, alphas
     i = (gamma * u + back / u) * z.conjugate() + pulse * u.real * z
     i += u.real * complex(3.0 * a_30 * d**2 + a_12 * q**2, 2.0 * a_12 * d * q)
     i += u.imag * complex(2.0 * a_21 * d * q, a_21 * d**2 + 3.0 * a_03 * q**2)
-    turning = 0.5 * (gamma * (z * z / u).imag - back * (z * z * u).imag - pulse * u.imag * abs(z) ** 2)
+    turning = 0.5 * (
+        gamma * (z * z / u).imag - back * (z * z * u).imag - pulse * u.imag * abs(z) ** 2
+    )
     turning += u.real * (a_21 * d**2 * q + a_03 * q**3) - u.imag * (a_30 * d**3 + a_12 * d * q**2)
     return i, turning
 
@@ -281,6 +325,8 @@ def map_gradient(m: SplineEnergy, d: float, q: float) -> complex:
     x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
     i, j = int(x), int(y)
     powers_x, powers_y = (x - i) ** np.arange(5), (y - j) ** np.arange(5)
-    slope_x, slope_y = (np.arange(5) * np.append(0.0, powers[:4]) for powers in (powers_x, powers_y))
+    slope_x, slope_y = (
+        np.arange(5) * np.append(0.0, powers[:4]) for powers in (powers_x, powers_y)
+    )
     cell = m.cells[i, j]
     return complex(slope_x @ cell @ powers_y * m.per_d, powers_x @ cell @ slope_y * m.per_q)

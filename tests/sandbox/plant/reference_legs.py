@@ -1,9 +1,11 @@
-"""The legs of the readable reference: late edges by a sign of the current, or switches, diodes and a capacitance.
+"""The legs of the readable reference: late edges by a sign of the current, or switches, diodes and
+a capacitance.
 
-A leg between its switches (`Commutating`): the current keeps it where it is, or moves it with i/(2 C) until the other
-diode clamps it; where the current comes to zero it floats again.  Without capacitance a floating leg has no current,
-and its level follows from that.  Without any capacitance given, an edge is late by the sign of its current alone
-(`Late`): a pulse, or a gap between two, is then never shorter than nothing.
+A leg between its switches (`Commutating`): the current keeps it where it is, or moves it with i/(2
+C) until the other diode clamps it; where the current comes to zero it floats again.  Without
+capacitance a floating leg has no current, and its level follows from that.  Without any capacitance
+given, an edge is late by the sign of its current alone (`Late`): a pulse, or a gap between two, is
+then never shorter than nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ SHORT, NUDGE = 1e-15, 1e-10  # s: no time is left; over which a current's slope 
 
 
 class Machine(Protocol):
-    """What legs need of the plant that they feed: parameters, the PWM period (s), and where it puts legs that move."""
+    """What legs need of the plant that they feed: parameters, the PWM period (s), and where it puts
+    legs that move."""
 
     v: Mapping[str, float]
     legs: Commutating | None
@@ -79,7 +82,9 @@ class Legs:
 
     def go(self, t: float, y: Array, until: float) -> Array:
         """Return the state at a later time (s)."""
-        return np.asarray(solve_ivp(self.plant.slopes, (t, until), y, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1])
+        return np.asarray(
+            solve_ivp(self.plant.slopes, (t, until), y, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+        )
 
 
 class Late(Legs):
@@ -87,7 +92,8 @@ class Late(Legs):
 
     def __init__(self, plant: Machine) -> None:
         super().__init__(plant)
-        self.last, self.waiting = [(-1.0, 0)] * 3, dict[tuple[int, int], float]()  # act, number; level by leg, number
+        # act, number; level by leg, number
+        self.last, self.waiting = [(-1.0, 0)] * 3, dict[tuple[int, int], float]()
 
     def taken(self, t: float, y: Array, leg: int, kind: str) -> Any:
         """Return the event; the edge and one that it overtakes act no more."""
@@ -119,7 +125,12 @@ class Commutating(Legs):
 
     def __init__(self, plant: Machine) -> None:
         super().__init__(plant)
-        self.off, self.floats, self.number, self.wanted = [False] * 3, [False] * 3, [0] * 3, [0.0] * 3
+        self.off, self.floats, self.number, self.wanted = (
+            [False] * 3,
+            [False] * 3,
+            [0] * 3,
+            [0.0] * 3,
+        )
         plant.legs = self
         given = plant.v["dead_time.capacitance"]
         self.capacitance = given if given > NONE else 0.0
@@ -139,7 +150,8 @@ class Commutating(Legs):
             y[LEVEL + leg], self.off[leg], self.floats[leg] = self.wanted[leg], False, False
 
     def pulled(self, t: float, y: Array, leg: int) -> float:
-        """Return the current (A) that takes a leg off its rail: out of a high one, into a low one."""
+        """Return the current (A) that takes a leg off its rail: out of a high one, into a low
+        one."""
         current = float((self.plant.current(t, y) * A ** (-leg)).real)
         return current if y[LEVEL + leg] > 0.5 else -current
 
@@ -147,10 +159,13 @@ class Commutating(Legs):
         """Return the slopes of the three levels (1/s)."""
         charge = 2.0 * self.capacitance * self.plant.supply(t)
         i = self.plant.current(t, y)
-        return np.array([-(i * A ** (-k)).real / charge if self.floats[k] and charge else 0.0 for k in range(3)])
+        return np.array(
+            [-(i * A ** (-k)).real / charge if self.floats[k] and charge else 0.0 for k in range(3)]
+        )
 
     def settled(self, t: float, y: Array) -> Array:
-        """Return the state, floating legs without capacitance at levels that leave their currents as they are."""
+        """Return the state, floating legs without capacitance at levels that leave their currents
+        as they are."""
         free = [k for k in range(3) if self.floats[k]]
         if not free or self.capacitance:
             return y
@@ -193,7 +208,13 @@ class Commutating(Legs):
         while until - t > SHORT:
             self.clamp(t, y)
             found = solve_ivp(
-                self.plant.slopes, (t, until), y, "DOP853", rtol=1e-10, atol=1e-12, events=self.stops() or None
+                self.plant.slopes,
+                (t, until),
+                y,
+                "DOP853",
+                rtol=1e-10,
+                atol=1e-12,
+                events=self.stops() or None,
             )
             t, y = float(found.t[-1]), found.y[:, -1]
             if found.status == 1:
@@ -202,7 +223,8 @@ class Commutating(Legs):
         return y
 
     def clamp(self, t: float, y: Array) -> None:
-        """Without capacitance: give floating legs their levels, or the rails that these are beyond."""
+        """Without capacitance: give floating legs their levels, or the rails that these are
+        beyond."""
         for _ in range(3):
             y[:] = self.settled(t, y)
             beyond = [k for k in range(3) if self.floats[k] and not 0.0 <= y[LEVEL + k] <= 1.0]
@@ -215,7 +237,11 @@ class Commutating(Legs):
         margin = [math.inf] * 3
         for k in range(3):
             if self.off[k]:
-                margin[k] = min(abs(y[LEVEL + k]), abs(1.0 - y[LEVEL + k])) if self.floats[k] else self.pulled(t, y, k)
+                margin[k] = (
+                    min(abs(y[LEVEL + k]), abs(1.0 - y[LEVEL + k]))
+                    if self.floats[k]
+                    else self.pulled(t, y, k)
+                )
                 margin[k] = abs(margin[k])
         leg = int(np.argmin(margin))
         if self.floats[leg]:

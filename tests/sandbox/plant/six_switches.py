@@ -1,9 +1,11 @@
-"""Six ideal switches and diodes, a capacitance across each, and three coils with back-emf in a star: event-exact.
+"""Six ideal switches and diodes, a capacitance across each, and three coils with back-emf in a
+star: event-exact.
 
-Shares nothing with the plant.  Between two events the circuit is linear with constant coefficients (the back-emf's sine
-and cosine are states), so its matrix exponential is exact; events are found on it by bisection.  Events: a switch is
-commanded off, its partner on a dead time later; a diode's current comes to zero; a leg's voltage reaches a rail.
-Without capacitance a leg that nothing carries has no current: its voltage follows from that.
+Shares nothing with the plant.  Between two events the circuit is linear with constant coefficients
+(the back-emf's sine and cosine are states), so its matrix exponential is exact; events are found on
+it by bisection.  Events: a switch is commanded off, its partner on a dead time later; a diode's
+current comes to zero; a leg's voltage reaches a rail. Without capacitance a leg that nothing
+carries has no current: its voltage follows from that.
 """
 
 from dataclasses import dataclass, field
@@ -19,8 +21,8 @@ AMPS, NODES, EMF, ONE = slice(0, 2), slice(2, 5), slice(5, 7), 7
 
 @dataclass
 class Circuit:
-    """Resistance (ohm) and inductance (H) of a phase, magnet flux (Wb), rotor's speed (rad/s) and first angle (rad),
-    link (V), period and dead time (s), capacitance across each switch (F)."""
+    """Resistance (ohm) and inductance (H) of a phase, magnet flux (Wb), rotor's speed (rad/s) and
+    first angle (rad), link (V), period and dead time (s), capacitance across each switch (F)."""
 
     resistance: float
     inductance: float
@@ -36,7 +38,8 @@ class Circuit:
     known: dict[tuple[int, ...], np.ndarray] = field(default_factory=dict)
 
     def slopes(self):
-        """Return the matrix of the state's slopes: i (alpha, beta), node voltages, cos and sin of the angle, 1."""
+        """Return the matrix of the state's slopes: i (alpha, beta), node voltages, cos and sin of
+        the angle, 1."""
         key = tuple(self.modes)
         if key not in self.known:
             m = np.zeros((8, 8))
@@ -49,13 +52,15 @@ class Circuit:
             floating = [k for k in range(3) if self.modes[k] == FLOAT]
             for k in floating if self.capacitance else ():
                 m[2 + k, AMPS] = -legs[k] / (2.0 * self.capacitance)
-            if floating and not self.capacitance:  # their currents stay zero: i' = 0 gives the node voltages
+            if floating and not self.capacitance:
+                # their currents stay zero: i' = 0 gives the node voltages
                 m = self.without(m, legs, floating)
             self.known[key] = m
         return self.known[key]
 
     def without(self, m, legs, floating):
-        """Return the slopes with floating nodes' voltages replaced by what keeps their currents at zero."""
+        """Return the slopes with floating nodes' voltages replaced by what keeps their currents at
+        zero."""
         keep = legs[floating] @ m[AMPS]
         nodes = [2 + k for k in floating]
         rest = np.delete(np.arange(8), nodes)
@@ -76,7 +81,8 @@ class Circuit:
         return x
 
     def margins(self, x):
-        """Return for each leg without a switch how far (A or V over link) it is from its next event; others inf."""
+        """Return for each leg without a switch how far (A or V over link) it is from its next
+        event; others inf."""
         out = np.full((3, 2), np.inf)
         i = (complex(*x[AMPS]) * PHASES.conj()).real
         for k in range(3):
@@ -100,10 +106,13 @@ class Circuit:
                 self.settle(x)
 
     def settle(self, x):
-        """Without capacitance: give floating legs their voltages, or the rails that those are beyond."""
+        """Without capacitance: give floating legs their voltages, or the rails that those are
+        beyond."""
         for _ in range(3):
             x[:] = self.at(x, 0.0)
-            beyond = [k for k in range(3) if self.modes[k] == FLOAT and not 0.0 <= x[2 + k] <= self.link]
+            beyond = [
+                k for k in range(3) if self.modes[k] == FLOAT and not 0.0 <= x[2 + k] <= self.link
+            ]
             for k in beyond[:1]:
                 self.modes[k] = LOW if x[2 + k] < 0.0 else HIGH
                 x[2 + k] = 0.0 if x[2 + k] < 0.0 else self.link
@@ -152,7 +161,8 @@ class Circuit:
         x[2 + k] = self.link if mode == HIGH else 0.0
 
     def run(self, duty):
-        """Return currents (n, 3) at the starts of periods with duties (n, 3), centred pulses, from no current on."""
+        """Return currents (n, 3) at the starts of periods with duties (n, 3), centred pulses, from
+        no current on."""
         x = np.array([0.0, 0.0, 0.0, 0.0, 0.0, np.cos(self.theta), np.sin(self.theta), 1.0])
         out, events, serial = [], [], [0] * 3
         for n, legs in enumerate(duty):

@@ -1,4 +1,5 @@
-"""The kernel against the readable reference, effect by effect: one equation each, one integrator each."""
+"""The kernel against the readable reference, effect by effect: one equation each, one integrator
+each."""
 
 import dataclasses
 
@@ -9,18 +10,33 @@ from model.effects import library
 from sandbox.plant.sets import complete
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import replay
-from tests.sandbox.plant.stated_duties import DRIVE, SPEED, apart, duties, finer, from_duties, reference, turning
+from tests.sandbox.plant.stated_duties import (
+    DRIVE,
+    SPEED,
+    apart,
+    duties,
+    finer,
+    from_duties,
+    reference,
+    turning,
+)
 
 PERIODS = 24
-FEW = {"fast filter": 8}  # one square wave: the reference takes 2500 of this filter's time constants a period, in steps
-FINE, CLOSE = 32, 1e-6  # steps a period, of rated current: errors of steps alone fall by 2^2 or more on each halving
+# one square wave: the reference takes 2500 of this filter's time constants a period, in steps
+FEW = {"fast filter": 8}
+# steps a period, of rated current: errors of steps alone fall by 2^2 or more on each halving
+FINE, CLOSE = 32, 1e-6
 EXACT = 2e-5
 PERIOD = DRIVE.converter.sampling_period
 
 
 def typical(name):
     """Return an effect at its typical size, without the jitter that no prediction shows."""
-    return {k: v for k, v in library.typical(name, DRIVE.motor, DRIVE.converter).items() if not k.endswith("jitter")}
+    return {
+        k: v
+        for k, v in library.typical(name, DRIVE.motor, DRIVE.converter).items()
+        if not k.endswith("jitter")
+    }
 
 
 def kernel(values, duty, steps, speed=SPEED):
@@ -59,7 +75,9 @@ TEETH = {
     "cogging_torque.6.order_mech": 1.5,
 }
 CASES = {
-    name: typical(name) for name in ("stator_resistance", *library.effect_names()) if name != "encoder_eccentricity"
+    name: typical(name)
+    for name in ("stator_resistance", *library.effect_names())
+    if name != "encoder_eccentricity"
 }
 CASES |= {
     "nothing": {},
@@ -68,15 +86,29 @@ CASES |= {
     "large harmonics": {"inductance_harmonics.gamma_6": 1.5, "flux_harmonics.psi_d6": 0.005},
     "many orders": ORDERS,
     "harmonics behind skin": {"inductance_harmonics.gamma_6": 1.5, "skin_effect.resistance": 4.0},
-    "early and filtered": {"current_sampling.delay": -0.45 * PERIOD, "current_filter.time_constant": 3e-5},
-    "late, sampled between": {"pwm_delay.delay": 0.3 * PERIOD, "current_sampling.delay": 0.2 * PERIOD},
+    "early and filtered": {
+        "current_sampling.delay": -0.45 * PERIOD,
+        "current_filter.time_constant": 3e-5,
+    },
+    "late, sampled between": {
+        "pwm_delay.delay": 0.3 * PERIOD,
+        "current_sampling.delay": 0.2 * PERIOD,
+    },
     "core sampled between": {"iron_loss.core_resistance": 2e3, "current_sampling.delay": 6e-5},
     "fast skin": {"skin_effect.resistance": 8.0, "skin_effect.time_constant": 2e-5},
     "slow filter": {"current_filter.time_constant": 1e-3},
     "fast filter": {"current_filter.time_constant": 1e-7},
     "dead time": {"dead_time.time": 2e-5, "bench.soft_current": 0.6},
-    "dead time's own zone": {"dead_time.time": 4e-6, "dead_time.zone_width": 0.5, "dead_time.zone_shape": 0.7},
-    "dead time, round sign": {"dead_time.time": 4e-6, "bench.soft_current": 0.5, "bench.soft_shape": 0.7},
+    "dead time's own zone": {
+        "dead_time.time": 4e-6,
+        "dead_time.zone_width": 0.5,
+        "dead_time.zone_shape": 0.7,
+    },
+    "dead time, round sign": {
+        "dead_time.time": 4e-6,
+        "bench.soft_current": 0.5,
+        "bench.soft_shape": 0.7,
+    },
     "early edges": {"dead_time.time": -3e-6},
     "large drop": {"device_drop.threshold": 5.0},
     "drop beside late edges": {"device_drop.threshold": 2.0, "dead_time.time": 4e-6},
@@ -85,24 +117,36 @@ CASES |= {
 
 @pytest.mark.parametrize("name", CASES)
 def test_readings_are_those_of_the_reference(name):
-    """At 600 rad/s with a square wave of 8 % of the link on top, currents up to twice the rated one."""
+    """At 600 rad/s with a square wave of 8 % of the link on top, currents up to twice the rated
+    one."""
     values, duty = CASES[name], duties(FEW.get(name, PERIODS))
     told_by_reference, _ = reference(DRIVE, values, duty)
-    fine, coarse = (apart(DRIVE, kernel(values, duty, steps), told_by_reference) for steps in (FINE, 2))
-    print(f"{name}: {fine * 1e6:.3f} ppm of rated current with {FINE} steps, {coarse * 1e6:.1f} with 2")
+    fine, coarse = (
+        apart(DRIVE, kernel(values, duty, steps), told_by_reference) for steps in (FINE, 2)
+    )
+    print(
+        f"{name}: {fine * 1e6:.3f} ppm of rated current with {FINE} steps, "
+        f"{coarse * 1e6:.1f} with 2"
+    )
     assert fine < CLOSE
     assert coarse < EXACT
     if values:
         plain = apart(DRIVE, kernel({}, duty, 2), told_by_reference)
-        still = library.load_effect(name).subsystem == "mechanics" if name in library.effect_names() else False
+        still = (
+            library.load_effect(name).subsystem == "mechanics"
+            if name in library.effect_names()
+            else False
+        )
         assert still or plain > 20.0 * coarse
 
 
 def test_a_measured_table_of_the_inverter():
-    """Of 0.5 A half-width on a drive of 5 A rated, beside dead time; piecewise straight, so the same to the step's
-    error; at 120 rad/s, where currents cross the table's points slowly."""
+    """Of 0.5 A half-width on a drive of 5 A rated, beside dead time; piecewise straight, so the
+    same to the step's error; at 120 rad/s, where currents cross the table's points slowly."""
     points = ((0.0, 0.0), (0.1, 2.0), (0.25, 3.4), (0.5, 4.4), (1.0, 4.9), (4.0, 5.6))
-    drive = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, inverter_table=points))
+    drive = dataclasses.replace(
+        DRIVE, converter=dataclasses.replace(DRIVE.converter, inverter_table=points)
+    )
     duty = 0.5 + 0.3 * (duties(PERIODS, 120.0, 0.05) - 0.5)
     values = {"dead_time.time": 1e-6}
     told_by_reference, _ = reference(drive, values, duty, 120.0, table=points)
@@ -132,7 +176,8 @@ LAGGING = {
 
 @pytest.mark.parametrize("name", LAGGING)
 def test_lags_behind_late_edges(name):
-    """Dead time of 20 us before lags, at low voltage: all edges act within one segment, and kink what the lags see."""
+    """Dead time of 20 us before lags, at low voltage: all edges act within one segment, and kink
+    what the lags see."""
     values = LAGGING[name] | {"dead_time.time": 2e-5, "bench.soft_current": 0.6}
     duty = 0.5 + 0.1 * (duties(PERIODS, 20.0, 0.02) - 0.5)
     told_by_reference, _ = reference(DRIVE, values, duty, 20.0)
@@ -156,11 +201,14 @@ DROPS = {
 
 @pytest.mark.parametrize("name", DROPS)
 def test_iron_beside_what_else_drops_is_of_second_order(name):
-    """Four times the steps leave a sixteenth; a part of the drop that the iron does not see leaves a quarter, and 0.1
-    to 1.7 ppm with 64 steps.  Half-way between both on a scale of logarithms is 8."""
+    """Four times the steps leave a sixteenth; a part of the drop that the iron does not see leaves
+    a quarter, and 0.1 to 1.7 ppm with 64 steps.  Half-way between both on a scale of logarithms is
+    8."""
     values, duty = {"iron_loss.core_resistance": 1e3} | DROPS[name], duties(16)
     told_by_reference, _ = reference(DRIVE, values, duty)
-    some, many = (apart(DRIVE, kernel(values, duty, steps), told_by_reference) for steps in (16, 64))
+    some, many = (
+        apart(DRIVE, kernel(values, duty, steps), told_by_reference) for steps in (16, 64)
+    )
     print(f"{name}: {some * 1e6:.3f} ppm of rated current with 16 steps, {many * 1e6:.4f} with 64")
     assert many < some / 8.0
     assert many < 0.1 * CLOSE
@@ -178,37 +226,61 @@ MOVED |= {
 
 @pytest.mark.parametrize("name", MOVED)
 def test_a_free_rotor_moves_as_the_reference_says(name):
-    """Nothing corrects the motion predicted from the first reading on; up to twice rated current, a step of load.
+    """Nothing corrects the motion predicted from the first reading on; up to twice rated current, a
+    step of load.
 
-    Bounds: the torque's course inside a period is taken as its mean, so that the angle misses by T^3/12 times the
-    slope of the acceleration a period, T^2/12 times its change in all; friction is taken at the middle of the period.
-    A delayed pattern sees the angle at the period's mean speed: the sample then reads off by G psi a d T/2.
+    Bounds: the torque's course inside a period is taken as its mean, so that the angle misses by
+    T^3/12 times the slope of the acceleration a period, T^2/12 times its change in all; friction is
+    taken at the middle of the period. A delayed pattern sees the angle at the period's mean speed:
+    the sample then reads off by G psi a d T/2.
     """
     n, pairs, values = 70, DRIVE.motor.pole_pairs, MOVED[name]
     u = 0.06 * np.exp(1j * (1.9 + 0.5 * np.sin(np.arange(n) / 40.0)))
     legs = np.stack([u.real, u.imag], axis=1) @ LEGS.T
     duty = 0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None]
     load = np.where(np.arange(n) >= STEP, 0.1, 0.0)
-    readings, states = reference(DRIVE, values, duty, None, load=lambda t: 0.1 if t >= STEP * PERIOD - 1e-9 else 0.0)
-    v, theta, speed = complete(DRIVE.motor, DRIVE.converter, values), states[:, 8], pairs * states[:, 9]
+    readings, states = reference(
+        DRIVE, values, duty, None, load=lambda t: 0.1 if t >= STEP * PERIOD - 1e-9 else 0.0
+    )
+    v, theta, speed = (
+        complete(DRIVE.motor, DRIVE.converter, values),
+        states[:, 8],
+        pairs * states[:, 9],
+    )
     size, phase = pairs * v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
     read = theta + size * np.sin(theta / pairs + phase)
     slope = speed * (1.0 + size / pairs * np.cos(theta / pairs + phase))
     found = replay(finer(from_duties(DRIVE, duty, read, slope, "free", load), 4), [values])
     change = np.ptp(np.diff(speed)) / PERIOD
-    miss, gap = np.abs(found.motion[0][:, 0]).max(), apart(DRIVE, found.currents[0][:, :, 0], readings)
+    miss, gap = (
+        np.abs(found.motion[0][:, 0]).max(),
+        apart(DRIVE, found.currents[0][:, :, 0], readings),
+    )
     print(f"{name}: motion {miss:.1e} rad of {np.ptp(theta):.2f}, currents {gap * 1e6:.1f} ppm")
     delay = v["pwm_delay.delay"]
     late = DRIVE.motor.magnet_flux / DRIVE.motor.inductance_d / DRIVE.motor.rated_current
     assert gap < EXACT + late * np.abs(np.diff(speed)).max() * delay * 0.5
     assert miss < 3.0 * PERIOD**2 / 12.0 * change + 1e-5
-    if name in ("load", "both", "teeth", "cogging_torque", "coulomb_friction", "inertia", "shaft_compliance"):
-        assert np.abs(replay(from_duties(DRIVE, duty, read, slope, "free", load), [{}]).motion[0]).max() > 20.0 * miss
+    if name in (
+        "load",
+        "both",
+        "teeth",
+        "cogging_torque",
+        "coulomb_friction",
+        "inertia",
+        "shaft_compliance",
+    ):
+        assert (
+            np.abs(
+                replay(from_duties(DRIVE, duty, read, slope, "free", load), [{}]).motion[0]
+            ).max()
+            > 20.0 * miss
+        )
 
 
 @pytest.mark.parametrize("size", [0.0, 0.02])
 def test_a_drop_sees_the_corners_that_late_edges_make(size):
-    """At standstill, legs close together: one step a period, beside 32.  2e-6 of rated current (seen: 0.9e-6 and
-    0.5e-6; with the corners cut 23e-6 and 9e-6)."""
+    """At standstill, legs close together: one step a period, beside 32.  2e-6 of rated current
+    (seen: 0.9e-6 and 0.5e-6; with the corners cut 23e-6 and 9e-6)."""
     values, duty = typical("device_drop") | typical("dead_time"), duties(48, 0.0, size=size)
     assert apart(DRIVE, kernel(values, duty, 1, 0.0), kernel(values, duty, FINE, 0.0)) < 2e-6

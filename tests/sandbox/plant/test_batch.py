@@ -1,4 +1,5 @@
-"""Sets side by side: what is neutral, and what lanes know of each other; one lane without a compiler."""
+"""Sets side by side: what is neutral, and what lanes know of each other; one lane without a
+compiler."""
 
 import json
 import os
@@ -34,24 +35,29 @@ def without_compiler(what):
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)}
     call = [sys.executable, "-m", "tests.sandbox.plant.interpreted", what]
     return json.loads(
-        subprocess.run(call, env=environment, cwd=ROOT, capture_output=True, check=True, text=True).stdout
+        subprocess.run(
+            call, env=environment, cwd=ROOT, capture_output=True, check=True, text=True
+        ).stdout
     )
 
 
 def test_a_drive_without_effects_needs_nothing():
-    assert features_of(DRIVE.motor, complete(DRIVE.motor, DRIVE.converter)) == add.RUB  # its own viscous friction
+    # its own viscous friction
+    assert features_of(DRIVE.motor, complete(DRIVE.motor, DRIVE.converter)) == add.RUB
 
 
-ROUNDED = ("current_sampling", "pwm_delay")  # the sample then lies inside a segment for all lanes: other sums
+# the sample then lies inside a segment for all lanes: other sums
+ROUNDED = ("current_sampling", "pwm_delay")
 
 
 @pytest.mark.parametrize("name", library.effect_names())
 def test_a_neutral_lane_beside_one_that_is_on(name):
-    """The plant then does for both what the effect needs, and asks its equations in both: the bits of a lane alone.
+    """The plant then does for both what the effect needs, and asks its equations in both: the bits
+    of a lane alone.
 
-    But for three.  Timing: the same sample by other sums, to a few roundings of the largest current.  Filter: one
-    without time constant has 1e-12 s, so it reads what the current was then; no current of this motor moves faster than
-    by 2/3 of the link on its smaller inductance.
+    But for three.  Timing: the same sample by other sums, to a few roundings of the largest
+    current.  Filter: one without time constant has 1e-12 s, so it reads what the current was then;
+    no current of this motor moves faster than by 2/3 of the link on its smaller inductance.
     """
     plain = readings([{}])[:, :, 0]
     beside = readings([{}, library.typical(name, DRIVE.motor, DRIVE.converter)])[:, :, 0]
@@ -69,14 +75,22 @@ def test_a_neutral_lane_beside_all_that_is_on():
     """As before, the filter among them."""
     plain, beside = readings([{}])[:, :, 0], readings([{}, interpreted.every()])[:, :, 0]
     least = min(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q)
-    assert np.abs(beside - plain).max() < 1.0 / FASTEST * 2.0 / 3.0 * DRIVE.converter.dc_bus_voltage / least
+    assert (
+        np.abs(beside - plain).max()
+        < 1.0 / FASTEST * 2.0 / 3.0 * DRIVE.converter.dc_bus_voltage / least
+    )
 
 
 @pytest.mark.parametrize("name", library.effect_names())
 def test_companions_of_an_effect_that_is_off_change_no_bit(name):
-    """What says how, not how much (phase, frequency, time constant, width, ...), does nothing alone."""
+    """What says how, not how much (phase, frequency, time constant, width, ...), does nothing
+    alone."""
     card, typical = library.load_effect(name), library.typical(name, DRIVE.motor, DRIVE.converter)
-    companions = {k: v for k, v in typical.items() if card.switches and k.partition(".")[2] not in card.switches}
+    companions = {
+        k: v
+        for k, v in typical.items()
+        if card.switches and k.partition(".")[2] not in card.switches
+    }
     if name == "shaft_compliance":
         del companions["shaft_compliance.load_inertia"]  # refused without stiffness
     assert np.array_equal(readings([companions]), readings([{}]))
@@ -93,7 +107,8 @@ def test_a_lane_knows_nothing_of_its_neighbours():
 
 
 def test_one_lane_without_a_compiler_is_sixteen_with_one():
-    """Strict arithmetic: vector code of sixteen lanes and an interpreter of one give the same bits."""
+    """Strict arithmetic: vector code of sixteen lanes and an interpreter of one give the same
+    bits."""
     n = interpreted.SHORT
     prepared = from_duties(DRIVE, duties(n), *turning(n))
     compiled = replay(prepared, [interpreted.every()]).currents[0][:, :, 0]
@@ -103,12 +118,14 @@ def test_one_lane_without_a_compiler_is_sixteen_with_one():
 def test_energy_of_an_electrical_turn_closes():
     """Input = copper + skin + windings + core + shaft at steady state, all machine effects on.
 
-    Four times the steps bring what is left down fourfold or more: it is the steps', and the meter's (Simpson's rule,
-    the skin effect's lag in the middle taken as the mean of both ends).
+    Four times the steps bring what is left down fourfold or more: it is the steps', and the meter's
+    (Simpson's rule, the skin effect's lag in the middle taken as the mean of both ends).
     """
     left = []
     for turn in without_compiler("energy"):
-        left.append(abs(turn["input"] - sum(v for k, v in turn.items() if k != "input")) / turn["input"])
+        left.append(
+            abs(turn["input"] - sum(v for k, v in turn.items() if k != "input")) / turn["input"]
+        )
         assert min(turn.values()) > 1e-3 * turn["input"]
     print("energy left over input:", left)
     assert left[-1] < 1e-5
@@ -126,7 +143,8 @@ def test_the_ports_are_those_of_the_cards():
 
 @pytest.mark.parametrize("name", library.effect_names())
 def test_every_effect_has_an_equation_or_replaces_values_of_the_motor(name):
-    """What no equation is handed is a value of the motor, under its own name or that of another effect."""
+    """What no equation is handed is a value of the motor, under its own name or that of another
+    effect."""
     card, of_motor = library.load_effect(name), library.replaced() | library.scaled()
     handed = {n for at in card.at for n in at.numbers}
     others = {p.same_as or f"{name}.{p.name}" for p in card.parameters if p.name not in handed}
@@ -135,7 +153,8 @@ def test_every_effect_has_an_equation_or_replaces_values_of_the_motor(name):
 
 @pytest.mark.parametrize("port", [name for name, port in PORTS.items() if port.once])
 def test_what_is_asked_once_is_zero_in_neutral_lanes(port):
-    """The card of an effect that is off returns 0 first, whatever its companions say (their typical sizes)."""
+    """The card of an effect that is off returns 0 first, whatever its companions say (their typical
+    sizes)."""
     drive = load_drive("ipm")
     neutral, found = library.neutral(drive.motor), 0
     for card in map(library.load_effect, library.effect_names()):

@@ -1,4 +1,5 @@
-"""Blocked gates: closed forms, and the exact plant beside the switched bench, which finds events."""
+"""Blocked gates: closed forms, and the exact plant beside the switched bench, which finds
+events."""
 
 from __future__ import annotations
 
@@ -33,14 +34,19 @@ def parts(speed, load, **keys):
     """Return a scenario: under load, blocked, again under load."""
     return Scenario(
         "blocked",
-        (Segment(0.05, load, speed), Segment(0.02, 0.0, speed, blocked=True, score=False), Segment(0.05, load, speed)),
+        (
+            Segment(0.05, load, speed),
+            Segment(0.02, 0.0, speed, blocked=True, score=False),
+            Segment(0.05, load, speed),
+        ),
         start_up=False,
         **keys,
     )
 
 
 def test_open_terminals_show_what_the_magnets_induce():
-    """No current, and u = j omega phi_m exp(j theta), mean of the period: sinc(omega h/2) of its middle."""
+    """No current, and u = j omega phi_m exp(j theta), mean of the period: sinc(omega h/2) of its
+    middle."""
     omega = 300.0
     plant = Exact({}, MOTOR, "driven", 0.3, omega / MOTOR.pole_pairs, QUIET.converter)
     for k in range(20):
@@ -54,8 +60,11 @@ def test_open_terminals_show_what_the_magnets_induce():
 
 
 def test_a_current_dies_away_against_the_link():
-    """At rest a current along phase a meets two thirds of the link: i = (i_0 + v/R) exp(-R t/L) - v/R until it is 0."""
-    linear = dataclasses.replace(MOTOR, alpha_30=0.0, alpha_12=0.0, alpha_40=0.0, alpha_22=0.0, alpha_04=0.0)
+    """At rest a current along phase a meets two thirds of the link: i = (i_0 + v/R) exp(-R
+    t/L) - v/R until it is 0."""
+    linear = dataclasses.replace(
+        MOTOR, alpha_30=0.0, alpha_12=0.0, alpha_40=0.0, alpha_22=0.0, alpha_04=0.0
+    )
     plant = Exact({}, linear, "locked", 0.0, 0.0, QUIET.converter)
     for _ in range(40):
         plant.advance(60.0 + 0j)
@@ -73,10 +82,17 @@ def test_a_current_dies_away_against_the_link():
 @pytest.mark.parametrize("speed", [0.0, 0.05, 0.3])
 def test_currents_are_those_of_the_switched_bench(speed, load):
     scenario = parts(speed, load, rotor="driven")
-    runs = [simulate(QUIET, scenario, QNULL, closed_loop=False, plant=p).recording for p in ("exact", "switched")]
+    runs = [
+        simulate(QUIET, scenario, QNULL, closed_loop=False, plant=p).recording
+        for p in ("exact", "switched")
+    ]
     off = np.hypot(runs[0].i_d - runs[1].i_d, runs[0].i_q - runs[1].i_q) / MOTOR.rated_current
     blocked = (runs[0].t > 0.05 + 2 * H) & (runs[0].t < 0.07)
-    for name, part in (("before", runs[0].t < 0.05), ("blocked", blocked), ("after", runs[0].t > 0.07)):
+    for name, part in (
+        ("before", runs[0].t < 0.05),
+        ("blocked", blocked),
+        ("after", runs[0].t > 0.07),
+    ):
         print(f"{name}: {off[part].max() * 1e6:.2f} ppm of rated current")
     left = np.hypot(runs[1].i_d, runs[1].i_q)[blocked]
     print("currents, A:", left[:4], left[-1])
@@ -84,13 +100,18 @@ def test_currents_are_those_of_the_switched_bench(speed, load):
 
 
 def test_beyond_the_link_the_diodes_rectify():
-    """Magnets that induce more than the link between two legs: current flows into it; both plants the same."""
+    """Magnets that induce more than the link between two legs: current flows into it; both plants
+    the same."""
     omega = 1.2 * LINK / math.sqrt(3.0) / MOTOR.magnet_flux
     fast = dataclasses.replace(MOTOR, rated_speed_rpm=omega / MOTOR.pole_pairs * 30.0 / math.pi)
     b = quiet(bench(fast, QUIET.converter))
     x = start(b, 0.3)
     x[SPEED] = omega / fast.pole_pairs
-    plant, most, off = Exact({}, fast, "driven", 0.3, omega / fast.pole_pairs, QUIET.converter), 0.0, 0.0
+    plant, most, off = (
+        Exact({}, fast, "driven", 0.3, omega / fast.pole_pairs, QUIET.converter),
+        0.0,
+        0.0,
+    )
     for _ in range(60):
         theirs = complex(x[I_ALPHA], x[I_BETA])
         ours = plant.advance(0j, blocked=True)

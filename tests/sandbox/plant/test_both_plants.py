@@ -14,13 +14,18 @@ from model.effects import library
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 
-# degrees: 1e-5 of rated current (what a step of the exact plant may miss of the drop) over a ripple of a fifth of it,
-# whose q part turns with half the angle (`ipm_exchanged`: (1/L_d - 1/L_q) L_d = -0.5)
+# degrees: 1e-5 of rated current (what a step of the exact plant may miss of the drop) over a ripple
+# of a fifth of it, whose q part turns with half the angle (`ipm_exchanged`: (1/L_d - 1/L_q)
+# L_d = -0.5)
 SAME = np.degrees(1e-5 / (0.2 * 0.5))
 QNULL = load_estimator("qnull")
 LOADED = Segment(0.1, 0.8, ramp=0.05)
 LOCKED = Scenario("locked", (Segment(0.02), LOADED, Segment(0.1, 0.8)))
-DRIVEN = Scenario("driven", (Segment(0.02), Segment(0.1, 0.8, 0.1, ramp=0.05), Segment(0.1, 0.8, 0.1)), rotor="driven")
+DRIVEN = Scenario(
+    "driven",
+    (Segment(0.02), Segment(0.1, 0.8, 0.1, ramp=0.05), Segment(0.1, 0.8, 0.1)),
+    rotor="driven",
+)
 FREE = Scenario(
     "free",
     (Segment(0.02), Segment(0.1, 0.3, 0.05, ramp=0.05), Segment(0.15, 0.3, 0.05)),
@@ -44,7 +49,10 @@ CASES = {  # scenario, effects; the motor's quartic as a flux map where the name
     "bare": (LOCKED, {}),
     "driven": (DRIVEN, {}),
     "dead time, filter": (DRIVEN, {"dead_time.time": 1e-6, "current_filter.time_constant": 1e-5}),
-    "early samples of late pulses": (LOCKED, {"pwm_delay.delay": 2e-5, "current_sampling.delay": -5e-6}),
+    "early samples of late pulses": (
+        LOCKED,
+        {"pwm_delay.delay": 2e-5, "current_sampling.delay": -5e-6},
+    ),
     "late samples": (DRIVEN, {"current_sampling.delay": 5e-6}),
     "iron loss": (DRIVEN, {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4}),
     "harmonics": (
@@ -79,8 +87,12 @@ def last(run, seconds):
 
 
 def means(scenario, effects, mapped=False):
-    """Return the mean position error (degrees) of a run's last 0.1 s on the exact plant and on the switched bench."""
-    runs = [simulate(quiet(mapped), scenario, QNULL, effects=effects, plant=plant) for plant in ("exact", "switched")]
+    """Return the mean position error (degrees) of a run's last 0.1 s on the exact plant and on the
+    switched bench."""
+    runs = [
+        simulate(quiet(mapped), scenario, QNULL, effects=effects, plant=plant)
+        for plant in ("exact", "switched")
+    ]
     found = [float(np.degrees(last(run, 0.1).error.mean())) for run in runs]
     print(f"exact {found[0]:.5f}, switched {found[1]:.5f} degrees, off {found[0] - found[1]:+.1e}")
     return found
@@ -96,13 +108,18 @@ def test_same_mean_position_error(case):
 def test_every_effect_at_typical_size_means_the_same(name):
     """Jitter, of which each plant draws its own, aside."""
     drive = quiet()
-    sizes = {k: v for k, v in library.typical(name, drive.motor, drive.converter).items() if not k.endswith("jitter")}
+    sizes = {
+        k: v
+        for k, v in library.typical(name, drive.motor, drive.converter).items()
+        if not k.endswith("jitter")
+    }
     exact, switched = means(FREE, sizes)
     assert exact == pytest.approx(switched, abs=SAME)
 
 
 def test_jitter_scatters_the_samples_alike():
-    """Each plant draws its own: rms of reading less true current, of n samples known to 1/sqrt(2 n), four sigma."""
+    """Each plant draws its own: rms of reading less true current, of n samples known to 1/sqrt(2
+    n), four sigma."""
     scatter = []
     for plant in ("exact", "switched"):
         effects = {"current_sampling.jitter": 3e-6, "current_sampling.delay": 5e-6}

@@ -1,4 +1,5 @@
-"""Dead time with output capacitances: closed forms, an event-exact circuit, the readable reference."""
+"""Dead time with output capacitances: closed forms, an event-exact circuit, the readable
+reference."""
 
 import dataclasses
 
@@ -24,7 +25,8 @@ PPM = 50e-6  # of rated current: what the plant may differ from the circuit
 
 @pytest.mark.parametrize("amps", [3.0, 0.2, 0.05, 1e-3, -1e-3, -0.05, -0.08, -0.2, -3.0])
 def test_at_constant_current_an_edge_is_late_by_the_printed_curve(amps):
-    """t_d kept; t_d - t_d^2 |i|/(4 C V) where the leg does not arrive; C V/|i| where it does (Zhang, Xu 2014)."""
+    """t_d kept; t_d - t_d^2 |i|/(4 C V) where the leg does not arrive; C V/|i| where it does
+    (Zhang, Xu 2014)."""
     c = 100e-12
     arrives = 2.0 * c * LINK / TIME
     printed = TIME if amps > 0.0 else TIME - TIME**2 * -amps / (4.0 * c * LINK)
@@ -33,10 +35,13 @@ def test_at_constant_current_an_edge_is_late_by_the_printed_curve(amps):
     assert 0.5 * TIME * (1.0 + static_sign(amps, arrives)) == pytest.approx(printed, rel=1e-12)
 
 
-@pytest.mark.parametrize("rest", [-0.3, 0.2, 0.5, 0.9, 1.4])  # where between the rails the leg would rest
-@pytest.mark.parametrize("share", [-2.0, -0.7, -0.1, 0.0, 0.1, 0.6])  # current, of what either scale of it says
+# where between the rails the leg would rest
+@pytest.mark.parametrize("rest", [-0.3, 0.2, 0.5, 0.9, 1.4])
+# current, of what either scale of it says
+@pytest.mark.parametrize("share", [-2.0, -0.7, -0.1, 0.0, 0.1, 0.6])
 def test_a_current_that_changes_is_integrated_as_by_scipy(rest, share):
-    """The leg's equations, clamped, by an adaptive integrator of SciPy; a clamp is met to one of 400 pieces."""
+    """The leg's equations, clamped, by an adaptive integrator of SciPy; a clamp is met to one of
+    400 pieces."""
     steep, c = 2.0 / 3.0 * LINK / 5e-3, 200e-12
     before, charge = -rest * steep, 2.0 * c * LINK
     hold = share * max(steep * TIME, charge / TIME)
@@ -50,18 +55,21 @@ def test_a_current_that_changes_is_integrated_as_by_scipy(rest, share):
     for _ in range(400):
         y = solve_ivp(slopes, (0.0, TIME / 400), y, rtol=1e-8, atol=1e-12).y[:, -1]
         y[0] = min(max(y[0], 0.0), 1.0)
-    assert lateness(TIME, c, LINK, hold, before, before + steep) == pytest.approx(TIME - y[2], abs=TIME / 400)
+    assert lateness(TIME, c, LINK, hold, before, before + steep) == pytest.approx(
+        TIME - y[2], abs=TIME / 400
+    )
 
 
 def test_far_from_zero_the_quick_form_is_the_same():
-    """To the square of slope times charge over current squared, a tenth of it (SMALL in the module)."""
+    """To the square of slope times charge over current squared, a tenth of it (SMALL in the
+    module)."""
     steep, c = 2.0 / 3.0 * LINK / 5e-3, 100e-12
     for amps in (-1.0, -0.5, 2.0):
         bent = steep * 2.0 * c * LINK / amps**2
         exact = lateness(TIME, c, LINK, amps, -0.5 * steep, 0.5 * steep)
-        assert quick(TIME, 2.0 * c * LINK, amps, 1.0 / abs(amps), -0.5 * steep, 0.5 * steep) == pytest.approx(
-            exact, rel=0.1 * bent**2
-        )
+        assert quick(
+            TIME, 2.0 * c * LINK, amps, 1.0 / abs(amps), -0.5 * steep, 0.5 * steep
+        ) == pytest.approx(exact, rel=0.1 * bent**2)
 
 
 def volts_of(volts, angle, injected, speed):
@@ -72,7 +80,8 @@ def volts_of(volts, angle, injected, speed):
 
 
 def pattern(volts, angle, injected, speed):
-    """Return duties (n, 3) of a constant and a square-wave voltage (V) that turn with the rotor, dead time made up."""
+    """Return duties (n, 3) of a constant and a square-wave voltage (V) that turn with the rotor,
+    dead time made up."""
     u = volts_of(volts, angle, injected, speed) / LINK
     legs = np.stack([u.real, u.imag], axis=1) @ LEGS.T
     return 0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None]
@@ -89,17 +98,29 @@ PATTERNS = {
 @pytest.mark.parametrize("capacitance", [0.0, 100e-12, 300e-12])
 @pytest.mark.parametrize("name", PATTERNS)
 def test_readings_are_those_of_six_switches(name, capacitance):
-    """Of rated current; from no current at all on.  Seen: 0.1 to 1 ppm, 20 where three legs commutate at once with
-    hardly any current (the first period): each leg is moved by the mean of what the others do meanwhile."""
+    """Of rated current; from no current at all on.  Seen: 0.1 to 1 ppm, 20 where three legs
+    commutate at once with hardly any current (the first period): each leg is moved by the mean of
+    what the others do meanwhile."""
     duty, speed, m = pattern(*PATTERNS[name]), PATTERNS[name][3], MOTOR
     by_circuit = Circuit(
-        m.resistance, m.inductance_d, m.magnet_flux, speed, 0.3, LINK, COIL.converter.sampling_period, TIME, capacitance
+        m.resistance,
+        m.inductance_d,
+        m.magnet_flux,
+        speed,
+        0.3,
+        LINK,
+        COIL.converter.sampling_period,
+        TIME,
+        capacitance,
     ).run(duty)
     values = {"dead_time.time": TIME, "dead_time.capacitance": capacitance or NO_CAPACITANCE}
     prepared = finer(from_duties(COIL, duty, *turning(PERIODS, speed, COIL)), 4)
     with_it, without = (replay(prepared, [v]).currents[0][:, :, 0] for v in (values, {}))
     found = apart(COIL, with_it, by_circuit)
-    print(f"{name}, {capacitance * 1e12:g} pF: {found * 1e6:.2f} ppm; dead time {apart(COIL, without, by_circuit):.3f}")
+    print(
+        f"{name}, {capacitance * 1e12:g} pF: {found * 1e6:.2f} ppm; dead time "
+        f"{apart(COIL, without, by_circuit):.3f}"
+    )
     assert found < PPM
     assert apart(COIL, without, by_circuit) > 100.0 * PPM
 

@@ -1,4 +1,5 @@
-"""Effects at their edges: the smallest sizes allowed, an encoder's speed, bounds that a step must resolve."""
+"""Effects at their edges: the smallest sizes allowed, an encoder's speed, bounds that a step must
+resolve."""
 
 import dataclasses
 import math
@@ -26,10 +27,13 @@ from tests.sandbox.plant.exact import exact, switched
 
 @pytest.mark.parametrize("tau", [4e-6, 5.6e-6, 1e-6])
 def test_skin_effect_as_fast_as_a_real_windings(tau):
-    """The switched bench by the matrix exponential, at the time constants fitted to THOR's winding and at the bound.
+    """The switched bench by the matrix exponential, at the time constants fitted to THOR's winding
+    and at the bound.
 
-    Far above 1/tau the ladder is R_1 in series with x at rest; R_1 = 65 ohm takes R_1 tau = 0.3 mH off L at most.  The
-    exact plant meets it: its lag is exact, a step's drop misses LARGEST_DECAY^2/24 of what it drives.
+    Far above 1/tau the ladder is R_1 in series with x at rest; R_1 = 65 ohm takes R_1 tau = 0.3 mH
+    off L at most.  The exact plant meets it: its lag is exact, a step's drop misses
+    LARGEST_DECAY^2/24 of what it
+    drives.
     """
     r_1, t = 65.0, 3 * TS
     effects = {"skin_effect.resistance": r_1, "skin_effect.time_constant": tau}
@@ -37,9 +41,13 @@ def test_skin_effect_as_fast_as_a_real_windings(tau):
     b = quiet(bench(NO_MAGNET, CONVERTER, effects))
     state = start(b)
     integrate(state, b, LOCKED, complex(40.0 / U), 0.0, t, 0.0, 0.0)
-    assert [state[I_ALPHA], state[SKIN_ALPHA]] == pytest.approx((expm(m * t) @ [0.0, 0.0, 40.0])[:2], rel=1e-6)
+    assert [state[I_ALPHA], state[SKIN_ALPHA]] == pytest.approx(
+        (expm(m * t) @ [0.0, 0.0, 40.0])[:2], rel=1e-6
+    )
     u = 60.0 * np.exp(0.3j) * np.where(np.arange(200) % 8 < 4, 1.0, -1.0)
-    still, moved, found = (f(e, u, NO_MAGNET) for f, e in ((switched, {}), (switched, effects), (exact, effects)))
+    still, moved, found = (
+        f(e, u, NO_MAGNET) for f, e in ((switched, {}), (switched, effects), (exact, effects))
+    )
     missed = LARGEST_DECAY**2 / 24 * np.abs(still).max()
     assert np.abs(found - moved).max() < missed
     assert np.abs(still - moved).max() > 2.0 * missed
@@ -77,7 +85,8 @@ def observed(angle, step, slope=0.0):
 
 
 def test_speed_from_counts_is_the_tracking_loop():
-    """A ramp of speed r is followed late by 2 r/w (critically damped, double pole w); counts blur it a little."""
+    """A ramp of speed r is followed late by 2 r/w (critically damped, double pole w); counts blur
+    it a little."""
     n, rate, step = 4000, 50.0, 2 * math.pi * 6 / 4096
     t = TS * np.arange(n)
     fine = observed(0.5 * rate * t * t + 1.0, 1e-12)
@@ -90,7 +99,8 @@ def test_speed_from_counts_is_the_tracking_loop():
 
 
 def test_speed_from_counts_sees_the_eccentricity():
-    """theta_read = theta + p A sin(theta/p): its speed swings by omega A, the tracking loop's gain being 1."""
+    """theta_read = theta + p A sin(theta/p): its speed swings by omega A, the tracking loop's gain
+    being 1."""
     p, amplitude, omega, n = 6, 0.01, 60.0, 12000
     theta = omega * TS * np.arange(n)
     step = 2 * math.pi * p / 4096
@@ -102,10 +112,15 @@ def test_speed_from_counts_sees_the_eccentricity():
 
 @pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_open_loop_runs_on_its_counted_encoder(plant):
-    """Counts are in the control (another run than without) and cost it less than a percent of speed."""
+    """Counts are in the control (another run than without) and cost it less than a percent of
+    speed."""
     drive = load_drive("ipm_exchanged")
-    counted = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, encoder_counts=4096))
-    scenario = Scenario("s", (Segment(0.1), Segment(0.6, 0.3, 0.1, ramp=0.2)), rotor="free", reference="speed")
+    counted = dataclasses.replace(
+        drive, converter=dataclasses.replace(drive.converter, encoder_counts=4096)
+    )
+    scenario = Scenario(
+        "s", (Segment(0.1), Segment(0.6, 0.3, 0.1, ramp=0.2)), rotor="free", reference="speed"
+    )
     omega = []
     for d in (drive, counted):
         run = simulate(d, scenario, load_estimator("qnull"), closed_loop=False, seed=2, plant=plant)

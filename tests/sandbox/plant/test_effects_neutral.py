@@ -1,4 +1,5 @@
-"""An effect at its neutral value leaves every output as it was, bit by bit: alone and beside others."""
+"""An effect at its neutral value leaves every output as it was, bit by bit: alone and beside
+others."""
 
 from __future__ import annotations
 
@@ -15,7 +16,9 @@ from sandbox.plant import additions as add
 from sandbox.plant.sets import complete, features_of
 
 DRIVE = load_drive("ipm_exchanged")
-RUN = Scenario("run", (Segment(0.02), Segment(0.06, 0.8, 0.05, ramp=0.02)), rotor="free", reference="speed")
+RUN = Scenario(
+    "run", (Segment(0.02), Segment(0.06, 0.8, 0.05, ramp=0.02)), rotor="free", reference="speed"
+)
 OTHERS = {
     "pwm_delay.delay": 1e-5,
     "iron_loss.core_resistance": 2000.0,
@@ -26,7 +29,9 @@ OTHERS = {
 
 
 def table(effects, plant="exact"):
-    return simulate(DRIVE, RUN, load_estimator("qnull"), seed=3, effects=effects, plant=plant).recording.table
+    return simulate(
+        DRIVE, RUN, load_estimator("qnull"), seed=3, effects=effects, plant=plant
+    ).recording.table
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +44,9 @@ def full():
     return table(OTHERS)
 
 
-@pytest.mark.parametrize("name", [n for n in library.parameters() if n.count(".") == 1 or ".2." in n])
+@pytest.mark.parametrize(
+    "name", [n for n in library.parameters() if n.count(".") == 1 or ".2." in n]
+)
 def test_neutral_value_changes_nothing(name, bare, full):
     value = {name: library.neutral(DRIVE.motor)[name]}
     assert np.array_equal(table(value), bare)
@@ -55,8 +62,16 @@ def test_typical_size_changes_something(name, bare):
 
 
 def test_what_only_replaces_numbers_costs_nothing():
-    """No loop of the plant's runs for effects that are other numbers, or readings, of what is there anyway."""
-    replaced = {"stator_resistance", "magnet_flux", "inductance", "saturation", "cross_saturation", "inertia"}
+    """No loop of the plant's runs for effects that are other numbers, or readings, of what is there
+    anyway."""
+    replaced = {
+        "stator_resistance",
+        "magnet_flux",
+        "inductance",
+        "saturation",
+        "cross_saturation",
+        "inertia",
+    }
     read = {
         "viscous_friction",
         "coulomb_friction",
@@ -67,8 +82,12 @@ def test_what_only_replaces_numbers_costs_nothing():
     }
     timed = {"current_sampling"}  # by the batch's timing
     for name in library.effect_names():
-        values = complete(DRIVE.motor, DRIVE.converter, library.typical(name, DRIVE.motor, DRIVE.converter))
-        assert (features_of(DRIVE.motor, values) & ~add.RUB == 0) == (name in replaced | read | timed), name
+        values = complete(
+            DRIVE.motor, DRIVE.converter, library.typical(name, DRIVE.motor, DRIVE.converter)
+        )
+        assert (features_of(DRIVE.motor, values) & ~add.RUB == 0) == (
+            name in replaced | read | timed
+        ), name
 
 
 def test_all_at_once_run_on_both_plants():
@@ -93,7 +112,9 @@ def test_an_estimator_in_python_runs_with_effects_on_both_plants():
     short = Scenario("short", (Segment(0.005),), start_up=False)
     for plant in ("exact", "switched"):
         runs = [
-            simulate(DRIVE, short, load_estimator(name), seed=1, effects=OTHERS, plant=plant).recording
+            simulate(
+                DRIVE, short, load_estimator(name), seed=1, effects=OTHERS, plant=plant
+            ).recording
             for name in ("ekf", "ekf_filterpy")
         ]
         assert runs[0].theta_hat == pytest.approx(runs[1].theta_hat, abs=1e-6)
@@ -107,7 +128,8 @@ def test_typical_sizes_suit_every_motor(motor):
         sizes = library.typical(name, drive.motor, drive.converter)
         assert library.complete(drive.motor, drive.converter, sizes), name
         values |= {} if name == "saturation" else sizes
-    if motor == "spm":  # as printed its energy is not convex at starting up, with or without effects
+    if motor == "spm":
+        # as printed its energy is not convex at starting up, with or without effects
         return
     run = simulate(drive, RUN, load_estimator("qnull"), seed=3, effects=values)
     assert np.isfinite(run.recording.table).all()

@@ -1,4 +1,5 @@
-"""Currents and inductances of many lanes on a flux map: in one cell as in several, lane by lane those of the map."""
+"""Currents and inductances of many lanes on a flux map: in one cell as in several, lane by lane
+those of the map."""
 
 from __future__ import annotations
 
@@ -24,13 +25,18 @@ def spline():
 @pytest.mark.parametrize("lanes", [1, 8, 24])
 @pytest.mark.parametrize("spread", [1e-6, 0.2])
 def test_lanes_have_the_map_s_currents_and_inductances(spline, lanes, spread):
-    """spread: Wb, within a cell and over some twelve; the rotor at 0.3 rad, no magnet: the stationary flux turned."""
+    """spread: Wb, within a cell and over some twelve; the rotor at 0.3 rad, no magnet: the
+    stationary flux turned."""
     rng = np.random.default_rng(lanes)
     w = blank(lanes)
-    d, q = 0.041 + spread * rng.uniform(-0.5, 0.5, lanes), 0.023 + spread * rng.uniform(-0.5, 0.5, lanes)
+    d, q = (
+        0.041 + spread * rng.uniform(-0.5, 0.5, lanes),
+        0.023 + spread * rng.uniform(-0.5, 0.5, lanes),
+    )
     d[0] += 0.4 * (spread > 0.1)  # the first lane outside the map
     w["z_d"], w["z_q"] = d, q
-    w["gamma_d"], w["gamma_q"], w["off_c"] = 2.0, 3.0, 1.0  # beside the map's: currents and inductances add up
+    # beside the map's: currents and inductances add up
+    w["gamma_d"], w["gamma_q"], w["off_c"] = 2.0, 3.0, 1.0
     mapped(w, spline)
     found = np.array([currents(spline, *z) for z in zip(d, q, strict=True)])
     np.testing.assert_allclose(w["i_d"], found[:, 0] + 2.0 * d, rtol=1e-12)

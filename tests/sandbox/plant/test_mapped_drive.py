@@ -1,4 +1,5 @@
-"""Motors with a flux map: by name in every command, in the compiled loop, with errors as small as the quartic's."""
+"""Motors with a flux map: by name in every command, in the compiled loop, with errors as small as
+the quartic's."""
 
 import dataclasses
 import json
@@ -20,7 +21,8 @@ from sandbox.recordings.writing import write_campaign
 from tests.data import real_data
 
 # Winding time constants reach 0.2 s (Baldor's q axis): each load gets 0.8 s to settle.
-# Loads at which a linear belief still locks with i_d = 0 (audit: angle and slope); beyond, THOR's q-null has no lock.
+# Loads at which a linear belief still locks with i_d = 0 (audit: angle and slope); beyond, THOR's
+# q-null has no lock.
 LOADS = {"brusa_hsm1": (0.6, 1.2), "baldor_pmsyrm": (0.6, 1.2), "thor_fea": (0.3, 0.6)}
 
 
@@ -36,7 +38,8 @@ def staircase(name, start_up):
 
 
 def test_saturated_belief_has_no_error_and_a_linear_one_the_theory_s(mapped):
-    """Told the first position: a linear belief takes the polarity for granted, which THOR's bridges turn round."""
+    """Told the first position: a linear belief takes the polarity for granted, which THOR's bridges
+    turn round."""
     rows = compare(mapped, staircase(mapped.name, start_up=False), seed=2).rows
     assert {(r.estimator, r.belief) for r in rows} == {
         (e, b) for e in ("qnull", "inversion", "ekf") for b in ("saturated", "linear")
@@ -50,7 +53,9 @@ def test_saturated_belief_has_no_error_and_a_linear_one_the_theory_s(mapped):
 
 
 def test_starting_up_finds_position_and_polarity(mapped):
-    run = simulate(mapped, Scenario("still", (Segment(0.3),), start_angle=2.0), load_estimator("qnull"), seed=5)
+    run = simulate(
+        mapped, Scenario("still", (Segment(0.3),), start_angle=2.0), load_estimator("qnull"), seed=5
+    )
     late = run.recording.between(run.start_time + 0.1, run.start_time + 0.3)
     assert abs(np.degrees(late.error.mean())) < 0.3
 
@@ -60,9 +65,12 @@ def test_linear_belief_is_the_map_at_zero_current(mapped):
     from model.energy import flux_from_current
 
     d, q = flux_from_current(motor.energy, [h, -h, 0.0, 0.0], [0.0, 0.0, h, -h])
-    assert (d[0] - d[1]) / (2 * h) == pytest.approx(motor.inductance_d, rel=1e-3)  # curvature over 2e-3 of rated
+    # curvature over 2e-3 of rated
+    assert (d[0] - d[1]) / (2 * h) == pytest.approx(motor.inductance_d, rel=1e-3)
     assert (q[2] - q[3]) / (2 * h) == pytest.approx(motor.inductance_q, rel=1e-3)
-    assert motor.linear_energy[:2] == pytest.approx((motor.energy.gamma_d, motor.energy.gamma_q), rel=1e-12)
+    assert motor.linear_energy[:2] == pytest.approx(
+        (motor.energy.gamma_d, motor.energy.gamma_q), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(("command", "name"), [("maps", "baldor_pmsyrm"), ("audit", "thor_fea")])
@@ -78,10 +86,22 @@ def test_commands_know_the_name(command, name, tmp_path):
 
 
 def test_simulate_with_effects_and_record(mapped, tmp_path):
-    call = ["simulate", "--motor", mapped.name, "--duration", "0.05", "--effects", "dead_time.time=1e-6", "--no-trace"]
-    assert main([*call, "--record", str(tmp_path / "c"), "--out", str(tmp_path / "o"), "--quiet"]) == 0
+    call = [
+        "simulate",
+        "--motor",
+        mapped.name,
+        "--duration",
+        "0.05",
+        "--effects",
+        "dead_time.time=1e-6",
+        "--no-trace",
+    ]
+    assert (
+        main([*call, "--record", str(tmp_path / "c"), "--out", str(tmp_path / "o"), "--quiet"]) == 0
+    )
     nominal = read_campaign(tmp_path / "c").drive.motor
-    assert isinstance(nominal, MappedMotor)  # the map goes along: without it a fault-free drive would look faulty
+    # the map goes along: without it a fault-free drive would look faulty
+    assert isinstance(nominal, MappedMotor)
     assert nominal.map_hash == mapped.motor.map_hash
 
 
@@ -93,13 +113,19 @@ def twin(drive):
 
 
 def test_spline_of_a_quartic_runs_as_the_quartic_does():
-    drive = load_drive("ipm_exchanged")  # without counts: where one falls the other way, runs differ by a count
-    drive = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, current_resolution=0.0))
+    # without counts: where one falls the other way, runs differ by a count
+    drive = load_drive("ipm_exchanged")
+    drive = dataclasses.replace(
+        drive, converter=dataclasses.replace(drive.converter, current_resolution=0.0)
+    )
     scenario = Scenario("two", (Segment(0.1), Segment(0.3, 1.0, ramp=0.05)), start_up=False)
     other = twin(drive)
     for name in ("qnull", "inversion", "ekf"):
         for belief in ("saturated", "linear"):
-            a, b = (simulate(d, scenario, load_estimator(name), belief, seed=1).recording for d in (drive, other))
+            a, b = (
+                simulate(d, scenario, load_estimator(name), belief, seed=1).recording
+                for d in (drive, other)
+            )
             # the fit's currents are within 2e-4 A (test_spline_energy) of a 0.24 A ripple: 1e-3 rad
             np.testing.assert_allclose(b.theta_hat, a.theta_hat, atol=5e-3)
 
@@ -114,7 +140,10 @@ def test_python_loop_takes_a_spline_and_agrees(mapped):
 
 def test_filter_in_python_agrees_with_the_compiled_one(mapped):
     scenario = Scenario("x", (Segment(0.02, 0.3, ramp=0.01),), start_up=False)
-    runs = [simulate(mapped, scenario, load_estimator(name), seed=1).recording for name in ("ekf", "ekf_filterpy")]
+    runs = [
+        simulate(mapped, scenario, load_estimator(name), seed=1).recording
+        for name in ("ekf", "ekf_filterpy")
+    ]
     np.testing.assert_allclose(runs[1].theta_hat, runs[0].theta_hat, atol=1e-6)
 
 
@@ -127,7 +156,9 @@ def _belief(drive):
 def test_a_campaign_holds_the_numbers_of_its_nominal_motor(tmp_path):
     other = twin(load_drive("ipm_exchanged"))
     run = simulate(other, Scenario("x", (Segment(0.02),), start_up=False), load_estimator("qnull"))
-    written = write_campaign(tmp_path / "c", campaign_of(other, Scenario("x", (Segment(0.02),)), run.recording, "c"))
+    written = write_campaign(
+        tmp_path / "c", campaign_of(other, Scenario("x", (Segment(0.02),)), run.recording, "c")
+    )
     assert type(read_campaign(written).drive.motor) is Motor
     assert isinstance(other.motor, MappedMotor)
     assert without_map(load_drive("ipm").motor) == load_drive("ipm").motor
@@ -135,9 +166,15 @@ def test_a_campaign_holds_the_numbers_of_its_nominal_motor(tmp_path):
 
 @pytest.mark.parametrize(("name", "plant"), [("qnull", "switched"), ("pwm_ripple", "exact")])
 def test_spline_of_a_quartic_runs_so_on_both_plants(name, plant):
-    """Plant and belief both as a map, against both as the quartic; the map is met to 1e-4 of rated current."""
-    drive, scene = load_drive("ipm_exchanged"), Scenario("x", (Segment(0.3, 1.0, ramp=0.1),), start_up=False)
-    ends = [simulate(d, scene, load_estimator(name), seed=3, plant=plant) for d in (drive, twin(drive))]
+    """Plant and belief both as a map, against both as the quartic; the map is met to 1e-4 of rated
+    current."""
+    drive, scene = (
+        load_drive("ipm_exchanged"),
+        Scenario("x", (Segment(0.3, 1.0, ramp=0.1),), start_up=False),
+    )
+    ends = [
+        simulate(d, scene, load_estimator(name), seed=3, plant=plant) for d in (drive, twin(drive))
+    ]
     known, found = (np.degrees(run.recording.between(0.15, 0.3).error) for run in ends)
     assert found.mean() == pytest.approx(known.mean(), abs=0.05)
 
@@ -150,12 +187,17 @@ def test_spline_of_a_quartic_runs_so_on_both_plants(name, plant):
     ],
 )
 def test_effects_on_the_magnetics_run_on_both_plants(effects):
-    """What a diagnosis writes beside a map; the second plant evaluates maps and effects by code of its own."""
+    """What a diagnosis writes beside a map; the second plant evaluates maps and effects by code of
+    its own."""
     real_data()
     drive = load_drive("baldor_pmsyrm")
-    scenario = Scenario("loaded", (Segment(0.1), Segment(0.3, 0.6, ramp=0.05)), start_up=False, rotor="locked")
+    scenario = Scenario(
+        "loaded", (Segment(0.1), Segment(0.3, 0.6, ramp=0.05)), start_up=False, rotor="locked"
+    )
     both = [
-        simulate(drive, scenario, load_estimator("qnull"), effects=effects, plant=plant, seed=3).recording
+        simulate(
+            drive, scenario, load_estimator("qnull"), effects=effects, plant=plant, seed=3
+        ).recording
         for plant in ("exact", "switched")
     ]
     plain = simulate(drive, scenario, load_estimator("qnull"), seed=3).recording

@@ -1,4 +1,5 @@
-"""Motors with a flux map: the replay against the switched bench and the reference; both ways of reading a map."""
+"""Motors with a flux map: the replay against the switched bench and the reference; both ways of
+reading a map."""
 
 import dataclasses
 
@@ -24,10 +25,14 @@ def drive(request):
     """A motor with a measured map, its encoder fine enough not to show."""
     real_data()
     found = load_drive(request.param)
-    return dataclasses.replace(found, converter=dataclasses.replace(found.converter, encoder_counts=1 << 20))
+    return dataclasses.replace(
+        found, converter=dataclasses.replace(found.converter, encoder_counts=1 << 20)
+    )
 
 
-@pytest.mark.parametrize("effects", [{}, {"dead_time.time": 1e-6}, {"iron_loss.core_resistance": 100.0}], ids=str)
+@pytest.mark.parametrize(
+    "effects", [{}, {"dead_time.time": 1e-6}, {"iron_loss.core_resistance": 100.0}], ids=str
+)
 def test_the_replay_of_a_map_is_the_switched_bench(drive, effects):
     """Four steps: a map's step is of second order (no third derivative of it is taken)."""
     pairs = recorded(drive, effects)
@@ -38,20 +43,25 @@ def test_the_replay_of_a_map_is_the_switched_bench(drive, effects):
 
 
 def test_a_map_is_that_of_the_reference(drive):
-    """NumPy's polynomials of each cell, inside the map's box: the same currents to the steps' error."""
+    """NumPy's polynomials of each cell, inside the map's box: the same currents to the steps'
+    error."""
     period = drive.converter.sampling_period
     speed, size = 0.002 / period, 0.004
     duty = duties(16, speed, size, drive)
     readings, _ = reference(drive, {}, duty, speed)
     prepared = from_duties(drive, duty, *turning(16, speed, drive))
-    coarse, fine = (apart(drive, replay(finer(prepared, n), [{}]).currents[0][:, :, 0], readings) for n in (8, 32))
+    coarse, fine = (
+        apart(drive, replay(finer(prepared, n), [{}]).currents[0][:, :, 0], readings)
+        for n in (8, 32)
+    )
     print(drive.motor.name, np.abs(readings).max() / drive.motor.rated_current, coarse, fine)
     assert fine < 2e-6
     assert coarse > 6.0 * fine or coarse < 1e-7
 
 
 def test_lanes_in_one_cell_and_in_several_read_the_same_currents(drive):
-    """Sixteen lanes in one cell take a vector loop, in several each its own way: equal to the last bit but a few."""
+    """Sixteen lanes in one cell take a vector loop, in several each its own way: equal to the last
+    bit but a few."""
     m, rng = drive.motor.energy, np.random.default_rng(0)
     w = blank(16)
     for cell in ((3, 4), (m.cells.shape[0] - 1, 0)):

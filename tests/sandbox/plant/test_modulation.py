@@ -1,4 +1,5 @@
-"""How a drive makes pulses of a voltage: what legs do, by definition; the exact plant beside the switched bench."""
+"""How a drive makes pulses of a voltage: what legs do, by definition; the exact plant beside the
+switched bench."""
 
 from __future__ import annotations
 
@@ -38,8 +39,11 @@ def converter(**keys) -> Converter:
 
 
 def legs(size, e, **keys):
-    """Return the legs' duties for a voltage (share of the link) in a direction, and the voltage they give."""
-    duty = modulated(modulation_of(converter(**keys)), LINK * size * e.real, LINK * size * e.imag, LINK)
+    """Return the legs' duties for a voltage (share of the link) in a direction, and the voltage
+    they give."""
+    duty = modulated(
+        modulation_of(converter(**keys)), LINK * size * e.real, LINK * size * e.imag, LINK
+    )
     return np.array(duty), complex(*given(duty, LINK)) / LINK
 
 
@@ -60,7 +64,8 @@ def test_every_pattern_gives_the_voltage_asked_for(pattern, size):
 
 
 def test_beyond_the_hexagon():
-    """`nearest`: no point of the hexagon is nearer; `shortened`: same angle, on the hexagon; `six_step`: a corner."""
+    """`nearest`: no point of the hexagon is nearer; `shortened`: same angle, on the hexagon;
+    `six_step`: a corner."""
     corners = 2.0 / 3.0 * np.exp(1j * math.pi / 3.0 * np.arange(7))
     edge = np.concatenate([a + (b - a) * np.linspace(0.0, 1.0, 2001) for a, b in pairwise(corners)])
     for e in WAVE:
@@ -76,8 +81,11 @@ def test_beyond_the_hexagon():
 
 
 def test_six_steps_have_their_textbook_fundamental():
-    """2/pi of the link; at the same angle a turn of the hexagon gives its mean radius, sqrt(3)/pi ln 3."""
-    assert attainable(converter(overmodulation="six_step")) == pytest.approx(SIX_STEP * LINK, rel=1e-4)
+    """2/pi of the link; at the same angle a turn of the hexagon gives its mean radius, sqrt(3)/pi
+    ln 3."""
+    assert attainable(converter(overmodulation="six_step")) == pytest.approx(
+        SIX_STEP * LINK, rel=1e-4
+    )
     mean = math.sqrt(3.0) / math.pi * math.log(3.0) * LINK
     assert attainable(converter(overmodulation="shortened")) == pytest.approx(mean, rel=1e-4)
     assert mean < attainable(converter(overmodulation="nearest")) < SIX_STEP * LINK
@@ -106,7 +114,8 @@ ID = [", ".join(str(v) for v in keys.values()) for keys in KEYS]
 
 @pytest.mark.parametrize("keys", KEYS, ids=ID)
 def test_both_plants_form_the_same_duties(keys):
-    """Two derivations: common part of three legs, dwell times of space vectors; apart by rounding."""
+    """Two derivations: common part of three legs, dwell times of space vectors; apart by
+    rounding."""
     c = converter(**keys)
     b = bench(DRIVE.motor, c)
     for size in (0.005, 0.2, 0.56, 0.6, 0.65, 0.9):
@@ -120,7 +129,8 @@ def test_both_plants_form_the_same_duties(keys):
 @pytest.mark.parametrize("effects", [{}, {"dead_time.time": 2e-6}], ids=["", "dead time"])
 @pytest.mark.parametrize("keys", KEYS, ids=ID)
 def test_currents_are_those_of_the_switched_bench(keys, effects):
-    """A rotor driven so fast that its magnets' voltage is so much of the link; the voltage turns with it."""
+    """A rotor driven so fast that its magnets' voltage is so much of the link; the voltage turns
+    with it."""
     c, k, motor = converter(**keys), np.arange(80), DRIVE.motor
     for size in (0.05, 0.5, 0.62, 0.65):
         omega = size * LINK / motor.magnet_flux
@@ -128,12 +138,22 @@ def test_currents_are_those_of_the_switched_bench(keys, effects):
         size_q = 1j * size * LINK + 0.5 * motor.resistance * motor.rated_current
         u = size_q * np.exp(1j * (theta[:-1] + 0.5 * omega * H))
         given_at = {"theta": theta[:-1], "speed": np.full(len(k), omega / motor.pole_pairs)}
-        r = on_bench(quiet(bench(motor, c, effects)), "driven", u.real.copy(), u.imag.copy(), LINK, **given_at)
+        r = on_bench(
+            quiet(bench(motor, c, effects)),
+            "driven",
+            u.real.copy(),
+            u.imag.copy(),
+            LINK,
+            **given_at,
+        )
         plant = Exact(effects, motor, "driven", 0.3, omega / motor.pole_pairs, c)
         ours = np.array([plant.advance(v) for v in u])
         theirs = vector(r)
         off = np.abs(ours - theirs).max() / motor.rated_current
-        print(f"{size:g} of the link: {off * 1e6:.2f} ppm of rated current, up to {np.abs(theirs).max():.2f} A")
+        print(
+            f"{size:g} of the link: {off * 1e6:.2f} ppm of rated current, up to "
+            f"{np.abs(theirs).max():.2f} A"
+        )
         assert off < BOUND
 
 
@@ -154,21 +174,27 @@ def test_refusals(keys, said):
 
 
 def test_what_is_told_is_what_the_legs_give():
-    """Beyond the hexagon the estimator is told the voltage that acts: fed with it, it says the same angles again.
+    """Beyond the hexagon the estimator is told the voltage that acts: fed with it, it says the same
+    angles again.
 
     Rated load at 30 % of rated speed needs 0.62 of 96 V, more than the hexagon gives on average.
     """
     segments = (Segment(0.05, 1.0, 0.3, ramp=0.02), Segment(0.05, 1.0, 0.3))
     scenario = Scenario("fast", segments, "driven", start_up=False)
     c = converter(modulation="dpwm_60", overmodulation="six_step", dc_bus_voltage=96.0)
-    drive = dataclasses.replace(DRIVE, converter=c, injection=dataclasses.replace(DRIVE.injection, amplitude=1.0))
+    drive = dataclasses.replace(
+        DRIVE, converter=c, injection=dataclasses.replace(DRIVE.injection, amplitude=1.0)
+    )
     own, errors = load_estimator("active_flux"), []
     setup = set_up(drive, scenario, own, "saturated")
     for plant in ("exact", "switched"):
         r = simulate(drive, scenario, own, plant=plant).recording
         errors.append(math.degrees(r.between(0.05, 0.1).error.mean()))
         asked = r.u_alpha + 1j * r.u_beta
-        legs = [modulated(modulation_of(c), u.real, u.imag, link) for u, link in zip(asked, r.u_dc, strict=True)]
+        legs = [
+            modulated(modulation_of(c), u.real, u.imag, link)
+            for u, link in zip(asked, r.u_dc, strict=True)
+        ]
         acted = np.array([complex(*given(x, link)) for x, link in zip(legs, r.u_dc, strict=True)])
         assert (abs(acted - asked) > 1e-3 * c.dc_bus_voltage).sum() > 10
         assert abs(angles(setup, own, r, acted) - r.theta_hat).max() < 1e-9
@@ -177,9 +203,12 @@ def test_what_is_told_is_what_the_legs_give():
 
 
 def angles(setup, estimator, r, u):
-    """Return the angles (rad) that an estimator says of a recording's currents and these voltages (V)."""
+    """Return the angles (rad) that an estimator says of a recording's currents and these voltages
+    (V)."""
     tuning, primitive, said = setup.design.tuning, setup.carrier.primitive, []
-    state = first_state(estimator, setup.believed, tuning, setup.scenario.start_angle + setup.scenario.start_error)
+    state = first_state(
+        estimator, setup.believed, tuning, setup.scenario.start_angle + setup.scenario.start_error
+    )
     last = np.concatenate([[0.0], u[:-1]])
     for k in range(len(r)):
         i = stationary(r.i_a[k], r.i_b[k], r.i_c[k])

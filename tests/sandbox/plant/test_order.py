@@ -14,7 +14,8 @@ LINEAR = dataclasses.replace(
         DRIVE.motor, **dict.fromkeys([f"alpha_{n}" for n in ("30", "12", "40", "22", "04")], 0.0)
     ),
 )
-STEPS = (8, 16, 32)  # of at most a sixteenth, ... of a period: nearly all segments halve, not only those between edges
+# of at most a sixteenth, ... of a period: nearly all segments halve, not only those between edges
+STEPS = (8, 16, 32)
 
 
 def errors(drive, values, speed, size=0.25):
@@ -22,15 +23,19 @@ def errors(drive, values, speed, size=0.25):
     duty = duties(40, speed, size, drive)
     prepared = from_duties(drive, duty, *turning(40, speed, drive))
     best = replay(finer(prepared, 256), [values]).currents[0][:, :, 0]
-    return [apart(drive, replay(finer(prepared, n), [values]).currents[0][:, :, 0], best) for n in STEPS]
+    return [
+        apart(drive, replay(finer(prepared, n), [values]).currents[0][:, :, 0], best) for n in STEPS
+    ]
 
 
 @pytest.mark.parametrize(
     ("drive", "values", "speed", "order"),
     [
         (LINEAR, {}, 0.0, 2.8),  # constant inverse inductances: third order
-        (LINEAR, {"winding_asymmetry.delta_a": 0.5}, 0.0, 1.5),  # beside R the drop is that of the middle alone
-        (DRIVE, {}, 0.0, 1.5),  # inverse inductances of the period's start: second order in the end, of small size
+        # beside R the drop is that of the middle alone
+        (LINEAR, {"winding_asymmetry.delta_a": 0.5}, 0.0, 1.5),
+        # inverse inductances of the period's start: second order in the end, of small size
+        (DRIVE, {}, 0.0, 1.5),
         (DRIVE, {}, 600.0, 1.5),
         (DRIVE, {"iron_loss.core_resistance": 2e3}, 600.0, 1.5),
         (DRIVE, {"skin_effect.resistance": 4.0}, 600.0, 1.5),

@@ -1,7 +1,7 @@
 """Effects of one's own: the example beside the switched bench, which has both, and what is refused.
 
-The plant is compiled once a process, so the example runs in a process of its own; its fan's coefficient is planted on
-the switched bench (phase equations, no code shared).
+The plant is compiled once a process, so the example runs in a process of its own; its fan's
+coefficient is planted on the switched bench (phase equations, no code shared).
 """
 
 import json
@@ -43,7 +43,7 @@ EFFECTS = tuple(
     replace(load_effect(name), name=f"my_{name}", limits=None, longest=None)
     for name in ("iron_loss", "skin_effect", "current_filter", "pwm_delay", "current_sampling", "shaft_compliance")
 )
-"""
+"""  # noqa: E501
 TWICE = """
 import json
 from model.effects.adopt import adopt
@@ -72,7 +72,7 @@ for share in (1.0, 2.0):
     except BadInput as error:
         wrong.append(str(error))
 print(json.dumps([told(), told(**sizes, **shaft), told(**mine), told(**sizes, **mine), uneven, *wrong]))
-"""
+"""  # noqa: E501
 RUN = """
 import math
 import numpy as np
@@ -102,15 +102,17 @@ for values in ({{"fan.coefficient": k}}, {{}}):
 values = complete(drive.motor, drive.converter, {{"resolver.amplitude": 0.004, "resolver.phase": 0.7}})
 w = batch_of(drive.motor, drive.converter, [values], 1)
 print(max(abs(ports.angle(w, 0, x, 6.0) - 6.0 * 0.004 * math.sin(2.0 * x + 0.7)) for x in np.linspace(-3.0, 9.0, 50)))
-"""
+"""  # noqa: E501
 
 
 def test_the_examples_fan_and_resolver_enter_the_plant(tmp_path):
-    """With the fan a free rotor's innovations vanish (0.1 of a reading's standard deviation, as for library effects,
-    tests/sandbox/replay/test_replay.py); the resolver's error is its equation to rounding (sums of a few 1e-2:
-    1e-15)."""
+    """With the fan a free rotor's innovations vanish (0.1 of a reading's standard deviation, as for
+    library effects, tests/sandbox/replay/test_replay.py); the resolver's error is its equation to
+    rounding (sums of a few 1e-2: 1e-15)."""
     text = RUN.format(example=str(EXAMPLE), fan=2e-5)
-    names, with_it, without, error = in_a_process_of_its_own(tmp_path / "run.py", text, tmp_path).strip().splitlines()
+    names, with_it, without, error = (
+        in_a_process_of_its_own(tmp_path / "run.py", text, tmp_path).strip().splitlines()
+    )
     assert names == "fan resolver"
     assert float(with_it) < 0.1
     assert float(without) > 10.0 * float(with_it)
@@ -121,16 +123,19 @@ def in_a_process_of_its_own(script, text, folder):
     """Return what a script prints in a process that has compiled no plant yet."""
     script.write_text(text, encoding="utf-8")
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, env=env, cwd=folder)
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, env=env, cwd=folder
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     return done.stdout
 
 
 def test_lags_delays_and_a_second_mass_of_ones_own(tmp_path):
-    """The library's equations as a user's: alone the same bits; beside the library's own lags add up as told in
-    model/effects/README.md: conductances 1/500 + 1/250 with 1e-4 s and 4e-4 s are 6e-3 and, for fast changes, 20 + 10
-    1/H, delays and time constants add up, jitters as independent ones do.  Half of a shaft's inertia behind it is a
-    load, all of it or more is refused."""
+    """The library's equations as a user's: alone the same bits; beside the library's own lags add
+    up as told in model/effects/README.md: conductances 1/500 + 1/250 with 1e-4 s and 4e-4 s are
+    6e-3 and, for fast changes, 20 + 10 1/H, delays and time constants add up, jitters as
+    independent ones do.  Half of a shaft's inertia behind it is a load, all of it or more is
+    refused."""
     (tmp_path / "lags.py").write_text(LAGS, encoding="utf-8")
     text = TWICE.format(file=str(tmp_path / "lags.py"))
     none, library_alone, alone, both, uneven, *wrong = json.loads(
@@ -138,12 +143,25 @@ def test_lags_delays_and_a_second_mass_of_ones_own(tmp_path):
     )
     assert library_alone == alone
     assert none != alone
-    assert (none["features"], none["core_g"], none["skin_r"], none["filter_rate"]) == (add.RUB, 0.0, 0.0, 1e12)
-    assert (none["delay"], none["sample"], none["jitter"], none["load_inv"], none["swing_rate"]) == (0, 0, 0, 0, 0)
+    assert (none["features"], none["core_g"], none["skin_r"], none["filter_rate"]) == (
+        add.RUB,
+        0.0,
+        0.0,
+        1e12,
+    )
+    assert (
+        none["delay"],
+        none["sample"],
+        none["jitter"],
+        none["load_inv"],
+        none["swing_rate"],
+    ) == (0, 0, 0, 0, 0)
     assert alone["features"] == add.RUB | add.IRON | add.SKIN | add.FILTER | add.DELAYED | add.TWIST
     assert both["core_g"] == pytest.approx(2.0 * alone["core_g"])
     assert both["core_rate"] == pytest.approx(1e4)
-    assert (uneven["core_g"], uneven["core_g"] * uneven["core_rate"]) == pytest.approx((6e-3, 20.0 + 10.0))
+    assert (uneven["core_g"], uneven["core_g"] * uneven["core_rate"]) == pytest.approx(
+        (6e-3, 20.0 + 10.0)
+    )
     assert (both["skin_r"], both["skin_rate"]) == pytest.approx((4.0, 1.0 / 3e-4))
     assert both["filter_rate"] == pytest.approx(1.0 / 4e-5)
     assert (both["delay"], both["sample"]) == pytest.approx((8e-6, 6e-6 - 8e-6))
@@ -153,7 +171,9 @@ def test_lags_delays_and_a_second_mass_of_ones_own(tmp_path):
     assert alone["swing_ratio"] < 1.0
     assert len(wrong) == 2
     for said in wrong:
-        assert said.startswith("what effects say at 'shaft' is no part of a drive (0 <= the load's inertia < all of it")
+        assert said.startswith(
+            "what effects say at 'shaft' is no part of a drive (0 <= the load's inertia < all of it"
+        )
         assert "my_shaft_compliance.load_inertia = 0.00" in said
 
 
@@ -170,7 +190,9 @@ def test_kernels_that_hold_no_effect_are_not_compiled_again(monkeypatch):
 def test_an_equation_that_the_file_does_not_name_is_refused():
     """The plant calls an equation by its name in the user's file."""
     adopt._check_named(SOUND, SimpleNamespace(drag=DRAG), Path("mine.py"))
-    with pytest.raises(BadInput, match="no 'drag' there is the equation of 'mine'; define or import it"):
+    with pytest.raises(
+        BadInput, match="no 'drag' there is the equation of 'mine'; define or import it"
+    ):
         adopt._check_named(SOUND, SimpleNamespace(), Path("mine.py"))
 
 
@@ -234,16 +256,23 @@ def back(size):
 
 LATER = load_effect("pwm_delay").at[0].equation  # takes (delay)
 CABLE = replace(
-    card("cable", (At("delay", LATER, ("delay",)), At("friction", DRAG, ("drag",))), ("delay", "drag")),
+    card(
+        "cable",
+        (At("delay", LATER, ("delay",)), At("friction", DRAG, ("drag",))),
+        ("delay", "drag"),
+    ),
     switches=("delay",),
-    limits=lambda v, motor, converter: [Limit("cable.delay", v["cable.delay"], motor.resistance * 1e-6, "s, R x 1 uF")],
+    limits=lambda v, motor, converter: [
+        Limit("cable.delay", v["cable.delay"], motor.resistance * 1e-6, "s, R x 1 uF")
+    ],
     longest=lambda v, motor, omega: 0.25 * abs(v["cable.delay"]),
 )
 
 
 @pytest.fixture
 def own_card(monkeypatch):
-    """Have the library know a card of one's own, without its equations in the plant; return how it is given."""
+    """Have the library know a card of one's own, without its equations in the plant; return how it
+    is given."""
 
     def give(card):
         monkeypatch.setitem(own.FILES, "cable.py", "cable_of_test")
@@ -261,8 +290,8 @@ def own_card(monkeypatch):
 
 
 def test_a_card_states_its_need_its_limit_and_its_step(own_card):
-    """The cable's delay: below R x 1 uF = 12.15 us on `ipm` (12.15 ohm), the plant's delayed pulses, a quarter as step;
-    the plant's own step is longer at rest."""
+    """The cable's delay: below R x 1 uF = 12.15 us on `ipm` (12.15 ohm), the plant's delayed
+    pulses, a quarter as step; the plant's own step is longer at rest."""
     drive = load_drive("ipm")
     neutral = sets.complete(drive.motor, drive.converter)
     features = sets.features_of(drive.motor, neutral)
@@ -272,8 +301,15 @@ def test_a_card_states_its_need_its_limit_and_its_step(own_card):
     values = sets.complete(drive.motor, drive.converter, {"cable.delay": 4e-6})
     assert sets.features_of(drive.motor, values) == features | add.DELAYED
     assert longest_step(drive.motor, values, features, 0.0) == 1e-6 < alone
-    assert sets._timing() == ("pwm_delay.delay", "current_sampling.delay", "current_sampling.jitter", "cable.delay")
-    with pytest.raises(BadInput, match=r"cable.delay: 2e-05 is out of range; .* below 1.215e-05 s, R x 1 uF"):
+    assert sets._timing() == (
+        "pwm_delay.delay",
+        "current_sampling.delay",
+        "current_sampling.jitter",
+        "cable.delay",
+    )
+    with pytest.raises(
+        BadInput, match=r"cable.delay: 2e-05 is out of range; .* below 1.215e-05 s, R x 1 uF"
+    ):
         sets.complete(drive.motor, drive.converter, {"cable.delay": 2e-5})
     off = sets.complete(drive.motor, drive.converter, {"cable.drag": 1e-3})
     assert sets.features_of(drive.motor, off) == features
@@ -291,7 +327,8 @@ def test_a_limit_of_simulated_drives_does_not_hold_for_recorded_ones(own_card):
 
 @pytest.mark.parametrize("name", [n for n in library.effect_names() if load_effect(n).at])
 def test_cards_of_the_library_are_taken_from_users_too(name):
-    """One rule for all cards; a user's has another name, and its functions ask for its own numbers by it."""
+    """One rule for all cards; a user's has another name, and its functions ask for its own numbers
+    by it."""
     own = load_effect(name)
     mine = replace(own, name="mine", limits=None, inside=None, longest=None)
     adopt._check(mine, Path("mine.py"))  # raises where it refuses, as it does without equations
@@ -318,10 +355,22 @@ def test_cards_of_the_library_are_taken_from_users_too(name):
             card(at=(At("filter", always, ("size",)),)),
             "fails with mine.size = 0: .* 'filter' returns 1e-05 while it is",
         ),
-        (card(at=(At("skin", back, ("size",)),)), r"'skin' returns \(-1.0, -1.0\); give finite ones"),
-        (replace(SOUND, limits=lambda v, motor, converter: [1.0 / 0.0]), "fails with mine.size = -1: ZeroDivision"),
-        (replace(SOUND, longest=lambda v, motor, omega: v["mine.sizes"]), "fails with mine.size = -1: KeyError"),
-        (replace(SOUND, longest=lambda v, motor, omega: 0.0), "longest gives 0.0; give s, more than 0"),
+        (
+            card(at=(At("skin", back, ("size",)),)),
+            r"'skin' returns \(-1.0, -1.0\); give finite ones",
+        ),
+        (
+            replace(SOUND, limits=lambda v, motor, converter: [1.0 / 0.0]),
+            "fails with mine.size = -1: ZeroDivision",
+        ),
+        (
+            replace(SOUND, longest=lambda v, motor, omega: v["mine.sizes"]),
+            "fails with mine.size = -1: KeyError",
+        ),
+        (
+            replace(SOUND, longest=lambda v, motor, omega: 0.0),
+            "longest gives 0.0; give s, more than 0",
+        ),
     ],
 )
 def test_a_card_that_the_plant_cannot_take_is_refused(wrong, said):

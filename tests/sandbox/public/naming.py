@@ -1,4 +1,5 @@
-"""What the page's tests share: a short scenario, an estimator of one's own, which test is of which name."""
+"""What the page's tests share: a short scenario, an estimator of one's own, which test is of which
+name."""
 
 from __future__ import annotations
 
@@ -11,7 +12,9 @@ from pathlib import Path
 import sandbox
 
 ROOT = Path(__file__).resolve().parents[3]
-SHORT = sandbox.Scenario("short", (sandbox.Segment(0.2), sandbox.Segment(0.2, 1.0, ramp=0.05, settle=0.1)))
+SHORT = sandbox.Scenario(
+    "short", (sandbox.Segment(0.2), sandbox.Segment(0.2, 1.0, ramp=0.05, settle=0.1))
+)
 OWN = """
 import dataclasses
 import sandbox
@@ -29,14 +32,21 @@ def names_tested():
     found = set()
     for path in Path(__file__).parent.glob("test_*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "of":
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Name)
+                and node.func.id == "of"
+            ):
                 found |= {argument.value for argument in node.args}
     return found
 
 
 def python(code, folder, script="script.py", **more):
-    """Run a script of its own in a folder, with variables of the environment; return what it did."""
+    """Run a script of its own in a folder, with variables of the environment; return what it
+    did."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), **more}
     file = folder / script
     file.write_text(code)
-    return subprocess.run([sys.executable, str(file)], cwd=folder, env=environment, capture_output=True, text=True)
+    return subprocess.run(
+        [sys.executable, str(file)], cwd=folder, env=environment, capture_output=True, text=True
+    )

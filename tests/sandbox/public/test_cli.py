@@ -11,17 +11,40 @@ from tests.sandbox.public.short_run import content, motor_file
 
 def test_compare(short, tmp_path, capsys):
     out = tmp_path / "out"
-    assert main(["compare", "--scenario", str(short), "--estimators", "qnull,inversion", "--out", str(out)]) == 0
+    assert (
+        main(
+            [
+                "compare",
+                "--scenario",
+                str(short),
+                "--estimators",
+                "qnull,inversion",
+                "--out",
+                str(out),
+            ]
+        )
+        == 0
+    )
     found = content(out, "compare")
-    assert (found["motor"], found["scenario"], found["trace"]) == ("ipm_exchanged", "short", "compare.rrd")
+    assert (found["motor"], found["scenario"], found["trace"]) == (
+        "ipm_exchanged",
+        "short",
+        "compare.rrd",
+    )
     assert sorted(p.name for p in out.iterdir()) == [
         f"compare.{kind}" for kind in ("html", "json", "parquet", "png", "rrd")
     ]
     assert len(found["rows"]) == 2 * 2 * 2 * 2
     for row in found["rows"]:
-        assert {"estimator", "belief", "closed_loop", "load", "speed_rpm", "error_deg", "predicted_mean_deg"} <= set(
-            row
-        )
+        assert {
+            "estimator",
+            "belief",
+            "closed_loop",
+            "load",
+            "speed_rpm",
+            "error_deg",
+            "predicted_mean_deg",
+        } <= set(row)
         assert set(row["error_deg"]) == {"mean", "rms", "p95", "max"}
         assert row["lost_lock"] is False
     said = capsys.readouterr().out
@@ -76,10 +99,13 @@ def test_audit(tmp_path, capsys):
     assert found["passed"] is False
     assert found["valid_radius"] == pytest.approx(0.786, abs=1e-3)
     assert found["violations"][0]["i_d"] == pytest.approx(-0.786, abs=1e-3)
-    assert found["error_per_10mA_deg"][18] == pytest.approx(2.7, abs=0.05)  # the notes' value for the SPM at 40 V
+    # the notes' value for the SPM at 40 V
+    assert found["error_per_10mA_deg"][18] == pytest.approx(2.7, abs=0.05)
     said = capsys.readouterr().out
     assert "NOT valid" in said
-    assert "q-null injection is feasible: up to 0.786 A, as far as the model is valid" in " ".join(said.split())
+    assert "q-null injection is feasible: up to 0.786 A, as far as the model is valid" in " ".join(
+        said.split()
+    )
     assert "whole disc" not in said
     assert main(["audit", "ipm_exchanged", "--out", str(tmp_path)]) == 0
     assert content(tmp_path, "audit")["valid_radius"] == pytest.approx(1.8 * 1.2)
@@ -88,7 +114,11 @@ def test_audit(tmp_path, capsys):
 
 
 def test_list_and_version(capsys):
-    for kind, name in (("motors", "spm_exchanged"), ("estimators", "ekf_filterpy"), ("scenarios", "creep_reversal")):
+    for kind, name in (
+        ("motors", "spm_exchanged"),
+        ("estimators", "ekf_filterpy"),
+        ("scenarios", "creep_reversal"),
+    ):
         assert main(["list", kind]) == 0
         assert name in capsys.readouterr().out
 
@@ -126,11 +156,16 @@ def test_simulate_with_effects_on_both_plants_records_a_campaign(short, tmp_path
     assert recording.rotor == "locked"
     half = 0.5 * 2 * np.pi * campaign.drive.motor.pole_pairs / 4096
     assert campaign.drive.converter.encoder_counts == 4096
-    assert recording.theta[0] == pytest.approx(1.05, abs=half)  # the encoder's reading, not the true 1.0 rad
-    assert recording.i_a[:2] == pytest.approx([0.2] * 2, abs=0.02)  # nothing acts in the first period
+    # the encoder's reading, not the true 1.0 rad
+    assert recording.theta[0] == pytest.approx(1.05, abs=half)
+    # nothing acts in the first period
+    assert recording.i_a[:2] == pytest.approx([0.2] * 2, abs=0.02)
     assert recording.u_dc.mean() == pytest.approx(400.0, abs=0.1)
     assert recording.u_dc.std() == pytest.approx(0.3, rel=0.2)
-    assert (campaign.uncertainty["resistance"], campaign.background["current_gain"]) == (0.01, 0.0015)
+    assert (campaign.uncertainty["resistance"], campaign.background["current_gain"]) == (
+        0.01,
+        0.0015,
+    )
     assert recording.injection_axis == "d"
     assert main([*call, "--record", str(folder)]) == 2
 
@@ -140,7 +175,10 @@ def test_list_effects_prints_all_and_one_card(capsys):
     assert len(capsys.readouterr().out.splitlines()) >= 26
     assert main(["list", "effects", "dead_time"]) == 0
     said = capsys.readouterr().out
-    assert all(word in said for word in ("equation", "source", "confused with", "separated by", "dead_time.time"))
+    assert all(
+        word in said
+        for word in ("equation", "source", "confused with", "separated by", "dead_time.time")
+    )
     assert main(["list", "effects", "dead_tme"]) == 2
     assert "did you mean 'dead_time'" in capsys.readouterr().err
     assert main(["list", "motors", "ipm"]) == 0

@@ -17,30 +17,70 @@ from sandbox.cli import main, parse
 from tests.sandbox.public.short_run import motor_file
 
 WRONG = {
-    "unknown motor": (["compare", "--motor", "ipm_exchange"], 2, ["unknown motor", "did you mean 'ipm_exchanged'"]),
-    "unknown scenario": (["compare", "--scenario", "stairs"], 2, ["unknown scenario 'stairs'", "staircase"]),
-    "unknown estimator": (["compare", "--estimators", "qnul"], 2, ["unknown estimator 'qnul'", "mean 'qnull'"]),
+    "unknown motor": (
+        ["compare", "--motor", "ipm_exchange"],
+        2,
+        ["unknown motor", "did you mean 'ipm_exchanged'"],
+    ),
+    "unknown scenario": (
+        ["compare", "--scenario", "stairs"],
+        2,
+        ["unknown scenario 'stairs'", "staircase"],
+    ),
+    "unknown estimator": (
+        ["compare", "--estimators", "qnul"],
+        2,
+        ["unknown estimator 'qnul'", "mean 'qnull'"],
+    ),
     "no estimator": (["compare", "--estimators", ","], 2, ["no estimator"]),
     "missing file": (["compare", "--motor", "nowhere.toml"], 2, ["nowhere.toml", "does not exist"]),
-    "outside the domain": (["compare", "--motor", "spm"], 3, ["convex", "-0.786 A", "spm_exchanged"]),
+    "outside the domain": (
+        ["compare", "--motor", "spm"],
+        3,
+        ["convex", "-0.786 A", "spm_exchanged"],
+    ),
     "duration too long": (["simulate", "--duration", "1e9"], 2, ["1000000000.0 s", "staircase"]),
     "duration nan": (["simulate", "--duration", "nan"], 2, ["duration nan"]),
     "radius": (["audit", "ipm", "--radius", "-1"], 2, ["radius -1.0 A", "24] A"]),
     "duration tiny": (["simulate", "--duration", "1e-12"], 2, ["[0.001, "]),
-    "jobs of an audit": (["audit", "nothing", "--jobs", "2", "--seed", "1"], 2, ["unknown motor 'nothing'"]),
+    "jobs of an audit": (
+        ["audit", "nothing", "--jobs", "2", "--seed", "1"],
+        2,
+        ["unknown motor 'nothing'"],
+    ),
     "unknown command": (["comapre"], 2, ["unknown command 'comapre'; did you mean compare?\n"]),
     "no command": ([], 2, ["a command is missing; see `sensorless --help`"]),
     "no step": (["withheld"], 2, ["a command is missing; see `sensorless withheld --help`"]),
-    "unknown option": (["compare", "--motr", "ipm"], 2, ["unknown option '--motr'; did you mean --motor?\n"]),
-    "shortened option": (["simulate", "--dur", "1"], 2, ["unknown option '--dur'; did you mean --duration?\n"]),
-    "an option of nothing near": (["bench", "--foo"], 2, ["unknown option '--foo'; see `sensorless bench --help`"]),
+    "unknown option": (
+        ["compare", "--motr", "ipm"],
+        2,
+        ["unknown option '--motr'; did you mean --motor?\n"],
+    ),
+    "shortened option": (
+        ["simulate", "--dur", "1"],
+        2,
+        ["unknown option '--dur'; did you mean --duration?\n"],
+    ),
+    "an option of nothing near": (
+        ["bench", "--foo"],
+        2,
+        ["unknown option '--foo'; see `sensorless bench --help`"],
+    ),
     "an argument too many": (["compare", "ipm"], 2, ["unrecognized argument 'ipm'"]),
     "an option without its value": (["compare", "--motor"], 2, ["--motor needs a value"]),
     "no motor": (["audit"], 2, ["MOTOR is missing"]),
     "no campaign": (["diagnose"], 2, ["give CAMPAIGN, or --example"]),
     "two campaigns": (["diagnose", "folder", "--example"], 2, ["give one of them"]),
-    "two estimators": (["simulate", "--estimator", "ekf", "--estimator-library", "x.so"], 2, ["give one of them"]),
-    "no count": (["withheld", "make", "check"], 2, ["sensorless withheld make: --count is missing"]),
+    "two estimators": (
+        ["simulate", "--estimator", "ekf", "--estimator-library", "x.so"],
+        2,
+        ["give one of them"],
+    ),
+    "no count": (
+        ["withheld", "make", "check"],
+        2,
+        ["sensorless withheld make: --count is missing"],
+    ),
     "wrong kind": (["list", "motor"], 2, ["motor", "motors"]),
     "wrong belief": (["simulate", "--belief", "quartic"], 2, ["quartic", "saturated"]),
     "jobs": (["compare", "--jobs", "0"], 2, ["'0'", "at least 1"]),
@@ -70,7 +110,12 @@ def test_wrong_calls(case, tmp_path, capsys, monkeypatch):
         ("resistance = 12.15", "resistance = nan", 2, ["resistance = nan", "ohm"]),
         ("frequency = 500.0", "frequency = 3000.0", 2, ["3000 Hz", "4000 Hz", "inject at 2000 Hz"]),
         ("dc_bus_voltage = 400.0", "dc_bus_voltage = 80.0", 3, ["80 V", "raise dc_bus_voltage"]),
-        ("dc_bus_voltage = 400.0", "dc_bus_voltage = 20.0", 3, ["injection of 30 V exceeds", "11.55 V"]),
+        (
+            "dc_bus_voltage = 400.0",
+            "dc_bus_voltage = 20.0",
+            3,
+            ["injection of 30 V exceeds", "11.55 V"],
+        ),
         ("magnet_flux = 0.0981", "magnet_flux = 0.0", 2, ["magnet_flux = 0", "> 0 Wb"]),
         ("resistance = 12.15", "resistance = 900.0", 3, ["starting up holds 1.2 A", "1080 V"]),
         ("inductance_q = 0.0919", "inductance_q = 0.0458", 2, ["no saliency"]),
@@ -83,16 +128,31 @@ def test_wrong_motors(old, new, code, words, tmp_path, capsys):
     said = capsys.readouterr()
     for word in words:
         assert word in said.err
-    assert all(line.startswith("caution: ") for line in said.err.splitlines()[1:])  # of ratings that do not go together
+    # of ratings that do not go together
+    assert all(line.startswith("caution: ") for line in said.err.splitlines()[1:])
     assert not out.exists()
 
 
 def test_a_refused_run_says_what_about_the_ratings_cannot_be_meant(tmp_path, capsys):
-    """Inductances in mH: a run ends before it tells anything, and the cause stands beside the refusal."""
-    motor = (MOTORS / "ipm_exchanged.toml").read_text().replace("inductance_d = ", "inductance_d = 1e2 #")
+    """Inductances in mH: a run ends before it tells anything, and the cause stands beside the
+    refusal."""
+    motor = (
+        (MOTORS / "ipm_exchanged.toml")
+        .read_text()
+        .replace("inductance_d = ", "inductance_d = 1e2 #")
+    )
     motor = motor.replace("inductance_q = ", "inductance_q = 2e2 #")
     (tmp_path / "mine.toml").write_text(motor.replace("1e2", "9.0").replace("2e2", "9.9"))
-    assert main(["simulate", "--motor", str(tmp_path / "mine.toml"), "--out", str(tmp_path / "o"), "--quiet"]) in (2, 3)
+    assert main(
+        [
+            "simulate",
+            "--motor",
+            str(tmp_path / "mine.toml"),
+            "--out",
+            str(tmp_path / "o"),
+            "--quiet",
+        ]
+    ) in (2, 3)
     first, second = capsys.readouterr().err.strip().splitlines()
     assert first.startswith("sensorless simulate: ")
     assert "inductance_d and inductance_q in mH?" in second
@@ -100,13 +160,22 @@ def test_a_refused_run_says_what_about_the_ratings_cannot_be_meant(tmp_path, cap
 
 def test_out_that_cannot_be_written(short, tmp_path, capsys):
     (tmp_path / "file").write_text("")
-    call = ["compare", "--scenario", str(short), "--estimators", "qnull", "--out", str(tmp_path / "file" / "below")]
+    call = [
+        "compare",
+        "--scenario",
+        str(short),
+        "--estimators",
+        "qnull",
+        "--out",
+        str(tmp_path / "file" / "below"),
+    ]
     assert main(call) == 2
     assert "cannot write" in capsys.readouterr().err
 
 
 def test_a_full_disk_is_told_with_its_folder(short, tmp_path, capsys, monkeypatch):
-    """Writing into a file fails without a name; `experiments.full_disk` tries disks that end after some bytes."""
+    """Writing into a file fails without a name; `experiments.full_disk` tries disks that end after
+    some bytes."""
 
     def full(path, content):
         """Write nothing."""
@@ -119,15 +188,21 @@ def test_a_full_disk_is_told_with_its_folder(short, tmp_path, capsys, monkeypatc
     out = tmp_path / "out"
     assert main([*call, str(out)]) == 2
     said = capsys.readouterr().err
-    assert said == f"sensorless simulate: '{out}': No space left on device; make room there, or give another place\n"
+    assert said == (
+        f"sensorless simulate: '{out}': No space left on device; make room there, or "
+        "give another place\n"
+    )
     assert not out.exists()
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     st.lists(
         st.one_of(
-            st.sampled_from(["compare", "simulate", "audit", "--motor", "--jobs", "--seed"]), st.text(max_size=6)
+            st.sampled_from(["compare", "simulate", "audit", "--motor", "--jobs", "--seed"]),
+            st.text(max_size=6),
         ),
         max_size=4,
     )

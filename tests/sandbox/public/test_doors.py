@@ -1,4 +1,5 @@
-"""Doors that a stranger found open: entries of the cache exchanged, results and cards edited by hand."""
+"""Doors that a stranger found open: entries of the cache exchanged, results and cards edited by
+hand."""
 
 import json
 import os
@@ -105,13 +106,21 @@ def test_a_deep_json_in_an_output_folder_is_no_earlier_result(tmp_path):
 
 @pytest.mark.parametrize(
     "change",
-    [{"cpu_seconds": "x"}, {"cpu_seconds": 10**400}, {"unknown": 3}, {"gap": {"before": 2.0, "raw": "x"}}],
+    [
+        {"cpu_seconds": "x"},
+        {"cpu_seconds": 10**400},
+        {"unknown": 3},
+        {"gap": {"before": 2.0, "raw": "x"}},
+    ],
 )
 def test_a_report_s_costs_and_sizes_are_numbers(change):
     report = {
-        "campaign": "w000", "verdict": "no_gap", "gap": {"before": 1.0}, "ambiguity_set": [[]],
+        "campaign": "w000",
+        "verdict": "no_gap",
+        "gap": {"before": 1.0},
+        "ambiguity_set": [[]],
         "hypotheses": [{"effects": [], "probability": 1.0, "parameters": {}}],
-    }  # fmt: skip
+    }
     assert check_report(report, "w000") == report
     with pytest.raises(BadInput):
         check_report(report | change, "w000")
@@ -134,7 +143,9 @@ def test_a_sweep_names_no_file_with_a_nul():
 )
 def test_a_card_s_lists_are_checked_at_the_door(tmp_path, change, said):
     card = library.load_effect("coulomb_friction")
-    other = SimpleNamespace(**{f.name: getattr(card, f.name) for f in fields(card)} | {"name": "mine"} | change)
+    other = SimpleNamespace(
+        **{f.name: getattr(card, f.name) for f in fields(card)} | {"name": "mine"} | change
+    )
     own = object.__new__(type(card))
     for name, value in vars(other).items():
         object.__setattr__(own, name, value)
@@ -156,13 +167,37 @@ def test_a_path_that_is_no_utf8_is_told_before_a_run(tmp_path):
 @pytest.mark.parametrize(
     "blocks",
     [
-        3, [3], [{"start": "x"}],
-        [{"start": 0, "rows": 1, "file": "../elsewhere.parquet", "cpu_seconds": 1.0, "kernel_seconds": 1.0}],
-        [{"start": 0, "rows": 1, "file": store._file(0), "cpu_seconds": "x", "kernel_seconds": 1.0}],
+        3,
+        [3],
+        [{"start": "x"}],
+        [
+            {
+                "start": 0,
+                "rows": 1,
+                "file": "../elsewhere.parquet",
+                "cpu_seconds": 1.0,
+                "kernel_seconds": 1.0,
+            }
+        ],
+        [
+            {
+                "start": 0,
+                "rows": 1,
+                "file": store._file(0),
+                "cpu_seconds": "x",
+                "kernel_seconds": 1.0,
+            }
+        ],
     ],
-)  # fmt: skip
+)
 def test_a_manifest_that_is_none_of_ours_is_no_manifest(tmp_path, blocks):
-    sound = {"start": 0, "rows": 1, "file": store._file(0), "cpu_seconds": 1.0, "kernel_seconds": 1.0}
+    sound = {
+        "start": 0,
+        "rows": 1,
+        "file": store._file(0),
+        "cpu_seconds": 1.0,
+        "kernel_seconds": 1.0,
+    }
     for own, there in (([sound], True), (blocks, False)):
         content = {"blocks": own}
         path = tmp_path / "manifest.json"
@@ -171,8 +206,13 @@ def test_a_manifest_that_is_none_of_ours_is_no_manifest(tmp_path, blocks):
 
 
 def test_a_command_whose_output_is_closed_goes_well(tmp_path):
-    code = "import sys; sys.stdout = None; from sandbox.cli import main; sys.exit(main(['list', 'motors']))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    code = (
+        "import sys; sys.stdout = None; from sandbox.cli import main; sys.exit(main(['list', "
+        "'motors']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -215,7 +255,9 @@ def test_results_of_names_that_look_alike_stand_side_by_side(tmp_path):
 def test_a_folder_in_a_file_s_place_is_told_before_the_run(tmp_path, capsys):
     (tmp_path / "audit.png").mkdir()
     assert main(["audit", "ipm", "--out", str(tmp_path)]) == 2
-    assert "audit.png' is a folder, where a file is to be written; move it" in capsys.readouterr().err
+    assert (
+        "audit.png' is a folder, where a file is to be written; move it" in capsys.readouterr().err
+    )
     with pytest.raises(BadInput, match="is a folder, where a file"):
         audit("ipm").save(tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["audit.png"]
@@ -224,7 +266,9 @@ def test_a_folder_in_a_file_s_place_is_told_before_the_run(tmp_path, capsys):
 def test_files_of_other_names_have_their_places_checked_too(tmp_path):
     (tmp_path / "effects.toml").mkdir()
     for command in ("diagnosis", "identify"):
-        with pytest.raises(BadInput, match=r"effects.toml' is a folder, where a file is to be written"):
+        with pytest.raises(
+            BadInput, match=r"effects.toml' is a folder, where a file is to be written"
+        ):
             check_output(tmp_path, command)
     check_output(tmp_path, "audit")
 
@@ -272,7 +316,13 @@ def test_what_says_nothing_or_is_no_file_is_refused(tmp_path, capsys, arguments,
 
 def test_rows_of_a_check_name_their_campaigns_in_texts(tmp_path):
     path = tmp_path / "withheld.rows.jsonl"
-    row = {"method": "diagnosis", "part": "blind", "campaign": ["w000"], "truth": {}, "answer": {"failed": "x"}}
+    row = {
+        "method": "diagnosis",
+        "part": "blind",
+        "campaign": ["w000"],
+        "truth": {},
+        "answer": {"failed": "x"},
+    }
     path.write_text(json.dumps(row | {"code": ""}) + "\n")
     with pytest.raises(BadInput, match="line 1 is no row of a check"):
         read_rows(path)
@@ -302,7 +352,7 @@ FAN = Path(__file__).parents[3] / "docs" / "stored" / "my_effects.py"
 
 
 BODIES = {
-    "return coefficient.size * omega": "cannot be compiled: TypingError: .*'size' of type float64 .own_0.py, line 10",
+    "return coefficient.size * omega": "cannot be compiled: TypingError: .*'size' of type float64 .own_0.py, line 10",  # noqa: E501
     'return "x"': "returns .*str.*; at 'load' it returns 1 number: N m that the load takes",
     "return omega, omega": "returns UniTuple",
     "return coefficient * omega * 1j": "returns complex128; at 'load' it returns 1 number",
@@ -321,7 +371,8 @@ for path in sys.argv[1:]:
 
 
 def test_equations_that_cannot_be_compiled_are_told_at_the_door(tmp_path):
-    """Each in a line, in one process that has compiled no plant: what is refused is not there for the next."""
+    """Each in a line, in one process that has compiled no plant: what is refused is not there for
+    the next."""
     paths = [tmp_path / f"own_{k}.py" for k in range(len(BODIES))]
     for path, body in zip(paths, BODIES, strict=True):
         path.write_text(FAN.read_text().replace("return coefficient * omega * abs(omega)", body))

@@ -1,4 +1,5 @@
-"""Nothing touches the network before a call is known to be valid; off-line it is said which file to put where."""
+"""Nothing touches the network before a call is known to be valid; off-line it is said which file to
+put where."""
 
 from __future__ import annotations
 
@@ -50,7 +51,9 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_call_downloads_nothing_and_leaves_nothing(case, asked, tmp_path, capsys):
     text = (MAPPED / "baldor_pmsyrm.toml").read_text()
-    (tmp_path / "wrong.toml").write_text(re.sub(r"(?m)^resistance = .*$", "resistance = -1.0", text))
+    (tmp_path / "wrong.toml").write_text(
+        re.sub(r"(?m)^resistance = .*$", "resistance = -1.0", text)
+    )
     before = sorted(tmp_path.rglob("*"))
     assert main(WRONG[case]) == 2
     assert capsys.readouterr().err.count("\n") == 1

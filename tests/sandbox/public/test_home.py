@@ -37,7 +37,8 @@ simulate("ipm", estimater="ekf")
 
 
 def test_a_type_checker_reads_a_script(tmp_path):
-    """A script beside an installed package: its types are found by `py.typed`, two mistakes are told."""
+    """A script beside an installed package: its types are found by `py.typed`, two mistakes are
+    told."""
     (tmp_path / "mine.py").write_text(TYPED)
     for name in ("sandbox", "model", "estimators"):  # as pip would install them
         (tmp_path / "site").mkdir(exist_ok=True)
@@ -55,7 +56,9 @@ def test_a_type_checker_reads_a_script(tmp_path):
 
 def python_with(folder: Path) -> Path:
     """Return a Python of its own whose packages are those of a folder."""
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], check=True)
+    subprocess.run(
+        [sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], check=True
+    )
     (place,) = (folder / "venv" / "lib").glob("python*/site-packages")
     libraries = [p for p in sys.path if p.endswith("site-packages")]
     (place / "more.pth").write_text("\n".join([str(folder / "site"), *libraries]))
@@ -68,7 +71,9 @@ def test_the_version_is_that_of_the_installation(capsys):
         assert main(call) == 0
         assert capsys.readouterr().out == f"sensorless {sandbox.__version__}\n"
     for module in ("sandbox", "sandbox.cli"):
-        done = subprocess.run([sys.executable, "-m", module, "-V"], cwd=ROOT, capture_output=True, text=True)
+        done = subprocess.run(
+            [sys.executable, "-m", module, "-V"], cwd=ROOT, capture_output=True, text=True
+        )
         assert done.stdout == f"sensorless {sandbox.__version__}\n"
 
 
@@ -81,13 +86,16 @@ CASES = {
     "estimators": (["sensorless", "compare", "--estimator", "qn"], {"qnull"}),
     "cards": (["sensorless", "list", "effects", "dead"], {"dead_time"}),
 }
-START = {  # what makes a shell complete: evaluated, or installed for every new shell, also where a file leaves it off
+# what makes a shell complete: evaluated, or installed for every new shell, also where a file leaves
+# it off
+START = {
     "bash": {"evaluated": 'eval "$(sensorless completion bash)"\n', "installed": ""},
     "zsh": {
         "evaluated": 'autoload -Uz compinit && compinit -u\neval "$(sensorless completion zsh)"\n',
-        "installed": "", "installed before": "autoload -Uz compinit && compinit -u\n",
+        "installed": "",
+        "installed before": "autoload -Uz compinit && compinit -u\n",
     },
-}  # fmt: skip
+}
 REPORT = {  # Ctrl-] writes the line that is being typed, whole or not at all
     "bash": "report() {{ printf '%s\\n' \"$READLINE_LINE\" > {0}/part; mv {0}/part {0}/line; }}; "
     "bind -x '\"\\C-]\": report'\n",
@@ -118,9 +126,15 @@ def test_a_shell_completes(kind, how, shell, tmp_path):
         install = ["sensorless", "completion", kind, "--install"]
         for _ in range(2):
             subprocess.run(install, env=around, check=True, capture_output=True)
-        assert file.read_text().count("completion of sensorless" if kind == "zsh" else "# Load sensorless") == 1
+        assert (
+            file.read_text().count(
+                "completion of sensorless" if kind == "zsh" else "# Load sensorless"
+            )
+            == 1
+        )
     file.write_text(file.read_text() + REPORT[kind].format(tmp_path) + f"touch {tmp_path}/ready\n")
-    cases = list(CASES.values())[: None if (kind, how) == ("bash", "evaluated") else 2]  # all answers in one shell
+    # all answers in one shell
+    cases = list(CASES.values())[: None if (kind, how) == ("bash", "evaluated") else 2]
     lines = typed(kind, around, tmp_path, [" ".join(words) for words, _ in cases])
     for (words, wanted), line in zip(cases, lines, strict=True):
         assert line.split()[:-1] == words[:-1]
@@ -155,7 +169,8 @@ def typed(kind: str, around: dict[str, str], place: Path, lines: list[str]) -> l
 
 
 def wait_for(path: Path, pid: int) -> None:
-    """Wait, as long as a machine that does other things takes, until a child that runs has written a file."""
+    """Wait, as long as a machine that does other things takes, until a child that runs has written
+    a file."""
     while not path.exists():
         assert os.waitpid(pid, os.WNOHANG) == (0, 0), f"the shell ended without {path}"
         time.sleep(0.05)
@@ -207,7 +222,8 @@ def test_a_notebook_shows_figure_and_table(run):
 def test_a_result_is_shown(run, monkeypatch):
     opened = []
     monkeypatch.setattr(
-        "sandbox.public.showing.show", lambda place: opened.append(sorted(os.listdir(place))) or "opened"
+        "sandbox.public.showing.show",
+        lambda place: opened.append(sorted(os.listdir(place))) or "opened",
     )
     assert sandbox.audit("ipm_exchanged").show() == "opened"
     assert opened == [["audit.json", "audit.parquet", "audit.png"]]
@@ -215,9 +231,14 @@ def test_a_result_is_shown(run, monkeypatch):
 
 @of("get_include")
 def test_an_estimator_in_c_is_built_by_the_line_that_is_told(tmp_path, capsys):
-    """The same line in the tutorial, the README and the header; it builds the example from anywhere."""
+    """The same line in the tutorial, the README and the header; it builds the example from
+    anywhere."""
     line = 'cc -std=c99 -O2 -fPIC -shared -I "$(sensorless include)" -o mine.so mine.c -lm'
-    places = ("docs/tutorials/plot_7_estimator.py", "estimators/c/README.md", "estimators/c/sensorless_estimator.h")
+    places = (
+        "docs/tutorials/plot_7_estimator.py",
+        "estimators/c/README.md",
+        "estimators/c/sensorless_estimator.h",
+    )
     assert [line in (ROOT / p).read_text() for p in places] == [True] * 3
     assert main(["include"]) == 0
     folder = capsys.readouterr().out.strip()
@@ -254,7 +275,10 @@ def test_a_compiled_estimator_is_written_with_the_page_alone(tmp_path):
 
 def test_completion_needs_no_compiler():
     """Names of estimators, which a shell asks for at each tab, bring in nothing heavy."""
-    code = "import sys; from sandbox.cli import main; main(['__complete', 'compare', '--estimator', '']);"
+    code = (
+        "import sys; from sandbox.cli import main; main(['__complete', 'compare', "
+        "'--estimator', '']);"
+    )
     code += "print('numba' in sys.modules, 'matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "False False"

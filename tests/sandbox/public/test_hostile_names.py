@@ -1,4 +1,5 @@
-"""Names from hostile files: refused at the door in one sentence, nothing written outside the output folder."""
+"""Names from hostile files: refused at the door in one sentence, nothing written outside the output
+folder."""
 
 from __future__ import annotations
 
@@ -21,10 +22,22 @@ from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
 
 HOSTILE = {
-    "above": "../../out", "absolute": "/tmp/out", "backslash": "..\\out", "hidden": ".out", "dots": "..", "empty": "",
-    "zero byte": "a\0b", "terminal": "\x1b[2J\x1b[31mred", "bell": "a\x07", "line break": "a\nb", "tab": "a\tb",
-    "other way round": "a\u202egnp.exe", "long": "x" * 300, "long in bytes": "\U0001f9f2" * 60, "space": " a",
-}  # fmt: skip
+    "above": "../../out",
+    "absolute": "/tmp/out",
+    "backslash": "..\\out",
+    "hidden": ".out",
+    "dots": "..",
+    "empty": "",
+    "zero byte": "a\0b",
+    "terminal": "\x1b[2J\x1b[31mred",
+    "bell": "a\x07",
+    "line break": "a\nb",
+    "tab": "a\tb",
+    "other way round": "a\u202egnp.exe",
+    "long": "x" * 300,
+    "long in bytes": "\U0001f9f2" * 60,
+    "space": " a",
+}
 SAFE = ("ipm", "my motor, 3rd try", "Größe µ 電動機", "a.b", "[bold] $x$ <script>", "x" * LONGEST)
 SHORT = "[scenario]\nname = {}\nsettle = 0.05\n[[segment]]\nduration = 0.1\n"
 
@@ -45,7 +58,9 @@ def files(folder):
 
 
 @pytest.mark.parametrize("kind", HOSTILE)
-def test_no_hostile_name_of_a_scenario_or_motor_writes_anything(kind, tmp_path, capsys, monkeypatch):
+def test_no_hostile_name_of_a_scenario_or_motor_writes_anything(
+    kind, tmp_path, capsys, monkeypatch
+):
     home = tmp_path / "home"
     home.mkdir()
     monkeypatch.chdir(home)
@@ -89,9 +104,13 @@ def folder(tmp_path):
     n = 40
     rng = np.random.default_rng(1)
     columns = {"t": np.arange(n) * 250e-6}
-    columns |= {c: rng.normal(size=n) for c in ("u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc")}
+    columns |= {
+        c: rng.normal(size=n) for c in ("u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc")
+    }
     one = CampaignRecording("run.parquet", "locked", "d", columns)
-    return write_campaign(tmp_path / "deep" / "c", Campaign("bench", load_drive("ipm"), (one,), {}, {}, False))
+    return write_campaign(
+        tmp_path / "deep" / "c", Campaign("bench", load_drive("ipm"), (one,), {}, {}, False)
+    )
 
 
 @pytest.mark.parametrize("kind", HOSTILE)
@@ -119,7 +138,11 @@ def test_flux_maps_lie_beside_the_file_that_names_them(tmp_path):
     text = re.sub(r"(?m)^dataset = .*$", "", text)
     for wrong in ("..", "../", "a\\m.npz", "a\0.npz", "\x1b.npz", "../.hidden/m.npz"):
         (tmp_path / "m.toml").write_text(
-            re.sub(r"(?m)^file = .*$", lambda _, w=wrong: f"file = {json.dumps(w, ensure_ascii=False)}", text)
+            re.sub(
+                r"(?m)^file = .*$",
+                lambda _, w=wrong: f"file = {json.dumps(w, ensure_ascii=False)}",
+                text,
+            )
         )
         with pytest.raises(BadInput, match=r"\[flux_map\] file = "):
             load_drive(tmp_path / "m.toml")
@@ -128,14 +151,18 @@ def test_flux_maps_lie_beside_the_file_that_names_them(tmp_path):
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_hostile_names_of_estimators_are_refused(kind):
     with pytest.raises(BadInput, match="estimator's name = "):
-        load_estimator(Estimator(HOSTILE[kind], "", lambda *_: None, lambda *_: None, compiled=False))
+        load_estimator(
+            Estimator(HOSTILE[kind], "", lambda *_: None, lambda *_: None, compiled=False)
+        )
 
 
 def test_inverter_tables_lie_beside_the_file_that_names_them(tmp_path):
     text = (MOTORS / "ipm_exchanged.toml").read_text()
     (tmp_path / "t.csv").write_text("0,0\n1,2\n")
     (tmp_path / "deep").mkdir()
-    (tmp_path / "deep" / "m.toml").write_text(text.replace("[drive]\n", '[drive]\ninverter_table = "../t.csv"\n'))
+    (tmp_path / "deep" / "m.toml").write_text(
+        text.replace("[drive]\n", '[drive]\ninverter_table = "../t.csv"\n')
+    )
     with pytest.raises(BadInput, match=r"\[drive\] inverter_table = '../t.csv'"):
         load_drive(tmp_path / "deep" / "m.toml")
 
@@ -148,10 +175,17 @@ def test_an_estimator_file_that_ends_the_program_is_refused(tmp_path):
 
 def test_what_the_user_wrote_cannot_command_the_terminal(tmp_path, capsys):
     for call in (
-        ["audit", "\x1b[2Jmotor"], ["audit", "a\nb"], ["list", "effects", "\x1b]0;title\x07"], ["\x1b[2J"],
-        ["compare", "--estimators", "\x9b31m"], ["simulate", "--effects", "a.b\r=1"], ["audit", "x" * 5000],
-        ["audit", "ipm", "--radius", "\x1b"], ["compare", "--seed", "\x1b\n"], ["view", "\x1b\n.rrd"],
-    ):  # fmt: skip
+        ["audit", "\x1b[2Jmotor"],
+        ["audit", "a\nb"],
+        ["list", "effects", "\x1b]0;title\x07"],
+        ["\x1b[2J"],
+        ["compare", "--estimators", "\x9b31m"],
+        ["simulate", "--effects", "a.b\r=1"],
+        ["audit", "x" * 5000],
+        ["audit", "ipm", "--radius", "\x1b"],
+        ["compare", "--seed", "\x1b\n"],
+        ["view", "\x1b\n.rrd"],
+    ):
         code = main(call)
         said = capsys.readouterr().err
         assert code == 2

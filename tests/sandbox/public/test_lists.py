@@ -17,8 +17,17 @@ from sandbox.cli import main
 from tests.sandbox.public.naming import of, python
 
 
-@of("list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_tests")
-@pytest.mark.parametrize("kind", ["estimators", "effects", "motors", "scenarios", "datasets", "tests"])
+@of(
+    "list_motors",
+    "list_scenarios",
+    "list_estimators",
+    "list_effects",
+    "list_datasets",
+    "list_tests",
+)
+@pytest.mark.parametrize(
+    "kind", ["estimators", "effects", "motors", "scenarios", "datasets", "tests"]
+)
 def test_lists_compile_nothing(kind, tmp_path):
     """With an empty cache, too; estimators and tests do not even bring in numba."""
     code = f"import sys\nfrom sandbox.cli import main\nassert main(['list', '{kind}']) == 0\n"
@@ -45,7 +54,8 @@ WRONG_NAMES = {
 
 
 def test_wrong_names_are_refused_before_anything_is_compiled(tmp_path):
-    """One process for all of them, its cache empty; a mapping's effects, which no command reads, at the end."""
+    """One process for all of them, its cache empty; a mapping's effects, which no command reads, at
+    the end."""
     code = f"""
 from sandbox import BadInput, compare
 from sandbox.cli import main
@@ -82,7 +92,8 @@ UNKNOWN = "half a minute to some minutes (the next time it is known how long)"
 
 
 class Clocks:
-    """A clock, and a processor that compiling has for a share of the time; both go on from reading to reading."""
+    """A clock, and a processor that compiling has for a share of the time; both go on from reading
+    to reading."""
 
     def __init__(self, monkeypatch, instants, share=1.0):
         self.instants, self.now, self.share = iter(instants), 0.0, share
@@ -97,12 +108,20 @@ class Clocks:
 
 @pytest.mark.parametrize(
     ("known", "share", "said_then"),
-    [(None, 1.0, UNKNOWN), (0.4, 1.0, UNKNOWN), (75.0, 0.9, "up to about 75 s of the processor"),
-     (40.0, 0.2, "up to about 40 s of the processor, 200 s as busy as it is now")],
-)  # fmt: skip
-def test_compiling_is_said_once_it_has_taken_two_seconds(known, share, said_then, tmp_path, monkeypatch, caplog):
-    """Whatever was compiled last time may have been next to nothing: then nothing is known.  On a busy machine both."""
-    caplog.set_level(logging.WARNING, "sensorless")  # a call with --quiet before may have left it higher
+    [
+        (None, 1.0, UNKNOWN),
+        (0.4, 1.0, UNKNOWN),
+        (75.0, 0.9, "up to about 75 s of the processor"),
+        (40.0, 0.2, "up to about 40 s of the processor, 200 s as busy as it is now"),
+    ],
+)
+def test_compiling_is_said_once_it_has_taken_two_seconds(
+    known, share, said_then, tmp_path, monkeypatch, caplog
+):
+    """Whatever was compiled last time may have been next to nothing: then nothing is known.  On a
+    busy machine both."""
+    # a call with --quiet before may have left it higher
+    caplog.set_level(logging.WARNING, "sensorless")
     watch = Watch(tmp_path / "compile-processor-seconds.json")
     if known is not None:
         watch.path.write_text(json.dumps({watch.call: known}))
@@ -118,7 +137,8 @@ def test_compiling_is_said_once_it_has_taken_two_seconds(known, share, said_then
 
 
 def test_what_is_kept_is_the_processors_time(tmp_path, monkeypatch):
-    """Ten seconds on the clock with a fifth of the processor are two; a part that is compiled later hides no whole."""
+    """Ten seconds on the clock with a fifth of the processor are two; a part that is compiled later
+    hides no whole."""
     monkeypatch.setattr(notice.atexit, "register", lambda _: None)
     compiled = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=load_drive)})
     kept = []
@@ -175,7 +195,8 @@ def test_compiling_is_said_only_when_it_happens(tmp_path):
 def test_a_motor_and_a_scenario_have_cards(capsys):
     assert main(["list", "motors", "ipm_exchanged"]) == 0
     assert "magnet_flux           0.0981 Wb" in capsys.readouterr().out
-    assert main(["list", "motors", "thor_fea"]) == 0  # its map is a data set, which is not asked for
+    # its map is a data set, which is not asked for
+    assert main(["list", "motors", "thor_fea"]) == 0
     assert "data set 'thor_fea'" in capsys.readouterr().out
     assert main(["list", "scenarios", "creep_reversal"]) == 0
     assert "2.5 s, load 150 %, speed 0.2 % of rated" in " ".join(capsys.readouterr().out.split())
@@ -185,7 +206,10 @@ def test_a_motor_and_a_scenario_have_cards(capsys):
 
 def test_an_unknown_option_is_refused_in_its_command_s_name(capsys):
     assert main(["bench", "--foo"]) == 2
-    assert capsys.readouterr().err == "sensorless bench: unknown option '--foo'; see `sensorless bench --help`\n"
+    assert (
+        capsys.readouterr().err
+        == "sensorless bench: unknown option '--foo'; see `sensorless bench --help`\n"
+    )
 
 
 def test_limits_given_in_the_call_are_not_said_to_stand_in_a_file():

@@ -40,13 +40,17 @@ def test_another_motor_does_not_overwrite(tmp_path, capsys):
         assert main(["audit", motor, "--out", str(tmp_path)]) == 0
     said = capsys.readouterr().out
     assert said.count("the earlier result of 'spm' is kept as audit-spm.json") == 1
-    latest, earlier = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("audit", "audit-spm"))
+    latest, earlier = (
+        json.loads((tmp_path / f"{name}.json").read_text()) for name in ("audit", "audit-spm")
+    )
     assert (latest["motor"], earlier["motor"]) == ("ipm", "spm")
     assert (earlier["command"], earlier["figure"]) == ("audit", "audit-spm.png")
     assert (tmp_path / earlier["figure"]).is_file()
     assert main(["audit", "spm", "--quiet", "--out", str(tmp_path)]) == 0
     names = sorted(p.name for p in tmp_path.iterdir())
-    assert names == [f"audit{of}.{kind}" for of in ("-ipm", "") for kind in ("json", "parquet", "png")]
+    assert names == [
+        f"audit{of}.{kind}" for of in ("-ipm", "") for kind in ("json", "parquet", "png")
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -88,28 +92,34 @@ def test_identification_draws_what_was_measured(campaign, tmp_path):
     assert {"exact", "first_order"} <= set(lines)
     picked = import_module("sandbox.public.figures").staircase(levels, 0, 0)
     assert sorted(measured.get_xdata()) == pytest.approx(sorted(levels.current[picked, 0]))
-    # the plant has no effect the exact model lacks: its line runs through the points, 1 % of the slope at the most
+    # the plant has no effect the exact model lacks: its line runs through the points, 1 % of the
+    # slope at the most
     np.testing.assert_allclose(lines["exact"].get_ydata(), measured.get_ydata(), rtol=0.01)
 
 
 def test_an_identified_motor_is_a_file_that_meets_the_recordings(tmp_path):
     """The exact fit's motor and inverter, as files, put locked recordings at their noise floor."""
     drive = sandbox.load_motor("ipm_exchanged")
-    between = LockedBench(theta=0.4, angle_error=0.03, threshold=2.0, width=0.02, noise=0.002, seed=3)
+    between = LockedBench(
+        theta=0.4, angle_error=0.03, threshold=2.0, width=0.02, noise=0.002, seed=3
+    )
     bench = paper_campaign(drive, levels=(-2.0, -1.0, 0.0, 1.0, 2.0), bench=between)
     noisy = dataclasses.replace(drive.converter, current_noise=0.002, current_resolution=0.0)
     bench = dataclasses.replace(bench, drive=dataclasses.replace(drive, converter=noisy))
     sandbox.identify(bench).save(tmp_path)
     found = sandbox.replay(bench, tmp_path / "effects.toml", motor=str(tmp_path / "motor.toml"))
-    assert max(found.rms.values()) < 1.2  # 1 is noise; the first samples are not yet the fit's steady levels
+    # 1 is noise; the first samples are not yet the fit's steady levels
+    assert max(found.rms.values()) < 1.2
     assert min(sandbox.replay(bench).rms.values()) > 20.0  # 2 V of 400 V and 0.03 rad, over 2 mA
     told = json.loads((tmp_path / "identify.json").read_text())["simulator"]
     assert told["motor"] == "motor.toml"
-    assert effects_of(told["line"])["device_drop.threshold"] == pytest.approx(2.0, abs=0.05)  # planted 2 V
+    # planted 2 V
+    assert effects_of(told["line"])["device_drop.threshold"] == pytest.approx(2.0, abs=0.05)
 
 
 def test_a_run_takes_a_file_of_effects(tmp_path):
-    """A line and a file of the same effects give the same run; `bench.*` acts on the exact plant only."""
+    """A line and a file of the same effects give the same run; `bench.*` acts on the exact plant
+    only."""
     text = "[effects]\ndead_time.time = 2e-6\n"
     (tmp_path / "e.toml").write_text(text)
     (tmp_path / "b.toml").write_text(text + "[bench]\nsoft_current = 0.2\n")
@@ -120,13 +130,15 @@ def test_a_run_takes_a_file_of_effects(tmp_path):
     assert file.effects == line.effects == {"dead_time.time": 2e-6}
     np.testing.assert_array_equal(file.recording.i_a, line.recording.i_a)
     assert soft.effects["bench.soft_current"] == 0.2
-    assert np.any(soft.recording.i_a != line.recording.i_a)  # dead time acts through the sign of the current
+    # dead time acts through the sign of the current
+    assert np.any(soft.recording.i_a != line.recording.i_a)
     with pytest.raises(sandbox.BadInput, match=r"the switched plant has no 'bench.soft_current'"):
         sandbox.simulate("ipm_exchanged", SHORT, effects=tmp_path / "b.toml", plant="switched")
 
 
 def test_the_sample_campaign_is_small_and_what_its_script_says(monkeypatch, tmp_path):
-    """`diagnose --example` takes it; with what experiments/example_campaign.py planted a replay meets its noise."""
+    """`diagnose --example` takes it; with what experiments/example_campaign.py planted a replay
+    meets its noise."""
     assert sum(p.stat().st_size for p in EXAMPLE.iterdir()) < 250e3
     example = sandbox.read_campaign(EXAMPLE)
     resistance = 1.15 * example.drive.motor.resistance
@@ -146,19 +158,25 @@ def test_the_sample_campaign_is_small_and_what_its_script_says(monkeypatch, tmp_
 
 @of("convert_motor")
 def test_a_motor_from_a_data_sheet(tmp_path):
-    """Kv 300 rpm/V between terminals, peak: 60 / (2 pi sqrt(3) 7 300) Wb; half of the ohm between terminals."""
+    """Kv 300 rpm/V between terminals, peak: 60 / (2 pi sqrt(3) 7 300) Wb; half of the ohm between
+    terminals."""
     words = ["poles=14", "kv=300", "r_ll=0.1ohm", "inductance=30uH", "current=20A", "voltage=24V"]
     found = sandbox.convert_motor(words, "mine")
     assert "mine" in repr(found)
-    assert found.stated.drive.motor.magnet_flux == pytest.approx(60.0 / (2.0 * np.pi * 3.0**0.5 * 7 * 300.0))
-    assert sandbox.load_motor(found.save(tmp_path / "out") / "motor.toml").motor.resistance == pytest.approx(0.05)
+    assert found.stated.drive.motor.magnet_flux == pytest.approx(
+        60.0 / (2.0 * np.pi * 3.0**0.5 * 7 * 300.0)
+    )
+    assert sandbox.load_motor(
+        found.save(tmp_path / "out") / "motor.toml"
+    ).motor.resistance == pytest.approx(0.05)
     with pytest.raises(sandbox.BadInput, match="pole_pairs are missing"):
         sandbox.convert_motor(["kv=300"])
 
 
 @of("replay")
 def test_replay_meets_its_own_simulation(tmp_path):
-    """A simulated bench replayed by the same effects lies at its noise floor, without them it does not."""
+    """A simulated bench replayed by the same effects lies at its noise floor, without them it does
+    not."""
     effects = {"current_offset.offset_a": 0.05}
     folder = tmp_path / "bench"
     sandbox.simulate("ipm_exchanged", SHORT, effects=effects, record=folder)
@@ -179,11 +197,17 @@ def test_replay_meets_its_own_simulation(tmp_path):
 
 @of("check", "plan", "list_presets")
 def test_a_bench_is_planned_and_its_campaign_checked(tmp_path):
-    limited = (MOTORS / "ipm_exchanged.toml").read_text() + '\n[limits]\ncurrent = 0.8\ncan = ["locked", "free"]\n'
+    limited = (
+        MOTORS / "ipm_exchanged.toml"
+    ).read_text() + '\n[limits]\ncurrent = 0.8\ncan = ["locked", "free"]\n'
     (tmp_path / "mine.toml").write_text(limited)
-    found = sandbox.plan(tmp_path / "mine.toml", can=["locked"])  # what is given comes before what the file says
+    # what is given comes before what the file says
+    found = sandbox.plan(tmp_path / "mine.toml", can=["locked"])
     assert {p.entry.rotor for p in found.plan.experiments} == {"locked"}
-    assert max(float(np.max(np.hypot(p.entry.i_d, p.entry.i_q))) for p in found.plan.experiments) <= 0.8 + 1e-9
+    assert (
+        max(float(np.max(np.hypot(p.entry.i_d, p.entry.i_q))) for p in found.plan.experiments)
+        <= 0.8 + 1e-9
+    )
     told = [e for p in found.plan.experiments for e in p.adds]
     assert len(told) == len(set(told))  # each effect is added once
     assert "dead_time" in told
@@ -192,7 +216,9 @@ def test_a_bench_is_planned_and_its_campaign_checked(tmp_path):
     assert misfits("plan", tmp_path / "plan" / "plan.json") == []
     content = json.loads((tmp_path / "plan" / "plan.json").read_text())
     assert all((tmp_path / "plan" / r["setpoints"]).is_file() for r in content["recordings"])
-    with pytest.raises(sandbox.BadInput, match="unknown kind of rotor 'lokced'; did you mean 'locked'"):
+    with pytest.raises(
+        sandbox.BadInput, match="unknown kind of rotor 'lokced'; did you mean 'locked'"
+    ):
         sandbox.plan("ipm_exchanged", can=["lokced"])
     clean = sandbox.check(paper_campaign(sandbox.load_motor("ipm_exchanged")), effects=False)
     assert clean.ok

@@ -1,4 +1,5 @@
-"""The page of public Python as a whole: lazy, documented, every name tested, a user's own `model.py` beside ours."""
+"""The page of public Python as a whole: lazy, documented, every name tested, a user's own
+`model.py` beside ours."""
 
 from __future__ import annotations
 
@@ -17,7 +18,10 @@ from tests.sandbox.public.naming import ROOT, names_tested, python
 
 FUNCTIONS = [name for name in sandbox.__all__ if inspect.isfunction(getattr(sandbox, name))]
 ERRORS = ("BadInput", "PhysicsError")
-OBJECTS = [*(getattr(sandbox, name) for name in sandbox.__all__ if name not in (*FUNCTIONS, *ERRORS)), Motor]
+OBJECTS = [
+    *(getattr(sandbox, name) for name in sandbox.__all__ if name not in (*FUNCTIONS, *ERRORS)),
+    Motor,
+]
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -38,11 +42,14 @@ def test_every_function_has_a_numpydoc_text(name):
 
 @pytest.mark.parametrize("kind", OBJECTS, ids=lambda kind: kind.__name__)
 def test_every_object_has_a_numpydoc_text(kind):
-    """Every field, in order, with its default, and the unit and range that it is declared and checked with."""
+    """Every field, in order, with its default, and the unit and range that it is declared and
+    checked with."""
     text = inspect.getdoc(kind)
     assert "Examples\n--------\n" in text
     assert ">>> from sandbox import" in text
-    head, *listed = re.split(r"^([\w, ]+) : (.+)$", text.partition("Parameters\n----------\n")[2], flags=re.M)
+    head, *listed = re.split(
+        r"^([\w, ]+) : (.+)$", text.partition("Parameters\n----------\n")[2], flags=re.M
+    )
     assert head == ""
     told = [
         (name, of, means)
@@ -57,9 +64,13 @@ def test_every_object_has_a_numpydoc_text(kind):
         if usual is None:
             assert of.endswith(", optional"), name
         else:
-            assert of.partition("default ")[2] == ("" if usual is inspect.Parameter.empty else repr(usual)), name
+            assert of.partition("default ")[2] == (
+                "" if usual is inspect.Parameter.empty else repr(usual)
+            ), name
         if own:
-            assert " ".join(means.split()).startswith(f"{own['unit']}, {own['low']:g} to {own['high']:g}:".lstrip(", "))
+            assert " ".join(means.split()).startswith(
+                f"{own['unit']}, {own['low']:g} to {own['high']:g}:".lstrip(", ")
+            )
     if declared and kind is not sandbox.Estimator:
         assert "Raises\n------" in text
 
@@ -68,7 +79,9 @@ def test_every_object_has_a_numpydoc_text(kind):
 def test_examples_run(name):
     function = Motor if name == "Motor" else getattr(sandbox, name)
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
-    for example in doctest.DocTestFinder(recurse=False).find(function, name, module=False, globs={}):
+    for example in doctest.DocTestFinder(recurse=False).find(
+        function, name, module=False, globs={}
+    ):
         runner.run(example)
     assert runner.failures == 0
     assert runner.tries > 0
@@ -82,7 +95,17 @@ def test_a_module_of_the_same_name_leaves_the_function():
 
 
 def test_importing_the_page_is_light(tmp_path):
-    heavy = ("numba", "rerun", "matplotlib", "control", "scipy", "rich", "numpy", "pyarrow", "model")
+    heavy = (
+        "numba",
+        "rerun",
+        "matplotlib",
+        "control",
+        "scipy",
+        "rich",
+        "numpy",
+        "pyarrow",
+        "model",
+    )
     code = f"import sys, sandbox; print(set({heavy}) & set(sys.modules))"
     assert python(code, tmp_path).stdout.strip() == "set()"
 
@@ -120,10 +143,13 @@ except AttributeError as error:
 
 
 @pytest.mark.parametrize("first", [False, True])
-@pytest.mark.parametrize(("name", "ours", "what"), [("model", "energy", "flux_from_current"),
-                         ("estimators", "registry", "load_estimator")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "ours", "what"),
+    [("model", "energy", "flux_from_current"), ("estimators", "registry", "load_estimator")],
+)
 def test_a_users_own_module_of_our_name_is_there_beside_ours(name, ours, what, first, tmp_path):
-    """Theirs runs when it is asked for, once, keeps its names, and may use the page itself; ours stay ours."""
+    """Theirs runs when it is asked for, once, keeps its names, and may use the page itself; ours
+    stay ours."""
     file = tmp_path / f"{name}.py"
     file.write_text(MINE)
     code = BESIDE.format(name=name, ours=ours, what=what)
@@ -132,21 +158,28 @@ def test_a_users_own_module_of_our_name_is_there_beside_ours(name, ours, what, f
     said = ["ipm qnull", "so far ours"]
     said = ["own code runs", *said] if first else [*said, "own code runs"]
     assert done.stdout.splitlines() == [
-        *said, "energy of mine | registry of mine | True", f"{name} {name}.{ours} {ours} of mine",
+        *said,
+        "energy of mine | registry of mine | True",
+        f"{name} {name}.{ours} {ours} of mine",
         f"module '{name}' ('{file}') has no attribute 'nothing'",
-    ]  # fmt: skip
+    ]
 
 
 def test_a_script_of_our_name_runs_once(tmp_path):
     """`python model.py` is a program, which our code must not run again."""
-    done = python("from sandbox import load_motor\nprint(load_motor('ipm').motor.name)\n", tmp_path, "model.py")
+    done = python(
+        "from sandbox import load_motor\nprint(load_motor('ipm').motor.name)\n",
+        tmp_path,
+        "model.py",
+    )
     assert done.stdout == "ipm\n", done.stderr
 
 
 def test_a_users_file_that_fails_says_why_and_leaves_ours(tmp_path):
     (tmp_path / "model.py").write_text("x = 1 / 0\n")
     code = (
-        "from sandbox import load_motor\ntry:\n    from model import x\nexcept ZeroDivisionError as e:\n    print(e)\n"
+        "from sandbox import load_motor\ntry:\n    from model import x\nexcept "
+        "ZeroDivisionError as e:\n    print(e)\n"
     )
     done = python(code + "print(load_motor('ipm').motor.name)", tmp_path)
     assert done.stdout.splitlines() == ["division by zero", "ipm"], done.stderr
@@ -171,26 +204,39 @@ with ThreadPoolExecutor(4) as pool:
 
 
 def test_a_users_module_may_be_loaded_again_forgotten_and_read_from_threads(tmp_path):
-    (tmp_path / "model.py").write_text("import time\nprint('runs')\ntime.sleep(0.1)\n__version__, x = '1.2', 3\n")
+    (tmp_path / "model.py").write_text(
+        "import time\nprint('runs')\ntime.sleep(0.1)\n__version__, x = '1.2', 3\n"
+    )
     done = python(ATTACKS, tmp_path)
-    assert done.stdout.splitlines() == ["runs", "runs", "1.2 3", "ipm", "runs", "3 3 3 3"], done.stderr
+    assert done.stdout.splitlines() == ["runs", "runs", "1.2 3", "ipm", "runs", "3 3 3 3"], (
+        done.stderr
+    )
 
 
 def test_a_users_module_may_be_collected_by_pytest(tmp_path):
     """Its loader is pytest's own there."""
-    text = "from sandbox import load_motor\n\n\ndef test_it():\n    assert load_motor('ipm').motor.name == 'ipm'\n"
+    text = (
+        "from sandbox import load_motor\n\n\ndef test_it():\n    assert "
+        "load_motor('ipm').motor.name == 'ipm'\n"
+    )
     (tmp_path / "model.py").write_text(text)
-    done = python("import pytest, sys\nsys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', 'model.py']))", tmp_path)
+    done = python(
+        "import pytest, sys\nsys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', 'model.py']))",
+        tmp_path,
+    )
     assert done.returncode == 0, done.stdout
 
 
 PACKAGE = {
-    "__init__.py": "print('package runs')\nfrom .net import Net\nfrom sandbox import list_motors\nenergy = 'of mine'\n",
+    "__init__.py": (
+        "print('package runs')\nfrom .net import Net\nfrom sandbox import "
+        "list_motors\nenergy = 'of mine'\n"
+    ),
     "net.py": "print('net runs')\nfrom sandbox import Scenario\n\n\nclass Net:\n    pass\n",
     "deep/__init__.py": "",
     "deep/layer.py": "from ..net import Net\nfrom sandbox import simulate\n",
     "weights.csv": "1,2\n",
-}  # fmt: skip
+}
 OF_PACKAGE = """
 {first}
 from sandbox import load_motor
@@ -219,9 +265,12 @@ def users_package(folder, files):
     return folder / "model"
 
 
-@pytest.mark.parametrize(("first", "part"), [("", "net"), ("", "deep.layer"), ("import model", "net")])
+@pytest.mark.parametrize(
+    ("first", "part"), [("", "net"), ("", "deep.layer"), ("import model", "net")]
+)
 def test_a_users_package_of_our_name_is_there_beside_ours(first, part, tmp_path):
-    """Theirs runs once, before its first submodule as Python does, keeps its names, and may use the page itself."""
+    """Theirs runs once, before its first submodule as Python does, keeps its names, and may use the
+    page itself."""
     users_package(tmp_path, PACKAGE)
     done = python(OF_PACKAGE.format(first=first, part=part), tmp_path)
     assert done.returncode == 0, done.stderr
@@ -231,13 +280,16 @@ def test_a_users_package_of_our_name_is_there_beside_ours(first, part, tmp_path)
 
 
 def test_a_part_that_a_users_package_and_ours_both_have_is_named(tmp_path):
-    file = users_package(tmp_path, {"__init__.py": "", "errors.py": "", "data/errors.py": ""}) / "errors.py"
+    file = (
+        users_package(tmp_path, {"__init__.py": "", "errors.py": "", "data/errors.py": ""})
+        / "errors.py"
+    )
     for code in ("from sandbox import simulate", "import model\nfrom sandbox import simulate"):
         done = python(code, tmp_path)
         assert done.returncode == 1
         assert done.stderr.strip().splitlines()[-1] == (
-            f"ImportError: '{file}' and a part of sensorless-sandbox are both called 'model.errors'; rename yours, or "
-            "its folder, for example to my_model"
+            f"ImportError: '{file}' and a part of sensorless-sandbox are both called "
+            "'model.errors'; rename yours, or its folder, for example to my_model"
         )
 
 
@@ -254,7 +306,8 @@ def test_a_compiled_library_of_our_name_is_named(tmp_path):
 
 
 def test_our_code_takes_names_from_submodules_alone():
-    """So a user's `model.py`, whose attributes the package then has, never comes into it (`sandbox/shadowing.py`)."""
+    """So a user's `model.py`, whose attributes the package then has, never comes into it
+    (`sandbox/shadowing.py`)."""
     root = Path(sandbox.__file__).parent.parent
     for folder in ("model", "estimators", "sandbox"):
         for path in (root / folder).rglob("*.py"):
@@ -262,7 +315,10 @@ def test_our_code_takes_names_from_submodules_alone():
                 if isinstance(node, ast.ImportFrom):
                     assert node.module not in ("model", "estimators"), path
                 if isinstance(node, ast.Import):
-                    assert not {a.name.partition(".")[0] for a in node.names} & {"model", "estimators"}, path
+                    assert not {a.name.partition(".")[0] for a in node.names} & {
+                        "model",
+                        "estimators",
+                    }, path
 
 
 PLAIN = """
@@ -279,8 +335,11 @@ print(x, BadInput.__module__)
 
 @pytest.mark.parametrize("before", ["", "from model.mine import x"])
 def test_a_plain_folder_of_our_name_hides_nothing_and_is_not_hidden(before, tmp_path):
-    """Scripts and data, without `__init__.py`; ours is found first where both have a file of one name."""
-    users_package(tmp_path, {"mine.py": "x = 3\n", "errors.py": "x = 1 / 0\n", "weights.csv": "1,2\n"})
+    """Scripts and data, without `__init__.py`; ours is found first where both have a file of one
+    name."""
+    users_package(
+        tmp_path, {"mine.py": "x = 3\n", "errors.py": "x = 1 / 0\n", "weights.csv": "1,2\n"}
+    )
     done = python(PLAIN.format(before=before), tmp_path)
     assert done.stdout.splitlines() == ["3", "3 model.errors"], done.stderr
 
@@ -288,8 +347,13 @@ def test_a_plain_folder_of_our_name_hides_nothing_and_is_not_hidden(before, tmp_
 def test_a_plain_folder_found_before_ours_came_onto_the_path(tmp_path):
     users_package(tmp_path, {"mine.py": "x = 3\n"})
     late = f"import model, sys\nsys.path.append({str(ROOT)!r})\nimport model.mine\n"
-    code = late + "from sandbox import load_motor\nprint(model.mine.x, load_motor('ipm').motor.name)\n"
-    bare = "import os, sys\nsys.path[:] = [p for p in sys.path if not os.path.isdir(os.path.join(p, 'sandbox'))]\n"
+    code = (
+        late + "from sandbox import load_motor\nprint(model.mine.x, load_motor('ipm').motor.name)\n"
+    )
+    bare = (
+        "import os, sys\nsys.path[:] = [p for p in sys.path if not "
+        "os.path.isdir(os.path.join(p, 'sandbox'))]\n"
+    )
     done = python(bare + code, tmp_path, PYTHONPATH="")
     assert done.stdout.splitlines() == ["3 ipm"], done.stderr
 

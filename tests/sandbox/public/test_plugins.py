@@ -1,4 +1,5 @@
-"""Packages of somebody else bring an estimator, an effect and a preset by entry points: made, installed, used."""
+"""Packages of somebody else bring an estimator, an effect and a preset by entry points: made,
+installed, used."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ OBSERVER = """
 import dataclasses
 import sandbox
 ESTIMATOR = dataclasses.replace(sandbox.load_estimator("qnull"), name="mine_of_pack", summary="of our bench")
-"""
+"""  # noqa: E501
 # beside the package: the lists, a run of the estimator, the preset's column
 USES = """
 import sandbox
@@ -62,7 +63,11 @@ def wheel_of(folder: Path, name: str, files: dict[str, str], points: str) -> Pat
     import zipfile
 
     info = f"{name}-1.5.dist-info"
-    about = {"METADATA": METADATA.format(name=name.replace("_", "-")), "entry_points.txt": points, "WHEEL": WHEEL}
+    about = {
+        "METADATA": METADATA.format(name=name.replace("_", "-")),
+        "entry_points.txt": points,
+        "WHEEL": WHEEL,
+    }
     files = {f"{name}/{file}": text for file, text in files.items()}
     files |= {f"{info}/{file}": text for file, text in about.items()}
     path = folder / f"{name}-1.5-py3-none-any.whl"
@@ -77,10 +82,23 @@ def wheel_of(folder: Path, name: str, files: dict[str, str], points: str) -> Pat
 def used(wheel: Path, code: str) -> subprocess.CompletedProcess[str]:
     """Return what code did beside a wheel that pip has unpacked into a folder of its own."""
     place = wheel.parent / "installed"
-    call = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "-t", str(place), str(wheel)]
+    call = [
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "-q",
+        "--no-deps",
+        "--no-index",
+        "-t",
+        str(place),
+        str(wheel),
+    ]
     subprocess.run(call, check=True, capture_output=True)
     around = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(place)])}
-    return subprocess.run([sys.executable, "-c", code], cwd=wheel.parent, env=around, capture_output=True, text=True)
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=wheel.parent, env=around, capture_output=True, text=True
+    )
 
 
 def test_a_package_of_somebody_else_is_installed_and_used(tmp_path):
@@ -100,10 +118,13 @@ def test_a_package_of_somebody_else_is_installed_and_used(tmp_path):
 
 
 def test_an_effect_of_a_package_enters_the_plant(tmp_path):
-    """Its equation at its port; what a whole plant with it does is in tests/sandbox/plant/test_own_effects.py."""
+    """Its equation at its port; what a whole plant with it does is in
+    tests/sandbox/plant/test_own_effects.py."""
     fan = (ROOT / "experiments" / "my_effects.py").read_text(encoding="utf-8")
     points = "[sensorless.effects]\nfan = fan_pack.effects\n"
-    done = used(wheel_of(tmp_path, "fan_pack", {"__init__.py": "", "effects.py": fan}, points), TURNS)
+    done = used(
+        wheel_of(tmp_path, "fan_pack", {"__init__.py": "", "effects.py": fan}, points), TURNS
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout == "turns\n"
 
@@ -114,7 +135,12 @@ class Point:
     dist = None
 
     def __init__(self, name, value, loaded=None):
-        self.name, self.value, self.module, self.loaded = name, value, value.partition(":")[0], loaded
+        self.name, self.value, self.module, self.loaded = (
+            name,
+            value,
+            value.partition(":")[0],
+            loaded,
+        )
 
     def load(self):
         """Return what it names, or fail as that does."""
@@ -127,9 +153,13 @@ def test_what_a_broken_package_brings_is_told_in_a_sentence(monkeypatch):
     points = {"theirs": Point("theirs", "pack:E"), "other": Point("other", "pack:X", loaded=3)}
     monkeypatch.setattr("estimators.registry.brought", lambda kind: points)
     assert sandbox.list_estimators()["theirs"] == "of another package"
-    with pytest.raises(BadInput, match="'theirs' of another package cannot be loaded: ImportError: no module of"):
+    with pytest.raises(
+        BadInput, match="'theirs' of another package cannot be loaded: ImportError: no module of"
+    ):
         sandbox.load_estimator("theirs")
-    with pytest.raises(BadInput, match="'pack:X' of another package is no Estimator of the name 'other'"):
+    with pytest.raises(
+        BadInput, match="'pack:X' of another package is no Estimator of the name 'other'"
+    ):
         sandbox.load_estimator("other")
     with pytest.raises(BadInput, match="names the module 'no_such_pack', which is no file"):
         plugins.place_of(Point("fan", "no_such_pack"))
@@ -138,7 +168,9 @@ def test_what_a_broken_package_brings_is_told_in_a_sentence(monkeypatch):
 
 
 def test_ours_are_not_given_away(monkeypatch):
-    monkeypatch.setattr("estimators.registry.brought", lambda kind: {"qnull": Point("qnull", "pack:E")})
+    monkeypatch.setattr(
+        "estimators.registry.brought", lambda kind: {"qnull": Point("qnull", "pack:E")}
+    )
     assert list(sandbox.list_estimators()).count("qnull") == 1
     assert "null" in sandbox.list_estimators()["qnull"]
     assert sandbox.load_estimator("qnull").compiled

@@ -24,7 +24,8 @@ def test_simulate_takes_names_files_and_objects(run, tmp_path):
 
     scenario = tmp_path / "short.toml"
     scenario.write_text(
-        "[[segment]]\nduration = 0.2\n[[segment]]\nduration = 0.2\nload = 1.0\nramp = 0.05\nsettle = 0.1\n"
+        "[[segment]]\nduration = 0.2\n[[segment]]\nduration = 0.2\nload = 1.0\nramp = "
+        "0.05\nsettle = 0.1\n"
     )
     drive, own = sandbox.load_motor("ipm_exchanged"), sandbox.load_estimator("inversion")
     for motor, scene, estimator in (
@@ -33,7 +34,9 @@ def test_simulate_takes_names_files_and_objects(run, tmp_path):
     ):
         again = sandbox.simulate(motor, scene, estimator, belief="linear", seed=2)
         assert np.array_equal(again.recording.table, run.recording.table)
-    with pytest.raises(sandbox.BadInput, match="motor = 3 is neither a name nor a file nor a Drive"):
+    with pytest.raises(
+        sandbox.BadInput, match="motor = 3 is neither a name nor a file nor a Drive"
+    ):
         sandbox.simulate(3)
     with pytest.raises(sandbox.BadInput, match="did you mean 'qnull'"):
         sandbox.simulate(drive, SHORT, "qnul")
@@ -100,7 +103,8 @@ def test_figures_draw_in_axes_of_ones_own(run, tmp_path):
 
 
 def test_every_figure_can_be_shown_by_a_notebook_and_takes_axes(run):
-    """A notebook asks for `_repr_png_` where pyplot, which alone tells it of figures, was not loaded."""
+    """A notebook asks for `_repr_png_` where pyplot, which alone tells it of figures, was not
+    loaded."""
     assert run.plot()._repr_png_().startswith(b"\x89PNG")
 
     def every(kind):

@@ -1,4 +1,5 @@
-"""`sensorless settings`: from the folders that identify and diagnose write, to what a drive should be set to."""
+"""`sensorless settings`: from the folders that identify and diagnose write, to what a drive should
+be set to."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from sandbox.cli import main
 from tests.sandbox.public.naming import of
 
 VESC = """<a><foc_motor_r>0.1</foc_motor_r><foc_motor_l>2.5e-05</foc_motor_l><foc_motor_flux_linkage>0.0027
-</foc_motor_flux_linkage><foc_current_kp>0.025</foc_current_kp><foc_dt_us>0.1</foc_dt_us></a>"""
+</foc_motor_flux_linkage><foc_current_kp>0.025</foc_current_kp><foc_dt_us>0.1</foc_dt_us></a>"""  # noqa: E501
 MOTOR = """[motor]
 pole_pairs = 7
 resistance = 0.05
@@ -40,15 +41,30 @@ def result(folder, told=None, effects="", motor=MOTOR, name="identify.json"):
 @of("check_settings")
 def test_of_an_identification(tmp_path, capsys):
     """1/3 V of drop are 1/3/24 of a period of 50 us: 0.694 us beside 0.5 us of dead time."""
-    folder = result(tmp_path / "r", {"cannot_tell": [{"parameter": "magnet_flux", "why": "no spin"}]},
-                    "dead_time.time = 5e-7\ndevice_drop.threshold = 0.3333333")  # fmt: skip
+    folder = result(
+        tmp_path / "r",
+        {"cannot_tell": [{"parameter": "magnet_flux", "why": "no spin"}]},
+        "dead_time.time = 5e-7\ndevice_drop.threshold = 0.3333333",
+    )
     found = {row.name: row for row in sandbox.check_settings(folder, folder / "vesc.xml").rows}
     assert found["resistance"].verdict == "differs"
     assert found["resistance"].ci95 == (0.049, 0.051)
     assert found["magnet_flux"].said == "no spin"  # stands in motor.toml, but has no interval
     assert found["dead_time"].found == pytest.approx(5e-7 + 0.3333333 / 24.0 * 5e-5)
     assert found["dead_time"].ci95 is None
-    assert main(["settings", str(folder), "--config", str(folder / "vesc.xml"), "--out", str(tmp_path / "o")]) == 0
+    assert (
+        main(
+            [
+                "settings",
+                str(folder),
+                "--config",
+                str(folder / "vesc.xml"),
+                "--out",
+                str(tmp_path / "o"),
+            ]
+        )
+        == 0
+    )
     assert "twice: as measured between two terminals" in capsys.readouterr().out
     told = json.loads((tmp_path / "o" / "settings.json").read_text())
     assert [row["verdict"] for row in told["settings"]].count("not told") == 1
@@ -56,10 +72,16 @@ def test_of_an_identification(tmp_path, capsys):
 
 def test_of_a_diagnosis(tmp_path):
     """The interval of dead time is the first hypothesis's; what it names of voltages is told."""
-    best = {"effects": ["dead_time", "pwm_delay"],
-            "parameters": {"dead_time.time": {"value": 5e-7, "ci95": [4e-7, 6e-7], "unit": "s"}}}  # fmt: skip
-    folder = result(tmp_path / "r", {"hypotheses": [best]}, "dead_time.time = 5e-7", name="diagnosis.json")
-    found = {row.name: row for row in sandbox.check_settings(folder, folder / "vesc.xml", 200.0).rows}
+    best = {
+        "effects": ["dead_time", "pwm_delay"],
+        "parameters": {"dead_time.time": {"value": 5e-7, "ci95": [4e-7, 6e-7], "unit": "s"}},
+    }
+    folder = result(
+        tmp_path / "r", {"hypotheses": [best]}, "dead_time.time = 5e-7", name="diagnosis.json"
+    )
+    found = {
+        row.name: row for row in sandbox.check_settings(folder, folder / "vesc.xml", 200.0).rows
+    }
     assert found["dead_time"].ci95 == pytest.approx((4e-7, 6e-7))
     assert "the result names dead_time, pwm_delay" in found["resistance"].said
     assert found["current_kp"].found == pytest.approx(2.0 * 3.14159265 * 200.0 * 25e-6)
@@ -71,7 +93,10 @@ def test_refusals(tmp_path, capsys):
     for words, said in (
         ([str(folder), *config], "tell nothing of a motor's values"),
         ([str(tmp_path), *config], "neither identify.json nor diagnosis.json"),
-        ([str(folder), "--config", str(folder / "motor.toml"), *config[2:], "--bandwidth", "0"], "out of range"),
+        (
+            [str(folder), "--config", str(folder / "motor.toml"), *config[2:], "--bandwidth", "0"],
+            "out of range",
+        ),
     ):
         assert main(["settings", *words]) == 2
         assert said in " ".join(capsys.readouterr().err.split())
@@ -98,6 +123,20 @@ def test_refusals(tmp_path, capsys):
 )
 def test_a_result_of_another_shape_is_refused(told, motor, tmp_path, capsys):
     folder = result(tmp_path / "r", told, "dead_time.time = 5e-7", motor)
-    assert main(["settings", str(folder), "--config", str(folder / "vesc.xml"), "--out", str(tmp_path / "o")]) == 2
-    assert "not as identify and diagnose write them; make the result again" in capsys.readouterr().err
+    assert (
+        main(
+            [
+                "settings",
+                str(folder),
+                "--config",
+                str(folder / "vesc.xml"),
+                "--out",
+                str(tmp_path / "o"),
+            ]
+        )
+        == 2
+    )
+    assert (
+        "not as identify and diagnose write them; make the result again" in capsys.readouterr().err
+    )
     assert not (tmp_path / "o").exists()

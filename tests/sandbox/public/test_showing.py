@@ -41,7 +41,8 @@ def test_show_and_view_without_a_display(run, tmp_path, monkeypatch, capsys):
     with pytest.raises(sandbox.BadInput, match="nothing to show"):
         sandbox.show(tmp_path / "empty")
     (tmp_path / "empty" / "audit").mkdir()
-    with pytest.raises(sandbox.BadInput, match="a result has a page"):  # an empty folder is no result
+    with pytest.raises(sandbox.BadInput, match="a result has a page"):
+        # an empty folder is no result
         sandbox.show(tmp_path / "empty")
     (tmp_path / "empty" / "audit" / "audit.json").write_text("{}")
     with pytest.raises(sandbox.BadInput, match=r"give one of the results below it: audit$"):
@@ -76,16 +77,24 @@ def test_tables_fit_eighty_columns(small_comparison, capsys, monkeypatch):
     assert said.count("load %") == 2 * len(folded(heads, rows, 3, 80, 2))
     for line in (line for line in said.splitlines() if "ekf sat." in line or "ekf lin." in line):
         assert ("ekf sat." in line) == ("ekf lin." in line)
-    assert folded(["k", *(10 * ["x" * 17])], [], 1, 80) == [[0, 1, 2, 3], [0, 4, 5, 6], [0, 7, 8, 9], [0, 10]]
+    assert folded(["k", *(10 * ["x" * 17])], [], 1, 80) == [
+        [0, 1, 2, 3],
+        [0, 4, 5, 6],
+        [0, 7, 8, 9],
+        [0, 10],
+    ]
 
 
 def test_columns_that_belong_together_are_not_parted():
-    """79 columns: the first takes 4, each other 20, so three of them fit; a pair that fits nowhere is parted."""
+    """79 columns: the first takes 4, each other 20, so three of them fit; a pair that fits nowhere
+    is parted."""
     assert folded(["k", *(6 * ["x" * 17])], [], 1, 80, 2) == [[0, 1, 2], [0, 3, 4], [0, 5, 6]]
     assert folded(["k", *(2 * ["x" * 57])], [], 1, 80, 2) == [[0, 1], [0, 2]]
 
 
-def test_a_column_of_theory_is_there_where_theory_predicts_something(small_comparison, tmp_path, capsys):
+def test_a_column_of_theory_is_there_where_theory_predicts_something(
+    small_comparison, tmp_path, capsys
+):
     from sandbox.evaluation.pages.compare_page import write_run
     from sandbox.public.printed import print_comparison, print_run
 
@@ -98,13 +107,17 @@ def test_a_column_of_theory_is_there_where_theory_predicts_something(small_compa
         return capsys.readouterr().out, (tmp_path / "run.html").read_text(encoding="utf-8")
 
     def unforetold(run):
-        return dataclasses.replace(run, rows=tuple(dataclasses.replace(r, predicted_mean_deg=None) for r in run.rows))
+        return dataclasses.replace(
+            run, rows=tuple(dataclasses.replace(r, predicted_mean_deg=None) for r in run.rows)
+        )
 
     printed, page = said(small_comparison)
     assert printed.count("theory °") >= 3  # both loops, and the run
     assert "theory °" in page
     assert "dashed: theory" in page
-    without = dataclasses.replace(small_comparison, runs=tuple(map(unforetold, small_comparison.runs)))
+    without = dataclasses.replace(
+        small_comparison, runs=tuple(map(unforetold, small_comparison.runs))
+    )
     printed, page = said(without)
     assert "theory °" not in printed
     assert "theory" not in page
@@ -129,14 +142,27 @@ def test_a_long_first_column_is_broken_and_numbers_are_not(capsys, monkeypatch):
 
 
 CALLS = {
-    "simulate": ["simulate"], "compare": ["compare"], "protocol": ["protocol", "--motors", "ipm"], "bench": ["bench"],
-    "audit": ["audit", "ipm"], "maps": ["maps", "ipm"], "identify": ["identify", "folder"],
-    "diagnose": ["diagnose", "folder"], "list_motors": ["list", "motors"], "list_effects": ["list", "effects"],
-    "list_estimators": ["list", "estimators"], "list_scenarios": ["list", "scenarios"],
-    "list_datasets": ["list", "datasets"], "list_tests": ["list", "tests"], "view": ["view", "x.rrd"],
-    "show": ["show", "x"], "sweep": ["sweep", "x.toml"], "verify": ["verify", "x"], "check": ["check", "folder"],
+    "simulate": ["simulate"],
+    "compare": ["compare"],
+    "protocol": ["protocol", "--motors", "ipm"],
+    "bench": ["bench"],
+    "audit": ["audit", "ipm"],
+    "maps": ["maps", "ipm"],
+    "identify": ["identify", "folder"],
+    "diagnose": ["diagnose", "folder"],
+    "list_motors": ["list", "motors"],
+    "list_effects": ["list", "effects"],
+    "list_estimators": ["list", "estimators"],
+    "list_scenarios": ["list", "scenarios"],
+    "list_datasets": ["list", "datasets"],
+    "list_tests": ["list", "tests"],
+    "view": ["view", "x.rrd"],
+    "show": ["show", "x"],
+    "sweep": ["sweep", "x.toml"],
+    "verify": ["verify", "x"],
+    "check": ["check", "folder"],
     "plan": ["plan"],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", CALLS)
@@ -158,20 +184,33 @@ def test_commands_call_the_page(name, monkeypatch, tmp_path):
 
 def test_seed_and_jobs_are_told_where_they_do_something(capsys):
     for command, seed, jobs in (
-        ("compare", True, True), ("simulate", True, False), ("protocol", True, True), ("audit", False, False),
-        ("maps", False, False), ("identify", False, False), ("bench", False, False), ("diagnose", False, True),
-        ("sweep", False, True), ("check", False, True), ("plan", False, True), ("replay", False, True),
-        ("verify", False, False), ("export-estimator", False, False),
+        ("compare", True, True),
+        ("simulate", True, False),
+        ("protocol", True, True),
+        ("audit", False, False),
+        ("maps", False, False),
+        ("identify", False, False),
+        ("bench", False, False),
+        ("diagnose", False, True),
+        ("sweep", False, True),
+        ("check", False, True),
+        ("plan", False, True),
+        ("replay", False, True),
+        ("verify", False, False),
+        ("export-estimator", False, False),
         ("motor", False, False),
-    ):  # fmt: skip
+    ):
         assert main([command, "--help"]) == 0
         said = capsys.readouterr().out
         assert ("--seed" in said, "--jobs" in said) == (seed, jobs), command
-        assert ("[default: all cores]" in said) == (command in ("compare", "protocol", "diagnose", "sweep")), command
+        assert ("[default: all cores]" in said) == (
+            command in ("compare", "protocol", "diagnose", "sweep")
+        ), command
 
 
 def test_how_many_simulations_to_expect():
-    """Half as many again wherever as many as expected are reached; nothing is drawn where nobody looks on."""
+    """Half as many again wherever as many as expected are reached; nothing is drawn where nobody
+    looks on."""
     assert [further(2000.0, n) for n in (0.0, 1999.0, 2000.0, 3000.0, 4600.0)] == [
         2000.0,
         2000.0,
@@ -212,26 +251,44 @@ def test_a_repr_is_one_line_with_what_counts():
 
 def test_a_protocol_counts_its_tests_once_and_its_rows_are_short():
     outcome = protocol_tests.Outcome((None,) * 24, {"mean_deg": 0.5}, True)
-    units = [evaluated.Unit("ipm", "load_step", "qnull", belief) for belief in ("saturated", "linear")]
-    rows = (evaluated.Row(units[0], outcome, 1.0), evaluated.Row(units[1], outcome, 1.0, "the bus ends"))
+    units = [
+        evaluated.Unit("ipm", "load_step", "qnull", belief) for belief in ("saturated", "linear")
+    ]
+    rows = (
+        evaluated.Row(units[0], outcome, 1.0),
+        evaluated.Row(units[1], outcome, 1.0, "the bus ends"),
+    )
     assert repr(rows[0]) == "<Row: load_step, qnull saturated on ipm: passed, 24 points>"
     assert repr(rows[1]) == "<Row: load_step, qnull linear on ipm: the bus ends>"
     assert repr(outcome) == "<Outcome: passed, 24 points, 1 metrics>"
     summed = ProtocolResult(evaluated.Protocol(rows, 0)).summary()
     assert summed == "load_step alone, 2 results, 2 of 2 judged met their goals"
     more = (*rows, evaluated.Row(evaluated.Unit("ipm", "creep", "qnull", "linear"), outcome, 1.0))
-    assert ProtocolResult(evaluated.Protocol(more, 0)).summary().startswith("2 tests, 3 results, 3 of 3")
+    assert (
+        ProtocolResult(evaluated.Protocol(more, 0))
+        .summary()
+        .startswith("2 tests, 3 results, 3 of 3")
+    )
 
 
 @pytest.mark.parametrize(
-    ("means", "said"), [((None, None), "lost"), ((1.0, -6.0), "6.00 deg"), ((-2.0, None), "2.00 deg (lost in 1 of 2)")]
+    ("means", "said"),
+    [
+        ((None, None), "lost"),
+        ((1.0, -6.0), "6.00 deg"),
+        ((-2.0, None), "2.00 deg (lost in 1 of 2)"),
+    ],
 )
 def test_a_comparison_says_where_lock_was_lost(means, said):
-    rows = [SimpleNamespace(belief="linear", error_deg=SimpleNamespace(mean=mean)) for mean in means]
+    rows = [
+        SimpleNamespace(belief="linear", error_deg=SimpleNamespace(mean=mean)) for mean in means
+    ]
     exact = SimpleNamespace(belief="saturated", error_deg=SimpleNamespace(mean=0.25))
     ran = SimpleNamespace(
-        drive=SimpleNamespace(name="ipm"), scenario=SimpleNamespace(name="s"), rows=[*rows, exact],
+        drive=SimpleNamespace(name="ipm"),
+        scenario=SimpleNamespace(name="s"),
+        rows=[*rows, exact],
         runs=[SimpleNamespace(estimator="qnull")],
-    )  # fmt: skip
+    )
     summed = f"ipm, s, qnull; worst mean error: linear {said}, saturated 0.25 deg"
     assert ComparisonResult(ran).summary() == summed

@@ -45,7 +45,18 @@ def sha(path):
 
 
 def test_a_result_says_what_made_it(home):
-    call = ["simulate", "--motor", "m.toml", "--scenario", "s.toml", "--seed", "7", "--no-trace", "--out", "out"]
+    call = [
+        "simulate",
+        "--motor",
+        "m.toml",
+        "--scenario",
+        "s.toml",
+        "--seed",
+        "7",
+        "--no-trace",
+        "--out",
+        "out",
+    ]
     assert main([*call, "--effects", "dead_time.time=2e-6"]) == 0
     found = made_by("out/simulate.json")
     assert found["libraries"]["numba"] == numba.__version__
@@ -105,7 +116,16 @@ def test_files_that_files_name_are_inputs(home):
 
 
 def test_a_campaigns_tables_are_inputs(home):
-    still = ["simulate", "--scenario", "s.toml", "--json-only", "--out", "out", "--record", "campaign"]
+    still = [
+        "simulate",
+        "--scenario",
+        "s.toml",
+        "--json-only",
+        "--out",
+        "out",
+        "--record",
+        "campaign",
+    ]
     assert main(still) == 0
     assert main(["verify", "out"]) == 0  # with the bench's sensors, and recorded elsewhere
     assert not Path("recorded").exists()
@@ -117,7 +137,10 @@ def test_a_campaigns_tables_are_inputs(home):
 
 
 def test_a_sweep_is_made_again(home):
-    plan = {"scenario": {"start_up": False}, "segment": [{"duration": 0.02, "load": 1.0, "settle": 0.01}]}
+    plan = {
+        "scenario": {"start_up": False},
+        "segment": [{"duration": 0.02, "load": 1.0, "settle": 0.01}],
+    }
     sandbox.sweep(plan | {"grid": {"belief": ["linear", "saturated"]}}, "swept", jobs=1).save()
     assert sandbox.verify("swept").largest == 0.0
 
@@ -138,9 +161,15 @@ def test_figures_of_a_check_follow_from_its_rows(home):
         (lambda d: d.pop("made_by"), "does not say how it was made"),
         (lambda d: d["made_by"].update(call=None), "does not say how it was made"),
         (lambda d: d["made_by"]["call"].update(function="os.system"), "cannot be made once more"),
-        (lambda d: d["made_by"]["call"].update(arguments={"cable": 1}), "another version of 'audit'"),
+        (
+            lambda d: d["made_by"]["call"].update(arguments={"cable": 1}),
+            "another version of 'audit'",
+        ),
         (lambda d: d["made_by"]["call"].update(inputs=[]), "damaged at made_by, 'inputs'"),
-        (lambda d: d["made_by"]["call"]["arguments"].update(motor="../../x\x1b"), "unknown motor|does not exist"),
+        (
+            lambda d: d["made_by"]["call"]["arguments"].update(motor="../../x\x1b"),
+            "unknown motor|does not exist",
+        ),
     ],
 )
 def test_what_cannot_be_verified_is_refused_in_a_sentence(damage, said, audited, home):
@@ -157,7 +186,10 @@ def test_results_of_objects_and_places_without_a_result(home):
     with pytest.raises(BadInput, match=r"made from Python objects \(motor\)"):
         sandbox.verify("out")
     shutil.copy("out/audit.json", "out/other.json")
-    with pytest.raises(BadInput, match=r"holds 2 results \(.*\.json, .*\.json\); give one of them, such as .*\.json"):
+    with pytest.raises(
+        BadInput,
+        match=r"holds 2 results \(.*\.json, .*\.json\); give one of them, such as .*\.json",
+    ):
         sandbox.verify("out")
     with pytest.raises(BadInput, match="no result at"):
         sandbox.verify("nowhere")

@@ -14,12 +14,26 @@ from sandbox.identification.ordinary import fit_ordinary
 from sandbox.recordings.angle.zero import UNSTATED, UNTOLD, with_zero
 from sandbox.recordings.campaign import CampaignRecording, Made
 from sandbox.recordings.importing import read_recordings
-from tests.sandbox.recordings.made_angles import DRIVE, RPM, SWING, ZERO, N, off, read, turning, written
+from tests.sandbox.recordings.made_angles import (
+    DRIVE,
+    RPM,
+    SWING,
+    ZERO,
+    N,
+    off,
+    read,
+    turning,
+    written,
+)
 
 
 def test_the_angle_of_a_speed_has_the_zero_that_voltages_show(tmp_path):
     columns, theta = turning(SWING)
-    found = read(tmp_path, {**columns, "erpm": np.round(SWING * RPM)}, '[columns]\nspeed = {column="erpm", unit="rpm"}')
+    found = read(
+        tmp_path,
+        {**columns, "erpm": np.round(SWING * RPM)},
+        '[columns]\nspeed = {column="erpm", unit="rpm"}',
+    )
     assert np.abs(off(found["run"].theta, theta)).max() < 1.0
     text = " ".join(f.text for f in found.findings)
     assert "the angle is made from 'erpm'" in text
@@ -29,7 +43,8 @@ def test_the_angle_of_a_speed_has_the_zero_that_voltages_show(tmp_path):
 
 @pytest.mark.parametrize("share", [0.1, 0.2, 0.3])
 def test_a_zero_stays_open_by_what_the_inductance_may_be_off(tmp_path, share):
-    """dL_q i_q over the flux, on the voltages of a motor whose L_q is off by so much, with 1 A and i_d = 0."""
+    """dL_q i_q over the flux, on the voltages of a motor whose L_q is off by so much, with 1 A and
+    i_d = 0."""
     m = DRIVE.motor
     columns, theta = turning(SWING)
     mapping = '[columns]\nspeed = {column="erpm", unit="rpm"}\n'
@@ -46,11 +61,16 @@ def test_a_zero_stays_open_by_what_the_inductance_may_be_off(tmp_path, share):
 def test_a_speed_that_is_a_little_off_is_followed(tmp_path):
     """0.2 % of 150 rad in 0.5 s are 0.3 rad."""
     columns, theta = turning(SWING)
-    found = read(tmp_path, {**columns, "erpm": 1.002 * SWING * RPM}, '[columns]\nspeed = {column="erpm", unit="rpm"}')
+    found = read(
+        tmp_path,
+        {**columns, "erpm": 1.002 * SWING * RPM},
+        '[columns]\nspeed = {column="erpm", unit="rpm"}',
+    )
     assert np.abs(off(found["run"].theta, theta)).max() < 1.5
     text = " ".join(f.text for f in found.findings)
     assert "it drifts by -0.3" in text
-    assert float(re.search(r"\(([\d.e-]+) % stay open\)", text)[1]) < 0.05  # with the drift in: 0.3^2 / 12, 0.75 %
+    # with the drift in: 0.3^2 / 12, 0.75 %
+    assert float(re.search(r"\(([\d.e-]+) % stay open\)", text)[1]) < 0.05
 
 
 def test_rows_without_stamps_are_counted_by_the_sampling_period(tmp_path):
@@ -64,25 +84,37 @@ def test_a_speed_of_zero_throughout_is_a_locked_rotor(tmp_path):
     columns, _ = turning(np.zeros(N))
     mapping = '[columns]\nspeed = {column="erpm", unit="rpm"}'
     with pytest.raises(
-        BadInput, match="'erpm' is zero throughout, so the rotor stands still; give it rotor = \"locked"
+        BadInput,
+        match="'erpm' is zero throughout, so the rotor stands still; give it rotor = \"locked",
     ):
         read(tmp_path, {**columns, "erpm": np.zeros(N)}, mapping, rotor="driven")
 
 
 LOCKED = Scenario(
-    "step", (Segment(0.02), Segment(0.1, load=0.5), Segment(0.1, load=-0.3, current_d=0.3)), rotor="locked",
-    start_up=False, reference="current",
-)  # fmt: skip
+    "step",
+    (Segment(0.02), Segment(0.1, load=0.5), Segment(0.1, load=-0.3, current_d=0.3)),
+    rotor="locked",
+    start_up=False,
+    reference="current",
+)
 
 
 SPIN = Scenario(
-    "spin", (Segment(0.05), Segment(0.2, load=0.4, speed=0.3, ramp=0.1), Segment(0.2, load=-0.3, speed=0.5, ramp=0.1)),
-    rotor="driven", start_up=False,
-)  # fmt: skip
+    "spin",
+    (
+        Segment(0.05),
+        Segment(0.2, load=0.4, speed=0.3, ramp=0.1),
+        Segment(0.2, load=-0.3, speed=0.5, ramp=0.1),
+    ),
+    rotor="driven",
+    start_up=False,
+)
 
 
 def simulated(folder, scenario, effects=None):
-    sandbox.simulate(DRIVE, scenario, "qnull", closed_loop=False, effects=effects, record=folder, seed=2)
+    sandbox.simulate(
+        DRIVE, scenario, "qnull", closed_loop=False, effects=effects, record=folder, seed=2
+    )
     return read_campaign(folder).recordings[0]
 
 
@@ -100,18 +132,28 @@ def test_resistance_and_flux_are_identified_without_an_encoder(tmp_path):
     m = DRIVE.motor
     planted = {"resistance": 1.2 * m.resistance, "magnet_flux": 0.9 * m.magnet_flux}
     r = simulated(
-        tmp_path / "record", SPIN,
-        {"stator_resistance.resistance": planted["resistance"], "magnet_flux.magnet_flux": planted["magnet_flux"]},
-    )  # fmt: skip
+        tmp_path / "record",
+        SPIN,
+        {
+            "stator_resistance.resistance": planted["resistance"],
+            "magnet_flux.magnet_flux": planted["magnet_flux"],
+        },
+    )
     own = {n: x for n, x in r.columns.items() if n not in ("theta", "load_torque")}
     own["erpm"] = np.round(np.gradient(r.theta, r.t) * RPM)
     mapping = '[columns]\nspeed = {column = "erpm", unit = "rpm"}'
-    alphas = {n: getattr(m, n) for n in ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")}
+    alphas = {
+        n: getattr(m, n) for n in ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+    }
     campaign = read(tmp_path, own, mapping, rotor="driven")
     motor = dataclasses.replace(campaign.drive.motor, **alphas)
-    found = fit_ordinary(dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, motor=motor)))
+    found = fit_ordinary(
+        dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, motor=motor))
+    )
     for name, value in planted.items():
-        assert found.values[name] == pytest.approx(value, abs=max(4.0 * found.deviations[name], 0.01 * value))
+        assert found.values[name] == pytest.approx(
+            value, abs=max(4.0 * found.deviations[name], 0.01 * value)
+        )
 
 
 def test_each_angle_that_was_made_has_a_zero_of_its_own(tmp_path):
@@ -120,19 +162,26 @@ def test_each_angle_that_was_made_has_a_zero_of_its_own(tmp_path):
     campaign = read_campaign(tmp_path / "record")
     r = campaign.recordings[0]
     more = [
-        dataclasses.replace(r, file=f, columns={**r.columns, "theta": r.theta + z}, made=Made("erpm", 0.0, 0.1))
+        dataclasses.replace(
+            r, file=f, columns={**r.columns, "theta": r.theta + z}, made=Made("erpm", 0.0, 0.1)
+        )
         for f, z in (("second", 0.06), ("third", -0.04))
     ]
     found = fit_ordinary(dataclasses.replace(campaign, recordings=(r, *more)))
     zeros = {n: v for n, v in found.nuisance.items() if n.startswith(("angles.", "encoder"))}
-    assert zeros == {"angles.second": pytest.approx(0.06, abs=0.006), "angles.third": pytest.approx(-0.04, abs=0.006)}
+    assert zeros == {
+        "angles.second": pytest.approx(0.06, abs=0.006),
+        "angles.third": pytest.approx(-0.04, abs=0.006),
+    }
     assert found.values["magnet_flux"] == pytest.approx(DRIVE.motor.magnet_flux, rel=0.01)
 
 
 def test_a_zero_that_no_voltage_shows_stays_as_it_is():
     """At standstill under a constant current all is R i."""
     columns, _ = turning(np.zeros(200))
-    r = CampaignRecording("run.csv", "locked", "none", {**columns, "theta": np.zeros(200)}, made=Made("", 0.0))
+    r = CampaignRecording(
+        "run.csv", "locked", "none", {**columns, "theta": np.zeros(200)}, made=Made("", 0.0)
+    )
     same, told = with_zero(r, DRIVE, 0.1)
     assert "makes no difference" in told.text
     np.testing.assert_array_equal(same.theta, r.theta)

@@ -25,7 +25,14 @@ def _columns(**changes):
 
 def _campaign(columns=None):
     recording = CampaignRecording("locked_d.parquet", "locked", "d", columns or _columns())
-    return Campaign("bench", load_drive("ipm"), (recording,), {"resistance": 0.01}, {"current_gain": 0.002}, False)
+    return Campaign(
+        "bench",
+        load_drive("ipm"),
+        (recording,),
+        {"resistance": 0.01},
+        {"current_gain": 0.002},
+        False,
+    )
 
 
 def _edit(folder, old, new):
@@ -57,8 +64,16 @@ def test_a_benchs_limits_are_read_and_written(tmp_path):
     assert load_limits(folder / "campaign.toml") == stated  # what `sensorless plan --motor` reads
     for old, new, message in (
         ("current = 3", "current = 0", r"campaign.toml: \[limits\] current = 0.0 is out of range"),
-        ("voltage = 60.0", "link = 60.0", r"unknown key in \[limits\] 'link'; did you mean 'fixed_link'\?"),
-        ('["locked", "driven"]', '["lokced"]', "unknown kind of rotor 'lokced'; did you mean 'locked'"),
+        (
+            "voltage = 60.0",
+            "link = 60.0",
+            r"unknown key in \[limits\] 'link'; did you mean 'fixed_link'\?",
+        ),
+        (
+            '["locked", "driven"]',
+            '["lokced"]',
+            "unknown kind of rotor 'lokced'; did you mean 'locked'",
+        ),
         (
             '["locked", "driven"]',
             '"locked"',
@@ -77,14 +92,17 @@ def test_a_benchs_limits_are_read_and_written(tmp_path):
 
 def test_words_of_a_provenance_survive(tmp_path):
     wanted = _campaign()
-    drive = dataclasses.replace(wanted.drive, provenance={"a b, c": 'said "so"', "plain-key_1": "x"})
+    drive = dataclasses.replace(
+        wanted.drive, provenance={"a b, c": 'said "so"', "plain-key_1": "x"}
+    )
     found = read_campaign(write_campaign(tmp_path / "c", dataclasses.replace(wanted, drive=drive)))
     assert found.drive.provenance == drive.provenance
 
 
 def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
     bad = _campaign(_columns())
-    object.__setattr__(bad.recordings[0], "columns", {"t": np.zeros((2, 2))})  # pyarrow refuses two dimensions
+    # pyarrow refuses two dimensions
+    object.__setattr__(bad.recordings[0], "columns", {"t": np.zeros((2, 2))})
     with pytest.raises(ValueError, match=r"."):  # pyarrow's own
         write_campaign(tmp_path / "c", bad)
     assert list(tmp_path.iterdir()) == []
@@ -123,10 +141,22 @@ def test_a_gap_in_time_names_its_row(tmp_path):
         ("resistance = 12.15", "resistance = -1", "resistance = -1.0 is out of range"),
         ("[background]", "[backgrund]", "unknown table 'backgrund'; did you mean 'background'"),
         ("current_gain = 0.002", "current_gain = -1", "current_gain = -1 is no standard deviation"),
-        ("current_gain = 0.002", "current_gain = inf", "current_gain = inf is no standard deviation"),
+        (
+            "current_gain = 0.002",
+            "current_gain = inf",
+            "current_gain = inf is no standard deviation",
+        ),
         ("current_gain = 0.002", "current_gain = 1e-160", "give one from 1e-09 to 100, or 0"),
-        ("current_gain = 0.002", "encoder_offset = 4.0", "encoder_offset = 4.0 is .* give one from 1e-09 to 3.142 rad"),
-        ('rotor = "locked"', 'rotor = ["locked"]', r"rotor = \['locked'\] in \[\[recording\]\] is not a text"),
+        (
+            "current_gain = 0.002",
+            "encoder_offset = 4.0",
+            "encoder_offset = 4.0 is .* give one from 1e-09 to 3.142 rad",
+        ),
+        (
+            'rotor = "locked"',
+            'rotor = ["locked"]',
+            r"rotor = \['locked'\] in \[\[recording\]\] is not a text",
+        ),
     ],
 )
 def test_a_wrong_file_names_its_key(tmp_path, old, new, message):
@@ -140,7 +170,9 @@ def test_a_wrong_file_names_its_key(tmp_path, old, new, message):
 @pytest.mark.parametrize("table", ["campaign", "motor"])
 def test_a_name_that_is_no_text_is_refused_in_one_sentence(tmp_path, capsys, table, name):
     folder = write_campaign(tmp_path / "c", _campaign())
-    lines = [x for x in (folder / "campaign.toml").read_text().split("\n") if not x.startswith("name = ")]
+    lines = [
+        x for x in (folder / "campaign.toml").read_text().split("\n") if not x.startswith("name = ")
+    ]
     lines.insert(lines.index(f"[{table}]") + 1, f"name = {name}")
     (folder / "campaign.toml").write_text("\n".join(lines))
     assert main(["identify", str(folder), "--out", str(tmp_path / "out")]) == 2

@@ -1,4 +1,5 @@
-"""Mistakes that one change explains are named, whichever they are; what the log does not hold is not proposed."""
+"""Mistakes that one change explains are named, whichever they are; what the log does not hold is
+not proposed."""
 
 import dataclasses
 import functools
@@ -21,7 +22,8 @@ TWO = {"theta": "Pos", "i_a": "I_U", "i_b": "I_V", "u_alpha": "Ua", "u_beta": "U
 
 @functools.cache
 def bench(file="coast_down"):
-    """A turning recording of the bench with its drive: fast without much current, or slow under load."""
+    """A turning recording of the bench with its drive: fast without much current, or slow under
+    load."""
     campaign = read_campaign(recordings_folder() / "practice" / "p06")
     r = campaign[file]
     columns = {n: x[:3000] for n, x in r.columns.items()}
@@ -51,14 +53,17 @@ def test_values_that_are_a_thousand_times_too_small_are_named():
     """However near to the thousand the best factor is: saturation takes some per cent."""
     m = bench()[1].motor
     small = {"inductance_d": 0.93e-3 * m.inductance_d, "inductance_q": 0.93e-3 * m.inductance_q}
-    assert "inductance_d and inductance_q are 1000 times too small" in told(file="run_slow", **small)
+    assert "inductance_d and inductance_q are 1000 times too small" in told(
+        file="run_slow", **small
+    )
     ohm = told(file="run_slow", resistance=1e-3 * m.resistance)
     assert "resistance is 1000 times too small" in ohm
 
 
 @pytest.mark.parametrize("degrees", [24, 31, 60, -75, 120, 150])
 def test_any_zero_of_the_angle_is_fitted(degrees):
-    """A resolver 24 to 31 degrees off was the cause in a public report; a sector of Hall sensors is 60."""
+    """A resolver 24 to 31 degrees off was the cause in a public report; a sector of Hall sensors is
+    60."""
     text = told(lambda r: {"theta": r.theta + math.radians(degrees)})
     found = float(text.partition(" if ")[2].partition(" degrees")[0].split()[-1])
     assert abs(found - abs(degrees)) <= 4
@@ -68,9 +73,13 @@ def test_any_zero_of_the_angle_is_fitted(degrees):
 def test_orders_of_phases_in_voltages_and_in_both():
     a, b, c = PHASES
     r, _ = bench()
-    assert "the voltages' phases are taken in the order b, c, a" in told(lambda r: turned(r, -THIRD))
+    assert "the voltages' phases are taken in the order b, c, a" in told(
+        lambda r: turned(r, -THIRD)
+    )
     both = told(lambda r: {**turned(r, -THIRD), a: r[b], b: r[c], c: r[a]})
-    assert "120 degrees ahead (or phases stand in the order b, c, a in currents and voltages)" in both
+    assert (
+        "120 degrees ahead (or phases stand in the order b, c, a in currents and voltages)" in both
+    )
     u = np.conj(r.u_alpha + 1j * r.u_beta) * np.exp(1j * THIRD)
     both = told(lambda r: {"u_alpha": u.real, "u_beta": u.imag, a: r[b], b: r[a]})
     assert "phases a and b swapped in currents and voltages" in both
@@ -92,10 +101,12 @@ def test_a_magnet_flux_of_another_reading_is_named():
     m = bench()[1].motor
     text = told(magnet_flux=m.pole_pairs * m.magnet_flux)
     assert f"per mechanical rad/s: divide it by pole_pairs = {m.pole_pairs} in [motor]" in text
-    assert "magnet_flux is the torque constant (N m/A)" in told(magnet_flux=1.5 * m.pole_pairs * m.magnet_flux)
-    assert "magnet_flux is an rms value: multiply it" in told(magnet_flux=m.magnet_flux / math.sqrt(2.0)).replace(
-        "; then", ":"
+    assert "magnet_flux is the torque constant (N m/A)" in told(
+        magnet_flux=1.5 * m.pole_pairs * m.magnet_flux
     )
+    assert "magnet_flux is an rms value: multiply it" in told(
+        magnet_flux=m.magnet_flux / math.sqrt(2.0)
+    ).replace("; then", ":")
 
 
 def test_factors_of_two_are_cautions_that_name_the_motors_values():
@@ -123,11 +134,17 @@ def test_a_sum_that_follows_the_currents_is_a_gain():
     """Readings k i with sum(i) = 0: what weights 1/k leave is noise alone (closed form)."""
     r, drive = bench("run_slow")
     gains = {"i_a": 1.1, "i_b": 0.95, "i_c": 1.0}
-    own = {n: k * (r.i_a if n == "i_a" else r.i_b if n == "i_b" else -r.i_a - r.i_b) for n, k in gains.items()}
+    own = {
+        n: k * (r.i_a if n == "i_a" else r.i_b if n == "i_b" else -r.i_a - r.i_b)
+        for n, k in gains.items()
+    }
     assert check_sensors(r, drive) == []
     wrong = dataclasses.replace(r, columns={**r.columns, **own})
     (found,) = check_sensors(wrong, drive)
-    assert "the sum follows the currents: the sensors' gains differ (effect current_gain)" in found.text
+    assert (
+        "the sum follows the currents: the sensors' gains differ (effect current_gain)"
+        in found.text
+    )
     rest, said = rest_of_sum(np.stack([own[n] for n in PHASES]))
     assert np.std(rest) < 1e-3 * np.std(said)
     limit = 0.6 * np.max(np.abs(own["i_a"]))
@@ -138,20 +155,25 @@ def test_a_sum_that_follows_the_currents_is_a_gain():
 
 @pytest.mark.parametrize("base", [0.01, 8.0, 120.0])
 def test_currents_per_unit_or_in_counts_are_told_with_their_base(base):
-    """By a factor that is fitted: within 10 %, as far as the stated R and L of this drive are off."""
+    """By a factor that is fitted: within 10 %, as far as the stated R and L of this drive are
+    off."""
     text = told(lambda r: {n: r[n] / base for n in PHASES}, TWO, "run_slow")
     assert f"currents are {'per unit' if base > 1.0 else 'counts'} of" in text
     assert float(text.rpartition("scale = ")[2]) == pytest.approx(base, rel=0.1)
 
 
-@pytest.mark.parametrize(("base", "words"), [(90.0, "per unit of 9"), (400.0 / math.sqrt(3.0), "u_dc / sqrt(3)")])
+@pytest.mark.parametrize(
+    ("base", "words"), [(90.0, "per unit of 9"), (400.0 / math.sqrt(3.0), "u_dc / sqrt(3)")]
+)
 def test_voltages_per_unit_are_told_with_their_base(base, words):
     assert words in told(lambda r: {n: r[n] / base for n in ("u_alpha", "u_beta")}, TWO, "run_slow")
 
 
 def test_a_base_near_the_rated_current_is_that():
     rated = 30.0
-    text = told(lambda r: {n: 1.03 * r[n] / rated for n in PHASES}, TWO, "run_slow", rated_current=rated)
+    text = told(
+        lambda r: {n: 1.03 * r[n] / rated for n in PHASES}, TWO, "run_slow", rated_current=rated
+    )
     assert "per unit of rated_current = 30 A: map I_U, I_V with scale = 30" in text
 
 
@@ -164,6 +186,8 @@ def test_voltages_of_two_exchanged_phases():
 
 
 def test_degrees_and_a_base_at_once():
-    text = told(lambda r: {"theta": np.degrees(r.theta), **{n: r[n] / 7.0 for n in PHASES}}, TWO, "run_slow")
+    text = told(
+        lambda r: {"theta": np.degrees(r.theta), **{n: r[n] / 7.0 for n in PHASES}}, TWO, "run_slow"
+    )
     assert "Pos is in degrees" in text
     assert "currents are per unit of" in text

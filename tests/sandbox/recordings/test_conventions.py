@@ -1,4 +1,5 @@
-"""What a log does not say is found in it: what the link does, and commands a row off; on a plant of other structure."""
+"""What a log does not say is found in it: what the link does, and commands a row off; on a plant of
+other structure."""
 
 import dataclasses
 
@@ -31,12 +32,14 @@ def noisy(campaign, seed=1):
 
 
 def seen(link, divide, says=None, read=None):
-    """Return a noisy campaign of a link (V) that the drive reads, dividing its commands by something."""
+    """Return a noisy campaign of a link (V) that the drive reads, dividing its commands by
+    something."""
     return noisy(recorded(plant(), says or {}, link=link, divide=divide, read=read))
 
 
 FLAT = np.full(N, NOMINAL)
-LINKS = {  # true link, what the drive divides by, what u_dc reads: the exponent of the module's text
+# true link, what the drive divides by, what u_dc reads: the exponent of the module's text
+LINKS = {
     "measured": (waves(), waves(), waves(), 0),
     "against nominal": (waves(), FLAT, waves(), 1),
     "steady, a reading that wanders": (FLAT, waves(), waves(), -1),
@@ -45,16 +48,19 @@ LINKS = {  # true link, what the drive divides by, what u_dc reads: the exponent
 
 @pytest.mark.parametrize("name", LINKS)
 def test_exponent_of_the_link(name):
-    """The exponent is the whole number that the plant was built with, told within its own deviation."""
+    """The exponent is the whole number that the plant was built with, told within its own
+    deviation."""
     link, divide, read, exponent = LINKS[name]
     campaign = seen(link, divide, read=read)
     found = link_exponent(campaign.recordings, campaign.drive)
     assert found.whole == exponent
-    assert abs(found.value - exponent) < 4.0 * found.deviation + 0.05  # 5 %: what the model's stated errors may make
+    # 5 %: what the model's stated errors may make
+    assert abs(found.value - exponent) < 4.0 * found.deviation + 0.05
 
 
 def test_noise_of_the_reading_tells_nothing():
-    """A link read with 0.04 % of noise, as benches have it, cannot be told, so nothing is changed or said."""
+    """A link read with 0.04 % of noise, as benches have it, cannot be told, so nothing is changed
+    or said."""
     read = NOMINAL * (1.0 + 4e-4 * np.random.default_rng(2).standard_normal(N))
     campaign = seen(FLAT, read, read=read)
     assert with_link(campaign) is campaign
@@ -62,7 +68,8 @@ def test_noise_of_the_reading_tells_nothing():
 
 @pytest.mark.parametrize("name", ["measured", "against nominal"])
 def test_what_is_found_is_taken_and_said(name, tmp_path):
-    """A campaign that is silent is read as its recordings show it; the finding holds the keys to write."""
+    """A campaign that is silent is read as its recordings show it; the finding holds the keys to
+    write."""
     link, divide, read, _ = LINKS[name]
     campaign = read_recordings(write_campaign(tmp_path / "silent", seen(link, divide, read=read)))
     assert campaign.drive.converter.dc_link == "measured"
@@ -82,7 +89,8 @@ def test_what_is_stated_wrongly_is_contradicted():
 
 
 def test_duties_with_volts():
-    """Duties and commands against nominal become volts that the drive divides by the row's reading: written out."""
+    """Duties and commands against nominal become volts that the drive divides by the row's reading:
+    written out."""
     campaign = recorded(plant(), {}, link=waves(), divide=waves())
     r, c = campaign.recordings[0], campaign.drive.converter
     by_duty = with_volts(r, dataclasses.replace(c, command="duties"))
@@ -92,12 +100,17 @@ def test_duties_with_volts():
 
 
 def test_log_shifted_by_a_sample():
-    """A voltage that acts a sample after its row is named with the direction; one half a sample late is not."""
+    """A voltage that acts a sample after its row is named with the direction; one half a sample
+    late is not."""
     late = noisy(recorded(plant(delay=250e-6), {}))
     (finding,) = shifted(late.recordings, late.drive)
     assert "one sample later" in finding.text
     assert "down by one row" in finding.text
-    for fine in (plant(), plant(delay=125e-6), Other(3.6, 0.036, 0.051, 0.545, 250e-6, dead_time=3e-6, soft=0.09)):
+    for fine in (
+        plant(),
+        plant(delay=125e-6),
+        Other(3.6, 0.036, 0.051, 0.545, 250e-6, dead_time=3e-6, soft=0.09),
+    ):
         campaign = noisy(recorded(fine, {}))
         assert shifted(campaign.recordings, campaign.drive) == []
 
@@ -106,13 +119,17 @@ def test_log_shifted_by_three_rows():
     """A logger's buffer: the commands stand three rows above those in which they act."""
     campaign = noisy(recorded(plant(), {}))
     (r,) = campaign.recordings[:1]
-    moved = {n: (np.roll(x, -3) if n in ("u_alpha", "u_beta") else x)[:-3] for n, x in r.columns.items()}
+    moved = {
+        n: (np.roll(x, -3) if n in ("u_alpha", "u_beta") else x)[:-3] for n, x in r.columns.items()
+    }
     (finding,) = shifted([dataclasses.replace(r, columns=moved)], campaign.drive)
     assert "3 samples later" in finding.text
     assert "down by 3 rows" in finding.text
 
 
-@pytest.mark.parametrize(("names", "rows"), [(("i_a", "i_b", "i_c"), 2), (("i_a", "i_b", "i_c"), -3), (("theta",), 4)])
+@pytest.mark.parametrize(
+    ("names", "rows"), [(("i_a", "i_b", "i_c"), 2), (("i_a", "i_b", "i_c"), -3), (("theta",), 4)]
+)
 def test_currents_or_the_angle_alone_shifted(names, rows):
     """Columns of another buffer, written so many rows late: they are told, and not the commands."""
     campaign = noisy(recorded(plant(), {}))

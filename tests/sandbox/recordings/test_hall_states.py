@@ -1,4 +1,5 @@
-"""Angles of Hall states and of counted steps: which sixth, between changes, at rest, what they leave open."""
+"""Angles of Hall states and of counted steps: which sixth, between changes, at rest, what they
+leave open."""
 
 import math
 
@@ -28,8 +29,15 @@ def test_three_sensors_and_counted_steps_are_states_too(tmp_path):
     code = np.array(APART_120)[sixth.astype(int) % 6]
     own = {"hall_a": code & 1, "hall_b": code >> 1 & 1, "hall_c": code >> 2}
     three = read(tmp_path, {**columns, **own}, rotor="driven")["run"].theta
-    counted = read(tmp_path, {**columns, "tacho": sixth + 77}, '[columns]\nsteps = {column = "tacho"}', rotor="driven")
-    np.testing.assert_allclose(three, counted["run"].theta + three[0] - counted["run"].theta[0], atol=1e-9)
+    counted = read(
+        tmp_path,
+        {**columns, "tacho": sixth + 77},
+        '[columns]\nsteps = {column = "tacho"}',
+        rotor="driven",
+    )
+    np.testing.assert_allclose(
+        three, counted["run"].theta + three[0] - counted["run"].theta[0], atol=1e-9
+    )
     assert np.abs(off(three, theta)).max() < 5.2
 
 
@@ -64,9 +72,15 @@ def test_a_disturbed_reading_repeats_the_one_before():
 
 def test_signals_of_the_drives_frame_need_more_than_states(tmp_path):
     columns, theta = turning(SWING)
-    own = {n: columns[n] for n in ("t", "u_dc", "i_a", "i_b")} | {"u_d": 0.0 * theta, "u_q": 30.0 + 0.0 * theta}
+    own = {n: columns[n] for n in ("t", "u_dc", "i_a", "i_b")} | {
+        "u_d": 0.0 * theta,
+        "u_q": 30.0 + 0.0 * theta,
+    }
     hall = np.array(APART_120)[np.floor(theta / STEP).astype(int) % 6]
-    with pytest.raises(BadInput, match="'hall' shows to 60 degrees only; log phase currents, or map the log's speed"):
+    with pytest.raises(
+        BadInput,
+        match="'hall' shows to 60 degrees only; log phase currents, or map the log's speed",
+    ):
         read(tmp_path, {**own, "hall": hall})
 
 
@@ -82,8 +96,9 @@ def test_an_angle_that_stands_as_its_states_do_is_taken_as_read(tmp_path):
 
 @pytest.mark.parametrize("order", [APART_120, APART_120[::-1]])
 def test_states_follow_the_speed_between_their_changes(order):
-    """A speed that swings and reverses, read to 1 rpm: the angle is off by what states are, read from row to row (one
-    row of 360 rad/s is 0.09 rad), and no longer by a good part of a sixth where the rotor turns round."""
+    """A speed that swings and reverses, read to 1 rpm: the angle is off by what states are, read
+    from row to row (one row of 360 rad/s is 0.09 rad), and no longer by a good part of a sixth
+    where the rotor turns round."""
     t = np.arange(4000) * H
     speed = 60.0 + 300.0 * np.cos(6.0 * t)
     theta = ZERO + np.concatenate([[0.0], np.cumsum(0.5 * H * (speed[1:] + speed[:-1]))])
@@ -101,14 +116,17 @@ def test_states_follow_the_speed_between_their_changes(order):
 
 
 def by_states(places, row=H, n=8000):
-    """Return the true angle (n,) of a rotor that swings, and the one made of sensors at some places (rad) and a speed.
+    """Return the true angle (n,) of a rotor that swings, and the one made of sensors at some places
+    (rad) and a speed.
 
     The speed is read to 1 rpm.
     """
     t = np.arange(n) * row
     speed = 80.0 + 30.0 * np.sin(9.0 * t)
     theta = np.concatenate([[0.0], np.cumsum(0.5 * row * (speed[1:] + speed[:-1]))])
-    edges = STEP * np.arange(int(theta[-1] / STEP) + 3) + np.resize(places, int(theta[-1] / STEP) + 3)
+    edges = STEP * np.arange(int(theta[-1] / STEP) + 3) + np.resize(
+        places, int(theta[-1] / STEP) + 3
+    )
     codes = np.array(APART_120, float)[np.searchsorted(edges, theta, side="right") % 6]
     seen = np.round(speed * RPM) / RPM
     turned = np.concatenate([[0.0], np.cumsum(0.5 * row * (seen[1:] + seen[:-1]))])
@@ -116,7 +134,8 @@ def by_states(places, row=H, n=8000):
 
 
 def test_an_angle_of_states_is_smoother_than_their_rows():
-    """A change is known to a row of 0.02 rad (0.006 rad rms, uniform); some changes together tell it better."""
+    """A change is known to a row of 0.02 rad (0.006 rad rms, uniform); some changes together tell
+    it better."""
     theta, angle, count = by_states(np.zeros(6))
     error = angle - theta
     assert np.std(error) < 0.5 * 0.02 / math.sqrt(12.0)
@@ -132,9 +151,11 @@ def test_sensors_off_their_places_are_measured():
 
 
 def standing(stand, off, start, places=None, row=1e-3):
-    """Return true angle, made angle (n,), what it lies between, and the edges (n,) of the sixth that the states show.
+    """Return true angle, made angle (n,), what it lies between, and the edges (n,) of the sixth
+    that the states show.
 
-    A rotor stands (s), turns 4 s at 80 rad/s and stands; its speed column reads `off` too much (rad/s).
+    A rotor stands (s), turns 4 s at 80 rad/s and stands; its speed column reads `off` too much
+    (rad/s).
     """
     n, places = round(stand / row), np.zeros(6) if places is None else places
     speed = np.repeat([0.0, 80.0, 0.0], [n, round(4.0 / row), n])
@@ -155,7 +176,8 @@ PLACES = np.radians([5.0, -3.0, 1.0, -4.0, 2.0, -1.0])
 @pytest.mark.parametrize(("stand", "off"), [(20.0, 0.2), (20.0, -0.2), (5.0, 0.4)])
 @pytest.mark.parametrize("start", [0.3, 0.8])
 def test_a_rotor_that_stands_keeps_the_sixth_that_its_states_show(stand, off, start, places):
-    """The speed alone would go on by 2 to 4 rad; a sensor's place is known better than the 0.08 rad of a row."""
+    """The speed alone would go on by 2 to 4 rad; a sensor's place is known better than the 0.08 rad
+    of a row."""
     theta, angle, count, low, high = standing(stand, off, start, places)
     assert np.all((angle > low - 0.08) & (angle < high + 0.08))
     assert np.sqrt(np.mean((angle - theta) ** 2)) < count <= STEP
@@ -164,7 +186,8 @@ def test_a_rotor_that_stands_keeps_the_sixth_that_its_states_show(stand, off, st
 
 
 def test_a_rotor_that_stands_between_a_sensor_and_its_place_is_left_there():
-    """The first sensor stands 5 degrees late, the rotor 3 degrees beyond where it should: the sixth before is shown.
+    """The first sensor stands 5 degrees late, the rotor 3 degrees beyond where it should: the sixth
+    before is shown.
 
     With a speed that reads right nothing is held, and a row is what the angle is known to.
     """
@@ -175,8 +198,9 @@ def test_a_rotor_that_stands_between_a_sensor_and_its_place_is_left_there():
 
 
 def test_what_an_angle_of_states_leaves_open_counts_as_noise(tmp_path):
-    """The current of a rotor's frame whose angle goes to another error at each change: Euler's steps of its equation,
-    within a factor of two, as the changes' spectrum is not that of one frequency."""
+    """The current of a rotor's frame whose angle goes to another error at each change: Euler's
+    steps of its equation, within a factor of two, as the changes' spectrum is not that of one
+    frequency."""
     m, n = DRIVE.motor, 4000
     columns, theta = turning(np.full(n, 150.0))
     codes = np.array(APART_120)[np.floor(theta / STEP).astype(int) % 6]

@@ -1,4 +1,5 @@
-"""Tables of other programs become the same campaign as the bench's own; what a door cannot take is one sentence."""
+"""Tables of other programs become the same campaign as the bench's own; what a door cannot take is
+one sentence."""
 
 import json
 import math
@@ -50,12 +51,20 @@ def _tables(folder, suffix):
 
 
 def _foreign(r):
-    """The same recording as another program writes it: other names, units and a mechanical angle."""
+    """The same recording as another program writes it: other names, units and a mechanical
+    angle."""
     turn = np.degrees(r.theta / DRIVE.motor.pole_pairs)
     return {
-        "Time": 1e3 * r.t, "Ua": r.u_alpha, "Ub": r.u_beta, "Ia": 1e3 * r.i_a, "Ib": 1e3 * r.i_b, "Ic": 1e3 * r.i_c,
-        "Pos": turn, "Link": 1e-3 * r.u_dc, "Note": np.zeros(len(r.t)),
-    }  # fmt: skip
+        "Time": 1e3 * r.t,
+        "Ua": r.u_alpha,
+        "Ub": r.u_beta,
+        "Ia": 1e3 * r.i_a,
+        "Ib": 1e3 * r.i_b,
+        "Ic": 1e3 * r.i_c,
+        "Pos": turn,
+        "Link": 1e-3 * r.u_dc,
+        "Note": np.zeros(len(r.t)),
+    }
 
 
 def _write_csv(path, columns, separator=",", comma=False, units=None, digits=17):
@@ -84,13 +93,23 @@ def _write(kind, path, columns):
 
 @pytest.mark.parametrize(
     ("kind", "suffix"),
-    [("csv", ".csv"), ("german csv", ".csv"), ("parquet", ".parquet"), ("mat", ".mat"), ("mat structure", ".mat")],
+    [
+        ("csv", ".csv"),
+        ("german csv", ".csv"),
+        ("parquet", ".parquet"),
+        ("mat", ".mat"),
+        ("mat structure", ".mat"),
+    ],
 )
 def test_every_format_gives_the_same_campaign(folder, tmp_path, kind, suffix):
     own = read_campaign(folder)
     for r in own.recordings:
         _write(kind, tmp_path / r.file.replace(".parquet", suffix), _foreign(r))
-    text = MAP if kind != "mat structure" else MAP.replace('column = "', 'column = "log.').replace('= "U', '= "log.U')
+    text = (
+        MAP
+        if kind != "mat structure"
+        else MAP.replace('column = "', 'column = "log.').replace('= "U', '= "log.U')
+    )
     (tmp_path / "columns.toml").write_text(text + _tables(folder, suffix))
     found = read_recordings(tmp_path, tmp_path / "columns.toml")
     assert found.findings == ()
@@ -111,7 +130,9 @@ def _one(tmp_path, columns, mapping="", rotor="free", **drive):
     _write_csv(tmp_path / "run.csv", columns)
     head = f'[[recording]]\nfile = "run.csv"\nrotor = "{rotor}"\n'
     values = {"sampling_period": H, "dc_bus_voltage": 400.0, **drive}
-    motor = {n: getattr(DRIVE.motor, n) for n in ("pole_pairs", "resistance", "magnet_flux", "inertia")}
+    motor = {
+        n: getattr(DRIVE.motor, n) for n in ("pole_pairs", "resistance", "magnet_flux", "inertia")
+    }
     motor |= {n: getattr(DRIVE.motor, n) for n in ("inductance_d", "inductance_q")}
     tables = {"drive": values, "motor": motor, "injection": {"frequency": 500.0, "amplitude": 30.0}}
     for name, table in tables.items():
@@ -121,7 +142,8 @@ def _one(tmp_path, columns, mapping="", rotor="free", **drive):
 
 
 def _turning(n=800, omega=300.0):
-    """Steady turning of the linear motor in closed form: i_d = 0, i_q = 1 A, held voltages averaged over the period."""
+    """Steady turning of the linear motor in closed form: i_d = 0, i_q = 1 A, held voltages averaged
+    over the period."""
     m, t = DRIVE.motor, np.arange(n) * H
     turn = np.exp(1j * omega * t)
     i = 1j * turn
@@ -133,7 +155,15 @@ def _turning(n=800, omega=300.0):
 
 def _columns(**changes):
     t, theta, u, _, (a, b, c) = _turning()
-    columns = {"t": t, "u_alpha": u.real, "u_beta": u.imag, "i_a": a, "i_b": b, "i_c": c, "theta": theta}
+    columns = {
+        "t": t,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "i_a": a,
+        "i_b": b,
+        "i_c": c,
+        "theta": theta,
+    }
     columns |= {"u_dc": np.full(len(t), 400.0)}
     return {k: v for k, v in {**columns, **changes}.items() if v is not None}
 
@@ -150,7 +180,10 @@ def test_other_kinds_of_signals_give_the_same_recording_and_say_what_is_lost(tmp
         ({**no_i, "i_d": turned_i.real, "i_q": turned_i.imag}, ["i_a"]),
         ({**no_u, "u_d": turned_u.real, "u_q": turned_u.imag}, ["u_alpha"]),
         ({**no_u, **{f"u_{p}": x + 17.0 for p, x in zip("abc", legs, strict=True)}}, []),
-        ({**no_u, **{f"d_{p}": 0.5 + x / 400.0 for p, x in zip("abc", legs, strict=True)}}, ["u_alpha"]),
+        (
+            {**no_u, **{f"d_{p}": 0.5 + x / 400.0 for p, x in zip("abc", legs, strict=True)}},
+            ["u_alpha"],
+        ),
         ({"u_dc": None}, ["u_dc"]),
         ({"t": None}, ["t"]),
     ]
@@ -158,7 +191,9 @@ def test_other_kinds_of_signals_give_the_same_recording_and_say_what_is_lost(tmp
         found = _one(tmp_path, _columns(**changes))
         assert [f.column for f in found.findings] == lost, changes
         for n, wanted in _columns().items():
-            np.testing.assert_allclose(found.recordings[0].columns[n], wanted, atol=1e-11, err_msg=n)
+            np.testing.assert_allclose(
+                found.recordings[0].columns[n], wanted, atol=1e-11, err_msg=n
+            )
 
 
 def test_a_wrapped_angle_is_unwrapped_and_said(tmp_path):
@@ -166,17 +201,23 @@ def test_a_wrapped_angle_is_unwrapped_and_said(tmp_path):
     p = DRIVE.motor.pole_pairs
     cases = [
         (np.mod(theta, 2 * math.pi), ""),
-        (np.degrees(np.mod(theta + math.pi, 2 * math.pi) - math.pi), 'theta = {column = "theta", unit = "deg"}'),
+        (
+            np.degrees(np.mod(theta + math.pi, 2 * math.pi) - math.pi),
+            'theta = {column = "theta", unit = "deg"}',
+        ),
         (np.mod(theta / p, 2 * math.pi), 'theta = {column = "theta", mechanical = true}'),
-        (np.mod(-theta / p / math.tau * 4096, 4096),
-         f'theta = {{column = "theta", scale = {-math.tau / 4096}, mechanical = true}}'),
-    ]  # fmt: skip
+        (
+            np.mod(-theta / p / math.tau * 4096, 4096),
+            f'theta = {{column = "theta", scale = {-math.tau / 4096}, mechanical = true}}',
+        ),
+    ]
     for raw, entry in cases:
         found = _one(tmp_path, _columns(theta=raw), "[columns]\n" + entry)
         assert ["unwrapped" in f.text and f.row is not None for f in found.findings] == [True]
         got = found.recordings[0].theta
         np.testing.assert_allclose(np.diff(got), np.diff(theta), atol=1e-9)
-        turns = (got - theta)[0] / math.tau  # counts began at 0 from above: a whole turn of the shaft further on
+        # counts began at 0 from above: a whole turn of the shaft further on
+        turns = (got - theta)[0] / math.tau
         assert turns == pytest.approx(round(turns), abs=1e-9)
 
 
@@ -186,7 +227,8 @@ def test_clocks():
     same, notes = regular("f", t, n, H)
     assert same is t
     assert notes == []
-    shaken, notes = regular("f", np.round(t, 4), n, H)  # 0.1 ms digits at 0.25 ms: 0.05 ms off, 20 % of a period
+    # 0.1 ms digits at 0.25 ms: 0.05 ms off, 20 % of a period
+    shaken, notes = regular("f", np.round(t, 4), n, H)
     np.testing.assert_allclose(shaken, t)
     assert "values unchanged" in notes[0].text
     cases = [
@@ -194,10 +236,16 @@ def test_clocks():
         (1e6 * t, "is t in us"),
         (t * 2.0, "correct \\[drive\\] sampling_period, or export every"),
         (t * 1.02, "t advances by 0.000255 s a row"),
-        (np.where(np.arange(n) > 99, t + 3 * H, t), "t steps by 0.001 s from row 99 to 100.*3 samples are missing"),
+        (
+            np.where(np.arange(n) > 99, t + 3 * H, t),
+            "t steps by 0.001 s from row 99 to 100.*3 samples are missing",
+        ),
         (np.delete(t, 50), "t steps by 0.0005 s from row 49 to 50.*1 samples are missing"),
         (np.where(np.arange(n) == 70, t - 2 * H, t), "row 70 of column 't' is .* not after row 69"),
-        (t + 0.05 * H * rng.choice([-1, 1], n) + np.where(np.arange(n) == 33, 0.3 * H, 0), "row 33 of column 't' is"),
+        (
+            t + 0.05 * H * rng.choice([-1, 1], n) + np.where(np.arange(n) == 33, 0.3 * H, 0),
+            "row 33 of column 't' is",
+        ),
     ]
     for wrong, message in cases:
         with pytest.raises(BadInput, match=message):
@@ -206,8 +254,14 @@ def test_clocks():
 
 COLUMNS_WRONG = [
     ('[columns]\nthta = "x"', "unknown name in \\[columns\\] 'thta'; did you mean 'theta'"),
-    ('[columns]\ni_a = {colum = "x"}', "unknown key in \\[columns\\] i_a 'colum'; did you mean 'column'"),
-    ('[columns]\ni_a = {column = "i_a", unit = "mAA"}', "unknown unit of current 'mAA'; did you mean 'mA'"),
+    (
+        '[columns]\ni_a = {colum = "x"}',
+        "unknown key in \\[columns\\] i_a 'colum'; did you mean 'column'",
+    ),
+    (
+        '[columns]\ni_a = {column = "i_a", unit = "mAA"}',
+        "unknown unit of current 'mAA'; did you mean 'mA'",
+    ),
     ("[columns]\ni_a = 3", "i_a = 3 is no entry"),
     ('[columns]\ni_a = {column = "i_a", scale = 0}', "scale = 0 would erase"),
     ('[columns]\ni_a = {column = "i_a", scale = nan}', "scale = nan is no finite number"),
@@ -263,14 +317,17 @@ def _edited(tmp_path, old, new):
         (0, lambda x: "0,1,2,3,4,5,6,7", "the first line is no header"),
         (0, lambda x: x.replace("i_a", "i_a [furlong]"), "unknown unit of current 'furlong'"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_csv_names_row_and_column(tmp_path, line, new, message):
     with pytest.raises(BadInput, match=message):
         _edited(tmp_path, line, new)
 
 
 def test_units_in_the_header_are_used_and_must_agree(tmp_path):
-    columns = {("i_a [mA]" if k == "i_a" else k): (1e3 * v if k == "i_a" else v) for k, v in _columns().items()}
+    columns = {
+        ("i_a [mA]" if k == "i_a" else k): (1e3 * v if k == "i_a" else v)
+        for k, v in _columns().items()
+    }
     found = _one(tmp_path, columns)
     np.testing.assert_allclose(found.recordings[0].i_a, _columns()["i_a"], atol=1e-12)
     with pytest.raises(BadInput, match="column 'i_a' says its unit is mA, \\[columns\\] says A"):
@@ -306,7 +363,9 @@ def test_mdf_without_its_package_says_how_to_get_it(tmp_path, monkeypatch):
     text = (tmp_path / "columns.toml").read_text().replace("run.csv", "run.mf4")
     (tmp_path / "columns.toml").write_text(text)
     monkeypatch.setitem(sys.modules, "asammdf", None)
-    with pytest.raises(BadInput, match=r"needs asammdf; install it with pip install 'sensorless-sandbox\[mdf\]'"):
+    with pytest.raises(
+        BadInput, match=r"needs asammdf; install it with pip install 'sensorless-sandbox\[mdf\]'"
+    ):
         read_recordings(tmp_path, tmp_path / "columns.toml")
 
 
@@ -314,7 +373,9 @@ MDF_MAP = "[columns]\n" + "".join(f'{n} = "{n}"\n' for n in NAMES if n != "t")
 
 
 def test_mdf_channels_of_one_raster(tmp_path):
-    asammdf = pytest.importorskip("asammdf", reason="optional: pip install 'sensorless-sandbox[mdf]'")
+    asammdf = pytest.importorskip(
+        "asammdf", reason="optional: pip install 'sensorless-sandbox[mdf]'"
+    )
     _one(tmp_path, _columns())
     signals = [
         asammdf.Signal(samples=v, timestamps=_columns()["t"], name=k, unit={"i": "A"}.get(k[0], ""))
@@ -335,12 +396,23 @@ def test_identify_takes_a_column_map(folder, tmp_path):
     for r in read_campaign(folder).recordings:
         _write("csv", tmp_path / r.file.replace(".parquet", ".csv"), _foreign(r))
     (tmp_path / "columns.toml").write_text(MAP + _tables(folder, ".csv"))
-    call = ["identify", str(tmp_path), "--columns", str(tmp_path / "columns.toml"), "--out", str(tmp_path / "o")]
+    call = [
+        "identify",
+        str(tmp_path),
+        "--columns",
+        str(tmp_path / "columns.toml"),
+        "--out",
+        str(tmp_path / "o"),
+    ]
     assert main([*call, "--quiet"]) == 0
 
 
-words = st.sampled_from([*KIND, "columns", "column", "unit", "scale", "deg", "mA", "recording", "file", "[", "]", "x"])
-values = st.one_of(words, st.integers(-3, 9), st.floats(), st.booleans(), st.lists(st.integers(0, 3), max_size=2))
+words = st.sampled_from(
+    [*KIND, "columns", "column", "unit", "scale", "deg", "mA", "recording", "file", "[", "]", "x"]
+)
+values = st.one_of(
+    words, st.integers(-3, 9), st.floats(), st.booleans(), st.lists(st.integers(0, 3), max_size=2)
+)
 fuzzing = settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 
 
@@ -353,7 +425,11 @@ def _toml_value(x):
 
 
 @fuzzing
-@given(st.dictionaries(words, st.one_of(values, st.dictionaries(words, values, max_size=3)), max_size=4))
+@given(
+    st.dictionaries(
+        words, st.one_of(values, st.dictionaries(words, values, max_size=3)), max_size=4
+    )
+)
 def test_any_map_is_taken_or_refused_in_one_sentence(tmp_path, content):
     text = "[columns]\n" + "".join(f'"{k}" = {_toml_value(v)}\n' for k, v in content.items())
     try:
@@ -362,7 +438,9 @@ def test_any_map_is_taken_or_refused_in_one_sentence(tmp_path, content):
         assert "\n" not in str(refusal)
 
 
-cells = st.one_of(st.floats().map(repr), st.sampled_from(["", "1,5", "1e400", "nan", "x", '"', "0", "-", "°"]))
+cells = st.one_of(
+    st.floats().map(repr), st.sampled_from(["", "1,5", "1e400", "nan", "x", '"', "0", "-", "°"])
+)
 
 
 @fuzzing
@@ -384,10 +462,17 @@ def test_any_csv_is_taken_or_refused_in_one_sentence(tmp_path, separator, header
 
 def test_example_of_the_document(tmp_path):
     root = Path(__file__).resolve().parents[3]
-    text = re.search(r"```toml\n(.*?)```", (root / "sandbox" / "recordings" / "IMPORTING.md").read_text(), re.S)[1]
+    text = re.search(
+        r"```toml\n(.*?)```", (root / "sandbox" / "recordings" / "IMPORTING.md").read_text(), re.S
+    )[1]
     _, theta, u, _, (a, b, _) = _turning()
     duties = [50.0 + (u * np.exp(-2j * math.pi / 3 * k)).real / 4.0 for k in range(3)]  # % of 400 V
-    columns = {"Time": 1e3 * _columns()["t"], "Ia": 1e3 * a, "Ib": 1e3 * b, "Udc": np.full(len(a), 400.0)}
+    columns = {
+        "Time": 1e3 * _columns()["t"],
+        "Ia": 1e3 * a,
+        "Ib": 1e3 * b,
+        "Udc": np.full(len(a), 400.0),
+    }
     columns |= dict(zip(("DutyA", "DutyB", "DutyC"), duties, strict=True))
     _write_csv(tmp_path / "run.csv", {**columns, "Pos": -np.degrees((theta - 0.35) / 6)}, ";", True)
     (tmp_path / "columns.toml").write_text(text)
@@ -413,7 +498,9 @@ def test_an_index_that_pandas_saved_is_passed_over(tmp_path, index):
 
 
 def test_a_sentence_that_says_map_says_where_where_nothing_is_mapped():
-    assert how_to_map("theta is turned: map it with scale = -1").endswith("([columns] in a file for --columns)")
+    assert how_to_map("theta is turned: map it with scale = -1").endswith(
+        "([columns] in a file for --columns)"
+    )
     assert how_to_map("correct [drive] sampling_period") == "correct [drive] sampling_period"
 
 
@@ -422,7 +509,9 @@ def test_a_flux_map_lies_beside_the_file_that_names_it_or_beside_the_log(tmp_pat
     log.mkdir()
     maps.mkdir()
     (log / "run.csv").write_text("t,i_q\n0,1\n")
-    (maps / "mine.toml").write_text('[flux_map]\nfile = "motor.csv"\n[[recording]]\nfile = "run.csv"\nrotor = "free"\n')
+    (maps / "mine.toml").write_text(
+        '[flux_map]\nfile = "motor.csv"\n[[recording]]\nfile = "run.csv"\nrotor = "free"\n'
+    )
     assert source_of(log, maps / "mine.toml").map_folder == log
     (maps / "motor.csv").write_text("")
     assert source_of(log, maps / "mine.toml").map_folder == maps

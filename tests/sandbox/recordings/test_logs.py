@@ -1,4 +1,5 @@
-"""Logs as other programs write them: stamps with gaps and scatter, several rasters, matrices, TDMS, MCAP, MAT 7.3."""
+"""Logs as other programs write them: stamps with gaps and scatter, several rasters, matrices, TDMS,
+MCAP, MAT 7.3."""
 
 import json
 import math
@@ -18,7 +19,8 @@ NAMES = ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc")
 
 
 def turning(n=400, omega=300.0):
-    """Columns of steady turning of the linear motor in closed form: i_d = 0, i_q = 1 A, held voltages."""
+    """Columns of steady turning of the linear motor in closed form: i_d = 0, i_q = 1 A, held
+    voltages."""
     m, t = DRIVE.motor, np.arange(n) * H
     turn = np.exp(1j * omega * t)
     u = (1j * m.resistance + 1j * omega * (1j * m.inductance_q + m.magnet_flux)) * turn
@@ -42,7 +44,9 @@ def campaign(folder, file, mapping="", **drive):
 def same(found, columns, **bounds):
     """Assert that a recording holds the columns."""
     for n in NAMES:
-        np.testing.assert_allclose(found.columns[n], columns[n], atol=bounds.get(n, 1e-11), err_msg=n)
+        np.testing.assert_allclose(
+            found.columns[n], columns[n], atol=bounds.get(n, 1e-11), err_msg=n
+        )
 
 
 def csv(path, columns, digits=17):
@@ -54,12 +58,14 @@ def csv(path, columns, digits=17):
 def test_a_campaign_without_injection_need_not_state_one(tmp_path):
     csv(tmp_path / "run.csv", turning())
     found = campaign(tmp_path, "run.csv")
-    assert found.drive.injection.frequency == pytest.approx(1.0 / (8 * H))  # as a motor's file without it
+    # as a motor's file without it
+    assert found.drive.injection.frequency == pytest.approx(1.0 / (8 * H))
 
 
 def test_gaps_cut_a_recording_into_named_pieces(tmp_path):
     columns = turning(400)
-    kept = np.r_[0:150, 153:300, 310:340, 341:400]  # 3, 10 and 1 lost; the pieces of 30 and 59 rows are too short
+    # 3, 10 and 1 lost; the pieces of 30 and 59 rows are too short
+    kept = np.r_[0:150, 153:300, 310:340, 341:400]
     csv(tmp_path / "run.csv", {n: x[kept] for n, x in columns.items()})
     found = campaign(tmp_path, "run.csv")
     assert [r.file for r in found] == ["run-1.csv", "run-2.csv"]
@@ -70,15 +76,18 @@ def test_gaps_cut_a_recording_into_named_pieces(tmp_path):
     assert "3 gaps" in text
     assert "about 14 samples are missing" in text
     assert "run-1.csv to run-2.csv, 89 rows" in text
-    csv(tmp_path / "run.csv", {n: x[np.arange(400) % (SHORTEST // 2) > 2] for n, x in columns.items()})
+    csv(
+        tmp_path / "run.csv",
+        {n: x[np.arange(400) % (SHORTEST // 2) > 2] for n, x in columns.items()},
+    )
     with pytest.raises(BadInput, match=f"no stretch without a gap has {SHORTEST} rows"):
         campaign(tmp_path, "run.csv")
 
 
 @pytest.mark.parametrize("pause", [0.3, 0.5, -0.4])
 def test_a_clock_that_goes_on_beside_the_even_one_is_cut_there(tmp_path, pause):
-    """The drive stood still for no whole number of periods: rows before and after are recordings of their own, as
-    they were; a single row that was stamped late is none."""
+    """The drive stood still for no whole number of periods: rows before and after are recordings of
+    their own, as they were; a single row that was stamped late is none."""
     columns = turning(400)
     columns["t"] = columns["t"] + pause * H * (np.arange(400) >= 180)
     csv(tmp_path / "run.csv", columns)
@@ -95,7 +104,9 @@ def test_a_clock_that_goes_on_beside_the_even_one_is_cut_there(tmp_path, pause):
 
 def test_rows_that_arrive_late_are_the_drives_samples(tmp_path):
     columns, rng = turning(), np.random.default_rng(0)
-    late = np.maximum.accumulate(columns["t"] + rng.exponential(0.7 * H, 400)) + 1e-9 * np.arange(400)
+    late = np.maximum.accumulate(columns["t"] + rng.exponential(0.7 * H, 400)) + 1e-9 * np.arange(
+        400
+    )
     csv(tmp_path / "run.csv", {**columns, "t": late})
     with pytest.raises(BadInput, match=r"correct|off an even clock|gaps"):
         campaign(tmp_path, "run.csv")
@@ -117,11 +128,13 @@ def test_polled_rows_are_interpolated_and_their_scatter_is_noise(tmp_path):
     found = campaign(tmp_path, "run.csv", '[log]\nstamps = "polled"\n', current_noise=0.001)
     r = found.recordings[0]
     shift = t[0]
-    # an arc of omega h between samples is off its chord by (omega h)^2 / 8 = 3e-5 at most, twice interpolated
+    # an arc of omega h between samples is off its chord by (omega h)^2 / 8 = 3e-5 at most, twice
+    # interpolated
     np.testing.assert_allclose(r.i_a, np.cos(omega * (r.t + shift) + math.pi / 2), atol=1e-4)
     np.testing.assert_allclose(r.theta, omega * (r.t + shift), atol=1e-9)
     assert "polled rows" in found.findings[0].text
-    assert found.drive.converter.current_noise == pytest.approx(0.001, rel=0.01)  # exact stamps add none
+    # exact stamps add none
+    assert found.drive.converter.current_noise == pytest.approx(0.001, rel=0.01)
 
 
 @pytest.mark.parametrize("jitter", [0.0, 2e-5, 2e-4])
@@ -131,7 +144,8 @@ def test_the_scatter_of_stamps_is_found_from_a_smooth_angle(jitter):
     count = math.tau / 8192
     angle = count * np.round((6.0 * t + 0.2 * np.sin(5.0 * t)) / count)
     told = stamp_jitter(t + jitter * rng.standard_normal(n), angle, count)
-    # a median of 2000 scattered values knows a deviation to 1.2 / sqrt(2000) = 2.6 %; counts at 6 rad/s are worth 37 us
+    # a median of 2000 scattered values knows a deviation to 1.2 / sqrt(2000) = 2.6 %; counts at 6
+    # rad/s are worth 37 us
     assert told == pytest.approx(jitter, rel=0.1, abs=2.5e-5)
 
 
@@ -148,7 +162,9 @@ def test_comments_units_and_lines_above_the_header(tmp_path):
     ):
         (tmp_path / "run.csv").write_text(text)
         same(campaign(tmp_path, "run.csv").recordings[0], columns)
-    comma = "\n".join(line.replace(",", ";").replace(".", ",") for line in (head + "\n" + body).splitlines())
+    comma = "\n".join(
+        line.replace(",", ";").replace(".", ",") for line in (head + "\n" + body).splitlines()
+    )
     (tmp_path / "run.csv").write_text("Messung;vom Montag\n" + comma)
     same(campaign(tmp_path, "run.csv").recordings[0], columns)
 
@@ -183,7 +199,9 @@ def test_mat_7_3(tmp_path):
             log[n] = x[None, :]  # MATLAB stores a column vector with its axes turned round
         file["data"] = np.stack(list(columns.values()))
     content = (tmp_path / "run.mat").read_bytes()
-    (tmp_path / "run.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + content[512:])
+    (tmp_path / "run.mat").write_bytes(
+        b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + content[512:]
+    )
     fields = "[columns]\n" + "".join(f'{n} = "log.{n}"\n' for n in NAMES)
     same(campaign(tmp_path, "run.mat", fields).recordings[0], columns)
     named = f"[log]\nmatrix = {{data = {json.dumps(list(NAMES))}}}\n"
@@ -196,10 +214,12 @@ def _slow_link(columns):
 
 
 def _check_rasters(found, columns):
-    """All but the link as it was; the link between its own samples; rows before its first sample gone."""
+    """All but the link as it was; the link between its own samples; rows before its first sample
+    gone."""
     r = found.recordings[0]
     np.testing.assert_allclose(r.theta, columns["theta"][1 : 1 + len(r.t)], atol=1e-9)
-    # 400 V + 1 V/s times the time of its own sample, 6e-5 s later than t; held at the end for one step of its own
+    # 400 V + 1 V/s times the time of its own sample, 6e-5 s later than t; held at the end for one
+    # step of its own
     inside = r.t < columns["t"][-20]
     np.testing.assert_allclose(r.u_dc[inside], 400.0 + (r.t - r.t[0] + H - 6e-5)[inside], atol=1e-9)
     assert any("raster of its own (40 samples" in f.text for f in found.findings)
@@ -209,10 +229,16 @@ MAPPED = "[columns]\n" + "".join(f'{n} = "{{}}{n}"\n' for n in NAMES if n != "t"
 
 
 def test_several_rasters_in_one_mdf4(tmp_path):
-    asammdf = pytest.importorskip("asammdf", reason="optional: pip install 'sensorless-sandbox[mdf]'")
+    asammdf = pytest.importorskip(
+        "asammdf", reason="optional: pip install 'sensorless-sandbox[mdf]'"
+    )
     columns = turning()
     stamps, link = _slow_link(columns)
-    fast = [asammdf.Signal(x, columns["t"], name=n) for n, x in columns.items() if n not in ("t", "u_dc")]
+    fast = [
+        asammdf.Signal(x, columns["t"], name=n)
+        for n, x in columns.items()
+        if n not in ("t", "u_dc")
+    ]
     with asammdf.MDF() as file:
         file.append(fast)
         file.append([asammdf.Signal(link, stamps, name="u_dc", unit="V")])
@@ -221,12 +247,18 @@ def test_several_rasters_in_one_mdf4(tmp_path):
 
 
 def test_tdms(tmp_path):
-    nptdms = pytest.importorskip("nptdms", reason="optional: pip install 'sensorless-sandbox[tdms]'")
+    nptdms = pytest.importorskip(
+        "nptdms", reason="optional: pip install 'sensorless-sandbox[tdms]'"
+    )
     columns = turning()
     stamps, link = _slow_link(columns)
-    every = {n: (x, 0.0, H) for n, x in columns.items() if n not in ("t", "u_dc")} | {"u_dc": (link, 6e-5, 10 * H)}
+    every = {n: (x, 0.0, H) for n, x in columns.items() if n not in ("t", "u_dc")} | {
+        "u_dc": (link, 6e-5, 10 * H)
+    }
     channels = [
-        nptdms.ChannelObject("drive", n, x, {"wf_increment": step, "wf_start_offset": start, "unit_string": ""})
+        nptdms.ChannelObject(
+            "drive", n, x, {"wf_increment": step, "wf_start_offset": start, "unit_string": ""}
+        )
         for n, (x, start, step) in every.items()
     ]
     with nptdms.TdmsWriter(tmp_path / "run.tdms") as writer:
@@ -236,13 +268,18 @@ def test_tdms(tmp_path):
 
 
 def test_mcap_with_json_messages(tmp_path):
-    writer_of = pytest.importorskip("mcap.writer", reason="optional: pip install 'sensorless-sandbox[mcap]'").Writer
+    writer_of = pytest.importorskip(
+        "mcap.writer", reason="optional: pip install 'sensorless-sandbox[mcap]'"
+    ).Writer
     columns = turning()
     stamps, link = _slow_link(columns)
     with (tmp_path / "run.mcap").open("wb") as file:
         writer = writer_of(file)
         writer.start()
-        fast, slow = (writer.register_channel(topic=t, message_encoding="json", schema_id=0) for t in ("/m", "/link"))
+        fast, slow = (
+            writer.register_channel(topic=t, message_encoding="json", schema_id=0)
+            for t in ("/m", "/link")
+        )
         for k, t in enumerate(columns["t"]):
             message = {n: float(x[k]) for n, x in columns.items() if n not in ("t", "u_dc")}
             ns = round(1e9 * t) + 10**9
@@ -268,7 +305,12 @@ def test_a_missing_extra_is_one_sentence(tmp_path, monkeypatch, suffix, package,
 
 @pytest.mark.parametrize("suffix", [".tdms", ".mcap", ".mat", ".npy", ".npz"])
 def test_what_is_no_such_file_is_refused_in_a_sentence(tmp_path, suffix):
-    for content in (b"", b"MATLAB 7.3 MAT-file, nothing else", b"TDSm" + bytes(60), b"\x89MCAP0\r\n" + bytes(40)):
+    for content in (
+        b"",
+        b"MATLAB 7.3 MAT-file, nothing else",
+        b"TDSm" + bytes(60),
+        b"\x89MCAP0\r\n" + bytes(40),
+    ):
         (tmp_path / f"run{suffix}").write_bytes(content)
         with pytest.raises(BadInput) as refusal:
             campaign(tmp_path, f"run{suffix}")

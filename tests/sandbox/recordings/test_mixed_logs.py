@@ -1,4 +1,5 @@
-"""Recordings with and without voltages, states or an encoder in one campaign, and what becomes of each."""
+"""Recordings with and without voltages, states or an encoder in one campaign, and what becomes of
+each."""
 
 import math
 
@@ -13,7 +14,8 @@ from tests.sandbox.recordings.made_angles import DRIVE, RPM, SWING, N, off, read
 
 
 def test_each_log_of_a_table_has_its_own_angle(tmp_path):
-    """A logger that was started again: clock, place and sense of the rotor begin anew, as in a file of its own."""
+    """A logger that was started again: clock, place and sense of the rotor begin anew, as in a file
+    of its own."""
     mapping = '[columns]\nspeed = {column="rpm", unit="rpm"}\nhall = {column="h"}'
     logs, thetas = [], []
     for speed in (SWING, -0.5 * SWING):
@@ -66,9 +68,15 @@ def test_a_voltage_that_is_not_whole_is_named(tmp_path):
     part = {n: x for n, x in columns.items() if n != "u_beta"}
     why = motion_only(source_of(tmp_path, written(tmp_path, {**part, "theta": theta})))
     assert why.startswith(
-        "u_alpha without u_beta tell no voltage (log or map all of them), so electrical effects are no"
+        "u_alpha without u_beta tell no voltage (log or map all of them), so electrical "
+        "effects are no"
     )
-    two = {**{n: x for n, x in part.items() if n != "u_alpha"}, "theta": theta, "d_a": 0 * theta, "d_b": 0 * theta}
+    two = {
+        **{n: x for n, x in part.items() if n != "u_alpha"},
+        "theta": theta,
+        "d_a": 0 * theta,
+        "d_b": 0 * theta,
+    }
     assert motion_only(source_of(tmp_path, written(tmp_path, two))).startswith(
         "d_a and d_b without d_c tell no voltage"
     )
@@ -82,7 +90,9 @@ def test_states_beside_an_encoder_are_left_out_of_a_diagnosis(tmp_path):
     assert motion_only(source_of(tmp_path, mapping)) is None
     found = with_replayable(read_recordings(tmp_path, mapping))
     assert [r.file for r in found.recordings] == ["run.csv"]
-    assert any(f.text.startswith("first.csv: 'hall' tell the angle to a sixth") for f in found.findings)
+    assert any(
+        f.text.startswith("first.csv: 'hall' tell the angle to a sixth") for f in found.findings
+    )
     alone = read_recordings(tmp_path / "first.csv", mapping)
     assert with_replayable(alone) is alone
 
@@ -92,17 +102,26 @@ def test_a_free_rotor_with_states_alone_is_judged_by_its_motion(tmp_path):
     hall = np.array(APART_120)[np.floor(theta / STEP).astype(int) % 6]
     why = motion_only(source_of(tmp_path, written(tmp_path, {**columns, "hall": hall})))
     assert why.startswith("'hall' tell the angle to a sixth of an electrical turn")
-    assert motion_only(source_of(tmp_path, written(tmp_path, {**columns, "theta": theta, "hall": hall}))) is None
+    assert (
+        motion_only(
+            source_of(tmp_path, written(tmp_path, {**columns, "theta": theta, "hall": hall}))
+        )
+        is None
+    )
 
 
 @pytest.mark.parametrize("order", [APART_120, APART_120[::-1]])
 def test_phase_currents_beside_states_become_a_torque_by_voltages_or_not_at_all(tmp_path, order):
-    """i_q = 1 A on a linear motor, i_d = 0: 1.5 p flux; read 5.2 degrees off, as states are, a share 1 - cos is lost,
-    and i_d = sin brings the reluctance torque (L_d - L_q) i_d i_q."""
+    """i_q = 1 A on a linear motor, i_d = 0: 1.5 p flux; read 5.2 degrees off, as states are, a
+    share 1 - cos is lost, and i_d = sin brings the reluctance torque (L_d - L_q) i_d i_q."""
     columns, theta = turning(SWING)
     columns["h"] = np.array(order)[np.floor(theta / STEP + 0.3).astype(int) % 6]
     m, angle = DRIVE.motor, math.radians(5.2)
-    off = 1.0 - math.cos(angle) + math.sin(angle) * abs(m.inductance_d - m.inductance_q) / m.magnet_flux
+    off = (
+        1.0
+        - math.cos(angle)
+        + math.sin(angle) * abs(m.inductance_d - m.inductance_q) / m.magnet_flux
+    )
     torque, hall = 1.5 * m.pole_pairs * m.magnet_flux, '[columns]\nhall = {column="h"}'
     source = source_of(tmp_path, written(tmp_path, columns, hall))
     motion = read_motion(source, motion_only(source))
@@ -110,8 +129,11 @@ def test_phase_currents_beside_states_become_a_torque_by_voltages_or_not_at_all(
     columns = {n: x for n, x in columns.items() if n not in ("u_alpha", "u_beta")}
     source = source_of(tmp_path, written(tmp_path, columns, hall))
     with pytest.raises(
-        BadInput, match="an angle made from 'h', whose zero is unknown; map i_q, a torque, or the rotor's"
+        BadInput,
+        match="an angle made from 'h', whose zero is unknown; map i_q, a torque, or the rotor's",
     ):
         read_motion(source, motion_only(source))
     source = source_of(tmp_path, written(tmp_path, {**columns, "i_q": np.ones(N)}, hall))
-    np.testing.assert_allclose(read_motion(source, motion_only(source)).recordings[0].torque, torque)
+    np.testing.assert_allclose(
+        read_motion(source, motion_only(source)).recordings[0].torque, torque
+    )

@@ -1,4 +1,5 @@
-"""Rated values that a campaign does not state: told from its recordings, the torque by what the motor gives."""
+"""Rated values that a campaign does not state: told from its recordings, the torque by what the
+motor gives."""
 
 import dataclasses
 
@@ -16,13 +17,20 @@ from sandbox.recordings.writing import StatedMap, write_campaign
 
 def test_a_map_without_rated_values_gets_the_torque_of_its_own_magnet(tmp_path, monkeypatch):
     """The map alone knows the flux: 3/2 p psi i of the quartic that it was computed from, and what
-    reluctance adds (`largest_torque`, see test_ratings); 2e-3 is what a spline of these cells leaves (test_mapped)."""
+    reluctance adds (`largest_torque`, see test_ratings); 2e-3 is what a spline of these cells
+    leaves (test_mapped)."""
     monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path / "cache"))
     motor, i = load_drive("ipm_exchanged").motor, np.linspace(-3.2, 3.2, 17)
     d, q = flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
     write_map(tmp_path / "mine.csv", FluxMap("mine", i, i, d + motor.magnet_flux, q))
-    stated = StatedMap({"file": "mine.csv", "cells": [8, 6], "smooth": 1e-6}, (tmp_path / "mine.csv").read_bytes())
-    columns = {"t": np.arange(2) * 250e-6, **dict.fromkeys(REQUIRED[1:], np.zeros(2)), "i_a": np.array([2.0, 0.0])}
+    stated = StatedMap(
+        {"file": "mine.csv", "cells": [8, 6], "smooth": 1e-6}, (tmp_path / "mine.csv").read_bytes()
+    )
+    columns = {
+        "t": np.arange(2) * 250e-6,
+        **dict.fromkeys(REQUIRED[1:], np.zeros(2)),
+        "i_a": np.array([2.0, 0.0]),
+    }
     run = CampaignRecording("run.parquet", "locked", "d", columns)
     own = Campaign("bench", load_drive("ipm_exchanged"), (run,), {}, {}, True)
     folder = write_campaign(tmp_path / "c", own, stated)
@@ -36,20 +44,23 @@ def test_a_map_without_rated_values_gets_the_torque_of_its_own_magnet(tmp_path, 
 
 
 def stated_alone(tmp_path, text):
-    """Return the campaign of a locked rotor at 1 A whose [motor] holds `text` beside what has to be stated."""
+    """Return the campaign of a locked rotor at 1 A whose [motor] holds `text` beside what has to be
+    stated."""
     (tmp_path / "run.csv").write_text(
         "t,i_a,i_b,i_c,u_alpha,u_beta,theta,u_dc\n0,1,-0.5,-0.5,0,0,0,24\n1e-4,1,-0.5,-0.5,0,0,0,24\n"
     )
     (tmp_path / "campaign.toml").write_text(
         "[drive]\nsampling_period = 1e-4\ndc_bus_voltage = 24.0\ncurrent_noise = 0.01\n"
-        "[motor]\npole_pairs = 4\nresistance = 0.1\nmagnet_flux = 0.02\ninductance_d = 1e-4\ninductance_q = 1e-4\n"
+        "[motor]\npole_pairs = 4\nresistance = 0.1\nmagnet_flux = 0.02\ninductance_d = "
+        "1e-4\ninductance_q = 1e-4\n"
         f'{text}[[recording]]\nfile = "run.csv"\nrotor = "locked"\n'
     )
     return importing.read_recordings(tmp_path)
 
 
 def test_an_inertia_that_nobody_stated_is_said_to_stand_in(tmp_path):
-    """No rotor is free: any value serves, and none is told as stated; a copy of the campaign states it as little."""
+    """No rotor is free: any value serves, and none is told as stated; a copy of the campaign states
+    it as little."""
     own = stated_alone(tmp_path, "rated_current = 5.0\n")
     assert own.stand_ins == ("rated_torque", "rated_speed_rpm", "inertia")
     assert own.drive.provenance["inertia"] == "not stated; stands in: any, as no rotor is free"

@@ -1,4 +1,5 @@
-"""Logs as they come out of other programs, each wrong in one way: each ends in one sentence that names it."""
+"""Logs as they come out of other programs, each wrong in one way: each ends in one sentence that
+names it."""
 
 import numpy as np
 import pytest
@@ -26,13 +27,24 @@ def columns(n=200):
     """Return a locked rotor's currents, slowly around the circle."""
     t = 1e-3 * np.arange(n)
     around = 2.0 * np.pi * t
-    i = {x: 2.0 * np.cos(around - 2.0 * np.pi / 3.0 * k) for k, x in enumerate(("i_a", "i_b", "i_c"))}
-    return {"t": t, "u_alpha": 2.0 * np.cos(around), "u_beta": 2.0 * np.sin(around), **i, "theta": np.zeros(n)}
+    i = {
+        x: 2.0 * np.cos(around - 2.0 * np.pi / 3.0 * k) for k, x in enumerate(("i_a", "i_b", "i_c"))
+    }
+    return {
+        "t": t,
+        "u_alpha": 2.0 * np.cos(around),
+        "u_beta": 2.0 * np.sin(around),
+        **i,
+        "theta": np.zeros(n),
+    }
 
 
 def lines_of(made, names=NAMES, separator=",", point="."):
     """A header and rows as text; cells that are texts stay as they are."""
-    cells = [[x if isinstance(x, str) else f"{x:.9g}".replace(".", point) for x in made[n]] for n in names]
+    cells = [
+        [x if isinstance(x, str) else f"{x:.9g}".replace(".", point) for x in made[n]]
+        for n in names
+    ]
     return [separator.join(names), *(separator.join(row) for row in zip(*cells, strict=True))]
 
 
@@ -57,7 +69,9 @@ def test_as_it_is(tmp_path):
 
 @pytest.mark.parametrize(("separator", "point"), [(";", ","), ("\t", ",")])
 def test_decimal_commas_are_read(tmp_path, separator, point):
-    assert np.allclose(read(tmp_path, columns(), separator, point)["log"].i_a, columns()["i_a"], rtol=0, atol=1e-8)
+    assert np.allclose(
+        read(tmp_path, columns(), separator, point)["log"].i_a, columns()["i_a"], rtol=0, atol=1e-8
+    )
 
 
 def counts(shift, wrap):
@@ -68,15 +82,36 @@ def counts(shift, wrap):
 
 SHUFFLED = np.random.default_rng(0).permutation(200)
 WRONG = {
-    "in disorder": ({n: x[SHUFFLED] for n, x in columns().items()}, "out of order; sort them by time"),
-    "in reverse": ({n: x[::-1] for n, x in columns().items()}, "in 199 rows: they are out of order"),
-    "hexadecimal": (changed(i_a=[hex(k) for k in range(200)]), "row 0 of column 'i_a' is '0x0'.*it is hexadecimal"),
-    "time of day": (changed(t=[f"12:00:{k / 1e3:06.3f}" for k in range(200)]), "is a time of day: export seconds"),
-    "zero in the middle": (changed(**counts(2500.0, 1e9)), "their zero in the middle.*offset = -2500 x scale"),
-    "no sign": (changed(**counts(0.0, 65536.0)), "16 bits without a sign. take 65536 off those above 32767"),
-    "one spike": (changed(i_a=np.where(np.arange(200) == 50, 1e6, columns()["i_a"])), "row 50 of column .i_a. is 1e"),
+    "in disorder": (
+        {n: x[SHUFFLED] for n, x in columns().items()},
+        "out of order; sort them by time",
+    ),
+    "in reverse": (
+        {n: x[::-1] for n, x in columns().items()},
+        "in 199 rows: they are out of order",
+    ),
+    "hexadecimal": (
+        changed(i_a=[hex(k) for k in range(200)]),
+        "row 0 of column 'i_a' is '0x0'.*it is hexadecimal",
+    ),
+    "time of day": (
+        changed(t=[f"12:00:{k / 1e3:06.3f}" for k in range(200)]),
+        "is a time of day: export seconds",
+    ),
+    "zero in the middle": (
+        changed(**counts(2500.0, 1e9)),
+        "their zero in the middle.*offset = -2500 x scale",
+    ),
+    "no sign": (
+        changed(**counts(0.0, 65536.0)),
+        "16 bits without a sign. take 65536 off those above 32767",
+    ),
+    "one spike": (
+        changed(i_a=np.where(np.arange(200) == 50, 1e6, columns()["i_a"])),
+        "row 50 of column .i_a. is 1e",
+    ),
     "not recorded": (changed(i_b=np.zeros(200)), "it was not recorded: leave it out of .columns."),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -113,14 +148,18 @@ def test_a_log_that_begins_again(tmp_path, names, between, again, lengths):
     campaign = read_lines(tmp_path, [*rows[:101], *middle, *rows[101:]])
     assert [len(r.t) for r in campaign.recordings] == lengths
     said = " ".join(f.text for f in campaign.findings)
-    assert ("the log begins again in row 100; it becomes 2 recordings" in said) == (len(lengths) == 2)
+    assert ("the log begins again in row 100; it becomes 2 recordings" in said) == (
+        len(lengths) == 2
+    )
     assert ("the header stands again in row 100; left out" in said) == bool(between)
 
 
 def test_what_is_wrong_in_a_later_log_is_found_in_its_file(tmp_path):
     t = 1e-3 * (np.arange(200) % 100)
     rows = lines_of(changed(t=t, i_a=["x" if k == 150 else 1.0 * (k % 7) for k in range(200)]))
-    with pytest.raises(BadInput, match=r"log-2.csv: row 50 of column 'i_a' is 'x'.*log.csv from row 100 on; cut"):
+    with pytest.raises(
+        BadInput, match=r"log-2.csv: row 50 of column 'i_a' is 'x'.*log.csv from row 100 on; cut"
+    ):
         read_lines(tmp_path, rows)
 
 
@@ -131,18 +170,24 @@ def test_the_longest_of_many_logs_are_kept(tmp_path, names, often):
     lengths = [70 + k for k in range(often + 1)]
     whole, ends = columns(sum(lengths)), np.cumsum(lengths)
     logs = [
-        {k: x[b - n : b] for k, x in whole.items()} | {"t": whole["t"][:n]} for n, b in zip(lengths, ends, strict=True)
+        {k: x[b - n : b] for k, x in whole.items()} | {"t": whole["t"][:n]}
+        for n, b in zip(lengths, ends, strict=True)
     ]
     rows = [x for log in logs for x in lines_of(log, names)]
     campaign = read_lines(tmp_path, rows)
     assert [len(r.t) for r in campaign.recordings] == lengths[-12:]
     assert [r.file for r in campaign.recordings] == [f"log-{k}.csv" for k in range(1, 13)]
     (said,) = (f.text for f in campaign.findings if "begins again" in f.text)
-    kept = f"it becomes 12 recordings, the longest of {often + 1}; {sum(lengths[:-12])} rows are left out"
+    kept = (
+        f"it becomes 12 recordings, the longest of {often + 1}; {sum(lengths[:-12])} rows "
+        "are left out"
+    )
     assert said.endswith(f"in row 70 ({often} times); {kept}")
 
 
 def test_columns_that_change_places_in_the_middle_are_refused(tmp_path):
     rows, other = lines_of(columns()), lines_of(columns(), NAMES[::-1])
-    with pytest.raises(BadInput, match="row 100 is a header of the same columns in another order; make two files"):
+    with pytest.raises(
+        BadInput, match="row 100 is a header of the same columns in another order; make two files"
+    ):
         read_lines(tmp_path, [*rows[:101], *other])

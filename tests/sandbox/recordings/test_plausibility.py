@@ -1,4 +1,5 @@
-"""A bench's campaigns pass without a word; each mistake planted in them is named with column, row and remedy."""
+"""A bench's campaigns pass without a word; each mistake planted in them is named with column, row
+and remedy."""
 
 import dataclasses
 import functools
@@ -18,7 +19,8 @@ from sandbox.recordings.checks.plausibility import check
 from sandbox.recordings.importing import read_recordings
 from tests.data import recordings_folder
 
-CAMPAIGNS = ("p01", "p05", "p06", "p11")  # three families of drives, iron loss, an encoder offset, a lock angle of zero
+# three families of drives, iron loss, an encoder offset, a lock angle of zero
+CAMPAIGNS = ("p01", "p05", "p06", "p11")
 U = ("u_alpha", "u_beta")
 
 
@@ -65,21 +67,65 @@ def _zero_row(name, row):
 WHOLE = [  # the mistake made in every recording of the campaign
     ("milliampere", _scaled(PHASES, 1e3), r"column 'i_a' is .* if currents are in mA: convert"),
     ("kiloampere", _scaled(PHASES, 1e-3), r"column 'i_a' is .* if currents are in kA"),
-    ("degrees", lambda r, p: {"theta": np.degrees(r.theta)}, r"column 'theta' is .* theta is in degrees: map it"),
-    ("mechanical", lambda r, p: {"theta": r.theta / p}, r"column 'theta' is .* theta is mechanical: multiply"),
-    ("mechanical degrees", lambda r, p: {"theta": np.degrees(r.theta / p)}, r"theta is in mechanical degrees"),
+    (
+        "degrees",
+        lambda r, p: {"theta": np.degrees(r.theta)},
+        r"column 'theta' is .* theta is in degrees: map it",
+    ),
+    (
+        "mechanical",
+        lambda r, p: {"theta": r.theta / p},
+        r"column 'theta' is .* theta is mechanical: multiply",
+    ),
+    (
+        "mechanical degrees",
+        lambda r, p: {"theta": np.degrees(r.theta / p)},
+        r"theta is in mechanical degrees",
+    ),
     ("turns", lambda r, p: {"theta": r.theta / math.tau}, r"theta is in turns"),
     ("backwards", lambda r, p: {"theta": -r.theta}, r"theta is counted backwards .* scale = -1"),
-    ("zero", lambda r, p: {"theta": r.theta + math.pi / 2}, r"theta is 90 degrees ahead: map it with offset = -1.5708"),
-    ("b and c", lambda r, p: {"i_b": r.i_c, "i_c": r.i_b}, r"column 'i_b' is .* swapped \(order i_a, i_c, i_b\)"),
-    ("a and b", lambda r, p: {"i_a": r.i_b, "i_b": r.i_a}, r"column 'i_a' is .* swapped \(order i_b, i_a, i_c\)"),
-    ("cyclic", lambda r, p: {"i_a": r.i_b, "i_b": r.i_c, "i_c": r.i_a}, r"swapped \(order i_c, i_a, i_b\)"),
-    ("out of the motor", _scaled(PHASES, -1.0), r"currents are counted out of the motor: .* scale = -1"),
-    ("one phase mA", _scaled(("i_c",), 1e3), r"row \d+ of column 'i_c' is .* instead of 0; is it in mA"),
-    ("one phase's sign", _scaled(("i_b",), -1.0), r"row \d+ of column 'i_b' is .* its sign is wrong"),
+    (
+        "zero",
+        lambda r, p: {"theta": r.theta + math.pi / 2},
+        r"theta is 90 degrees ahead: map it with offset = -1.5708",
+    ),
+    (
+        "b and c",
+        lambda r, p: {"i_b": r.i_c, "i_c": r.i_b},
+        r"column 'i_b' is .* swapped \(order i_a, i_c, i_b\)",
+    ),
+    (
+        "a and b",
+        lambda r, p: {"i_a": r.i_b, "i_b": r.i_a},
+        r"column 'i_a' is .* swapped \(order i_b, i_a, i_c\)",
+    ),
+    (
+        "cyclic",
+        lambda r, p: {"i_a": r.i_b, "i_b": r.i_c, "i_c": r.i_a},
+        r"swapped \(order i_c, i_a, i_b\)",
+    ),
+    (
+        "out of the motor",
+        _scaled(PHASES, -1.0),
+        r"currents are counted out of the motor: .* scale = -1",
+    ),
+    (
+        "one phase mA",
+        _scaled(("i_c",), 1e3),
+        r"row \d+ of column 'i_c' is .* instead of 0; is it in mA",
+    ),
+    (
+        "one phase's sign",
+        _scaled(("i_b",), -1.0),
+        r"row \d+ of column 'i_b' is .* its sign is wrong",
+    ),
     ("kilovolt", _scaled(U, 1e-3), r"column 'u_alpha' is .* voltages are in kV"),
     ("millivolt", _scaled(U, 1e3), r"column 'u_alpha' is .* voltages are in mV"),
-    ("per unit", lambda r, p: {n: r.columns[n] / r.u_dc for n in U}, r"voltages are per unit of the link"),
+    (
+        "per unit",
+        lambda r, p: {n: r.columns[n] / r.u_dc for n in U},
+        r"voltages are per unit of the link",
+    ),
     ("u_beta", _scaled(("u_beta",), -1.0), r"u_beta has the wrong sign"),
     ("link in kV", _scaled(("u_dc",), 1e-3), r"row 0 of column 'u_dc' is .* is u_dc in kV\?"),
     ("link in mV", _scaled(("u_dc",), 1e3), r"is u_dc in mV\?"),
@@ -111,18 +157,40 @@ def _jump(r, p):
 
 
 ONE = [  # the mistake made in one recording
-    ("milliampere", "locked_d", _scaled(PHASES, 1e3), r"locked_d.parquet: row \d+ of column 'i_a'.*in mA"),
-    ("mechanical", "run_slow", lambda r, p: {"theta": r.theta / p}, r"run_slow.parquet: row \d+ .* mechanical"),
-    ("stuck", "run_slow", _hold("i_b", 3000, 3400), r"row 3000 of column 'i_b' .* does not change for 400 rows.*stuck"),
+    (
+        "milliampere",
+        "locked_d",
+        _scaled(PHASES, 1e3),
+        r"locked_d.parquet: row \d+ of column 'i_a'.*in mA",
+    ),
+    (
+        "mechanical",
+        "run_slow",
+        lambda r, p: {"theta": r.theta / p},
+        r"run_slow.parquet: row \d+ .* mechanical",
+    ),
+    (
+        "stuck",
+        "run_slow",
+        _hold("i_b", 3000, 3400),
+        r"row 3000 of column 'i_b' .* does not change for 400 rows.*stuck",
+    ),
     ("clipped", "run_slow", _clip, r"column 'i_a' .*saturated"),
-    ("encoder", "coast_down", _hold("theta", 500, 600), r"row 500 of column 'theta' .* for 100 rows.*encoder is stuck"),
+    (
+        "encoder",
+        "coast_down",
+        _hold("theta", 500, 600),
+        r"row 500 of column 'theta' .* for 100 rows.*encoder is stuck",
+    ),
     ("locked", "coast_down", None, r"theta spans .* while rotor = 'locked'"),
     ("jump", "coast_down", _jump, r"row 900 of column 'theta' jumps by (4|3\.[89]|4\.[01])"),
 ]
 
 
 @pytest.mark.parametrize("name", CAMPAIGNS)
-@pytest.mark.parametrize(("file", "change", "message"), [w[1:] for w in ONE], ids=[w[0] for w in ONE])
+@pytest.mark.parametrize(
+    ("file", "change", "message"), [w[1:] for w in ONE], ids=[w[0] for w in ONE]
+)
 def test_a_mistake_in_one_recording_is_named(name, file, change, message):
     bench = _bench(name)
     wrong = bench[file]
@@ -149,7 +217,9 @@ def test_what_is_only_suspicious_is_returned(name):
     assert "samples seem lost" in lost[0].text
     link = check(_changed([fast], lambda r: {"u_dc": 2.5 * r.u_dc}), bench.drive)
     assert [f.column for f in link] == ["u_dc"]
-    torque = check(_changed([bench["run_slow"]], lambda r: {"load_torque": 1e3 * r.load_torque}), bench.drive)
+    torque = check(
+        _changed([bench["run_slow"]], lambda r: {"load_torque": 1e3 * r.load_torque}), bench.drive
+    )
     assert [f.column for f in torque] == ["load_torque"]
     warm = check(_changed([fast], lambda r: {"temperature": np.full(len(r.t), 320.0)}), bench.drive)
     assert [(f.column, f.row) for f in warm] == [("temperature", 0)]
@@ -158,7 +228,8 @@ def test_what_is_only_suspicious_is_returned(name):
 
 
 def test_a_large_gap_is_no_mistake():
-    """A nominal motor wrong by a factor of two in everything is the diagnosis' business, not a wrong unit."""
+    """A nominal motor wrong by a factor of two in everything is the diagnosis' business, not a
+    wrong unit."""
     bench = _bench("p05")
     motor = bench.drive.motor
     for factor in (0.5, 2.0):
@@ -172,15 +243,21 @@ def test_a_large_gap_is_no_mistake():
 
 def test_two_mistakes_at_once_are_named_together():
     bench = _bench("p06")
-    wrong = _changed(bench.recordings, lambda r: {"theta": np.degrees(r.theta), "i_b": r.i_c, "i_c": r.i_b})
-    with pytest.raises(BadInput, match=r"theta is in degrees and phases are swapped \(order i_a, i_c, i_b\)"):
+    wrong = _changed(
+        bench.recordings, lambda r: {"theta": np.degrees(r.theta), "i_b": r.i_c, "i_c": r.i_b}
+    )
+    with pytest.raises(
+        BadInput, match=r"theta is in degrees and phases are swapped \(order i_a, i_c, i_b\)"
+    ):
         check(wrong, bench.drive)
 
 
 def test_what_no_mistake_explains_is_a_finding():
     bench = _bench("p06")
     rng = np.random.default_rng(0)
-    wrong = _changed([bench["coast_down"]], lambda r: {n: 30.0 * rng.normal(size=len(r.t)) for n in U})
+    wrong = _changed(
+        [bench["coast_down"]], lambda r: {n: 30.0 * rng.normal(size=len(r.t)) for n in U}
+    )
     assert ["several mistakes at once" in f.text for f in check(wrong, bench.drive)] == [True]
 
 
@@ -197,7 +274,9 @@ def test_commands_that_no_inverter_gives():
 
     assert at(0.58) == []  # 1 / sqrt(3) = 0.577, 2 % allowed
     assert [f.column for f in at(0.60)] == ["u_alpha"]
-    with pytest.raises(BadInput, match=r"row \d+ of column 'u_alpha': the command is .*an inverter gives"):
+    with pytest.raises(
+        BadInput, match=r"row \d+ of column 'u_alpha': the command is .*an inverter gives"
+    ):
         at(1.05)
 
 
@@ -224,24 +303,39 @@ def turning():
         i_d, i_q = x
         return [
             (v.real - m.resistance * i_d + omega * m.inductance_q * i_q) / m.inductance_d,
-            (v.imag - m.resistance * i_q - omega * (m.inductance_d * i_d + m.magnet_flux)) / m.inductance_q,
+            (v.imag - m.resistance * i_q - omega * (m.inductance_d * i_d + m.magnet_flux))
+            / m.inductance_q,
         ]
 
     found = solve_ivp(slope, (0.0, t[-1]), [0.0, 0.0], t_eval=t, max_step=h, rtol=1e-8, atol=1e-9)
     i = (found.y[0] + 1j * found.y[1]) * np.exp(1j * omega * t)
     columns = {n: (i * np.exp(-2j * math.pi / 3 * k)).real for k, n in enumerate(PHASES)}
-    columns |= {"t": t, "u_alpha": u.real, "u_beta": u.imag, "theta": omega * t, "u_dc": np.full(n, 400.0)}
+    columns |= {
+        "t": t,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "theta": omega * t,
+        "u_dc": np.full(n, 400.0),
+    }
     converter = dataclasses.replace(
-        drive.converter, sampling_period=h, pwm_frequency=None, current_noise=0.0, current_resolution=0.0
+        drive.converter,
+        sampling_period=h,
+        pwm_frequency=None,
+        current_noise=0.0,
+        current_resolution=0.0,
     )
-    return CampaignRecording("turning", "driven", "none", columns), dataclasses.replace(drive, converter=converter)
+    return CampaignRecording("turning", "driven", "none", columns), dataclasses.replace(
+        drive, converter=converter
+    )
 
 
 def test_flux_balance_holds_on_an_independent_integration(turning):
     r, drive = turning
-    # the trapezoid of R i over h: omega^2 h^2 / 12 of R i, (200 x 31e-6)^2 / 12 = 3e-6 of the voltage at most
+    # the trapezoid of R i over h: omega^2 h^2 / 12 of R i, (200 x 31e-6)^2 / 12 = 3e-6 of the
+    # voltage at most
     assert balance(r.columns, drive).share < (1e-5) ** 2 * 10
-    # without the magnet's flux, (omega phi_m / u)^2 = (200 x 0.0981 / 20)^2 = 0.96 of the energy is left
+    # without the magnet's flux, (omega phi_m / u)^2 = (200 x 0.0981 / 20)^2 = 0.96 of the energy is
+    # left
     bare = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, magnet_flux=0.0))
     wanted = (200.0 * drive.motor.magnet_flux / 20.0) ** 2
     assert balance(r.columns, bare).share == pytest.approx(wanted, rel=1e-3)
@@ -250,7 +344,8 @@ def test_flux_balance_holds_on_an_independent_integration(turning):
 @pytest.mark.parametrize("window", [1, 4, 8])
 @pytest.mark.parametrize("saturated", [False, True])
 def test_the_balance_of_a_long_recording_is_made_in_blocks(turning, monkeypatch, window, saturated):
-    """Blocks of 100 samples of 1600: the same windows, and the same volts but for the rounding of longer sums."""
+    """Blocks of 100 samples of 1600: the same windows, and the same volts but for the rounding of
+    longer sums."""
     r, drive = turning
     whole = balance(r.columns, drive, window, saturated=saturated)
     monkeypatch.setattr("sandbox.recordings.checks.balance.BLOCK", 100)
@@ -262,13 +357,22 @@ def test_the_balance_of_a_long_recording_is_made_in_blocks(turning, monkeypatch,
 
 
 def test_a_strongly_saturated_machine_is_not_doubted(turning):
-    """Voltages made from a machine's own saturated flux, trapezoids of R i as the balance has them: nothing is left but
-    rounding, though the linear model leaves most of it; a wrong unit is still named."""
+    """Voltages made from a machine's own saturated flux, trapezoids of R i as the balance has them:
+    nothing is left but rounding, though the linear model leaves most of it; a wrong unit is still
+    named."""
     drive = turning[1]
     motor = dataclasses.replace(
-        drive.motor, magnet_flux=0.0, inductance_d=2.0, inductance_q=1.2, alpha_30=0.0, alpha_12=0.0, alpha_40=0.24,
-        alpha_22=0.8, alpha_04=40.0, rated_current=5.0,
-    )  # fmt: skip
+        drive.motor,
+        magnet_flux=0.0,
+        inductance_d=2.0,
+        inductance_q=1.2,
+        alpha_30=0.0,
+        alpha_12=0.0,
+        alpha_40=0.24,
+        alpha_22=0.8,
+        alpha_04=40.0,
+        rated_current=5.0,
+    )
     drive = dataclasses.replace(drive, motor=motor)
     h, k = drive.converter.sampling_period, np.arange(2000)
     i_q = 4.0 * np.sin(2.0 * np.pi * k / 400.0)
@@ -276,7 +380,13 @@ def test_a_strongly_saturated_machine_is_not_doubted(turning):
     u = np.append(np.diff(psi) / h + 0.5 * motor.resistance * (i_q[1:] + i_q[:-1]), 0.0)
     turn = np.exp(0.5j * np.pi)  # rotor at 0: q lies along beta
     columns = {n: (i_q * turn * np.exp(-2j * math.pi / 3 * m)).real for m, n in enumerate(PHASES)}
-    columns |= {"t": h * k, "u_alpha": 0.0 * u, "u_beta": u, "theta": 0.0 * u, "u_dc": np.full(len(k), 400.0)}
+    columns |= {
+        "t": h * k,
+        "u_alpha": 0.0 * u,
+        "u_beta": u,
+        "theta": 0.0 * u,
+        "u_dc": np.full(len(k), 400.0),
+    }
     r = CampaignRecording("steps", "locked", "none", columns)
     assert balance(columns, drive).share > 1.0
     assert balance(columns, drive, saturated=True).share < 1e-12

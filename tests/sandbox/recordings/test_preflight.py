@@ -1,4 +1,5 @@
-"""Thirty mistakes planted in a campaign are named by the pre-flight, all at once; clean campaigns pass in silence."""
+"""Thirty mistakes planted in a campaign are named by the pre-flight, all at once; clean campaigns
+pass in silence."""
 
 import dataclasses
 import functools
@@ -19,7 +20,8 @@ from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
 
 U = ("u_alpha", "u_beta")
-KEPT = ("locked_d", "run_slow", "coast_down")  # 0: at standstill with injection, 1: slow with injection, 2: fast, free
+# 0: at standstill with injection, 1: slow with injection, 2: fast, free
+KEPT = ("locked_d", "run_slow", "coast_down")
 
 
 @functools.cache
@@ -27,20 +29,26 @@ def bench(name="p05"):
     """Three recordings of a practice campaign."""
     campaign = read_campaign(recordings_folder() / "practice" / name)
     cut = [
-        dataclasses.replace(campaign[f], columns={n: x[:5000] for n, x in campaign[f].columns.items()}) for f in KEPT
+        dataclasses.replace(
+            campaign[f], columns={n: x[:5000] for n, x in campaign[f].columns.items()}
+        )
+        for f in KEPT
     ]
     return dataclasses.replace(campaign, recordings=tuple(cut))
 
 
 def all_of(change):
     """A mistake in every recording."""
-    return lambda c: tuple(dataclasses.replace(r, columns={**r.columns, **change(r)}) for r in c.recordings)
+    return lambda c: tuple(
+        dataclasses.replace(r, columns={**r.columns, **change(r)}) for r in c.recordings
+    )
 
 
 def one(k, change):
     """A mistake in one recording."""
     return lambda c: tuple(
-        dataclasses.replace(r, columns={**r.columns, **change(r)}) if m == k else r for m, r in enumerate(c.recordings)
+        dataclasses.replace(r, columns={**r.columns, **change(r)}) if m == k else r
+        for m, r in enumerate(c.recordings)
     )
 
 
@@ -72,7 +80,11 @@ MISTAKES = [
     ("currents in kA", all_of(scaled(PHASES, 1e-3)), "in kA"),
     ("angle in degrees", all_of(lambda r: {"theta": np.degrees(r.theta)}), "in degrees"),
     ("mechanical angle", all_of(lambda r: {"theta": r.theta / PAIRS}), "mechanical"),
-    ("mechanical degrees", all_of(lambda r: {"theta": np.degrees(r.theta / PAIRS)}), "mechanical degrees"),
+    (
+        "mechanical degrees",
+        all_of(lambda r: {"theta": np.degrees(r.theta / PAIRS)}),
+        "mechanical degrees",
+    ),
     ("turns", all_of(lambda r: {"theta": r.theta / math.tau}), "in turns"),
     ("backwards", all_of(scaled(("theta",), -1.0)), "backwards"),
     ("zero a quarter off", all_of(lambda r: {"theta": r.theta + math.pi / 2}), "90 degrees ahead"),
@@ -87,7 +99,11 @@ MISTAKES = [
     ("voltages per unit", all_of(lambda r: {n: r[n] / r.u_dc for n in U}), "per unit"),
     ("u_beta's sign", all_of(scaled(("u_beta",), -1.0)), "u_beta has the wrong sign"),
     ("link in kV", all_of(scaled(("u_dc",), 1e-3)), "is u_dc in kV"),
-    ("link lost", one(1, lambda r: {"u_dc": np.where(np.arange(len(r.t)) == 17, 0.0, r.u_dc)}), "row 17 of column"),
+    (
+        "link lost",
+        one(1, lambda r: {"u_dc": np.where(np.arange(len(r.t)) == 17, 0.0, r.u_dc)}),
+        "row 17 of column",
+    ),
     ("rms currents", all_of(scaled(PHASES, 0.5**0.5)), "rms for peak"),
     ("line voltages", all_of(scaled(U, 3.0**0.5)), "line for phase voltage"),
     ("a column mapped twice", one(1, lambda r: {"i_b": r.i_a}), "mapped twice"),
@@ -100,7 +116,7 @@ MISTAKES = [
     ("load torque in mN m", one(1, scaled(("load_torque",), 1e3)), "mN m"),
     ("kelvin", one(2, lambda r: {"temperature": np.full(len(r.t), 320.0)}), "kelvin|temperature"),
     ("pole pairs", all_of(lambda r: {"theta": 0.75 * r.theta}), "times as fast"),
-]  # fmt: skip
+]
 
 
 def findings(campaign):
@@ -111,7 +127,9 @@ def planted(name, change):
     campaign = bench()
     if name == "locked that turns":
         r = campaign.recordings
-        return dataclasses.replace(campaign, recordings=(*r[:2], dataclasses.replace(r[2], rotor="locked")))
+        return dataclasses.replace(
+            campaign, recordings=(*r[:2], dataclasses.replace(r[2], rotor="locked"))
+        )
     return dataclasses.replace(campaign, recordings=change(campaign))
 
 
@@ -131,10 +149,14 @@ def test_clean_campaigns_pass_without_a_word():
 
 
 def test_the_sample_campaign_passes_without_a_word():
-    """One of its rotors is driven at 360 rad/s, which moves the injected 500 Hz by 57 Hz unless one turns with it."""
+    """One of its rotors is driven at 360 rad/s, which moves the injected 500 Hz by 57 Hz unless one
+    turns with it."""
     campaign = read_campaign(EXAMPLE)
     assert findings(campaign) == []
-    none = [dataclasses.replace(r, columns={**r.columns, **dict.fromkeys(U, 0.0 * r.t)}) for r in campaign.recordings]
+    none = [
+        dataclasses.replace(r, columns={**r.columns, **dict.fromkeys(U, 0.0 * r.t)})
+        for r in campaign.recordings
+    ]
     told = findings(dataclasses.replace(campaign, recordings=tuple(none)))
     assert sum("but the commands hold" in text for text in told) == len(none)
 
@@ -142,13 +164,20 @@ def test_the_sample_campaign_passes_without_a_word():
 def test_wrong_statements_about_the_drive_are_noticed():
     campaign = bench()
     for field, value, words in (
-        ("current_resolution", 0.1, "current_resolution"), ("encoder_counts", 512, "encoder_counts"),
-    ):  # fmt: skip
+        ("current_resolution", 0.1, "current_resolution"),
+        ("encoder_counts", 512, "encoder_counts"),
+    ):
         converter = dataclasses.replace(campaign.drive.converter, **{field: value})
-        wrong = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=converter))
+        wrong = dataclasses.replace(
+            campaign, drive=dataclasses.replace(campaign.drive, converter=converter)
+        )
         assert any(words in text for text in findings(wrong)), field
-    injection = dataclasses.replace(campaign.drive.injection, frequency=campaign.drive.injection.frequency / 4)
-    wrong = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, injection=injection))
+    injection = dataclasses.replace(
+        campaign.drive.injection, frequency=campaign.drive.injection.frequency / 4
+    )
+    wrong = dataclasses.replace(
+        campaign, drive=dataclasses.replace(campaign.drive, injection=injection)
+    )
     assert any("their strongest line" in text for text in findings(wrong))
 
 
@@ -172,7 +201,12 @@ def test_what_stops_a_campaign_comes_first_without_hints_that_follow_from_it():
 
 
 def test_shares_are_plain_numbers():
-    assert [percent(x) for x in (0.004, 0.35, 2.0, 6.2e5)] == ["0.4 %", "35 %", "200 %", "620000 times all"]
+    assert [percent(x) for x in (0.004, 0.35, 2.0, 6.2e5)] == [
+        "0.4 %",
+        "35 %",
+        "200 %",
+        "620000 times all",
+    ]
 
 
 def test_the_step_of_readings():
@@ -183,15 +217,21 @@ def test_the_step_of_readings():
 
 
 def test_noise_far_from_what_readings_show_is_suspicious():
-    """The sensors have 1.9 and 0.55 times what is stated: the limit of what both may be is 1.5.  Four times
-    their noise is refused, as no quiet block shows half of it."""
+    """The sensors have 1.9 and 0.55 times what is stated: the limit of what both may be is 1.5.
+    Four times their noise is refused, as no quiet block shows half of it."""
     drive = bench().drive
 
     def stated(times):
-        own = {k: times * getattr(drive.converter, k) for k in ("current_noise", "current_resolution")}
+        own = {
+            k: times * getattr(drive.converter, k) for k in ("current_noise", "current_resolution")
+        }
         converter = dataclasses.replace(drive.converter, **own)
-        own_bench = dataclasses.replace(bench(), drive=dataclasses.replace(drive, converter=converter))
-        return [n for n in check(own_bench, effects=False).noticed if "A of noise" in n.finding.text]
+        own_bench = dataclasses.replace(
+            bench(), drive=dataclasses.replace(drive, converter=converter)
+        )
+        return [
+            n for n in check(own_bench, effects=False).noticed if "A of noise" in n.finding.text
+        ]
 
     assert stated(1.1) == []
     for found in (stated(1.0 / 1.9), stated(1.0 / 0.55)):
@@ -227,17 +267,29 @@ def test_tables_that_nothing_describes_get_a_draft(tmp_path, capsys):
     """The draft is TOML, names what it recognises, and is a map once the motor stands in it."""
     t = np.arange(400) * 2e-3
     rows = np.stack([1e3 * t, np.sin(3.0 * t), np.cos(3.0 * t), 0 * t], axis=1)
-    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="Time [ms],Position [rad],Iq [A],Mode", comments="")
+    np.savetxt(
+        tmp_path / "run.csv",
+        rows,
+        delimiter=",",
+        header="Time [ms],Position [rad],Iq [A],Mode",
+        comments="",
+    )
     out = tmp_path / "o"
     assert main(["check", str(tmp_path), "--out", str(out)]) == 2
     assert "a draft of a column map" in capsys.readouterr().out
     text = (out / "columns.toml").read_text()
     drafted = tomllib.loads(text)
-    assert {k: v["column"] for k, v in drafted["columns"].items()} == {"t": "Time", "theta": "Position", "i_q": "Iq"}
+    assert {k: v["column"] for k, v in drafted["columns"].items()} == {
+        "t": "Time",
+        "theta": "Position",
+        "i_q": "Iq",
+    }
     assert [r["file"] for r in drafted["recording"]] == ["run.csv"]
     assert "#   Mode: 0 to 0" in text
     assert "# sampling_period = 0.002" in text
-    (out / "mine.toml").write_text("[motor]\ntorque_constant = 0.05\npole_pairs = 4\ninertia = 1e-3\n" + text)
+    (out / "mine.toml").write_text(
+        "[motor]\ntorque_constant = 0.05\npole_pairs = 4\ninertia = 1e-3\n" + text
+    )
     found = check(tmp_path, columns=out / "mine.toml")
     assert found.ok
     assert "the motion alone is judged" in found.why
@@ -245,7 +297,8 @@ def test_tables_that_nothing_describes_get_a_draft(tmp_path, capsys):
 
 
 def test_stated_ratings_that_do_not_go_together_are_told_and_stand_ins_are_not():
-    """An inertia in kg cm^2 takes 10 000 times as long to run up; a rated speed that stands in says nothing of it."""
+    """An inertia in kg cm^2 takes 10 000 times as long to run up; a rated speed that stands in says
+    nothing of it."""
     c = bench()
     motor = dataclasses.replace(c.drive.motor, inertia=1e4 * c.drive.motor.inertia)
     wrong = dataclasses.replace(c, drive=dataclasses.replace(c.drive, motor=motor), stand_ins=())

@@ -25,21 +25,32 @@ HEAD = f"[motor]\n{MOTOR}[drive]\nsampling_period = {H}\ndc_bus_voltage = 400.0\
 
 
 def turning(n=300, omega=300.0, h=H):
-    """Steady turning of the linear motor, i_d = 0, i_q = 1 A: t, theta, i_a, i_b, i_alpha, i_beta, u_alpha, u_beta."""
+    """Steady turning of the linear motor, i_d = 0, i_q = 1 A: t, theta, i_a, i_b, i_alpha, i_beta,
+    u_alpha, u_beta."""
     m, t = DRIVE.motor, np.arange(n) * h
     turn = np.exp(1j * omega * t)
     u = (1j * m.resistance + 1j * omega * (1j * m.inductance_q + m.magnet_flux)) * turn
     u = u * (np.exp(1j * omega * h) - 1.0) / (1j * omega * h)
     i = 1j * turn
     return {
-        "t": t, "theta": omega * t, "i_a": i.real, "i_b": (i * np.exp(-2j * math.pi / 3)).real,
-        "i_c": (i * np.exp(2j * math.pi / 3)).real, "i_alpha": i.real, "i_beta": i.imag,
-        "u_alpha": u.real, "u_beta": u.imag, "u_dc": np.full(n, 400.0),
-    }  # fmt: skip
+        "t": t,
+        "theta": omega * t,
+        "i_a": i.real,
+        "i_b": (i * np.exp(-2j * math.pi / 3)).real,
+        "i_c": (i * np.exp(2j * math.pi / 3)).real,
+        "i_alpha": i.real,
+        "i_beta": i.imag,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "u_dc": np.full(n, 400.0),
+    }
 
 
 def written(folder, file, names, columns, separator=",", head=HEAD, mapping=""):
-    rows = [separator.join(names), *(separator.join(f"{x:.12g}" for x in row) for row in zip(*columns, strict=True))]
+    rows = [
+        separator.join(names),
+        *(separator.join(f"{x:.12g}" for x in row) for row in zip(*columns, strict=True)),
+    ]
     (folder / file).write_text("\n".join(rows) + "\n")
     recording = f'[[recording]]\nfile = "{file}"\nrotor = "free"\n'
     (folder / "campaign.toml").write_text(head + recording)
@@ -51,15 +62,21 @@ def check_electrical(found):
     """The recording is the steady turning, to the digits of the log."""
     c, r = turning(), found.recordings[0]
     for name in ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c"):
-        np.testing.assert_allclose(r.columns[name], c[name], atol=1e-2 if name[0] == "u" else 1e-4, err_msg=name)
+        np.testing.assert_allclose(
+            r.columns[name], c[name], atol=1e-2 if name[0] == "u" else 1e-4, err_msg=name
+        )
     np.testing.assert_allclose(np.diff(r.theta), np.diff(c["theta"]), atol=1e-3)
 
 
 def test_odrive(tmp_path):
     """Paths of odrivetool as names; turns; no voltages: the motion."""
     t = np.cumsum(np.random.default_rng(0).uniform(1.5e-3, 3e-3, 200))
-    names = ["time", "odrv0.axis0.encoder.pos_estimate", "odrv0.axis0.motor.current_control.Iq_measured",
-             "odrv0.vbus_voltage"]  # fmt: skip
+    names = [
+        "time",
+        "odrv0.axis0.encoder.pos_estimate",
+        "odrv0.axis0.motor.current_control.Iq_measured",
+        "odrv0.vbus_voltage",
+    ]
     written(tmp_path, "run.csv", names, [t, 2.0 * t, 0.3 + 0.0 * t, 24.0 + 0.0 * t])
     source = source_of(tmp_path, preset="odrive")
     found = read_motion(source, motion_only(source))
@@ -72,32 +89,45 @@ def test_odrive(tmp_path):
 def test_moteus(tmp_path):
     t = np.arange(200) * 2e-3
     names = ["time", "position", "velocity", "torque", "q_current", "d_current", "voltage"]
-    written(tmp_path, "run.csv", names, [t, 0.5 * t, 0.5 + 0 * t, 0 * t, 1.5 + 0 * t, 0 * t, 24.0 + 0 * t])
+    written(
+        tmp_path,
+        "run.csv",
+        names,
+        [t, 0.5 * t, 0.5 + 0 * t, 0 * t, 1.5 + 0 * t, 0 * t, 24.0 + 0 * t],
+    )
     source = source_of(tmp_path, preset="moteus")
     found = read_motion(source, motion_only(source))
     np.testing.assert_allclose(found.recordings[0].angle, 0.5 * math.tau * t, rtol=1e-9)
-    np.testing.assert_allclose(found.recordings[0].torque, 1.5 * PAIRS * DRIVE.motor.magnet_flux * 1.5, rtol=1e-9)
+    np.testing.assert_allclose(
+        found.recordings[0].torque, 1.5 * PAIRS * DRIVE.motor.magnet_flux * 1.5, rtol=1e-9
+    )
 
 
 VESC = (  # the header that VESC Tool's openRtLogFile writes
-    "ms_today;input_voltage;temp_mos_max;temp_mos_1;temp_mos_2;temp_mos_3;temp_motor;current_motor;current_in;"
-    "d_axis_current;q_axis_current;erpm;duty_cycle;amp_hours_used;amp_hours_charged;watt_hours_used;"
-    "watt_hours_charged;tachometer;tachometer_abs;encoder_position;fault_code;vesc_id;d_axis_voltage;"
-    "q_axis_voltage;ms_today_setup;amp_hours_setup;amp_hours_charged_setup;watt_hours_setup;"
-    "watt_hours_charged_setup;battery_level;battery_wh_tot;current_in_setup;current_motor_setup;"
-    "speed_meters_per_sec;tacho_meters;tacho_abs_meters;num_vescs;ms_today_imu;roll;pitch;yaw;accX;accY;accZ;"
-    "gyroX;gyroY;gyroZ;gnss_posTime;gnss_lat;gnss_lon;gnss_alt;gnss_gVel;gnss_vVel;gnss_hAcc;gnss_vAcc;"
+    "ms_today;input_voltage;temp_mos_max;temp_mos_1;temp_mos_2;temp_mos_3;temp_motor;current_motor;current_in;d_axis_current;q_axis_current;erpm;duty_cycle;amp_hours_used;amp_hours_charged;watt_hours_used;watt_hours_charged;tachometer;tachometer_abs;encoder_position;fault_code;vesc_id;d_axis_voltage;q_axis_voltage;ms_today_setup;amp_hours_setup;amp_hours_charged_setup;watt_hours_setup;watt_hours_charged_setup;battery_level;battery_wh_tot;current_in_setup;current_motor_setup;speed_meters_per_sec;tacho_meters;tacho_abs_meters;num_vescs;ms_today_imu;roll;pitch;yaw;accX;accY;accZ;gyroX;gyroY;gyroZ;gnss_posTime;gnss_lat;gnss_lon;gnss_alt;gnss_gVel;gnss_vVel;gnss_hAcc;gnss_vAcc;"
 )
 
 
 def test_vesc(tmp_path):
-    """A semicolon behind every cell, ms of the day, degrees that wrap; voltages are there, but too slow."""
+    """A semicolon behind every cell, ms of the day, degrees that wrap; voltages are there, but too
+    slow."""
     t, names = np.arange(300) * 0.02, VESC.rstrip(";").split(";")
     own = {
-        "ms_today": 8e7 + 1e3 * t, "input_voltage": 55.3 + 0 * t, "temp_motor": 26.9 + 0 * t,
-        "q_axis_current": 2 + 0 * t, "encoder_position": (100.0 * t) % 360.0, "q_axis_voltage": 1 + 0 * t,
-    }  # fmt: skip
-    written(tmp_path, "log.csv", names, [own.get(n, 0 * t) for n in names], ";", head=f"[motor]\n{MOTOR}")
+        "ms_today": 8e7 + 1e3 * t,
+        "input_voltage": 55.3 + 0 * t,
+        "temp_motor": 26.9 + 0 * t,
+        "q_axis_current": 2 + 0 * t,
+        "encoder_position": (100.0 * t) % 360.0,
+        "q_axis_voltage": 1 + 0 * t,
+    }
+    written(
+        tmp_path,
+        "log.csv",
+        names,
+        [own.get(n, 0 * t) for n in names],
+        ";",
+        head=f"[motor]\n{MOTOR}",
+    )
     lines = (tmp_path / "log.csv").read_text().splitlines()
     (tmp_path / "log.csv").write_text(";\n".join([*lines, ""]))
     source = source_of(tmp_path, preset="vesc")
@@ -110,29 +140,47 @@ def test_vesc(tmp_path):
 
 
 def test_stm32(tmp_path):
-    """Digits of 16 bits: the angle's are known, currents and voltages are scaled by the campaign's own map."""
+    """Digits of 16 bits: the angle's are known, currents and voltages are scaled by the campaign's
+    own map."""
     c = turning()
     digits = np.round(c["theta"] / math.tau * 65536.0 + 32768.0) % 65536.0 - 32768.0
     amps, volts = 8.0 / 32768.0, 400.0 / 32768.0
-    names = ["Time", "hElAngle", "Ialphabeta.alpha", "Ialphabeta.beta", "Valphabeta.alpha", "Valphabeta.beta"]
-    columns = [1e3 * c["t"], digits, *(np.round(c[n] / amps) for n in ("i_alpha", "i_beta")),
-               *(np.round(c[n] / volts) for n in ("u_alpha", "u_beta"))]  # fmt: skip
+    names = [
+        "Time",
+        "hElAngle",
+        "Ialphabeta.alpha",
+        "Ialphabeta.beta",
+        "Valphabeta.alpha",
+        "Valphabeta.beta",
+    ]
+    columns = [
+        1e3 * c["t"],
+        digits,
+        *(np.round(c[n] / amps) for n in ("i_alpha", "i_beta")),
+        *(np.round(c[n] / volts) for n in ("u_alpha", "u_beta")),
+    ]
     mapping = "[columns]\n" + "".join(
         f'{n} = {{column = "{own}", scale = {scale}}}\n'
-        for n, own, scale in (("i_alpha", names[2], amps), ("i_beta", names[3], amps), ("u_alpha", names[4], volts),
-                              ("u_beta", names[5], volts))
-    )  # fmt: skip
+        for n, own, scale in (
+            ("i_alpha", names[2], amps),
+            ("i_beta", names[3], amps),
+            ("u_alpha", names[4], volts),
+            ("u_beta", names[5], volts),
+        )
+    )
     written(tmp_path, "log.csv", names, columns, mapping=mapping)
     found = read_recordings(tmp_path, tmp_path / "map.toml", preset="stm32")
     r, c = found.recordings[0], turning()
     np.testing.assert_allclose(r.i_a, c["i_a"], atol=amps)
     np.testing.assert_allclose(r.u_beta, c["u_beta"], atol=volts)
-    np.testing.assert_allclose(np.diff(r.theta), np.diff(c["theta"]), atol=2e-4)  # two roundings of 2 pi / 65536
+    # two roundings of 2 pi / 65536
+    np.testing.assert_allclose(np.diff(r.theta), np.diff(c["theta"]), atol=2e-4)
     assert any("65536" in f.text for f in found.findings)
 
 
 def test_twincat(tmp_path):
-    """Tabs, decimal commas, a block on the record and one on the channels, a stamp column a channel, EOF."""
+    """Tabs, decimal commas, a block on the record and one on the channels, a stamp column a
+    channel, EOF."""
     c = turning()
     names = ["MAIN.theta", "MAIN.i_a", "MAIN.i_b", "MAIN.u_alpha", "MAIN.u_beta", "MAIN.u_dc"]
     values = [c[n.rpartition(".")[2]] for n in names]
@@ -140,7 +188,12 @@ def test_twincat(tmp_path):
     def pairs(cells):
         return "\t".join(x for pair in cells for x in pair)
 
-    lines = ["Name\tScope01", "File\tX", "StartRecord\t128783093223690000\tThursday", "EndRecord\t128783093339880000"]
+    lines = [
+        "Name\tScope01",
+        "File\tX",
+        "StartRecord\t128783093223690000\tThursday",
+        "EndRecord\t128783093339880000",
+    ]
     for label, own in (
         ("Name", names),
         ("NetId", ["1.1"] * 6),
@@ -151,7 +204,9 @@ def test_twincat(tmp_path):
     for k, t in enumerate(c["t"]):
         lines.append(pairs((f"{1e3 * t:.6g}", f"{v[k]:.12g}") for v in values).replace(".", ","))
     (tmp_path / "scope.csv").write_text("\n".join([*lines, "EOF"]) + "\n")
-    (tmp_path / "campaign.toml").write_text(HEAD + '[[recording]]\nfile = "scope.csv"\nrotor = "free"\n')
+    (tmp_path / "campaign.toml").write_text(
+        HEAD + '[[recording]]\nfile = "scope.csv"\nrotor = "free"\n'
+    )
     check_electrical(read_recordings(tmp_path, preset="twincat"))
 
 
@@ -166,16 +221,27 @@ def test_dspace(tmp_path):
     check_electrical(read_recordings(tmp_path, preset="dspace"))
 
 
-@pytest.mark.parametrize("path", ["{}", '"Model Root"/"Drive"/"{}"/"Out1"', "Model Root/Drive/{}/Out1"])
+@pytest.mark.parametrize(
+    "path", ["{}", '"Model Root"/"Drive"/"{}"/"Out1"', "Model Root/Drive/{}/Out1"]
+)
 def test_dspace_mat(tmp_path, path):
-    """ControlDesk's MAT: one structure called as the measurement, X.Data the stamps, Y(k).Name and Y(k).Data."""
+    """ControlDesk's MAT: one structure called as the measurement, X.Data the stamps, Y(k).Name and
+    Y(k).Data."""
     c = turning()
-    signals = np.empty((1, len(SIGNALS)), dtype=[("Name", object), ("Raster", object), ("Data", object)])
+    signals = np.empty(
+        (1, len(SIGNALS)), dtype=[("Name", object), ("Raster", object), ("Data", object)]
+    )
     for k, n in enumerate(SIGNALS):
         signals[0, k] = (path.format(n), "Periodic Task 1", c[n][None, :])
-    log = {"X": {"Name": "time", "Data": c["t"][None, :]}, "Y": signals, "Description": {"General": "no numbers"}}
+    log = {
+        "X": {"Name": "time", "Data": c["t"][None, :]},
+        "Y": signals,
+        "Description": {"General": "no numbers"},
+    }
     savemat(tmp_path / "log.mat", {"run_001": log})
-    (tmp_path / "campaign.toml").write_text(HEAD + '[[recording]]\nfile = "log.mat"\nrotor = "free"\n')
+    (tmp_path / "campaign.toml").write_text(
+        HEAD + '[[recording]]\nfile = "log.mat"\nrotor = "free"\n'
+    )
     check_electrical(read_recordings(tmp_path, preset="dspace"))
 
 
@@ -190,7 +256,9 @@ def test_every_preset_has_a_test_a_source_and_a_line(capsys):
 
 
 def test_a_preset_alone_is_said_to_name_columns_alone(tmp_path):
-    with pytest.raises(BadInput, match=r"preset 'vesc' names the columns alone: write \[drive\], \[motor\]"):
+    with pytest.raises(
+        BadInput, match=r"preset 'vesc' names the columns alone: write \[drive\], \[motor\]"
+    ):
         source_of(tmp_path, preset="vesc")
     with pytest.raises(BadInput, match="unknown preset 'vesk'; did you mean 'vesc'"):
         source_of(tmp_path, preset="vesk")

@@ -1,7 +1,8 @@
-"""At one constant speed a shift by rows is a turn by an angle: the commoner cause is named; at two speeds the true one.
+"""At one constant speed a shift by rows is a turn by an angle: the commoner cause is named; at two
+speeds the true one.
 
-Closed form: a steady current in the rotor's frame, with ripple of a square wave or without; the commands that make it
-follow from the flux at both ends of each period and the mean of its currents.
+Closed form: a steady current in the rotor's frame, with ripple of a square wave or without; the
+commands that make it follow from the flux at both ends of each period and the mean of its currents.
 """
 
 import dataclasses
@@ -18,7 +19,8 @@ from sandbox.recordings.checks.plausibility import check
 from sandbox.recordings.checks.shifts import Shift, is_turn, moved_back
 
 DRIVE, N = load_drive("ipm_exchanged"), 4000
-ONE, TWO, BOTH = (300.0,), (300.0, 200.0), (300.0, -300.0)  # rad/s electrical, each for the same time
+# rad/s electrical, each for the same time
+ONE, TWO, BOTH = (300.0,), (300.0, 200.0), (300.0, -300.0)
 RIPPLE = [0.0, 0.3]  # of the current
 
 
@@ -30,14 +32,21 @@ def run(speeds, ripple=0.0):
     square = np.where(np.arange(N) % 8 < 4, 1.0, -1.0)
     own = 0.5 * m.rated_current * (-0.5 + 0.8j + ripple * square)
     turn = np.exp(1j * theta)
-    i, flux = own * turn, (m.inductance_d * own.real + 1j * m.inductance_q * own.imag + m.magnet_flux) * turn
+    i, flux = (
+        own * turn,
+        (m.inductance_d * own.real + 1j * m.inductance_q * own.imag + m.magnet_flux) * turn,
+    )
     u = np.diff(flux) / h + 0.5 * m.resistance * (i[1:] + i[:-1])
     noise = c.current_noise * np.random.default_rng(1).standard_normal((3, N))
     phases = [(i * np.exp(-2j * math.pi * k / 3.0)).real + noise[k] for k in range(3)]
     columns = {
-        "t": h * np.arange(N - 1), "u_alpha": u.real, "u_beta": u.imag, "theta": theta[:-1],
-        "u_dc": np.full(N - 1, c.dc_bus_voltage), **{n: x[:-1] for n, x in zip(PHASES, phases, strict=True)},
-    }  # fmt: skip
+        "t": h * np.arange(N - 1),
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "theta": theta[:-1],
+        "u_dc": np.full(N - 1, c.dc_bus_voltage),
+        **{n: x[:-1] for n, x in zip(PHASES, phases, strict=True)},
+    }
     return CampaignRecording("run.csv", "driven", "d", columns)
 
 
@@ -55,7 +64,8 @@ PLANTED = {
     "120 degrees behind": zero(-120.0),
     "60 degrees ahead": zero(62.0),  # beside an encoder's offset, which rows would explain, too
     "counted out of the motor": lambda r: with_columns(r, **{n: -r.columns[n] for n in PHASES}),
-    "out of the motor": lambda r: with_columns(r, **{n: -np.roll(r.columns[n], 1) for n in PHASES}),  # a row late, too
+    # a row late, too
+    "out of the motor": lambda r: with_columns(r, **{n: -np.roll(r.columns[n], 1) for n in PHASES}),
     "phases are swapped": lambda r: with_columns(r, i_a=r.i_b, i_b=r.i_c, i_c=r.i_a),
 }
 
@@ -73,7 +83,9 @@ def test_a_zero_a_sign_and_an_order_are_named_at_one_speed(said, ripple):
         check([PLANTED[said](run(ONE, ripple))], DRIVE)
 
 
-@pytest.mark.parametrize("said", ["60 degrees ahead: map it with offset = -1.0472", "counted out of the motor"])
+@pytest.mark.parametrize(
+    "said", ["60 degrees ahead: map it with offset = -1.0472", "counted out of the motor"]
+)
 @pytest.mark.parametrize("speeds", [TWO, BOTH])
 def test_they_are_named_at_two_speeds(said, speeds):
     with pytest.raises(BadInput, match=said):
@@ -91,10 +103,18 @@ def shifted(r, names, rows):
 @pytest.mark.parametrize("ripple", RIPPLE)
 @pytest.mark.parametrize(
     ("names", "rows"),
-    [(("theta",), 14), (("theta",), -42), (PHASES, 28), (PHASES, -42), (VOLTAGES, 14), (VOLTAGES, -28)],
+    [
+        (("theta",), 14),
+        (("theta",), -42),
+        (PHASES, 28),
+        (PHASES, -42),
+        (VOLTAGES, 14),
+        (VOLTAGES, -28),
+    ],
 )
 def test_rows_are_named_where_speeds_tell_them_from_a_turn(names, rows, ripple):
-    """The rows by which the faster half would be turned by 60, 120 and 180 degrees, the slower by two thirds of it."""
+    """The rows by which the faster half would be turned by 60, 120 and 180 degrees, the slower by
+    two thirds of it."""
     told = f"move {', '.join(names)} {'up' if rows > 0 else 'down'} by {abs(rows)} rows"
     with pytest.raises(BadInput, match=told):
         check([shifted(run(TWO, ripple), names, rows)], DRIVE)

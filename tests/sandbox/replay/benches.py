@@ -11,14 +11,21 @@ from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
 
 DRIVE = load_drive("ipm")
-DRIVE = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=1 << 16))
+DRIVE = dataclasses.replace(
+    DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=1 << 16)
+)
 CASES = (("locked", 0.0), ("driven", 20.0), ("driven", 100.0), ("free", 0.0))
 MOTION = 0.03  # standard deviations: what may be left of a free rotor's innovations without noise
 
 
 def record(effects, rotor, speed=0.0, n=700, load_torque=True, finer=1.0):
-    """Return a recording of the switched bench without noise: voltage, injection, a step of load for a free rotor."""
-    b, period, pairs = quiet(bench(DRIVE.motor, DRIVE.converter, effects)), DRIVE.converter.sampling_period, 6
+    """Return a recording of the switched bench without noise: voltage, injection, a step of load
+    for a free rotor."""
+    b, period, pairs = (
+        quiet(bench(DRIVE.motor, DRIVE.converter, effects)),
+        DRIVE.converter.sampling_period,
+        6,
+    )
     b = b._replace(step=b.step / finer)
     k = np.arange(n)
     theta, middle = (0.3 + pairs * speed * period * (k + x) for x in (0.0, 0.5))
@@ -29,16 +36,30 @@ def record(effects, rotor, speed=0.0, n=700, load_torque=True, finer=1.0):
         u, load = (10.0 + 5.0 * np.sin(k / 50.0)).astype(complex), np.where(k > 300, 0.2, 0.0)
         more = {"theta": 0.3, "load_torque": load}
     r = switched(b, rotor, u.real, u.imag, 400.0, **more)
-    columns = {"t": k * period, "u_alpha": u.real, "u_beta": u.imag, "theta": r["theta"], "u_dc": np.full(n, 400.0)}
-    columns |= {name: r[name] for name in ("i_a", "i_b", "i_c")} | ({"load_torque": load} if load_torque else {})
+    columns = {
+        "t": k * period,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "theta": r["theta"],
+        "u_dc": np.full(n, 400.0),
+    }
+    columns |= {name: r[name] for name in ("i_a", "i_b", "i_c")} | (
+        {"load_torque": load} if load_torque else {}
+    )
     return CampaignRecording(f"{rotor}_{speed:g}.parquet", rotor, "d", columns)
 
 
 def campaign(effects, cases=CASES, **more):
     """Return a campaign of the switched bench."""
-    return Campaign("bench", DRIVE, tuple(record(effects, *c, **more) for c in cases), {}, {}, False)
+    return Campaign(
+        "bench", DRIVE, tuple(record(effects, *c, **more) for c in cases), {}, {}, False
+    )
 
 
 def typical(name):
     """Return an effect at its typical size, without the jitter that no prediction shows."""
-    return {k: v for k, v in library.typical(name, DRIVE.motor, DRIVE.converter).items() if not k.endswith("jitter")}
+    return {
+        k: v
+        for k, v in library.typical(name, DRIVE.motor, DRIVE.converter).items()
+        if not k.endswith("jitter")
+    }

@@ -1,5 +1,5 @@
-"""How readings answer to a map that is off: against replays of the plant with the energy added, which step through
-every pulse; and stretch by stretch against all at once."""
+"""How readings answer to a map that is off: against replays of the plant with the energy added,
+which step through every pulse; and stretch by stretch against all at once."""
 
 import dataclasses
 
@@ -19,24 +19,36 @@ from tests.sandbox.replay.benches import record
 from tests.sandbox.switched.one_cell import one_cell
 
 IPM = load_drive("ipm")
-NUMBERS = {n: getattr(IPM.motor, n) for n in type(IPM.motor).__dataclass_fields__ if not n.startswith("alpha_")}
+NUMBERS = {
+    n: getattr(IPM.motor, n)
+    for n in type(IPM.motor).__dataclass_fields__
+    if not n.startswith("alpha_")
+}
 MAPPED = dataclasses.replace(
-    IPM, motor=MappedMotor(**NUMBERS, map_hash="of the quartic", spline=one_cell(IPM.motor.energy, -0.4, 0.4))
+    IPM,
+    motor=MappedMotor(
+        **NUMBERS, map_hash="of the quartic", spline=one_cell(IPM.motor.energy, -0.4, 0.4)
+    ),
 )
 SIZE = 1e-3  # J of an energy
-# The plant answers within a period and holds each pulse; the columns go from sample to sample, a drop from the mean of
-# both ends: of what a period's share of L/R (0.25 ms of 8.5 ms) moves, a few per cent.
+# The plant answers within a period and holds each pulse; the columns go from sample to sample, a
+# drop from the mean of both ends: of what a period's share of L/R (0.25 ms of 8.5 ms) moves, a few
+# per cent.
 FEW = 0.05
 
 
-@pytest.fixture(scope="module", params=[("locked", 0.0), ("driven", 20.0), ("driven", 100.0)], ids=str)
+@pytest.fixture(
+    scope="module", params=[("locked", 0.0), ("driven", 20.0), ("driven", 100.0)], ids=str
+)
 def prepared(request):
     recorded = (record({}, *request.param),)
     p = prepare(Campaign("own", MAPPED, recorded, {}, {}, False), steps=1)
     basis = Basis(refined(MAPPED.motor.spline, 8, 8))
     (found,) = replay(p, [{}]).currents
     path = rotor_currents(found[:, :, 0], p.recordings[0].motion.angle)
-    psi = np.column_stack([path[:, 0] * NUMBERS["inductance_d"], path[:, 1] * NUMBERS["inductance_q"]])
+    psi = np.column_stack(
+        [path[:, 0] * NUMBERS["inductance_d"], path[:, 1] * NUMBERS["inductance_q"]]
+    )
     there = basis.there(psi)  # of these the four that move the current most
     chosen = there[np.argsort(np.sum(basis.gradients(psi, there) ** 2, axis=(0, 2)))[-4:]]
     sizes = SIZE * np.eye(basis.size)[chosen]
@@ -49,7 +61,8 @@ def test_columns_are_what_replays_of_a_moved_map_differ_by(prepared):
     own = [k for k, c in enumerate(n.coordinates) if c.form == "map"]
     assert [n.coordinates[k].label for k in own] == ["map:1", "map:2", "map:3", "map:4"]
     (segment,), (rows,) = zip(
-        *((s, r) for s, r in zip(n.segments, n.rows, strict=True) if s.channel == "current"), strict=True
+        *((s, r) for s, r in zip(n.segments, n.rows, strict=True) if s.channel == "current"),
+        strict=True,
     )
     (base,) = replay(prepared, [{}]).currents
     for k in own:
@@ -85,7 +98,9 @@ def test_a_moved_map_is_the_points_own(prepared):
     there = point.moved(n.coordinates, x)
     assert there.prepared.map_error.x == pytest.approx(0.3)
     np.testing.assert_array_equal(n.at(there).x, x)
-    assert not np.array_equal(there.prepared.campaign.drive.motor.spline.cells, MAPPED.motor.spline.cells)
+    assert not np.array_equal(
+        there.prepared.campaign.drive.motor.spline.cells, MAPPED.motor.spline.cells
+    )
     back = there.moved(n.coordinates, n.x)
     (a,), (b,) = replay(back.prepared, [{}]).currents, replay(point.prepared, [{}]).currents
     np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-12 * MAPPED.motor.rated_current)

@@ -1,4 +1,5 @@
-"""A part of a recording, replayed from its middle: once states have settled, as in the whole recording."""
+"""A part of a recording, replayed from its middle: once states have settled, as in the whole
+recording."""
 
 import dataclasses
 import math
@@ -13,11 +14,25 @@ from sandbox.replay.replay import ACCURACY, prepare, replay, residuals
 from tests.sandbox.replay.benches import CASES, DRIVE, MOTION, record, typical
 
 PERIOD = DRIVE.converter.sampling_period
-ROWS = math.ceil(SETTLED * max(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q) / DRIVE.motor.resistance / PERIOD)
-FIRST, LAST = 2003, 2500  # of the stretch: the link's ripple (300 Hz, 13.3 samples) is not where it began
+ROWS = math.ceil(
+    SETTLED
+    * max(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q)
+    / DRIVE.motor.resistance
+    / PERIOD
+)
+# of the stretch: the link's ripple (300 Hz, 13.3 samples) is not where it began
+FIRST, LAST = 2003, 2500
 LAGS = {
     k: v
-    for e in ("current_filter", "iron_loss", "skin_effect", "pwm_delay", "dead_time", "current_gain", "dc_link_ripple")
+    for e in (
+        "current_filter",
+        "iron_loss",
+        "skin_effect",
+        "pwm_delay",
+        "dead_time",
+        "current_gain",
+        "dc_link_ripple",
+    )
     for k, v in typical(e).items()
 }
 WRONG = 1.0  # A, of the first reading
@@ -29,7 +44,8 @@ def campaign(case, effects, n=LAST + 100):
 
 
 def of_stretch(prepared, lead, wrong=0.0, values=LAGS, **changed):
-    """Return the residuals of the stretch, with so many rows before it, whose first reading is off."""
+    """Return the residuals of the stretch, with so many rows before it, whose first reading is
+    off."""
     whole = prepared.recordings[0]
     begun = whole.cut(FIRST - lead, FIRST) if lead else None
     own = whole.cut(FIRST, LAST)
@@ -49,11 +65,15 @@ def predicted(prepared, values):
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_wrong_start_is_forgotten_in_the_lead(case):
-    """A first reading off by 1 A: it decays with L/R at the longest, so after SETTLED of them exp(-SETTLED) is left."""
+    """A first reading off by 1 A: it decays with L/R at the longest, so after SETTLED of them
+    exp(-SETTLED) is left."""
     prepared = prepare(campaign(case, LAGS), LAGS)
     (whole,) = residuals(*predicted(prepared, LAGS))
     apart = [
-        np.abs((of_stretch(prepared, lead, WRONG).current - whole.current[FIRST:LAST])[:, :, 0] * prepared.noise_std)
+        np.abs(
+            (of_stretch(prepared, lead, WRONG).current - whole.current[FIRST:LAST])[:, :, 0]
+            * prepared.noise_std
+        )
         for lead in (0, ROWS)
     ]
     print(case, [float(x.max()) for x in apart])
@@ -65,7 +85,10 @@ def test_the_link_s_ripple_goes_on_where_it_was():
     prepared = prepare(campaign(CASES[2], LAGS), LAGS)
     (whole,) = residuals(*predicted(prepared, LAGS))
     there, restarted = (
-        np.abs((of_stretch(prepared, ROWS, **more).current - whole.current[FIRST:LAST])[:, :, 0] * prepared.noise_std)
+        np.abs(
+            (of_stretch(prepared, ROWS, **more).current - whole.current[FIRST:LAST])[:, :, 0]
+            * prepared.noise_std
+        )
         for more in ({}, {"first": 0})
     )
     ripple = library.typical("dc_link_ripple", DRIVE.motor, DRIVE.converter)
@@ -73,12 +96,16 @@ def test_the_link_s_ripple_goes_on_where_it_was():
     assert restarted.max() > 20.0 * there.max()
 
 
-@pytest.mark.parametrize(("case", "effects"), [(CASES[2], LAGS), (CASES[3], typical("shaft_compliance"))])
+@pytest.mark.parametrize(
+    ("case", "effects"), [(CASES[2], LAGS), (CASES[3], typical("shaft_compliance"))]
+)
 def test_stretches_of_a_long_recording_have_its_residuals(case, effects):
-    """Cut by `excerpted`, smoothed and replayed on their own, they stand where the whole recording stands.
+    """Cut by `excerpted`, smoothed and replayed on their own, they stand where the whole recording
+    stands.
 
-    The shaft's swing (90 Hz, damping ratio 0.01) that a stretch does not know of at first falls by exp(-3.5) in the
-    2500 rows of 0.25 ms that lead in; it began with about 2 standard deviations of an innovation.
+    The shaft's swing (90 Hz, damping ratio 0.01) that a stretch does not know of at first falls by
+    exp(-3.5) in the 2500 rows of 0.25 ms that lead in; it began with about 2 standard deviations of
+    an innovation.
     """
     long = campaign(case, effects, 80_000)
     cut = excerpted(long, 60_000)

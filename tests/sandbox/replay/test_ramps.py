@@ -15,8 +15,8 @@ DEVIATION = COUNT / math.sqrt(12.0)
 
 
 def planted(corners, speeds, n=N):
-    """Angle and speed of straight ramps: corners in samples, speeds (rad/s) there; integrated by the trapezoid, which
-    is exact between corners on samples."""
+    """Angle and speed of straight ramps: corners in samples, speeds (rad/s) there; integrated by
+    the trapezoid, which is exact between corners on samples."""
     speed = np.interp(np.arange(n), corners, speeds)
     return np.concatenate([[0.3], 0.3 + np.cumsum(0.5 * (speed[1:] + speed[:-1])) * PERIOD]), speed
 
@@ -26,16 +26,19 @@ def counted(angle):
 
 
 def test_corners_angle_and_speed_of_planted_ramps_are_found():
-    """Bound on the angle: 9 unknowns behind n uniform errors leave DEVIATION sqrt(9/n) rms (linear least squares)."""
+    """Bound on the angle: 9 unknowns behind n uniform errors leave DEVIATION sqrt(9/n) rms (linear
+    least squares)."""
     angle, speed = planted([0, 650, 1130, 1660, N], [0.0, 37.4, 37.4, -56.2, -56.2])
     ramps = ramps_of(counted(angle), PAIRS, COUNT)
     assert ramps.corners * N == pytest.approx([650, 1130, 1660], abs=1.0)
     assert np.sqrt(np.mean((ramps.angle - angle) ** 2)) < 2.0 * DEVIATION * math.sqrt(9.0 / N)
-    assert np.abs(ramps.speed / PERIOD - speed).max() < 0.1  # one sample off a corner: 0.08 and 0.18 rad/s a sample
+    # one sample off a corner: 0.08 and 0.18 rad/s a sample
+    assert np.abs(ramps.speed / PERIOD - speed).max() < 0.1
 
 
 def test_a_steady_speed_has_no_corner_even_where_counts_beat_with_the_sampling():
-    """0.2501 counts a sample: the error of counting is a sawtooth of 2500 samples, nothing independent in it."""
+    """0.2501 counts a sample: the error of counting is a sawtooth of 2500 samples, nothing
+    independent in it."""
     for per_sample in (0.2501, 1.0003, 4.577):
         ramps = ramps_of(counted(0.1 + COUNT * per_sample * np.arange(8000)), PAIRS, COUNT)
         assert len(ramps.corners) == 0
@@ -43,9 +46,10 @@ def test_a_steady_speed_has_no_corner_even_where_counts_beat_with_the_sampling()
 
 @pytest.mark.parametrize("per_sample", [(13.0, -19.5), (-14.5, 21.75), (6.0, 6.25)])
 def test_counts_that_beat_with_the_sampling_bound_the_motion(per_sample):
-    """Steady speeds of simple fractions of counts a sample: their errors of rounding repeat, and least squares leave
-    readings more than half a count off.  The planted motion is within the counts by construction; the centre of all
-    that are lies nearer to it, and the steady speed drifts by far less than a count in the 523 samples it lasts.
+    """Steady speeds of simple fractions of counts a sample: their errors of rounding repeat, and
+    least squares leave readings more than half a count off.  The planted motion is within the
+    counts by construction; the centre of all that are lies nearer to it, and the steady speed
+    drifts by far less than a count in the 523 samples it lasts.
     """
     first, last = (x * COUNT / PERIOD for x in per_sample)
     angle, _ = planted([0, 585, 1108, 1810, N], [0.0, first, first, last, last])
@@ -54,7 +58,9 @@ def test_counts_that_beat_with_the_sampling_bound_the_motion(per_sample):
     fine = within_counts(read, rough, PAIRS, COUNT)
     assert np.abs(read - rough.angle - rough.sine).max() > 0.5 * COUNT
     assert np.abs(read - fine.angle - fine.sine).max() <= HALF * COUNT
-    assert np.sqrt(np.mean((fine.angle - angle) ** 2)) < 0.5 * np.sqrt(np.mean((rough.angle - angle) ** 2))
+    assert np.sqrt(np.mean((fine.angle - angle) ** 2)) < 0.5 * np.sqrt(
+        np.mean((rough.angle - angle) ** 2)
+    )
     assert fine.speed[700:1000] / COUNT == pytest.approx(per_sample[0], abs=0.1 / 523)
 
 
@@ -67,7 +73,8 @@ def test_readings_that_hold_more_than_rounding_keep_least_squares():
 
 
 def test_an_eccentric_encoder_is_left_out_of_the_motion():
-    """A sine of 0.01 rad mechanical, 23 counts' deviations: what is left of it is below two deviations of the fit."""
+    """A sine of 0.01 rad mechanical, 23 counts' deviations: what is left of it is below two
+    deviations of the fit."""
     angle, _ = planted([0, 500, 1500, N], [0.0, 120.0, -80.0, -80.0])
     read = counted(angle + PAIRS * 0.01 * np.sin(angle / PAIRS + 0.4))
     motion = driven_motion(read, PAIRS, PERIOD, COUNT)
@@ -77,15 +84,17 @@ def test_an_eccentric_encoder_is_left_out_of_the_motion():
 
 
 def test_a_corner_that_readings_cannot_show_is_not_made():
-    """A step of acceleration that moves the angle by a tenth of a count's deviation until the end gains nothing:
-    chi^2 = n (0.1)^2 / 5 = 5 (mean square of h^2/2 over half the recording is a fifth of its end's, half the time)."""
+    """A step of acceleration that moves the angle by a tenth of a count's deviation until the end
+    gains nothing: chi^2 = n (0.1)^2 / 5 = 5 (mean square of h^2/2 over half the recording is a
+    fifth of its end's, half the time)."""
     k = np.arange(N)
     angle = 40.0 * PERIOD * k + 0.1 * DEVIATION * np.maximum(0.0, (k - N / 2) / (N / 2)) ** 2
     assert len(ramps_of(counted(angle), PAIRS, COUNT).corners) == 0
 
 
 def test_a_motion_without_corners_is_smoothed():
-    """A speed that swings by sixteen waves has more than the corners looked for: its motion follows within counts."""
+    """A speed that swings by sixteen waves has more than the corners looked for: its motion follows
+    within counts."""
     k = np.arange(N)
     angle = 20.0 * PERIOD * k + 0.2 * np.sin(2.0 * math.pi * 16.0 * k / N)
     motion = driven_motion(counted(angle), PAIRS, PERIOD, COUNT)

@@ -1,8 +1,10 @@
-"""Replay: against the switched bench effect by effect, on recordings of a foreign bench, and its derivatives.
+"""Replay: against the switched bench effect by effect, on recordings of a foreign bench, and its
+derivatives.
 
-Plant and bench are both exact between events, so their difference is of their steps alone: 2e-5 of rated current with
-the steps that `prepare` asks for, less with more (`experiments/plant_against_bench.py` has the table).
-Recordings come from SENSORLESS_RECORDINGS or ../shared/recordings; truths beside the practice campaigns.
+Plant and bench are both exact between events, so their difference is of their steps alone: 2e-5 of
+rated current with the steps that `prepare` asks for, less with more
+(`experiments/plant_against_bench.py` has the table). Recordings come from SENSORLESS_RECORDINGS or
+../shared/recordings; truths beside the practice campaigns.
 """
 
 import dataclasses
@@ -18,7 +20,15 @@ from sandbox.plant import additions as add
 from sandbox.plant.ports import NUMBERS
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
-from sandbox.replay.replay import halving_error, plan, prepare, replay, residuals, run_block, with_steps
+from sandbox.replay.replay import (
+    halving_error,
+    plan,
+    prepare,
+    replay,
+    residuals,
+    run_block,
+    with_steps,
+)
 from sandbox.replay.sensitivity import all_parameters, sensitivities
 from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
@@ -45,12 +55,15 @@ ORDERS = {  # several of each effect at once
 
 
 def gaps(recorded, prepared, values):
-    """Return rms vector difference over rated current per recording, and the largest rms innovation."""
+    """Return rms vector difference over rated current per recording, and the largest rms
+    innovation."""
     p = replay(prepared, [values])
     out = []
     for r, current in zip(recorded.recordings, p.currents, strict=True):
         miss = np.stack([r.i_a, r.i_b, r.i_c], axis=1) - current[:, :, 0]
-        out.append(np.sqrt(np.mean(np.sum(miss[100:] ** 2, axis=1) * 2 / 3)) / DRIVE.motor.rated_current)
+        out.append(
+            np.sqrt(np.mean(np.sum(miss[100:] ** 2, axis=1) * 2 / 3)) / DRIVE.motor.rated_current
+        )
     return np.array(out), max(float(np.sqrt(np.mean(m**2))) for m in p.motion if m is not None)
 
 
@@ -62,11 +75,16 @@ def test_effect_is_that_of_the_switched_bench(name):
     prepared = prepare(recorded, effects)
     current, motion = gaps(recorded, prepared, effects)
     without, still = gaps(recorded, prepared, {})
-    print(f"{name}: {prepared.steps} steps, {np.round(current * 1e6, 1)} ppm of rated current, motion {motion:.4f}")
+    print(
+        f"{name}: {prepared.steps} steps, {np.round(current * 1e6, 1)} ppm of rated "
+        f"current, motion {motion:.4f}"
+    )
     assert prepared.steps == 1
-    if name == "encoder_eccentricity":  # less than a turn: straight pieces stand for its sine, off by their counts
+    if name == "encoder_eccentricity":
+        # less than a turn: straight pieces stand for its sine, off by their counts
         count = 2.0 * np.pi * 6 / DRIVE.converter.encoder_counts
-        slope = DRIVE.motor.magnet_flux / DRIVE.motor.inductance_q / DRIVE.motor.rated_current  # A/rad over A
+        # A/rad over A
+        slope = DRIVE.motor.magnet_flux / DRIVE.motor.inductance_q / DRIVE.motor.rated_current
         assert current[1] < 1.25 * count / np.sqrt(12.0) * slope
         current = np.delete(current, 1)
     assert current.max() < EXACT
@@ -76,8 +94,9 @@ def test_effect_is_that_of_the_switched_bench(name):
 
 
 def test_the_bench_steps_over_no_corner_of_a_leg_s_sign():
-    """Steps end at corners and are short enough to see them: 16 times finer ones change a reading by less than a tenth
-    of EXACT.  One step a segment misses a current that turns back inside it, five times EXACT; straight over, the same.
+    """Steps end at corners and are short enough to see them: 16 times finer ones change a reading
+    by less than a tenth of EXACT.  One step a segment misses a current that turns back inside it,
+    five times EXACT; straight over, the same.
     """
     effects, case = typical("device_drop"), CASES[2]
     own, finer = (record(effects, *case, finer=x) for x in (1.0, 16.0))
@@ -85,19 +104,31 @@ def test_the_bench_steps_over_no_corner_of_a_leg_s_sign():
 
 
 def test_all_effects_together_are_those_of_the_switched_bench():
-    """Several lags, late edges and the kinks of sign(i) in one: the steps' errors add up, and go with finer steps."""
-    effects = {k: v for name in library.effect_names() if name != "cross_saturation" for k, v in typical(name).items()}
+    """Several lags, late edges and the kinks of sign(i) in one: the steps' errors add up, and go
+    with finer steps."""
+    effects = {
+        k: v
+        for name in library.effect_names()
+        if name != "cross_saturation"
+        for k, v in typical(name).items()
+    }
     recorded = campaign(effects)
     coarse, fine = (gaps(recorded, prepare(recorded, effects, steps=n), effects)[0] for n in (1, 8))
     without, _ = gaps(recorded, prepare(recorded, effects, steps=1), {})
-    print(f"all effects: {coarse * 1e6} ppm of rated current with them, with 8 steps {fine * 1e6}; {without} without")
+    print(
+        f"all effects: {coarse * 1e6} ppm of rated current with them, with 8 steps "
+        f"{fine * 1e6}; {without} without"
+    )
     assert coarse.max() < 10.0 * EXACT
     assert fine[[0, 2, 3]].max() < EXACT  # driven below a turn: see encoder_eccentricity
     assert without.min() > 100 * coarse.max()
 
 
 PAIRS = (  # whose effects meet inside the period
-    *(("dead_time", other) for other in ("pwm_delay", "iron_loss", "device_drop", "flux_harmonics", "current_filter")),
+    *(
+        ("dead_time", other)
+        for other in ("pwm_delay", "iron_loss", "device_drop", "flux_harmonics", "current_filter")
+    ),
     *(("iron_loss", other) for other in ("current_sampling", "current_filter")),
     ("pwm_delay", "current_filter"),
 )
@@ -123,7 +154,11 @@ BESIDE = (  # what typical sizes leave out, and where effects meet
     {"dead_time.time": 3e-6, "dead_time.zone_width": 0.5, "dead_time.zone_shape": 1.0},
     {"dc_link_error.sag": 30.0, "iron_loss.core_resistance": 2e3, "current_sampling.delay": 6e-5},
     {"coulomb_friction.stribeck_torque": 0.05},
-    {"coulomb_friction.torque": 0.03, "coulomb_friction.stribeck_torque": 0.05, "coulomb_friction.width": 0.5},
+    {
+        "coulomb_friction.torque": 0.03,
+        "coulomb_friction.stribeck_torque": 0.05,
+        "coulomb_friction.width": 0.5,
+    },
 )
 
 
@@ -133,23 +168,38 @@ def test_sizes_beside_the_typical_ones_are_those_of_the_switched_bench(effects):
     prepared = prepare(recorded, effects, steps=2)
     current, motion = gaps(recorded, prepared, effects)
     without, still = gaps(recorded, prepared, {})
-    print(f"{effects}: {np.round(current * 1e6, 1)} ppm, {np.round(without * 1e6)} without; {motion:.3f}, {still:.3f}")
+    print(
+        f"{effects}: {np.round(current * 1e6, 1)} ppm, {np.round(without * 1e6)} "
+        f"without; {motion:.3f}, {still:.3f}"
+    )
     assert current.max() < EXACT
     assert motion < 0.1  # friction within its width is passed in one sample
     assert without.max() > 30 * EXACT or still > 5 * motion
 
 
 def test_jitter_is_noise_above_the_floor_not_a_prediction():
-    """Locked, constant current along d: what jitter leaves is jitter x R Gamma_dd i, the slope of the zero vector."""
+    """Locked, constant current along d: what jitter leaves is jitter x R Gamma_dd i, the slope of
+    the zero vector."""
     jitter, theta, n, motor = 5e-6, 0.3, 3000, DRIVE.motor
     u = np.full(n, 8.0 * np.exp(1j * theta))
     b = quiet(bench(motor, DRIVE.converter))._replace(jitter=jitter)
     r = switched(b, "locked", u.real.copy(), u.imag.copy(), 400.0, theta=theta, seed=1)
-    columns = {"t": np.arange(n) * DRIVE.converter.sampling_period, "u_alpha": u.real, "u_beta": u.imag}
-    columns |= {"theta": r["theta"], "u_dc": np.full(n, 400.0)} | {x: r[x] for x in ("i_a", "i_b", "i_c")}
-    one = Campaign("c", DRIVE, (CampaignRecording("r.parquet", "locked", "none", columns),), {}, {}, False)
+    columns = {
+        "t": np.arange(n) * DRIVE.converter.sampling_period,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+    }
+    columns |= {"theta": r["theta"], "u_dc": np.full(n, 400.0)} | {
+        x: r[x] for x in ("i_a", "i_b", "i_c")
+    }
+    one = Campaign(
+        "c", DRIVE, (CampaignRecording("r.parquet", "locked", "none", columns),), {}, {}, False
+    )
     prepared = prepare(one, steps=1)
-    plain, with_it = (replay(prepared, [s]).currents[0][:, :, 0] for s in ({}, {"current_sampling.jitter": jitter}))
+    plain, with_it = (
+        replay(prepared, [s]).currents[0][:, :, 0]
+        for s in ({}, {"current_sampling.jitter": jitter})
+    )
     assert np.array_equal(plain, with_it)
     miss = (one.recordings[0].i_a - plain[:, 0])[1000:]
     i = 8.0 / motor.resistance
@@ -160,7 +210,10 @@ def test_jitter_is_noise_above_the_floor_not_a_prediction():
 
 def test_threads_batches_and_neutral_values_change_no_bit():
     prepared = prepare(campaign({}, CASES[1:]), steps=1)
-    sets = [{"stator_resistance.resistance": 12.0 + 0.01 * k, "dead_time.time": 1e-7 * (k % 3)} for k in range(40)]
+    sets = [
+        {"stator_resistance.resistance": 12.0 + 0.01 * k, "dead_time.time": 1e-7 * (k % 3)}
+        for k in range(40)
+    ]
     one, two = replay(prepared, sets), replay(prepared, sets, workers=2)
     for a, b in zip((*one.currents, *one.motion), (*two.currents, *two.motion), strict=True):
         assert (a is b is None) or np.array_equal(a, b)
@@ -173,14 +226,18 @@ def test_threads_batches_and_neutral_values_change_no_bit():
 
 
 def test_a_set_is_the_same_alone_and_beside_others():
-    """Neighbours that need the same give the same bits; others may have the batch stop more often (behind late edges,
-    where lags are on), which moves a set's numbers by what its steps leave, in its own place."""
+    """Neighbours that need the same give the same bits; others may have the batch stop more often
+    (behind late edges, where lags are on), which moves a set's numbers by what its steps leave, in
+    its own place."""
     prepared = prepare(campaign({}), steps=1)
     alone = replay(prepared, [{}, {"dead_time.time": 2e-6}])
     beside = [{}, {"magnet_flux.magnet_flux": 0.09}, {"stator_resistance.resistance": 9.0}]
     for a, b in zip(alone.currents, replay(prepared, beside[::-1]).currents, strict=True):
-        assert np.abs(a[:, :, 0] - b[:, :, 2]).max() < 1e-9  # the block of two runs the code of late edges
-    for a, b in zip(replay(prepared, [{}]).currents, replay(prepared, beside[::-1]).currents, strict=True):
+        # the block of two runs the code of late edges
+        assert np.abs(a[:, :, 0] - b[:, :, 2]).max() < 1e-9
+    for a, b in zip(
+        replay(prepared, [{}]).currents, replay(prepared, beside[::-1]).currents, strict=True
+    ):
         assert np.array_equal(a[:, :, 0], b[:, :, 2])
     many = [typical(name) for name in library.effect_names()] + [{}]
     assert len(plan(prepared, many)) > 1
@@ -194,8 +251,8 @@ def test_a_set_is_the_same_alone_and_beside_others():
 
 
 def test_one_step_a_period_is_far_below_the_noise_and_halving_gains_a_square_or_more():
-    """Edges make most segments shorter than half a period, so that the first halving leaves them as they are; the
-    order itself is measured in tests/sandbox/plant/test_order.py."""
+    """Edges make most segments shorter than half a period, so that the first halving leaves them as
+    they are; the order itself is measured in tests/sandbox/plant/test_order.py."""
     prepared = prepare(campaign({}))
     assert prepared.steps == 1
     halved = [max(halving_error(with_steps(prepared, n))) for n in (1, 2, 4)]
@@ -206,16 +263,25 @@ def test_one_step_a_period_is_far_below_the_noise_and_halving_gains_a_square_or_
 
 
 def test_sensitivities_against_richardson():
-    """Central differences of two widths, extrapolated, on one driven and one free recording, every effect on.
+    """Central differences of two widths, extrapolated, on one driven and one free recording, every
+    effect on.
 
     Dead time's zone as a hyperbolic tangent: no corner that a difference could lie across.
     """
-    effects = {k: v for name in library.effect_names() if name != "cross_saturation" for k, v in typical(name).items()}
+    effects = {
+        k: v
+        for name in library.effect_names()
+        if name != "cross_saturation"
+        for k, v in typical(name).items()
+    }
     effects["dead_time.zone_shape"] = 1.0
     prepared = prepare(campaign({}, CASES[1:], n=300), effects, steps=1)
     names = [n for n in all_parameters() if n not in ("bench.lock_angle",)]
     found = sensitivities(prepared, names, effects)
-    wide, narrow = ([sensitivities(prepared, names, effects, share=s * h) for s in (1, -1)] for h in (2e-3, 1e-3))
+    wide, narrow = (
+        [sensitivities(prepared, names, effects, share=s * h) for s in (1, -1)]
+        for h in (2e-3, 1e-3)
+    )
     worst = {}
     for k, name in enumerate(names):
         a, exact = [], []
@@ -223,15 +289,20 @@ def test_sensitivities_against_richardson():
             for r in range(3):
                 if getattr(found, kind)[r] is None:
                     continue
-                w, n = (0.5 * (getattr(x[0], kind)[r] + getattr(x[1], kind)[r]) for x in (wide, narrow))
+                w, n = (
+                    0.5 * (getattr(x[0], kind)[r] + getattr(x[1], kind)[r]) for x in (wide, narrow)
+                )
                 a.append(getattr(found, kind)[r][..., k].ravel())
                 exact.append(((4.0 * n - w) / 3.0)[..., k].ravel())
         x, y = np.concatenate(a), np.concatenate(exact)
         if name != "shaft_compliance.stiffness":  # a secant
-            worst[name] = np.linalg.norm(x - y) / max(np.linalg.norm(y), 1e-300) if np.any(y) else 0.0
+            worst[name] = (
+                np.linalg.norm(x - y) / max(np.linalg.norm(y), 1e-300) if np.any(y) else 0.0
+            )
         assert np.any(y) or not np.any(x), name
     print({k: float(f"{v:.1e}") for k, v in sorted(worst.items(), key=lambda i: -i[1])[:8]})
-    assert max(worst.values()) < 1e-3  # steps of 1e-4 of the typical size, curvature of up to ten times the slope
+    # steps of 1e-4 of the typical size, curvature of up to ten times the slope
+    assert max(worst.values()) < 1e-3
     assert np.median(list(worst.values())) < 1e-4
 
 
@@ -243,7 +314,9 @@ def test_sensitivity_coordinates_and_companions():
     assert s.base["cogging_torque.order_mech"] == 36.0
     assert s.base["cogging_torque.amplitude"] == 0.0
     k = s.names.index("current_offset.offset_a")
-    assert s.currents[0][:, :, k] == pytest.approx(np.broadcast_to([1.0, 0.0, -1.0], (300, 3)), abs=1e-6)
+    assert s.currents[0][:, :, k] == pytest.approx(
+        np.broadcast_to([1.0, 0.0, -1.0], (300, 3)), abs=1e-6
+    )
     k = s.names.index("encoder_eccentricity.amplitude_mech")
     assert np.any(s.currents[2][:, :, k])
     assert np.any(s.motion[2][:, k])
@@ -281,29 +354,41 @@ def test_bad_input_is_named():
     with pytest.raises(BadInput, match="u_dc"):
         prepare(dataclasses.replace(recorded, recordings=(dead,)))
     silent = dataclasses.replace(
-        DRIVE, converter=dataclasses.replace(DRIVE.converter, current_noise=0.0, current_resolution=0.0)
+        DRIVE,
+        converter=dataclasses.replace(DRIVE.converter, current_noise=0.0, current_resolution=0.0),
     )
     with pytest.raises(BadInput, match="current_noise"):
         prepare(dataclasses.replace(recorded, drive=silent))
 
 
 def test_features_and_rows():
-    """All that the plant runs on is finite; of effects' own numbers a stiffness may be infinite, as the cards say."""
+    """All that the plant runs on is finite; of effects' own numbers a stiffness may be infinite, as
+    the cards say."""
     converter, motor = DRIVE.converter, DRIVE.motor
-    assert features_of(motor, complete(motor, converter)) == add.RUB  # the motor's own viscous friction
+    # the motor's own viscous friction
+    assert features_of(motor, complete(motor, converter)) == add.RUB
     for name in library.effect_names():
         batch = batch_of(motor, converter, [complete(motor, converter, typical(name))], 1)
-        assert all(np.all(np.isfinite(batch[row])) for row in batch.dtype.names if row not in NUMBERS), name
+        assert all(
+            np.all(np.isfinite(batch[row])) for row in batch.dtype.names if row not in NUMBERS
+        ), name
 
 
 # ---- recordings of a foreign bench ----
 
-SOFT = {6: 0.018, 3: 0.09}  # A by pole pairs: 1.5 % of rated current, which campaign.toml does not tell
-TRUE = {"R": "stator_resistance.resistance", "phim": "magnet_flux.magnet_flux", "J": "inertia.inertia"}
+# A by pole pairs: 1.5 % of rated current, which campaign.toml does not tell
+SOFT = {6: 0.018, 3: 0.09}
+TRUE = {
+    "R": "stator_resistance.resistance",
+    "phim": "magnet_flux.magnet_flux",
+    "J": "inertia.inertia",
+}
 TRUE |= {"B": "viscous_friction.coefficient"} | {
     f"a{n}": f"saturation.alpha_{n}" for n in ("30", "12", "40", "22", "04")
 }
-ORDINARY = {f"current_gain.gain_{x}": 1e-3 for x in "abc"} | {f"current_offset.offset_{x}": 1e-3 for x in "ab"}
+ORDINARY = {f"current_gain.gain_{x}": 1e-3 for x in "abc"} | {
+    f"current_offset.offset_{x}": 1e-3 for x in "ab"
+}
 ORDINARY |= {"encoder_offset.offset": 1e-3, "bench.lock_angle": 1e-3, "dead_time.time": 2e-8}
 ORDINARY |= {"bench.load_torque_offset": 1e-3, "bench.common_offset": 1e-3}
 
@@ -314,8 +399,12 @@ def practice(name):
     recorded = read_campaign(folder / name)
     truth = tomllib.loads((folder / f"{name}.truth.toml").read_text())
     motor, true = recorded.drive.motor, truth["true_motor"]
-    values = {TRUE[k]: v for k, v in true.items() if k in TRUE} | {"bench.soft_current": SOFT[motor.pole_pairs]}
-    values |= {f"inductance.scale_{x}": true[f"L{x}"] / getattr(motor, f"inductance_{x}") for x in "dq"}
+    values = {TRUE[k]: v for k, v in true.items() if k in TRUE} | {
+        "bench.soft_current": SOFT[motor.pole_pairs]
+    }
+    values |= {
+        f"inductance.scale_{x}": true[f"L{x}"] / getattr(motor, f"inductance_{x}") for x in "dq"
+    }
     for effect in truth["effects"]:
         if effect != "cross_saturation":  # the alphas, among the true motor's
             values |= {f"{effect}.{k}": v for k, v in truth[effect].items()}
@@ -324,30 +413,40 @@ def practice(name):
 
 def rms(found):
     """Return rms over the floor per recording of current and of motion (0 where there is none)."""
-    moved = [0.0 if r.motion is None else float(np.sqrt(np.mean(r.motion[:, 0] ** 2))) for r in found]
+    moved = [
+        0.0 if r.motion is None else float(np.sqrt(np.mean(r.motion[:, 0] ** 2))) for r in found
+    ]
     return np.array([r.rms()[0] for r in found]), np.array(moved)
 
 
 def fitted(recorded, values, rounds):
-    """Return the set with its ordinary deviations fitted (linear steps), and the residuals there."""
+    """Return the set with its ordinary deviations fitted (linear steps), and the residuals
+    there."""
     own = complete(recorded.drive.motor, recorded.drive.converter, values)
     values = {**values, **{k: own[k] for k in ORDINARY}}
     for _ in range(rounds):
         prepared = prepare(recorded, values, steps=1)
         found = residuals(
-            prepared, replay(prepared, [values, *({**values, k: values[k] + h} for k, h in ORDINARY.items())])
+            prepared,
+            replay(
+                prepared, [values, *({**values, k: values[k] + h} for k, h in ORDINARY.items())]
+            ),
         )
         rows = [r.current.reshape(-1, 1 + len(ORDINARY)) for r in found] + [
             r.motion for r in found if r.motion is not None
         ]
         y = np.concatenate(rows)
         step = np.linalg.lstsq(y[:, 1:] - y[:, :1], -y[:, 0], rcond=None)[0]
-        values = {**values, **{k: values[k] + x * h for x, (k, h) in zip(step, ORDINARY.items(), strict=True)}}
+        values = {
+            **values,
+            **{k: values[k] + x * h for x, (k, h) in zip(step, ORDINARY.items(), strict=True)},
+        }
     return values, residuals(prepared, replay(prepared, [values]))
 
 
 def test_p01_is_met_to_its_noise_floor():
-    """No effect, no deviation, nothing fitted: every recording at the stated noise, and the free rotor's motion too."""
+    """No effect, no deviation, nothing fitted: every recording at the stated noise, and the free
+    rotor's motion too."""
     recorded = read_campaign(recordings_folder() / "practice" / "p01")
     prepared = prepare(recorded)
     assert prepared.steps == 1
@@ -358,13 +457,16 @@ def test_p01_is_met_to_its_noise_floor():
         print(f"{r.file:28s} {r.rotor:7s} current {c:.3f}  motion {m:.3f}")
     assert current == pytest.approx(1.0, abs=0.03)
     assert motion[motion > 0.0] == pytest.approx(1.0, abs=0.08)
-    assert [np.sqrt(np.mean(r.angle**2)) for r in found if r.angle is not None] == pytest.approx([1.0] * 3, abs=0.05)
+    assert [np.sqrt(np.mean(r.angle**2)) for r in found if r.angle is not None] == pytest.approx(
+        [1.0] * 3, abs=0.05
+    )
 
 
 @pytest.mark.parametrize("name", [f"p{k:02d}" for k in range(2, 13)])
 def test_true_effect_brings_the_residual_to_the_noise_floor(name):
     recorded, values, effects = practice(name)
-    _, found = fitted(recorded, values, rounds=1)  # they are nearly linear: a second step changes rms by 2e-4 (p05)
+    # they are nearly linear: a second step changes rms by 2e-4 (p05)
+    _, found = fitted(recorded, values, rounds=1)
     current, motion = rms(found)
     print(name, effects, "current", np.round(current, 3), "motion", np.round(motion[motion > 0], 3))
     assert np.sqrt(np.mean(current**2)) < 1.03
@@ -373,9 +475,12 @@ def test_true_effect_brings_the_residual_to_the_noise_floor(name):
 
 
 def test_a_fit_finds_dead_time_from_sensitivities():
-    """p02 without its effect: linear steps of the ordinary deviations, residual dead time too, find the truth."""
+    """p02 without its effect: linear steps of the ordinary deviations, residual dead time too, find
+    the truth."""
     recorded, values, _ = practice("p02")
-    found, _ = fitted(recorded, {k: v for k, v in values.items() if not k.startswith("dead_time")}, rounds=4)
+    found, _ = fitted(
+        recorded, {k: v for k, v in values.items() if not k.startswith("dead_time")}, rounds=4
+    )
     assert found["dead_time.time"] == pytest.approx(values["dead_time.time"], abs=2e-8)
 
 

@@ -1,4 +1,5 @@
-"""Filters, late pulses and one period's ripple: replay against the switched bench at 4 and 8 kHz."""
+"""Filters, late pulses and one period's ripple: replay against the switched bench at 4 and 8
+kHz."""
 
 import dataclasses
 
@@ -17,7 +18,8 @@ EXACT = 2e-5  # of rated current
 
 
 def remainder(effects, period=2.5e-4, size=70.0, speed=SPEED, of=None):
-    """Return the rms difference of currents from the switched bench over rated current; 0.15 s at imposed speed."""
+    """Return the rms difference of currents from the switched bench over rated current; 0.15 s at
+    imposed speed."""
     converter = dataclasses.replace(
         DRIVE.converter, sampling_period=period, pwm_frequency=1.0 / period, encoder_counts=1 << 20
     )
@@ -27,7 +29,13 @@ def remainder(effects, period=2.5e-4, size=70.0, speed=SPEED, of=None):
     wave = 30.0 * np.where(k * period % 2e-3 < 1e-3, 1, -1)
     u = (size * np.exp(1.6j) + wave) * np.exp(1j * middle)
     r = switched(
-        quiet(bench(drive.motor, converter, effects)), "driven", u.real, u.imag, 400.0, theta=theta, speed=speed
+        quiet(bench(drive.motor, converter, effects)),
+        "driven",
+        u.real,
+        u.imag,
+        400.0,
+        theta=theta,
+        speed=speed,
     )
     columns = {
         "t": k * period,
@@ -41,11 +49,15 @@ def remainder(effects, period=2.5e-4, size=70.0, speed=SPEED, of=None):
     prepared = prepare(Campaign("bench", drive, (recording,), {}, {}, False), effects, steps=1)
     predicted = replay(prepared, [effects if of is None else of]).currents[0][:, :, 0]
     miss = np.stack([recording.i_a, recording.i_b, recording.i_c], axis=1) - predicted
-    return float(np.sqrt(np.mean(np.sum(miss[len(k) // 7 :] ** 2, axis=1) * 2.0 / 3.0))) / drive.motor.rated_current
+    return (
+        float(np.sqrt(np.mean(np.sum(miss[len(k) // 7 :] ** 2, axis=1) * 2.0 / 3.0)))
+        / drive.motor.rated_current
+    )
 
 
 def test_without_effects_halving_the_period_gains_two_to_the_third():
-    """Of third order but for inductances of the period's start; encoder counts take a little of a factor of eight."""
+    """Of third order but for inductances of the period's start; encoder counts take a little of a
+    factor of eight."""
     whole, half = remainder({}), remainder({}, 1.25e-4)
     print(f"remainder {whole:.2e} at 4 kHz, {half:.2e} at 8 kHz")
     assert whole < EXACT
@@ -54,7 +66,8 @@ def test_without_effects_halving_the_period_gains_two_to_the_third():
 
 @pytest.mark.parametrize("delay", [6e-5, 9e-5])
 def test_edges_see_what_late_pulses_of_the_last_period_still_bring(delay):
-    """Nearly no current, pulses later than the zero vector (45 us): the sign at the edge needs the flux on its way."""
+    """Nearly no current, pulses later than the zero vector (45 us): the sign at the edge needs the
+    flux on its way."""
     back = DRIVE.motor.magnet_flux * DRIVE.motor.pole_pairs * SPEED
     late = {"pwm_delay.delay": delay}
     together = {"dead_time.time": 3e-8, **late}
@@ -65,7 +78,8 @@ def test_edges_see_what_late_pulses_of_the_last_period_still_bring(delay):
 
 
 def test_a_short_filter_beside_early_sampling_changes_little():
-    """A trace of a filter of tau moves the reading by tau times the slope, however early the sample is."""
+    """A trace of a filter of tau moves the reading by tau times the slope, however early the sample
+    is."""
     early = {"current_sampling.delay": -5e-6}
     beside = {**early, "current_filter.time_constant": 1e-8}
     assert remainder(beside, of=early) < EXACT + 2.0 * 1e-8 * 700.0 / DRIVE.motor.rated_current

@@ -35,20 +35,33 @@ EFFECTS = {
 
 
 def slow_log(effects, rotor, way, speed=60.0):
-    """Return a log of the switched bench whose commands are held for a row, or go straight in the rotor's frame."""
+    """Return a log of the switched bench whose commands are held for a row, or go straight in the
+    rotor's frame."""
     b, n = quiet(bench(DRIVE.motor, FAST, effects)), HELD * ROWS
     k = np.arange(n)
     turning = speed if rotor == "driven" else 0.0
     theta, row = 0.3 + PAIRS * turning * FAST.sampling_period * k, k // HELD
-    size = np.interp(k / HELD, np.arange(ROWS), 12.0 + 6.0 * turning * 0.1 + 4.0 * np.sin(np.arange(ROWS) / 6.0))
+    size = np.interp(
+        k / HELD, np.arange(ROWS), 12.0 + 6.0 * turning * 0.1 + 4.0 * np.sin(np.arange(ROWS) / 6.0)
+    )
     u = size * np.exp(1j * (theta + 1.6))
     if way == "held":
         u = u[HELD * row]
-    more = {"theta": theta, "speed": np.full(n, turning)} if rotor != "free" else {"theta": 0.3, "load_torque": 0.0 * k}
+    more = (
+        {"theta": theta, "speed": np.full(n, turning)}
+        if rotor != "free"
+        else {"theta": 0.3, "load_torque": 0.0 * k}
+    )
     r = switched(b, rotor, u.real, u.imag, 400.0, **more)
     own = slice(None, None, HELD)
-    columns = {"t": SLOW.sampling_period * np.arange(ROWS), "u_alpha": u.real[own], "u_beta": u.imag[own]}
-    columns |= {name: r[name][own] for name in ("theta", "i_a", "i_b", "i_c")} | {"u_dc": np.full(ROWS, 400.0)}
+    columns = {
+        "t": SLOW.sampling_period * np.arange(ROWS),
+        "u_alpha": u.real[own],
+        "u_beta": u.imag[own],
+    }
+    columns |= {name: r[name][own] for name in ("theta", "i_a", "i_b", "i_c")} | {
+        "u_dc": np.full(ROWS, 400.0)
+    }
     if rotor == "free":
         columns["load_torque"] = np.zeros(ROWS)
     one = CampaignRecording("log.csv", rotor, "none", columns)
@@ -60,14 +73,19 @@ def slow_log(effects, rotor, way, speed=60.0):
 @pytest.mark.parametrize("rotor", ["locked", "driven", "free"])
 @pytest.mark.parametrize("way", ["held", "interpolated"])
 def test_replay_is_the_bench_that_runs_every_period(name, rotor, way):
-    """The last row of interpolated commands is no longer followed by one, so it is left out.  A free rotor's angle is
-    known between rows as well as a count is: as much flux over inductance may be left, by chance."""
+    """The last row of interpolated commands is no longer followed by one, so it is left out.  A
+    free rotor's angle is known between rows as well as a count is: as much flux over inductance may
+    be left, by
+    chance."""
     got = stated(slow_log(EFFECTS[name], rotor, way), way)
     found = replay(prepare(got, EFFECTS[name]), [EFFECTS[name]])
     (own,), (moved,) = found.currents, found.motion
     r = got.recordings[0]
     miss = np.stack([r.i_a, r.i_b, r.i_c], axis=1) - own[:, :, 0]
-    print(np.abs(miss[:-1]).max() / DRIVE.motor.rated_current, None if moved is None else np.abs(moved).max())
+    print(
+        np.abs(miss[:-1]).max() / DRIVE.motor.rated_current,
+        None if moved is None else np.abs(moved).max(),
+    )
     allowed = (COUNTED if rotor == "free" else EXACT) * DRIVE.motor.rated_current
     assert np.sqrt(np.mean(np.sum(miss[10:-1] ** 2, axis=1) * 2 / 3)) < allowed
     assert moved is None or np.sqrt(np.mean(moved[:-1] ** 2)) < MOTION
@@ -76,8 +94,8 @@ def test_replay_is_the_bench_that_runs_every_period(name, rotor, way):
 @pytest.mark.parametrize("rotor", ["locked", "driven", "free"])
 @pytest.mark.parametrize("way", ["held", "interpolated"])
 def test_recordings_show_what_commands_do_between_rows(rotor, way):
-    """Beside errors of the nominal model, or nothing tells: a free rotor hardly turns here, and with 2 us of dead time
-    legs lose 12.8 V, as much as a locked rotor is given."""
+    """Beside errors of the nominal model, or nothing tells: a free rotor hardly turns here, and
+    with 2 us of dead time legs lose 12.8 V, as much as a locked rotor is given."""
     for name in EFFECTS:
         assert told_way(slow_log(EFFECTS[name], rotor, way)) == (
             way if rotor != "free" and name != "dead_time" else "nothing"
@@ -98,9 +116,12 @@ def test_dead_time_is_not_taken_for_held_commands(way):
 
 
 def told_way(told):
-    """Return what a campaign's finding says of its commands: "held", "interpolated" or "nothing"."""
+    """Return what a campaign's finding says of its commands: "held", "interpolated" or
+    "nothing"."""
     text = told.findings[0].text
-    assert told.drive.converter.between_rows == ("held" if "commands held" in text else "interpolated")
+    assert told.drive.converter.between_rows == (
+        "held" if "commands held" in text else "interpolated"
+    )
     if "nothing in the recordings tells" in text:
         assert told.drive.converter.between_rows == "held"
         return "nothing"
@@ -118,7 +139,8 @@ def test_more_recordings_of_a_gap_are_no_surer():
 
 @pytest.mark.parametrize("kept", [0.0, 0.9])
 def test_deviation_of_a_fitted_shape_is_that_of_drawn_misfits(kept):
-    """A slow wave beside white noise, and noise of which 0.9 stays from one window to the next: 2000 draws."""
+    """A slow wave beside white noise, and noise of which 0.9 stays from one window to the next:
+    2000 draws."""
     rng, n, sizes, found = np.random.default_rng(2), 60, [], []
     shape = np.exp(2j * np.pi * np.arange(n) / 40.0)
     for _ in range(2000):
@@ -127,7 +149,9 @@ def test_deviation_of_a_fitted_shape_is_that_of_drawn_misfits(kept):
             x[k] += kept * x[k - 1]
         x = x[50:]
         sizes.append(np.vdot(shape, x) / n)  # of the real and of the imaginary shape
-        found.append(_deviation(np.concatenate([shape.real, shape.imag]), np.concatenate([x.real, x.imag])))
+        found.append(
+            _deviation(np.concatenate([shape.real, shape.imag]), np.concatenate([x.real, x.imag]))
+        )
     most = np.sqrt(np.mean(np.abs(sizes) ** 2))  # both parts at once, as where phases agree
     assert np.sqrt(np.mean(np.square(found))) == pytest.approx(most, rel=0.1)
 
@@ -135,7 +159,9 @@ def test_deviation_of_a_fitted_shape_is_that_of_drawn_misfits(kept):
 def test_injection_between_rows_is_refused():
     found = slow_log({}, "locked", "held")
     own = dataclasses.replace(found.recordings[0], injection_axis="d")
-    with pytest.raises(BadInput, match=r"injection of 500 Hz needs .* log every PWM period while injecting"):
+    with pytest.raises(
+        BadInput, match=r"injection of 500 Hz needs .* log every PWM period while injecting"
+    ):
         with_slow_rows(dataclasses.replace(found, recordings=(own,)))
 
 
@@ -153,11 +179,17 @@ def test_one_row_a_period_is_so_to_1e_6():
 
 
 def test_a_simulated_drive_samples_in_every_period():
-    """A slow log's rows are no control periods: what runs a drive says so, and which sampling period is right."""
+    """A slow log's rows are no control periods: what runs a drive says so, and which sampling
+    period is right."""
     slow = dataclasses.replace(DRIVE, converter=SLOW)
-    for run in (sandbox.simulate, sandbox.export_drive, lambda drive: sandbox.export_estimator("qnull", drive)):
+    for run in (
+        sandbox.simulate,
+        sandbox.export_drive,
+        lambda drive: sandbox.export_estimator("qnull", drive),
+    ):
         with pytest.raises(
-            BadInput, match=r"16000 Hz is 16 times 1 / sampling_period.* give sampling_period = 6.25e-05"
+            BadInput,
+            match=r"16000 Hz is 16 times 1 / sampling_period.* give sampling_period = 6.25e-05",
         ):
             run(slow)
 
@@ -193,19 +225,32 @@ def turning_log(voltage, drive):
     theta = 360.0 * t
     u, i = 1j * voltage * np.exp(1j * theta), 0.3j * np.exp(1j * theta)
     phases = {f"i_{x}": (i * np.exp(-2j * np.pi / 3.0 * k)).real for k, x in enumerate("abc")}
-    columns = {"t": t, "u_alpha": u.real, "u_beta": u.imag, "theta": theta, "u_dc": np.full(n, 400.0), **phases}
+    columns = {
+        "t": t,
+        "u_alpha": u.real,
+        "u_beta": u.imag,
+        "theta": theta,
+        "u_dc": np.full(n, 400.0),
+        **phases,
+    }
     return CampaignRecording("log.csv", "driven", "none", columns)
 
 
 def test_a_log_is_cut_where_commands_jump_between_rows():
-    """Two steps of 20 V: three parts; the first rows of the latter two, three times L/R, let currents settle."""
+    """Two steps of 20 V: three parts; the first rows of the latter two, three times L/R, let
+    currents settle."""
     drive = stated(
-        Campaign("slow", dataclasses.replace(DRIVE, converter=SLOW), (), {}, {}, False), "interpolated"
+        Campaign("slow", dataclasses.replace(DRIVE, converter=SLOW), (), {}, {}, False),
+        "interpolated",
     ).drive
     k = np.arange(300)
-    r = turning_log(30.0 + np.where((k >= 100) & (k < 200), 20.0, 0.0) + 0.01 * np.cos(1.7 * k), drive)
+    r = turning_log(
+        30.0 + np.where((k >= 100) & (k < 200), 20.0, 0.0) + 0.01 * np.cos(1.7 * k), drive
+    )
     parts, (finding,) = without_jumps(r, drive)
-    settle = int(np.ceil(3.0 * DRIVE.motor.inductance_d / DRIVE.motor.resistance / SLOW.sampling_period))
+    settle = int(
+        np.ceil(3.0 * DRIVE.motor.inductance_d / DRIVE.motor.resistance / SLOW.sampling_period)
+    )
     assert [(p.file, p.of, len(p.t), len(p.settling.get("t", ()))) for p in parts] == [
         ("log-1.csv", "log.csv", 100, 0),
         ("log-2.csv", "log.csv", 100 - settle, settle),
@@ -215,14 +260,17 @@ def test_a_log_is_cut_where_commands_jump_between_rows():
     assert np.array_equal(parts[1].with_settling().theta, r.theta[100:200])
     assert "jumps between two rows (2 times, by 20 V after row" in finding.text
     assert (
-        without_jumps(turning_log(30.0 + 20.0 * k / 300.0 + 0.01 * np.cos(1.7 * k), drive), drive)[0][0].file
+        without_jumps(turning_log(30.0 + 20.0 * k / 300.0 + 0.01 * np.cos(1.7 * k), drive), drive)[
+            0
+        ][0].file
         == "log.csv"
     )
 
 
 @pytest.mark.parametrize("decay", [None, 2.0])
 def test_what_scattering_commands_leave_open_counts_as_noise(decay):
-    """White commands of 1 V: the error of a mean of both ends, gathered by R and L row by row; decay: R T / L_d."""
+    """White commands of 1 V: the error of a mean of both ends, gathered by R and L row by row;
+    decay: R T / L_d."""
     rng = np.random.default_rng(1)
     n, h, m = 4000, SLOW.sampling_period, DRIVE.motor
     m = m if decay is None else dataclasses.replace(m, resistance=decay * m.inductance_d / h)
@@ -239,7 +287,8 @@ def test_what_scattering_commands_leave_open_counts_as_noise(decay):
             x.append(i)
         squares.append(np.mean(np.square(x[200:])))
     found = with_slow_rows(stated(Campaign("slow", drive, (r,), {}, {}, False), "interpolated"))
-    assert found.unseen == pytest.approx(np.sqrt(np.mean(squares)), rel=0.1)  # 4000 rows, some 500 of them independent
+    # 4000 rows, some 500 of them independent
+    assert found.unseen == pytest.approx(np.sqrt(np.mean(squares)), rel=0.1)
     assert f"leaves currents open by {found.unseen:.3g} A rms" in found.findings[-1].text
 
 

@@ -1,4 +1,5 @@
-"""Plans of sweeps: which run has which values, what is refused at the door, what a folder's key hangs on."""
+"""Plans of sweeps: which run has which values, what is refused at the door, what a folder's key
+hangs on."""
 
 import math
 from collections import Counter
@@ -10,7 +11,16 @@ from model.drive_files import MOTORS
 from model.errors import BadInput
 from sandbox.drive.scenario import load_scenario
 from sandbox.sweep.keys import keys
-from sandbox.sweep.plan import Draw, digest_of, label, read_sweep, scene_of, shares_of, sweep_of, tables_of
+from sandbox.sweep.plan import (
+    Draw,
+    digest_of,
+    label,
+    read_sweep,
+    scene_of,
+    shares_of,
+    sweep_of,
+    tables_of,
+)
 from sandbox.sweep.sweep import check_size
 
 
@@ -18,14 +28,18 @@ def test_the_last_key_of_the_grid_runs_fastest():
     plan = sweep_of(
         {
             "run": {"estimator": "ekf"},
-            "grid": {"belief": ["linear", "saturated"], "scenario_factor": {"load": [0.5, 1.0, 1.5]}},
+            "grid": {
+                "belief": ["linear", "saturated"],
+                "scenario_factor": {"load": [0.5, 1.0, 1.5]},
+            },
             "random": {"points": 4, "draw": {"seed": {"integers": [0, 9]}}},
         }
     )
     assert (plan.cells, plan.points, plan.runs) == (6, 4, 24)  # 2 x 3; 4 times that
     order = [(c["belief"], c["scenario_factor.load"]) for c in map(plan.case, range(6))]
     assert order == [(b, x) for b in ("linear", "saturated") for x in (0.5, 1.0, 1.5)]
-    assert len({plan.case(n)["seed"] for n in range(6)}) == 1  # runs of one point share what is drawn
+    # runs of one point share what is drawn
+    assert len({plan.case(n)["seed"] for n in range(6)}) == 1
     assert plan.case(23)["estimator"] == "ekf"
     assert plan.case(0)["motor"] == "ipm_exchanged"
 
@@ -36,13 +50,15 @@ def test_draws_by_their_definitions():
     assert [Draw("integers", 3, 5).at(u) for u in (0.0, 0.5, 0.999)] == [3, 4, 5]
     normal = Draw("normal", 1.0, 0.1)
     assert normal.at(0.5) == pytest.approx(1.0)
-    assert normal.at(0.8413447) == pytest.approx(1.1, abs=1e-4)  # one sigma; what is cut off moves it by 3e-5
+    # one sigma; what is cut off moves it by 3e-5
+    assert normal.at(0.8413447) == pytest.approx(1.1, abs=1e-4)
     assert normal.at(0.0) == pytest.approx(0.6)  # four sigma
 
 
 @pytest.mark.parametrize("design", ["sobol", "latin_hypercube"])
 def test_designs_fill_every_slice_once(design):
-    """16 points of either design have one in each sixteenth of every axis; 16 independent ones hardly ever do."""
+    """16 points of either design have one in each sixteenth of every axis; 16 independent ones
+    hardly ever do."""
     shares = shares_of(design, 16, 5, 3)
     assert all(sorted(np.floor(16 * x)) == list(range(16)) for x in shares.T)
     assert np.array_equal(shares, shares_of(design, 16, 5, 3))
@@ -70,13 +86,17 @@ BAD = {
     "out of range; give a number in \\[0, ": {"run": {"seed": -1}},
     "neither true nor false": {"run": {"closed_loop": 1}},
     "is not a finite number": {"run": {"duration": math.nan}},
-    "points = -3 is out of range": {"random": {"points": -3, "draw": {"seed": {"integers": [0, 9]}}}},
+    "points = -3 is out of range": {
+        "random": {"points": -3, "draw": {"seed": {"integers": [0, 9]}}}
+    },
     "draws nothing": {"random": {"points": 3}},
     "unknown random design 'sobel'; did you mean 'sobol'": {"random": {"design": "sobel"}},
     "unknown distribution of seed 'uniforms'": {"random": {"draw": {"seed": {"uniforms": [0, 1]}}}},
     "is no distribution": {"random": {"draw": {"true_factor": {"resistance": 1.1}}}},
     "put in \\[grid\\]": {"random": {"draw": {"belief": {"uniform": [0, 1]}}}},
-    "must not be below the first": {"random": {"draw": {"true_factor": {"resistance": {"uniform": [1.1, 0.9]}}}}},
+    "must not be below the first": {
+        "random": {"draw": {"true_factor": {"resistance": {"uniform": [1.1, 0.9]}}}}
+    },
     "above 0": {"random": {"draw": {"true_factor": {"resistance": {"log_uniform": [0.0, 1.0]}}}}},
     "stands in \\[run\\] and \\[grid\\]": {"run": {"seed": 1}, "grid": {"seed": [1, 2]}},
     "does not exist beside the sweep's file": {"run": {"motor": "mine.toml"}},
@@ -90,7 +110,14 @@ BAD = {
             "draw": {
                 "true_factor": {
                     n: {"uniform": [0.9, 1.1]}
-                    for n in ("resistance", "magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12")
+                    for n in (
+                        "resistance",
+                        "magnet_flux",
+                        "inductance_d",
+                        "inductance_q",
+                        "alpha_30",
+                        "alpha_12",
+                    )
                 }
             },
         }
@@ -105,7 +132,9 @@ def test_what_cannot_be_swept_is_one_sentence(said):
 
 
 def test_a_huge_sweep_says_how_large_it_is():
-    plan = sweep_of({"grid": {"seed": list(range(1000)), "duration": [0.001 * k for k in range(1, 1001)]}})
+    plan = sweep_of(
+        {"grid": {"seed": list(range(1000)), "duration": [0.001 * k for k in range(1, 1001)]}}
+    )
     with pytest.raises(BadInput, match=r"1000000 runs, about 150 MB.*200000; add --yes"):
         check_size(plan, yes=False)
     check_size(plan, yes=True)
@@ -115,7 +144,9 @@ def test_a_scenarios_file_is_no_sweep(tmp_path):
     """One run is what it would be; with a table of a sweep it is one."""
     path = tmp_path / "s.toml"
     path.write_text("[scenario]\nstart_up = false\n[[segment]]\nduration = 0.1\n")
-    with pytest.raises(BadInput, match=r"s.toml is a scenario, which is one run; add a table \[run\], \[grid\]"):
+    with pytest.raises(
+        BadInput, match=r"s.toml is a scenario, which is one run; add a table \[run\], \[grid\]"
+    ):
         read_sweep(path)
     path.write_text("[run]\nseed = 1\n" + path.read_text())
     assert read_sweep(path).runs == 1
@@ -138,7 +169,9 @@ def test_a_folder_hangs_on_the_content_of_files_not_on_their_place(tmp_path):
 def test_a_folder_hangs_on_files_that_a_named_file_names(tmp_path):
     """A long path is one, too; beside them stands a text that no file can be called."""
     motor, place = MOTORS / "ipm_exchanged.toml", "/".join(["a" * 100] * 3) + "/map.csv"
-    (tmp_path / "mine.toml").write_text(f'{motor.read_text()}note = "{place}"\nwhy = "{"漢" * 340}"\n')
+    (tmp_path / "mine.toml").write_text(
+        f'{motor.read_text()}note = "{place}"\nwhy = "{"漢" * 340}"\n'
+    )
     (tmp_path / place).parent.mkdir(parents=True)
     found = []
     for content in ("1", "2"):

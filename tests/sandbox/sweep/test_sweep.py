@@ -1,4 +1,5 @@
-"""Sweeps: rows are what single runs give, and the same to the bit whoever runs them and however often they stop."""
+"""Sweeps: rows are what single runs give, and the same to the bit whoever runs them and however
+often they stop."""
 
 import contextlib
 import json
@@ -32,14 +33,20 @@ from sandbox.sweep.tolerances import tolerances
 
 DEAD = 999_999_999  # no process has this number: they end at 2^22
 
-SCENE = {"scenario": {"start_up": False}, "segment": [{"duration": 0.02, "load": 1.0, "settle": 0.01}]}
+SCENE = {
+    "scenario": {"start_up": False},
+    "segment": [{"duration": 0.02, "load": 1.0, "settle": 0.01}],
+}
 SMALL = SCENE | {  # 40 runs in 4 blocks of 10
     "grid": {"belief": ["linear", "saturated"]},
     "random": {
         "points": 20,
         "draw": {
             "seed": {"integers": [0, 999]},
-            "true_factor": {"magnet_flux": {"normal": [1.0, 0.02]}, "inductance_q": {"uniform": [0.9, 1.1]}},
+            "true_factor": {
+                "magnet_flux": {"normal": [1.0, 0.02]},
+                "inductance_q": {"uniform": [0.9, 1.1]},
+            },
         },
     },
 }
@@ -68,9 +75,20 @@ def one_row(**run):
 
 
 def test_a_row_is_what_a_single_run_gives():
-    scene = Scenario("own", (Segment(0.05), Segment(0.05, 1.0, ramp=0.01, settle=0.03)), start_up=False, settle=0.02)
-    effects = {"dead_time.time": 1e-7, "stator_resistance.resistance": 13.0, "inductance.scale_d": 1.05}
-    single = sandbox.simulate("ipm_exchanged", scene, "ekf", belief="linear", effects=effects, seed=7)
+    scene = Scenario(
+        "own",
+        (Segment(0.05), Segment(0.05, 1.0, ramp=0.01, settle=0.03)),
+        start_up=False,
+        settle=0.02,
+    )
+    effects = {
+        "dead_time.time": 1e-7,
+        "stator_resistance.resistance": 13.0,
+        "inductance.scale_d": 1.05,
+    }
+    single = sandbox.simulate(
+        "ipm_exchanged", scene, "ekf", belief="linear", effects=effects, seed=7
+    )
     resistance = load_drive("ipm_exchanged").motor.resistance
     plan = sweep_of(
         {
@@ -81,13 +99,21 @@ def test_a_row_is_what_a_single_run_gives():
                 "effects": {"dead_time": {"time": 1e-7}},
                 "true_factor": {"resistance": 13.0 / resistance, "inductance_d": 1.05},
             },
-            "segment": [{"duration": 0.05}, {"duration": 0.05, "load": 1.0, "ramp": 0.01, "settle": 0.03}],
+            "segment": [
+                {"duration": 0.05},
+                {"duration": 0.05, "load": 1.0, "ramp": 0.01, "settle": 0.03},
+            ],
             "scenario": {"start_up": False, "settle": 0.02},
         }
     )
     row = run_case(plan, plan.case(0)).row
     wanted = single.error_deg
-    assert (row.mean_deg, row.rms_deg, row.p95_deg, row.max_deg) == (wanted.mean, wanted.rms, wanted.p95, wanted.max)
+    assert (row.mean_deg, row.rms_deg, row.p95_deg, row.max_deg) == (
+        wanted.mean,
+        wanted.rms,
+        wanted.p95,
+        wanted.max,
+    )
     means = [r.error_deg.mean for r in single.rows]
     assert row.worst_mean_deg == max(means, key=abs)
     assert row.rms_mean_deg == pytest.approx(np.sqrt(np.mean(np.square(means))), rel=1e-12)
@@ -95,16 +121,26 @@ def test_a_row_is_what_a_single_run_gives():
 
 def test_a_row_has_what_the_injection_costs_where_it_is_asked_for():
     scene = Scenario("own", (Segment(0.1, 1.0, ramp=0.02, settle=0.05),), start_up=False)
-    (wanted,) = sandbox.simulate("ipm_exchanged", scene, "qnull", effects={"iron_loss.core_resistance": 900.0}).rows
+    (wanted,) = sandbox.simulate(
+        "ipm_exchanged", scene, "qnull", effects={"iron_loss.core_resistance": 900.0}
+    ).rows
     tables = {
-        "run": {"estimator": "qnull", "injection_cost": True, "effects": {"iron_loss": {"core_resistance": 900.0}}},
+        "run": {
+            "estimator": "qnull",
+            "injection_cost": True,
+            "effects": {"iron_loss": {"core_resistance": 900.0}},
+        },
         "scenario": {"start_up": False},
         "segment": [{"duration": 0.1, "load": 1.0, "ramp": 0.02, "settle": 0.05}],
     }
     plan = sweep_of(tables)
     row = run_case(plan, plan.case(0)).row
     cost = wanted.cost
-    assert (row.loss_w, row.torque_ripple, row.sound_db) == (cost.loss_w, cost.torque_ripple, cost.sound_db)
+    assert (row.loss_w, row.torque_ripple, row.sound_db) == (
+        cost.loss_w,
+        cost.torque_ripple,
+        cost.sound_db,
+    )
     assert cost.iron_w > 0.0
     assert one_row().loss_w is None
 
@@ -122,7 +158,10 @@ def test_bandwidths_scale_the_designed_gains():
     found = made_ready(plan.text, base).setup.design
     assert found.tuning.kp == 0.5 * designed.tuning.kp  # kp = 2 w0, ki = w0^2
     assert found.tuning.ki == 0.25 * designed.tuning.ki
-    assert (found.control.kp_d, found.control.ki_q) == (2.0 * designed.control.kp_d, 2.0 * designed.control.ki_q)
+    assert (found.control.kp_d, found.control.ki_q) == (
+        2.0 * designed.control.kp_d,
+        2.0 * designed.control.ki_q,
+    )
 
 
 def test_a_failing_case_is_a_row_with_its_sentence():
@@ -132,7 +171,9 @@ def test_a_failing_case_is_a_row_with_its_sentence():
     bus = one_row(drive_value={"dc_bus_voltage": 40.0})  # 23 V in the circle, 30 V injected
     assert bus.status == "failed"
     assert "injection of 30 V exceeds" in bus.sentence
-    both = one_row(true_factor={"resistance": 1.1}, effects={"stator_resistance": {"resistance": 13.0}})
+    both = one_row(
+        true_factor={"resistance": 1.1}, effects={"stator_resistance": {"resistance": 13.0}}
+    )
     assert "set the same value" in both.sentence
     assert bus.mean_deg is None
 
@@ -140,8 +181,10 @@ def test_a_failing_case_is_a_row_with_its_sentence():
 @pytest.mark.parametrize(
     ("family", "field", "factor", "bounds"),
     [
-        ("true_factor", "inductance_q", 7.0, "[0.2, 5]"),  # those of `inductance.scale_q`, itself a factor
-        ("true_factor", "resistance", 0.0, "[8.23e-07, 82.3]"),  # 1e-5 and 1e3 ohm over the motor's 12.15 ohm
+        # those of `inductance.scale_q`, itself a factor
+        ("true_factor", "inductance_q", 7.0, "[0.2, 5]"),
+        # 1e-5 and 1e3 ohm over the motor's 12.15 ohm
+        ("true_factor", "resistance", 0.0, "[8.23e-07, 82.3]"),
         ("believed_factor", "inductance_q", 0.0, "[1e-07, 10] H"),
     ],
 )
@@ -170,9 +213,13 @@ def test_groups_count_what_has_no_result_as_beyond_any_error():
 
 
 def test_errors_of_either_sign_do_not_cancel():
-    """Loads of +100 and -100 % err by opposite angles, with a linear belief by degrees (README: 6.9 at 120 %)."""
+    """Loads of +100 and -100 % err by opposite angles, with a linear belief by degrees (README: 6.9
+    at 120 %)."""
     loads = [{"duration": 0.2, "load": x, "ramp": 0.05, "settle": 0.12} for x in (1.0, -1.0)]
-    plan = sweep_of({"scenario": {"start_up": False}, "segment": loads} | {"grid": {"belief": ["linear", "saturated"]}})
+    plan = sweep_of(
+        {"scenario": {"start_up": False}, "segment": loads}
+        | {"grid": {"belief": ["linear", "saturated"]}}
+    )
     table = rows_of(plan)
     linear, saturated = errors_of(table)
     assert abs(table["mean_deg"][0].as_py()) < 1.0
@@ -196,9 +243,13 @@ def test_two_processes_give_the_same_to_the_bit(reference, tmp_path):
 
 
 def test_a_cluster_that_loses_a_worker_gives_the_same_to_the_bit(reference, tmp_path):
-    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `dask`)")
+    distributed = pytest.importorskip(
+        "distributed", reason="dask.distributed is not installed (extra `dask`)"
+    )
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
         pids = client.run(os.getpid)
@@ -232,7 +283,8 @@ def test_an_interrupted_sweep_goes_on_where_it_was(reference, tmp_path):
     kept = first.stat().st_mtime_ns
     second.write_bytes(second.read_bytes()[:-9])  # half a file is not taken for a whole one
     half = aside_of((tmp_path / "runs" / "block-000000020.parquet").resolve())
-    half.with_name(half.name.replace(f"-{os.getpid()}-", f"-{DEAD}-")).write_bytes(b"half")  # of a process killed
+    # of a process killed
+    half.with_name(half.name.replace(f"-{os.getpid()}-", f"-{DEAD}-")).write_bytes(b"half")
     found = []
     run_sweep(plan, tmp_path, progress=lambda done, total: found.append((done, total)))
     assert found == [(20, 40), (30, 40), (40, 40)]
@@ -253,7 +305,8 @@ def test_a_folder_of_another_sweep_is_left_alone(tmp_path):
 
 
 def test_a_folder_without_a_block_yet_is_gone_on_with(tmp_path):
-    """Where the disk was full, or a kill came, between the folder and its manifest; blocks without one stay refused."""
+    """Where the disk was full, or a kill came, between the folder and its manifest; blocks without
+    one stay refused."""
     (tmp_path / "runs").mkdir()
     run_sweep(sweep_of(SCENE), tmp_path)
     (tmp_path / "manifest.json").unlink()
@@ -293,21 +346,32 @@ def test_traces_are_the_recordings_samples(tmp_path):
 
 
 def test_tolerances_leave_all_of_the_gain_when_nothing_is_off():
-    scene = {"scenario": {"start_up": False}, "segment": [{"duration": 0.15, "load": 1.0, "settle": 0.1}]}
+    scene = {
+        "scenario": {"start_up": False},
+        "segment": [{"duration": 0.15, "load": 1.0, "settle": 0.1}],
+    }
     rows = tolerances("ipm_exchanged", scene, ["qnull"], levels=[0.2], draws=8)
-    exact, off = (next(r for r in rows if r.belief == "saturated" and r.tolerance == t) for t in (0.0, 0.2))
+    exact, off = (
+        next(r for r in rows if r.belief == "saturated" and r.tolerance == t) for t in (0.0, 0.2)
+    )
     assert exact.gain_left == 1.0
     assert off.gain_left < 1.0
     assert off.median_deg <= off.p95_deg
     linear = [r for r in rows if r.belief == "linear"]
-    # q-null's linear belief takes the null for the magnet: no number of it moves it at standstill, only the noise does
-    noise = rows_of(sweep_of(scene | {"run": {"belief": "linear"}, "grid": {"seed": list(range(8))}}))["mean_deg"]
-    assert linear[0].median_deg == pytest.approx(linear[1].median_deg, abs=4.0 * np.std(noise.to_numpy(), ddof=1))
+    # q-null's linear belief takes the null for the magnet: no number of it moves it at standstill,
+    # only the noise does
+    noise = rows_of(
+        sweep_of(scene | {"run": {"belief": "linear"}, "grid": {"seed": list(range(8))}})
+    )["mean_deg"]
+    assert linear[0].median_deg == pytest.approx(
+        linear[1].median_deg, abs=4.0 * np.std(noise.to_numpy(), ddof=1)
+    )
     with pytest.raises(BadInput, match="out of range; give 0 to 50 %"):
         tolerances("ipm_exchanged", scene, ["qnull"], levels=[0.9])
 
 
-# seconds of work: a signal has to meet it before it is done, on a machine that does other things, too
+# seconds of work: a signal has to meet it before it is done, on a machine that does other things,
+# too
 LONG = """
 [scenario]
 start_up = false
@@ -322,10 +386,22 @@ seed = {integers = [0, 999]}
 
 
 def command(place, *more):
-    """Start `sensorless sweep` on two processes, Ctrl-C not ignored (as it is where a shell runs the tests with &)."""
-    call = [sys.executable, "-m", "sandbox.cli", "sweep", str(place / "long.toml"), "--out", str(place / "out"), *more]
+    """Start `sensorless sweep` on two processes, Ctrl-C not ignored (as it is where a shell runs
+    the tests with &)."""
+    call = [
+        sys.executable,
+        "-m",
+        "sandbox.cli",
+        "sweep",
+        str(place / "long.toml"),
+        "--out",
+        str(place / "out"),
+        *more,
+    ]
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    return subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
+    return subprocess.Popen(
+        call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heard
+    )
 
 
 def children(pid):
@@ -351,14 +427,15 @@ def wait_for_blocks(place, running, count):
 
 
 def signalled(place, kind):
-    """Return the exit code of a sweep that a signal met, its children, and what it printed; one that was done before is
-    begun anew."""
+    """Return the exit code of a sweep that a signal met, its children, and what it printed; one
+    that was done before is begun anew."""
     found, own, said = 0, [], ""
     for _ in range(6):
         running = command(place, "--jobs", "2")
         wait_for_blocks(place, running, blocks_of(place) + 1)
         own = children(running.pid)
-        if kind == signal.SIGINT and own:  # before that, a worker dies, which costs its block nothing but time
+        if kind == signal.SIGINT and own:
+            # before that, a worker dies, which costs its block nothing but time
             with contextlib.suppress(ProcessLookupError):
                 os.kill(own[-1], signal.SIGKILL)
             wait_for_blocks(place, running, blocks_of(place) + 2)
@@ -386,8 +463,13 @@ def test_killed_workers_and_signals_leave_no_child_and_the_same_results(tmp_path
     for kind, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
         found, own, said = signalled(tmp_path, kind)
         assert found == code
-        rows = sum(b["rows"] for b in json.loads((tmp_path / "out" / "manifest.json").read_text())["blocks"])
-        line = f"sensorless sweep: interrupted; {rows} of 120 runs are kept; the same command goes on"
+        rows = sum(
+            b["rows"]
+            for b in json.loads((tmp_path / "out" / "manifest.json").read_text())["blocks"]
+        )
+        line = (
+            f"sensorless sweep: interrupted; {rows} of 120 runs are kept; the same command goes on"
+        )
         assert said.splitlines()[-1] == line  # no leaked semaphores behind it
         end = time.monotonic() + 120.0
         while any(map(alive, own)) and time.monotonic() < end:

@@ -1,4 +1,5 @@
-"""All effects of the switched bench at once, and commands as a controller with injection gives them."""
+"""All effects of the switched bench at once, and commands as a controller with injection gives
+them."""
 
 import numpy as np
 
@@ -46,7 +47,8 @@ ALL_ON = {
 
 
 def commands(n, seed=3, amplitude=40.0):
-    """Return commanded voltages (V): a turning vector with steps, as a controller with injection gives them."""
+    """Return commanded voltages (V): a turning vector with steps, as a controller with injection
+    gives them."""
     rng = np.random.default_rng(seed)
     k = np.arange(n)
     u = amplitude * np.exp(2j * np.pi * 0.011 * k) + 30.0 * np.where(k % 8 < 4, 1.0, -1.0)

@@ -1,8 +1,10 @@
-"""A plant of other structure: rotor frame, gates of each leg with their blanking, Runge and Kutta between switchings.
+"""A plant of other structure: rotor frame, gates of each leg with their blanking, Runge and Kutta
+between switchings.
 
-No code of the project's plants: a motor without saturation, currents from fluxes in the rotor's frame, a leg's level
-from its two gates.  What a drive's simulator may hide it is told: which half of a PWM period a row is, what the link
-does, how late commands act, to how many counts duties are rounded.
+No code of the project's plants: a motor without saturation, currents from fluxes in the rotor's
+frame, a leg's level from its two gates.  What a drive's simulator may hide it is told: which half
+of a PWM period a row is, what the link does, how late commands act, to how many counts duties are
+rounded.
 """
 
 from __future__ import annotations
@@ -19,8 +21,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Other:
-    """Motor (ohm, H, Wb) and inverter: sampling period (s), double update, dead time (s), delay (s) of the voltage,
-    counts of half a PWM period (0: none), half the width (A) in which a current's sign goes through zero."""
+    """Motor (ohm, H, Wb) and inverter: sampling period (s), double update, dead time (s), delay (s)
+    of the voltage, counts of half a PWM period (0: none), half the width (A) in which a current's
+    sign goes through zero."""
 
     resistance: float
     inductance_d: float
@@ -34,8 +37,8 @@ class Other:
     soft: float = 1e-9
 
     def run(self, duty: Array, link: Array, theta: Array) -> Array:
-        """Return phase currents (n, 3) in A at t_k: duties (n, 3) from t_k on, link (n,) V at t_k and straight between,
-        rotor angle (n,) rad electrical, its speed constant in a period."""
+        """Return phase currents (n, 3) in A at t_k: duties (n, 3) from t_k on, link (n,) V at t_k
+        and straight between, rotor angle (n,) rad electrical, its speed constant in a period."""
         d = np.round(duty * self.counts) / self.counts if self.counts else duty
         events = self._events(d)
         motor = (self.resistance, self.inductance_d, self.inductance_q, self.magnet_flux)
@@ -49,7 +52,10 @@ class Other:
             at = k * self.period + self.delay
             for leg, d in enumerate(row):
                 if not self.double:
-                    out += [(at + 0.5 * (1 - d) * self.period, leg, 1), (at + 0.5 * (1 + d) * self.period, leg, 0)]
+                    out += [
+                        (at + 0.5 * (1 - d) * self.period, leg, 1),
+                        (at + 0.5 * (1 + d) * self.period, leg, 0),
+                    ]
                 elif k % 2 == 0:
                     out.append((at + (1 - d) * self.period, leg, 1))
                 else:
@@ -85,7 +91,9 @@ def _integrate(n, period, times, legs, levels, motor, blank, soft, link, theta):
             k += 1
         while m < len(times) and times[m] <= t + 1e-13:
             x = legs[m]
-            i = i_d * math.cos(angle - x * 2.0943951023931953) - i_q * math.sin(angle - x * 2.0943951023931953)
+            i = i_d * math.cos(angle - x * 2.0943951023931953) - i_q * math.sin(
+                angle - x * 2.0943951023931953
+            )
             gate[x], since[x], sign[x] = levels[m], times[m], min(max(i / soft, -1.0), 1.0)
             m += 1
         if end - t < 1e-13:
@@ -93,7 +101,8 @@ def _integrate(n, period, times, legs, levels, motor, blank, soft, link, theta):
         alpha = beta = 0.0
         for x in range(3):
             level = gate[x]
-            if since[x] >= 0.0 and t < since[x] + blank - 1e-13:  # neither gate is on: a diode conducts
+            if since[x] >= 0.0 and t < since[x] + blank - 1e-13:
+                # neither gate is on: a diode conducts
                 level = 0.5 * (1.0 - sign[x])
             alpha += level * math.cos(x * 2.0943951023931953) * 2.0 / 3.0
             beta += level * math.sin(x * 2.0943951023931953) * 2.0 / 3.0

@@ -11,7 +11,16 @@ from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay
-from tests.sandbox.switched.other_recordings import CLOSE, MOTOR, NOMINAL, N, missed, plant, recorded, waves
+from tests.sandbox.switched.other_recordings import (
+    CLOSE,
+    MOTOR,
+    NOMINAL,
+    N,
+    missed,
+    plant,
+    recorded,
+    waves,
+)
 
 
 def test_control():
@@ -20,7 +29,8 @@ def test_control():
 
 
 def test_double_update():
-    """Two samples a PWM period: dead time is the true one with the key, half of it without (issue 21: 1.0004 for 2)."""
+    """Two samples a PWM period: dead time is the true one with the key, half of it without (issue
+    21: 1.0004 for 2)."""
     half = plant(period=125e-6, double=True, dead_time=2e-6)
     found = recorded(half, {"pwm_frequency": 4000.0})
     assert missed(found, {"dead_time.time": 2e-6}) < 3.0 * CLOSE
@@ -33,7 +43,11 @@ def test_double_update():
 
 CONVENTIONS = {  # what the drive divides by; what it writes; what the campaign says
     "volts": (lambda link: link, None, {"dc_link": "measured"}),
-    "nominal": (lambda link: np.full(N, NOMINAL), None, {"dc_link": "measured", "command": "nominal"}),
+    "nominal": (
+        lambda link: np.full(N, NOMINAL),
+        None,
+        {"dc_link": "measured", "command": "nominal"},
+    ),
     "duties": (
         lambda link: link,
         lambda a, b: {"u_alpha": a / waves(), "u_beta": b / waves()},
@@ -44,13 +58,15 @@ CONVENTIONS = {  # what the drive divides by; what it writes; what the campaign 
 
 @pytest.mark.parametrize("name", CONVENTIONS)
 def test_measured_link(name, tmp_path):
-    """A link that varies and is measured leaves nothing once the campaign says so, by each of three conventions."""
+    """A link that varies and is measured leaves nothing once the campaign says so, by each of three
+    conventions."""
     divide, columns, says = CONVENTIONS[name]
     link = waves()
     campaign = recorded(plant(), says, link=link, divide=divide(link), columns=columns)
     read = read_campaign(write_campaign(tmp_path / "told", campaign))
     assert read.drive.converter.command == "volts"  # in which everything behind the door works
-    # two readings stand for the link in between: of a sine of 27 V at 300 Hz (2 pi f T)^2/12 = 1.9 % is missed
+    # two readings stand for the link in between: of a sine of 27 V at 300 Hz (2 pi f T)^2/12 = 1.9
+    # % is missed
     assert missed(read) < 5e-3
     assert missed(recorded(plant(), {"dc_link": "steady"}, link=link)) > 0.1
 
@@ -74,7 +90,9 @@ def test_delays_side_by_side():
     sets = [{"pwm_delay.delay": x} for x in (0.0, 250e-6, 100e-6, 499e-6)]
     together = replay(prepared, sets).currents[0]
     for k, one in enumerate(sets):
-        np.testing.assert_allclose(together[:, :, k], replay(prepared, [one]).currents[0][:, :, 0], atol=1e-12)
+        np.testing.assert_allclose(
+            together[:, :, k], replay(prepared, [one]).currents[0][:, :, 0], atol=1e-12
+        )
 
 
 @pytest.mark.parametrize(

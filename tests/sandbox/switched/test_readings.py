@@ -1,4 +1,5 @@
-"""Readings inside the PWM period and shifted pulses: the switched bench against closed forms of the edges; bounds."""
+"""Readings inside the PWM period and shifted pulses: the switched bench against closed forms of the
+edges; bounds."""
 
 from __future__ import annotations
 
@@ -24,7 +25,13 @@ from sandbox.switched.machine_state import LOCKED
 
 DRIVE = load_drive("ipm_exchanged")
 LINEAR = dataclasses.replace(
-    DRIVE.motor, alpha_30=0.0, alpha_12=0.0, alpha_40=0.0, alpha_22=0.0, alpha_04=0.0, resistance=1e-5
+    DRIVE.motor,
+    alpha_30=0.0,
+    alpha_12=0.0,
+    alpha_40=0.0,
+    alpha_22=0.0,
+    alpha_04=0.0,
+    resistance=1e-5,
 )
 H, U_DC = DRIVE.converter.sampling_period, DRIVE.converter.dc_bus_voltage
 VOLTAGE = st.tuples(st.floats(0.0, 0.99 * U_DC / math.sqrt(3.0)), st.floats(-math.pi, math.pi))
@@ -32,9 +39,12 @@ A = np.exp(2j * math.pi / 3)
 
 
 def edges(u, k, shift):
-    """The legs' edges of period k, written down leg by leg: centred pulse, moved as far as it stays inside."""
+    """The legs' edges of period k, written down leg by leg: centred pulse, moved as far as it stays
+    inside."""
     legs = []
-    for leg, (duty, turn) in enumerate(zip(duties(u.real, u.imag, U_DC), (1.0, A, A * A), strict=True)):
+    for leg, (duty, turn) in enumerate(
+        zip(duties(u.real, u.imag, U_DC), (1.0, A, A * A), strict=True)
+    ):
         place = (leg - (k // 2) % 3) % 3  # 0: moves late in even periods, 1: early, 2: stays
         wanted = (1.0, -1.0, 0.0)[place] * (1.0 if k % 2 == 0 else -1.0) * shift
         room = 0.5 * (1.0 - duty) * H
@@ -50,7 +60,8 @@ def flux(legs, t):
 
 @pytest.mark.parametrize("u", [0j, 12.0 + 5j, -60.0 + 90j])
 def test_current_of_a_linear_motor_follows_the_edges(u):
-    """Locked, no resistance: rotor-frame i = diag(1/L) (flux since t_0), nothing approximated but R (1e-5 ohm)."""
+    """Locked, no resistance: rotor-frame i = diag(1/L) (flux since t_0), nothing approximated but R
+    (1e-5 ohm)."""
     n, theta, shift = 16, 0.4, 0.05 * H
     b = quiet(bench(LINEAR, DRIVE.converter))
     x, inside, psi_0 = start(b, theta), Inside(np.zeros((n, 4)), np.zeros((n, 2)), shift), 0j
@@ -66,7 +77,8 @@ def test_current_of_a_linear_motor_follows_the_edges(u):
             assert complex(*room[j, 2:]) == pytest.approx(made, abs=1e-12)
             seen = (psi_0 + made) * np.exp(-1j * theta)
             i = complex(gamma[0] * seen.real, gamma[1] * seen.imag) * np.exp(1j * theta)
-            assert complex(*room[j, :2]) == pytest.approx(i, abs=1e-6)  # R i h/L: 1e-5 x 2 A x 1.5 ms / 0.05 H
+            # R i h/L: 1e-5 x 2 A x 1.5 ms / 0.05 H
+            assert complex(*room[j, :2]) == pytest.approx(i, abs=1e-6)
         psi_0 += u * H
         seen = psi_0 * np.exp(-1j * theta)
         i = complex(gamma[0] * seen.real, gamma[1] * seen.imag) * np.exp(1j * theta)
@@ -79,12 +91,15 @@ def test_shifted_pulses_keep_the_mean_voltage(voltage, k, share):
     u, shifts = voltage[0] * np.exp(1j * voltage[1]), np.zeros(3)
     shift_pulses(shifts, k, share * H)
     for n, duty in enumerate(duties(u.real, u.imag, U_DC)):
-        assert volt_seconds(H, H, duty, shifts[n], U_DC) == pytest.approx(U_DC * duty * H, rel=1e-12)
+        assert volt_seconds(H, H, duty, shifts[n], U_DC) == pytest.approx(
+            U_DC * duty * H, rel=1e-12
+        )
         assert volt_seconds(0.0, H, duty, shifts[n], U_DC) == 0.0
 
 
 def test_over_six_periods_the_ripple_has_every_direction_and_no_mean():
-    """Zero voltage: moments of the volt-seconds' deviation, by the legs' edges; isotropic means sum f^2 = 0."""
+    """Zero voltage: moments of the volt-seconds' deviation, by the legs' edges; isotropic means sum
+    f^2 = 0."""
     t = (np.arange(1000) + 0.5) * H / 1000
     rho = np.array([[flux(edges(0j, k, 0.05 * H), s) for s in t] for k in range(6)])
     power = np.mean(np.abs(rho) ** 2)
@@ -93,7 +108,8 @@ def test_over_six_periods_the_ripple_has_every_direction_and_no_mean():
 
 
 def test_reading_inside_leaves_the_plant_alone():
-    """The same period with and without readings: more integration steps, nothing else (their error is below 1e-8)."""
+    """The same period with and without readings: more integration steps, nothing else (their error
+    is below 1e-8)."""
     ends = []
     for n in (0, 16):
         b = quiet(bench(DRIVE.motor, DRIVE.converter))
@@ -106,8 +122,11 @@ def test_reading_inside_leaves_the_plant_alone():
 
 
 def test_cost_of_the_ripple_is_that_of_the_bench():
-    """Rms inside the period at the voltage that holds rated current: closed form against the bench's own readings."""
-    drive = dataclasses.replace(DRIVE, motor=dataclasses.replace(LINEAR, resistance=DRIVE.motor.resistance))
+    """Rms inside the period at the voltage that holds rated current: closed form against the
+    bench's own readings."""
+    drive = dataclasses.replace(
+        DRIVE, motor=dataclasses.replace(LINEAR, resistance=DRIVE.motor.resistance)
+    )
     b, theta = quiet(bench(drive.motor, drive.converter)), 0.4
     i = 1j * 1.2 * np.exp(1j * theta)
     u, n = drive.motor.resistance * i, 32
@@ -121,17 +140,30 @@ def test_cost_of_the_ripple_is_that_of_the_bench():
         square += np.mean(np.abs(read - read.mean()) ** 2) / 24
     gamma = (1.0 / drive.motor.inductance_d, 0.0, 1.0 / drive.motor.inductance_q)
     # R Gamma h = 6 % of decay within a period bends the ripple, 32 readings cut its corners
-    assert pwm_ripple(drive, u, theta, gamma, 0.05 * H) == pytest.approx(math.sqrt(square), rel=0.05)
+    assert pwm_ripple(drive, u, theta, gamma, 0.05 * H) == pytest.approx(
+        math.sqrt(square), rel=0.05
+    )
 
 
 def test_recordings_are_of_centred_pulses(tmp_path, capsys):
-    call = ["simulate", "--estimator", "pwm_ripple", "--duration", "0.05", "--record", str(tmp_path / "c")]
+    call = [
+        "simulate",
+        "--estimator",
+        "pwm_ripple",
+        "--duration",
+        "0.05",
+        "--record",
+        str(tmp_path / "c"),
+    ]
     assert main([*call, "--out", str(tmp_path / "o")]) == 2
     assert "recordings are of centred ones" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
-@given(st.one_of(st.none(), st.integers(), st.floats(), st.text()), st.one_of(st.none(), st.floats(), st.text()))
+@given(
+    st.one_of(st.none(), st.integers(), st.floats(), st.text()),
+    st.one_of(st.none(), st.floats(), st.text()),
+)
 def test_readings_and_shift_are_checked(readings, shift):
     """Whatever is given, it is taken as it stands or refused with its name and bounds."""
     try:

@@ -1,4 +1,5 @@
-"""The switched bench against an independent rotor-frame integration with exact edges; steps, neutral values, errors."""
+"""The switched bench against an independent rotor-frame integration with exact edges; steps,
+neutral values, errors."""
 
 import itertools
 
@@ -35,7 +36,8 @@ def drive(name="ipm"):
 
 
 def reference(motor, period, u_link, u_dc, u_alpha, u_beta, load, x):
-    """Return i_alpha + j i_beta at every t_k: rotor-frame flux, the paper's polynomials, one solve_ivp per interval."""
+    """Return i_alpha + j i_beta at every t_k: rotor-frame flux, the paper's polynomials, one
+    solve_ivp per interval."""
 
     def currents(d, q):  # eqs. (id), (iq)
         i_d = d / motor.inductance_d + 3 * motor.alpha_30 * d**2 + motor.alpha_12 * q**2
@@ -62,20 +64,28 @@ def reference(motor, period, u_link, u_dc, u_alpha, u_beta, load, x):
 
     samples = [seen(x)]
     for alpha, beta in zip(u_alpha, u_beta, strict=True):
-        legs = np.array([alpha, -alpha / 2 + np.sqrt(3) / 2 * beta, -alpha / 2 - np.sqrt(3) / 2 * beta])
+        legs = np.array(
+            [alpha, -alpha / 2 + np.sqrt(3) / 2 * beta, -alpha / 2 - np.sqrt(3) / 2 * beta]
+        )
         duty = 0.5 + (legs - 0.5 * (legs.max() + legs.min())) / u_dc
-        edges = np.sort(np.concatenate([[0.0, period], 0.5 * (1 - duty) * period, 0.5 * (1 + duty) * period]))
+        edges = np.sort(
+            np.concatenate([[0.0, period], 0.5 * (1 - duty) * period, 0.5 * (1 + duty) * period])
+        )
         for begin, end in itertools.pairwise(edges):
             middle = 0.5 * (begin + end)
             on = (np.abs(middle - 0.5 * period) < 0.5 * duty * period) * u_link
             v = (2 * on[0] - on[1] - on[2]) / 3, (on[1] - on[2]) / np.sqrt(3)
-            x = solve_ivp(rates, (0.0, end - begin), x, "DOP853", rtol=1e-11, atol=1e-13, args=v).y[:, -1]
+            x = solve_ivp(rates, (0.0, end - begin), x, "DOP853", rtol=1e-11, atol=1e-13, args=v).y[
+                :, -1
+            ]
         samples.append(seen(x))
     return np.array(samples)
 
 
 def vector(out):
-    return (2 * out["i_a"] - out["i_b"] - out["i_c"]) / 3 + 1j * (out["i_b"] - out["i_c"]) / np.sqrt(3)
+    return (2 * out["i_a"] - out["i_b"] - out["i_c"]) / 3 + 1j * (
+        out["i_b"] - out["i_c"]
+    ) / np.sqrt(3)
 
 
 @pytest.mark.parametrize("name", ["ipm", "spm"])
@@ -84,7 +94,9 @@ def test_agrees_with_independent_reference(name):
     u_alpha, u_beta = commands(12, amplitude=0.2 * converter.dc_bus_voltage)
     x = [0.0, 0.0, 0.4, 30.0]
     link, read, load = converter.dc_bus_voltage, 0.99 * converter.dc_bus_voltage, 0.2
-    expected = reference(motor, converter.sampling_period, link, read, u_alpha, u_beta, load, x)[:-1]
+    expected = reference(motor, converter.sampling_period, link, read, u_alpha, u_beta, load, x)[
+        :-1
+    ]
     b = quiet(bench(motor, converter))
     got = vector(replay(b, "free", u_alpha, u_beta, read, load_torque=load, theta=0.4, speed=30.0))
     assert np.abs(expected).max() > 0.3 * motor.rated_current
@@ -95,13 +107,15 @@ def test_agrees_with_independent_reference(name):
 def test_step_is_short_enough(effects, bound):
     """A sixteenth of the step moves no sample by more than a small part of 0.1 % of rated current.
 
-    Smooth equations are exact to 1e-9; the soft sign of the device drop has kinks inside steps, hence 1e-4.
+    Smooth equations are exact to 1e-9; the soft sign of the device drop has kinks inside steps,
+    hence 1e-4.
     """
     motor, converter = drive()
     b = quiet(bench(motor, converter, effects))
     u_alpha, u_beta = commands(400)
     coarse, fine = (
-        replay(b._replace(step=b.step * f), "free", u_alpha, u_beta, 399.0, speed=40.0) for f in (1.0, 0.0625)
+        replay(b._replace(step=b.step * f), "free", u_alpha, u_beta, 399.0, speed=40.0)
+        for f in (1.0, 0.0625)
     )
     assert np.abs(vector(coarse) - vector(fine)).max() < bound * motor.rated_current
 
@@ -116,7 +130,8 @@ def test_neutral_effects_leave_every_reading_bit_identical():
     motor, converter = drive()
     u_alpha, u_beta = commands(50)
     plain = replay(bench(motor, converter), "free", u_alpha, u_beta, 401.0, speed=10.0)
-    # parts of an effect that is off: iron loss' time constant, ripple's frequency, ... must not matter
+    # parts of an effect that is off: iron loss' time constant, ripple's frequency, ... must not
+    # matter
     idle = {
         "iron_loss.time_constant": 1e-4,
         "dc_link_ripple.frequency": 50.0,
@@ -126,7 +141,9 @@ def test_neutral_effects_leave_every_reading_bit_identical():
         "cogging_torque.phase": 0.5,
         "shaft_compliance.damping_ratio": 0.1,
     }
-    off = replay(bench(motor, converter, neutral(motor) | idle), "free", u_alpha, u_beta, 401.0, speed=10.0)
+    off = replay(
+        bench(motor, converter, neutral(motor) | idle), "free", u_alpha, u_beta, 401.0, speed=10.0
+    )
     for name, column in plain.items():
         assert np.array_equal(column, off[name])
 
@@ -145,7 +162,11 @@ def test_unequal_spelling_out_of_bounds_and_contradiction_are_told():
     with pytest.raises(BadInput, match="half the PWM period"):
         bench(motor, converter, {"pwm_delay.delay": 2e-4})
     with pytest.raises(BadInput, match="the total inertia"):
-        bench(motor, converter, {"shaft_compliance.stiffness": 1.0, "shaft_compliance.load_inertia": 1.0})
+        bench(
+            motor,
+            converter,
+            {"shaft_compliance.stiffness": 1.0, "shaft_compliance.load_inertia": 1.0},
+        )
     with pytest.raises(BadInput, match="unknown rotor 'fre'; did you mean 'free'"):
         replay(bench(motor, converter), "fre", [0.0], [0.0], 400.0)
     with pytest.raises(BadInput, match="'u_beta'"):
@@ -175,10 +196,12 @@ def test_energy_balance_closes_with_everything_on():
 
 
 def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
-    """From the link = what the machine stores, loses and gives + device drop; as commanded = that + dead time.
+    """From the link = what the machine stores, loses and gives + device drop; as commanded = that +
+    dead time.
 
-    The devices' share in closed form is (threshold sign(i) + r i) i T_s a leg and period, dead time: V t_d |i| (one
-    edge is late).  There i is the mean of both samples, not the current at the edge: ripple makes a few percent.
+    The devices' share in closed form is (threshold sign(i) + r i) i T_s a leg and period, dead
+    time: V t_d |i| (one edge is late).  There i is the mean of both samples, not the current at the
+    edge: ripple makes a few percent.
     """
     motor, converter = drive()
     b = quiet(bench(motor, converter, ALL_ON))._replace(audit=1.0)
@@ -200,12 +223,14 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
             * link_voltage(b, state[TIME], state[LINK_SAG])
             * np.sum(i * np.clip(i / b.soft_current, -1.0, 1.0))
         )
-        devices += b.period * np.sum(i * (b.threshold * np.clip(i / b.soft_current, -1.0, 1.0) + b.on_resistance * i))
+        devices += b.period * np.sum(
+            i * (b.threshold * np.clip(i / b.soft_current, -1.0, 1.0) + b.on_resistance * i)
+        )
         old = new
     machine = stored() - before + state[LOSS] - state[DEVICES] + state[OUTPUT]
     print(
-        f"link {state[INPUT]:.4f} J, machine {machine:.4f}, devices {state[DEVICES]:.4f}, dead time "
-        f"{state[COMMANDED] - state[INPUT]:.4f} (closed form {dead:.4f})"
+        f"link {state[INPUT]:.4f} J, machine {machine:.4f}, devices {state[DEVICES]:.4f}, dead "
+        f"time {state[COMMANDED] - state[INPUT]:.4f} (closed form {dead:.4f})"
     )
     assert state[INPUT] == pytest.approx(machine + state[DEVICES], abs=2e-5 * state[LOSS])
     assert state[DEVICES] == pytest.approx(devices, rel=0.05)
@@ -214,7 +239,9 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
 
 
 def test_angle_reading_is_undone():
-    b = bench(*drive(), {"encoder_offset.offset": 0.03, "encoder_eccentricity.amplitude_mech": 0.01})
+    b = bench(
+        *drive(), {"encoder_offset.offset": 0.03, "encoder_eccentricity.amplitude_mech": 0.01}
+    )
     b = quiet(b)
     theta = np.linspace(-40.0, 40.0, 301)
     read = theta + 0.03 + b.pole_pairs * 0.01 * np.sin(theta / b.pole_pairs)
@@ -222,7 +249,8 @@ def test_angle_reading_is_undone():
 
 
 def test_columns_of_any_kind_run_the_same_machine_code():
-    """Of one value, read-only, every second of an array, a list: seconds of compiling, were it made for each."""
+    """Of one value, read-only, every second of an array, a list: seconds of compiling, were it made
+    for each."""
     b, u = quiet(bench(*drive())), np.full(8, 5.0)
     plain = replay(b, "free", u, u, 400.0)
     made, frozen = len(run.signatures), u.copy()
@@ -237,9 +265,13 @@ def test_measure_and_advance_by_hand_equal_replay():
     motor, converter = drive()
     b = bench(motor, converter, ALL_ON)
     u_alpha, u_beta = commands(60)
-    expected = replay(b, "free", u_alpha, u_beta, 399.0, load_torque=0.1, theta=0.1, speed=5.0, seed=4)
+    expected = replay(
+        b, "free", u_alpha, u_beta, 399.0, load_torque=0.1, theta=0.1, speed=5.0, seed=4
+    )
     state, rng = start(b, 0.1, 5.0), np.random.default_rng(4)
     for k in range(60):
         reading = measure(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0, rng)
-        assert np.array_equal(reading, [expected[name][k] for name in ("i_a", "i_b", "i_c", "theta")])
+        assert np.array_equal(
+            reading, [expected[name][k] for name in ("i_a", "i_b", "i_c", "theta")]
+        )
         advance(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0)

@@ -1,4 +1,5 @@
-"""What an average lacks inside the PWM period: closed forms from the pulses, against both plants that have pulses.
+"""What an average lacks inside the PWM period: closed forms from the pulses, against both plants
+that have pulses.
 
 The averaged plant is this bench's machine fed with the mean voltage; formulas as in
 sandbox/switched/AVERAGING.md.
@@ -25,7 +26,9 @@ def clarke(legs):
 
 
 def phases(z):
-    return np.array([z.real, -z.real / 2 + np.sqrt(0.75) * z.imag, -z.real / 2 - np.sqrt(0.75) * z.imag])
+    return np.array(
+        [z.real, -z.real / 2 + np.sqrt(0.75) * z.imag, -z.real / 2 - np.sqrt(0.75) * z.imag]
+    )
 
 
 def gamma(b, psi, theta, d_psi):
@@ -38,7 +41,8 @@ def gamma(b, psi, theta, d_psi):
 
 
 def ripple_lag(b, duty, tau):
-    """Return what one period's flux ripple leaves in a lag tau at its end, per leg: q of AVERAGING.md."""
+    """Return what one period's flux ripple leaves in a lag tau at its end, per leg: q of
+    AVERAGING.md."""
     t = b.period
     tail = np.exp(-0.5 * (1 - duty) * t / tau) - np.exp(-0.5 * (1 + duty) * t / tau)
     tail *= np.exp(b.pwm_delay / tau)
@@ -46,15 +50,22 @@ def ripple_lag(b, duty, tau):
 
 
 def dead_time_delays(b, duty, psi, i, theta, omega):
-    """Return how late each leg rises and falls: edges in order of time, each seeing the flux of those before."""
+    """Return how late each leg rises and falls: edges in order of time, each seeing the flux of
+    those before."""
     rise, fall, t_s = 0.5 * (1 - duty) * b.period, 0.5 * (1 + duty) * b.period, b.period
     late, lost = np.zeros((2, 3)), 0j
-    for t, leg, falling in sorted((e[k], k, f) for f, e in enumerate((rise, fall)) for k in range(3)):
-        flux = b.link_voltage * clarke(np.clip(t - rise, 0, duty * t_s)) + lost - t * b.resistance * i
+    for t, leg, falling in sorted(
+        (e[k], k, f) for f, e in enumerate((rise, fall)) for k in range(3)
+    ):
+        flux = (
+            b.link_voltage * clarke(np.clip(t - rise, 0, duty * t_s)) + lost - t * b.resistance * i
+        )
         at_edge = phases(current_and_torque(b, psi + flux, theta + omega * t)[0])[leg]
         sign = np.clip(at_edge / b.soft_current, -1, 1)
         late[falling, leg] = 0.5 * b.dead_time * (1 - sign if falling else 1 + sign)
-        lost += b.link_voltage * late[falling, leg] * clarke(np.eye(3)[leg]) * (1 if falling else -1)
+        lost += (
+            b.link_voltage * late[falling, leg] * clarke(np.eye(3)[leg]) * (1 if falling else -1)
+        )
     return late
 
 
@@ -76,7 +87,9 @@ def averaged(b, u, u_dc, theta, speed, correct):
             reading = complex(*state[FILTER_ALPHA : FILTER_ALPHA + 2])
             reading += gamma(b, psi, theta[k], filtered) if correct else 0.0
             if correct and b.core_conductance:
-                reading -= (core_lag - filtered) * b.core_conductance / (b.core_time - b.filter_time)
+                reading -= (
+                    (core_lag - filtered) * b.core_conductance / (b.core_time - b.filter_time)
+                )
         if b.sampling_delay:
             flux = b.sampling_delay * ((0.0 if correct else mean) - b.resistance * i)
             reading = current_and_torque(b, psi + flux, theta[k] + omega * b.sampling_delay)[0]
@@ -90,30 +103,37 @@ def averaged(b, u, u_dc, theta, speed, correct):
             acting = mean - b.link_voltage / b.period * clarke(late[0] - late[1])
             late_by += 0.5 * b.dead_time
         if correct and late_by:
-            middle = psi + 0.5 * b.period * (mean - b.resistance * i), theta[k] + 0.5 * b.period * omega
+            middle = (
+                psi + 0.5 * b.period * (mean - b.resistance * i),
+                theta[k] + 0.5 * b.period * omega,
+            )
             acting = acting + b.resistance * late_by * gamma(b, *middle, mean)
         integrate(state, plain, DRIVEN, complex(acting / b.link_voltage), 0.0, b.period, 0.0, 0.0)
         state[TIME] += b.period
         if b.filter_time:
-            filtered = np.exp(-b.period / b.filter_time) * filtered + clarke(ripple_lag(b, duty, b.filter_time))
+            filtered = np.exp(-b.period / b.filter_time) * filtered + clarke(
+                ripple_lag(b, duty, b.filter_time)
+            )
         if b.core_conductance:
-            core_lag = np.exp(-b.period / b.core_time) * core_lag + clarke(ripple_lag(b, duty, b.core_time))
+            core_lag = np.exp(-b.period / b.core_time) * core_lag + clarke(
+                ripple_lag(b, duty, b.core_time)
+            )
     return np.array(out)
 
 
 @cache
 def courses(items, speed):
-    """Return samples (n,) over rated current of a driven motor with injection on top: averaged without and with what
-    the pulses add, switched, exact."""
+    """Return samples (n,) over rated current of a driven motor with injection on top: averaged
+    without and with what the pulses add, switched, exact."""
     effects = dict(items)
     motor, converter = load_drive("ipm").motor, load_drive("ipm").converter
     b = quiet(bench(motor, converter, effects))
     k, omega = np.arange(N), motor.pole_pairs * speed
     theta = 0.3 + omega * b.period * k
     middle = theta + 0.5 * omega * b.period
-    u = (12.0 + 0.6 * speed) * 1j * np.exp(1j * (middle + 0.03)) + 30.0 * np.where(k % 8 < 4, 1, -1) * np.exp(
-        1j * middle
-    )
+    u = (12.0 + 0.6 * speed) * 1j * np.exp(1j * (middle + 0.03)) + 30.0 * np.where(
+        k % 8 < 4, 1, -1
+    ) * np.exp(1j * middle)
     out = replay(b, "driven", u.real, u.imag, 400.0, theta=theta, speed=speed)
     switched = clarke(np.stack([out["i_a"], out["i_b"], out["i_c"]]))
     plain, corrected = (averaged(b, u, 400.0, theta, speed, correct) for correct in (False, True))
@@ -126,7 +146,8 @@ def rms(x, settled=80):
     return float(np.sqrt(np.mean(np.abs(x[settled:]) ** 2)))
 
 
-CASES = [  # effect, bound without and with the correction (share of rated current); the noise is 1.7e-3
+# effect, bound without and with the correction (share of rated current); the noise is 1.7e-3
+CASES = [
     ({"pwm_delay.delay": 3e-5}, 5e-3, 1e-4),
     ({"current_sampling.delay": 5e-6}, 2e-3, 2e-4),
     ({"current_sampling.delay": -5e-6}, 2e-3, 2e-4),
@@ -137,7 +158,11 @@ CASES = [  # effect, bound without and with the correction (share of rated curre
     ({"iron_loss.core_resistance": 2000.0, "iron_loss.time_constant": 2e-5}, 2e-3, 4e-4),
     ({"pwm_delay.delay": 2e-5, "current_filter.time_constant": 3e-5}, 5e-3, 4e-4),
     (
-        {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4, "current_filter.time_constant": 3e-5},
+        {
+            "iron_loss.core_resistance": 2e3,
+            "iron_loss.time_constant": 1e-4,
+            "current_filter.time_constant": 3e-5,
+        },
         2e-3,
         4e-4,
     ),
@@ -149,12 +174,15 @@ CASES = [  # effect, bound without and with the correction (share of rated curre
 @pytest.mark.parametrize("plant", [2, 3], ids=["switched", "exact"])
 def test_without_effects_the_mean_voltage_is_enough(plant, speed):
     found = courses((), speed)
-    assert rms(found[0] - found[plant]) < 2e-4  # what averaging can give: below 0.1 % of rated current
+    # what averaging can give: below 0.1 % of rated current
+    assert rms(found[0] - found[plant]) < 2e-4
 
 
 @pytest.mark.parametrize("speed", [20.0, 100.0])
 @pytest.mark.parametrize("plant", [2, 3], ids=["switched", "exact"])
-@pytest.mark.parametrize(("effects", "naive", "corrected"), CASES, ids=lambda x: str(x) if isinstance(x, dict) else "")
+@pytest.mark.parametrize(
+    ("effects", "naive", "corrected"), CASES, ids=lambda x: str(x) if isinstance(x, dict) else ""
+)
 def test_closed_form_brings_an_average_to_the_plants(effects, naive, corrected, plant, speed):
     found = courses(tuple(effects.items()), speed)
     off, on = (rms(found[k] - found[plant]) for k in (0, 1))
@@ -168,6 +196,7 @@ def test_closed_form_brings_an_average_to_the_plants(effects, naive, corrected, 
 @pytest.mark.parametrize("effects", [{}, *(c[0] for c in CASES)], ids=str)
 def test_the_plants_agree(effects, speed):
     _, _, switched, exact = courses(tuple(effects.items()), speed)
-    left = rms(exact - switched, 300)  # ten time constants: a delayed plant begins with its pattern, without current
+    # ten time constants: a delayed plant begins with its pattern, without current
+    left = rms(exact - switched, 300)
     print(f"{effects} {speed:g} rad/s: exact less switched {left:.1e} of rated current")
     assert left < 2e-5  # the bound set for the plant: a hundredth of the sensors' noise

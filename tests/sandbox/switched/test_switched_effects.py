@@ -23,7 +23,18 @@ from sandbox.switched.inverter import (
 from sandbox.switched.machine_state import DRIVEN, FREE, LOCKED, Driving
 from sandbox.switched.phase_machine import current_and_torque, friction, powers, stored_energy
 from tests.sandbox.plant.closed_forms import pulsed, settled
-from tests.sandbox.plant.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS, L, R, U, signs, vector
+from tests.sandbox.plant.effect_motors import (
+    CONVERTER,
+    IPM,
+    LINEAR,
+    NO_MAGNET,
+    TS,
+    L,
+    R,
+    U,
+    signs,
+    vector,
+)
 
 
 def make(effects=None, motor=LINEAR):
@@ -33,11 +44,19 @@ def make(effects=None, motor=LINEAR):
 def paper(motor, d, q):
     """Return H, i_d, i_q of the paper's polynomial."""
     h = d * d / (2 * motor.inductance_d) + q * q / (2 * motor.inductance_q) + motor.alpha_30 * d**3
-    h += motor.alpha_12 * d * q * q + motor.alpha_40 * d**4 + motor.alpha_22 * d * d * q * q + motor.alpha_04 * q**4
+    h += (
+        motor.alpha_12 * d * q * q
+        + motor.alpha_40 * d**4
+        + motor.alpha_22 * d * d * q * q
+        + motor.alpha_04 * q**4
+    )
     i_d = d / motor.inductance_d + 3 * motor.alpha_30 * d**2 + motor.alpha_12 * q**2
     i_d += 4 * motor.alpha_40 * d**3 + 2 * motor.alpha_22 * d * q * q
     i_q = (
-        q / motor.inductance_q + 2 * motor.alpha_12 * d * q + 2 * motor.alpha_22 * d * d * q + 4 * motor.alpha_04 * q**3
+        q / motor.inductance_q
+        + 2 * motor.alpha_12 * d * q
+        + 2 * motor.alpha_22 * d * d * q
+        + 4 * motor.alpha_04 * q**3
     )
     return h, i_d, i_q
 
@@ -48,8 +67,9 @@ def test_every_effect_has_a_test():
 
 
 def test_leg_voltage_takes_from_a_steady_current_what_its_curve_says():
-    """24 V along alpha: leg a at i, the others at -i/2; the volts that are lost are the curve's there, two thirds and
-    one third of them along alpha.  Terms saturate at 0.0125, 0.02, ... of the current of reference, here far below."""
+    """24 V along alpha: leg a at i, the others at -i/2; the volts that are lost are the curve's
+    there, two thirds and one third of them along alpha.  Terms saturate at 0.0125, 0.02, ... of the
+    current of reference, here far below."""
     b = make({"leg_voltage.v_1": 0.6, "leg_voltage.v_3": -0.2, "leg_voltage.reference": 0.05})
     plain, got = settled(make({}), 24 + 0j), settled(b, 24 + 0j)
     ohm = 24.0 / plain.real
@@ -112,10 +132,16 @@ def rotor_energy(motor, psi, theta, gamma, psi_d6, psi_q6):
 
 @pytest.mark.parametrize("harmonics", [(0.7, 0.0, 0.0), (0.0, 0.004, -0.002), (0.7, 0.004, -0.002)])
 def test_inductance_harmonics_and_flux_harmonics_derive_from_one_energy(harmonics):
-    """Current = gradient and torque = -3/2 p dH/dtheta of the library's H, by central differences."""
+    """Current = gradient and torque = -3/2 p dH/dtheta of the library's H, by central
+    differences."""
     gamma, psi_d6, psi_q6 = harmonics
     b = make(
-        {"inductance_harmonics.gamma_6": gamma, "flux_harmonics.psi_d6": psi_d6, "flux_harmonics.psi_q6": psi_q6}, IPM
+        {
+            "inductance_harmonics.gamma_6": gamma,
+            "flux_harmonics.psi_d6": psi_d6,
+            "flux_harmonics.psi_q6": psi_q6,
+        },
+        IPM,
     )
     psi, theta, h = 0.09 + 0.06j, 0.37, 1e-6
 
@@ -124,8 +150,12 @@ def test_inductance_harmonics_and_flux_harmonics_derive_from_one_energy(harmonic
 
     i, torque = current_and_torque(b, psi, theta)
     assert i.real == pytest.approx((at(psi + h, theta) - at(psi - h, theta)) / (2 * h), rel=1e-7)
-    assert i.imag == pytest.approx((at(psi + 1j * h, theta) - at(psi - 1j * h, theta)) / (2 * h), rel=1e-7)
-    assert torque == pytest.approx(-9.0 * (at(psi, theta + h) - at(psi, theta - h)) / (2 * h), rel=1e-7)
+    assert i.imag == pytest.approx(
+        (at(psi + 1j * h, theta) - at(psi - 1j * h, theta)) / (2 * h), rel=1e-7
+    )
+    assert torque == pytest.approx(
+        -9.0 * (at(psi, theta + h) - at(psi, theta - h)) / (2 * h), rel=1e-7
+    )
 
 
 def test_iron_loss_current_rises_with_its_time_constant_and_loses_its_power():
@@ -141,12 +171,19 @@ def test_iron_loss_current_rises_with_its_time_constant_and_loses_its_power():
     assert state[CORE_ALPHA] == pytest.approx(v / 800 * (1 - math.exp(-2 / 1.5)), rel=1e-3)
     assert state[I_ALPHA] == pytest.approx(v * 2e-4 / L + state[CORE_ALPHA], rel=1e-12)
     integrate(state, b, LOCKED, complex(v / U), 0.0, 3e-3, 0.0, 0.0)
-    found = powers(b, 0.0, Driving(complex(v / U), 0.0, 0.0, 0j, LOCKED, 0.0), 0j, moving(state)._replace(psi=0j))
+    found = powers(
+        b,
+        0.0,
+        Driving(complex(v / U), 0.0, 0.0, 0j, LOCKED, 0.0),
+        0j,
+        moving(state)._replace(psi=0j),
+    )
     assert found.loss == pytest.approx(1.5 * v * v / 800.0, rel=1e-6)
 
 
 def test_skin_effect_is_the_linear_two_state_circuit():
-    """L di/dt = v - R i - R_1 (i - x), tau dx/dt = i - x: the matrix exponential; at rest R alone."""
+    """L di/dt = v - R i - R_1 (i - x), tau dx/dt = i - x: the matrix exponential; at rest R
+    alone."""
     r_1, tau = 3.0, 2e-4
     b = make({"skin_effect.resistance": r_1, "skin_effect.time_constant": tau}, NO_MAGNET)
     state = start(b)
@@ -168,28 +205,37 @@ def test_winding_asymmetry_unbalances_the_steady_current():
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.2, 4.0])
 def test_dead_time_volt_seconds(angle):
-    """Mean voltage lost: u_dc t_d / T_s times the vector of signs; the pulses come t_d / 2 late on average.
+    """Mean voltage lost: u_dc t_d / T_s times the vector of signs; the pulses come t_d / 2 late on
+    average.
 
-    A pattern late by x lowers the mean of the flux ripple by x u, so the sample is above the mean by x u / L.
+    A pattern late by x lowers the mean of the flux ripple by x u, so the sample is above the mean
+    by x u / L.
     """
     t_d, u = 2e-6, 30 * np.exp(1j * angle)
-    ideal, late = settled(make(motor=NO_MAGNET), u), settled(make({"dead_time.time": t_d}, NO_MAGNET), u)
+    ideal, late = (
+        settled(make(motor=NO_MAGNET), u),
+        settled(make({"dead_time.time": t_d}, NO_MAGNET), u),
+    )
     lost = U * t_d / TS * signs(u)
     assert late - ideal == pytest.approx(-lost / R + 0.5 * t_d * (u - lost) / L, rel=3e-3)
 
 
 def test_dead_time_is_soft_around_zero_current_and_its_fundamental_is_four_over_pi():
     t_d, n = 2e-6, 4000
-    smooth = dataclasses.replace(NO_MAGNET, inductance_d=0.5, inductance_q=0.5)  # hardly any ripple at the edges
+    # hardly any ripple at the edges
+    smooth = dataclasses.replace(NO_MAGNET, inductance_d=0.5, inductance_q=0.5)
     b = make({"dead_time.time": t_d, "stator_resistance.resistance": 200.0}, smooth)
-    assert settled(b, 0.4 + 0j).real == pytest.approx(0.4 / (200 + U * t_d / TS * 1.0 / (0.015 * 2.0)), rel=2e-2)
+    assert settled(b, 0.4 + 0j).real == pytest.approx(
+        0.4 / (200 + U * t_d / TS * 1.0 / (0.015 * 2.0)), rel=2e-2
+    )
     u = 150 * np.exp(2j * np.pi * np.arange(n) / n)  # one slow turn
     i = [vector(replay(q, "locked", u.real, u.imag, U)) for q in (b, b._replace(dead_time=0.0))]
     line = np.fft.fft((i[0] - i[1]) * 200.0)[[1, -5, 7]] / n
     v_1 = U * t_d / TS * 4 / np.pi
     mean_delay = 0.5 * t_d * 150.0 * 200.0 / 0.5  # V, see the test above
     assert abs(line[0]) == pytest.approx(v_1 - mean_delay, rel=5e-3)
-    assert np.abs(line[1:]) == pytest.approx([v_1 / 5, v_1 / 7], rel=0.1)  # 6k lines, backward and forward
+    # 6k lines, backward and forward
+    assert np.abs(line[1:]) == pytest.approx([v_1 / 5, v_1 / 7], rel=0.1)
 
 
 def test_device_drop_lowers_the_steady_current():
@@ -205,30 +251,44 @@ def test_dc_link_error_scales_the_delivered_voltage():
 
 
 def test_dc_link_error_sags_with_the_power_drawn():
-    """Along alpha i_dc = 3/2 u i/V, so delivered u' = u - u sag P/V^2 at the power P = 3/2 u i; i = u'/R."""
+    """Along alpha i_dc = 3/2 u i/V, so delivered u' = u - u sag P/V^2 at the power P = 3/2 u i;
+    i = u'/R."""
     u, sag = 60.0, 25.0
     i = settled(make({"dc_link_error.sag": sag}, NO_MAGNET), u + 0j)
     assert i == pytest.approx(pulsed(u, R, U - sag * 1.5 * u / U * i.real), rel=1e-9)
     lost = u - i.real * R
-    assert lost == pytest.approx(u * sag * 1.5 * u * i.real / U**2, rel=3e-3)  # the sample less the mean voltage / R
+    # the sample less the mean voltage / R
+    assert lost == pytest.approx(u * sag * 1.5 * u * i.real / U**2, rel=3e-3)
     assert lost > 0.02 * u
 
 
 def test_dc_link_ripple_volt_seconds_of_one_period():
-    """Each leg delivers D T_s [V + A sin(w t_mid + phase) sinc(w D T_s / 2)]; t from the recording's start."""
+    """Each leg delivers D T_s [V + A sin(w t_mid + phase) sinc(w D T_s / 2)]; t from the
+    recording's start."""
     amplitude, f, phase, u, n = 20.0, 700.0, 0.5, 100.0, 5
-    effects = {"dc_link_ripple.amplitude": amplitude, "dc_link_ripple.frequency": f, "dc_link_ripple.phase": phase}
+    effects = {
+        "dc_link_ripple.amplitude": amplitude,
+        "dc_link_ripple.frequency": f,
+        "dc_link_ripple.phase": phase,
+    }
     b = make(effects | {"stator_resistance.resistance": 0.0}, NO_MAGNET)
     i = vector(replay(b, "locked", np.full(n + 1, u), np.zeros(n + 1), U))
     v_0 = -0.5 * (u - u / 2)
     duty = 0.5 + (np.array([u, -u / 2, -u / 2]) + v_0) / U
     middle = (np.arange(n) + 0.5) * TS
-    leg = duty * TS * (U + amplitude * np.sin(2 * np.pi * f * middle[:, None] + phase) * np.sinc(f * duty * TS))
-    assert np.diff(i).real * L == pytest.approx((2 * leg[:, 0] - leg[:, 1] - leg[:, 2]) / 3, rel=1e-5)
+    leg = (
+        duty
+        * TS
+        * (U + amplitude * np.sin(2 * np.pi * f * middle[:, None] + phase) * np.sinc(f * duty * TS))
+    )
+    assert np.diff(i).real * L == pytest.approx(
+        (2 * leg[:, 0] - leg[:, 1] - leg[:, 2]) / 3, rel=1e-5
+    )
 
 
 def test_pwm_delay_moves_the_pulses_but_not_the_volt_seconds():
-    """Sampled in the zero vector the flux increment is u T_s as before; the mean current is lower by delay u / L."""
+    """Sampled in the zero vector the flux increment is u T_s as before; the mean current is lower
+    by delay u / L."""
     u, delay = 30.0, 2e-5
     b = make({"pwm_delay.delay": delay}, NO_MAGNET)
     assert settled(b, u + 0j) == pytest.approx(u / R + delay * u / L, rel=1e-4)
@@ -239,7 +299,8 @@ def test_pwm_delay_moves_the_pulses_but_not_the_volt_seconds():
 
 
 def test_pwm_delay_longer_than_the_zero_vector_moves_volt_seconds_to_the_next_period():
-    """psi_k+1 - psi_k = u_k-1 T_s - F_k-1(T_s - delay) + F_k(T_s - delay), F(t) volt-seconds until t."""
+    """psi_k+1 - psi_k = u_k-1 T_s - F_k-1(T_s - delay) + F_k(T_s - delay), F(t) volt-seconds until
+    t."""
     delay = 9e-5
     b = make({"pwm_delay.delay": delay, "stator_resistance.resistance": 0.0}, NO_MAGNET)
     u = np.array([0.0, 150.0, -150.0, 200.0, 50.0, 0.0])
@@ -256,7 +317,8 @@ def test_pwm_delay_longer_than_the_zero_vector_moves_volt_seconds_to_the_next_pe
 
 
 def shorted(effects, n=4000, omega=100 * math.pi):
-    """Return the readings of a driven, shorted motor in the rotor frame over whole turns, after settling."""
+    """Return the readings of a driven, shorted motor in the rotor frame over whole turns, after
+    settling."""
     b = make(effects)
     total = 4 * n
     theta = omega * TS * np.arange(total)
@@ -269,22 +331,28 @@ def test_current_offset_appears_at_first_order():
     lines = np.abs(np.fft.fft(i)) / len(i)
     offset = complex(0.02, (-0.01 + -0.01 + 0.02) / math.sqrt(3) + (-0.01 - -0.01) / math.sqrt(3))
     assert lines[-round(turns)] == pytest.approx(abs(offset), rel=1e-9)
-    assert lines[[round(turns), 2 * round(turns), -2 * round(turns)]] == pytest.approx([0.0] * 3, abs=1e-9)
+    assert lines[[round(turns), 2 * round(turns), -2 * round(turns)]] == pytest.approx(
+        [0.0] * 3, abs=1e-9
+    )
 
 
 def test_current_gain_mismatch_appears_at_second_order():
-    """i_read = i (1 + g_0) + conj(i) g_2 with g_2 = (g_a + A^-1 g_b + A g_c)/3 of the deviations, A = exp(2 pi j/3)."""
+    """i_read = i (1 + g_0) + conj(i) g_2 with g_2 = (g_a + A^-1 g_b + A g_c)/3 of the deviations,
+    A = exp(2 pi j/3)."""
     i, turns = shorted({"current_gain.gain_a": 1.02, "current_gain.gain_b": 0.995})
     ideal = shorted({})[0]
     lines = np.fft.fft(i - ideal) / len(i)
     mismatch = (0.02 - 0.005 * np.exp(4j * math.pi / 3)) / 3
-    assert abs(lines[-2 * round(turns)]) == pytest.approx(abs(mismatch) * abs(ideal.mean()), rel=1e-6)
+    assert abs(lines[-2 * round(turns)]) == pytest.approx(
+        abs(mismatch) * abs(ideal.mean()), rel=1e-6
+    )
     assert lines[0] == pytest.approx(ideal.mean() * 0.015 / 3, rel=1e-6)
     assert abs(lines[-round(turns)]) < 1e-9
 
 
 def test_current_filter_lags_the_zero_vector_not_the_mean_slope():
-    """A tau short against the zero vector reads i(t_k - tau): at rest i (1 + tau R / L), above the mean."""
+    """A tau short against the zero vector reads i(t_k - tau): at rest i (1 + tau R / L), above the
+    mean."""
     tau, u = 4e-6, 30.0
     b = make({"current_filter.time_constant": tau}, NO_MAGNET)
     i = settled(make(motor=NO_MAGNET), u + 0j)
@@ -311,7 +379,9 @@ def test_encoder_offset_and_encoder_eccentricity_readings():
     b = make(effects | {"encoder_eccentricity.phase": 0.3})
     theta = np.linspace(0.0, 30.0, 500)
     out = replay(b, "driven", np.zeros(500), np.zeros(500), U, theta=theta)
-    assert out["theta"] == pytest.approx(theta + 0.04 + 4 * 0.01 * np.sin(theta / 4 + 0.3), abs=1e-12)
+    assert out["theta"] == pytest.approx(
+        theta + 0.04 + 4 * 0.01 * np.sin(theta / 4 + 0.3), abs=1e-12
+    )
 
 
 def test_encoder_counts_round_to_the_nearest():
@@ -328,7 +398,9 @@ def test_coulomb_friction_slows_at_a_constant_rate_and_has_stribecks_hump():
     out = replay(b, "free", np.zeros(400), np.zeros(400), U, speed=100.0)
     assert out["speed"][399] == pytest.approx(100 - 0.1 / 1e-3 * 399 * TS, rel=1e-6)
     hump = make({"coulomb_friction.torque": 0.1, "coulomb_friction.stribeck_torque": 0.06})
-    assert friction(hump, 5.0) == pytest.approx((0.1 + 0.06 * math.exp(-1)) * math.tanh(2.5), rel=1e-12)
+    assert friction(hump, 5.0) == pytest.approx(
+        (0.1 + 0.06 * math.exp(-1)) * math.tanh(2.5), rel=1e-12
+    )
 
 
 def test_viscous_friction_slows_exponentially():
@@ -339,7 +411,11 @@ def test_viscous_friction_slows_exponentially():
 
 def test_cogging_torque_oscillates_like_a_pendulum():
     """Around its stable angle small swings have the rate sqrt(A n / J)."""
-    effects = {"cogging_torque.amplitude": 0.2, "cogging_torque.order_mech": 12.0, "cogging_torque.phase": math.pi}
+    effects = {
+        "cogging_torque.amplitude": 0.2,
+        "cogging_torque.order_mech": 12.0,
+        "cogging_torque.phase": math.pi,
+    }
     b, n = make(effects, NO_MAGNET), 4000
     out = replay(b, "free", np.zeros(n), np.zeros(n), U, theta=0.004)
     rate = math.sqrt(0.2 * 12 / 1e-3)
@@ -347,9 +423,13 @@ def test_cogging_torque_oscillates_like_a_pendulum():
 
 
 def test_shaft_compliance_resonates_at_its_frequency():
-    """Twist after a load step: rate sqrt(K (1/J_1 + 1/J_2)), lightly damped; the total inertia is unchanged."""
+    """Twist after a load step: rate sqrt(K (1/J_1 + 1/J_2)), lightly damped; the total inertia is
+    unchanged."""
     stiffness, load_inertia, tau = 300.0, 4e-4, 0.05
-    effects = {"shaft_compliance.stiffness": stiffness, "shaft_compliance.load_inertia": load_inertia}
+    effects = {
+        "shaft_compliance.stiffness": stiffness,
+        "shaft_compliance.load_inertia": load_inertia,
+    }
     b = make(effects | {"shaft_compliance.damping_ratio": 0.0}, NO_MAGNET)
     rate = math.sqrt(stiffness * (1 / 6e-4 + 1 / 4e-4))
     state, twist, n = start(b), [], 2000
@@ -357,7 +437,9 @@ def test_shaft_compliance_resonates_at_its_frequency():
         twist.append(state[TWIST])
         advance(state, b, FREE, 0.0, 0.0, U, tau, 0.0)
     steady = tau * 6e-4 / 1e-3 / stiffness
-    assert np.array(twist) == pytest.approx(steady * (1 - np.cos(rate * TS * np.arange(n))), abs=2e-3 * steady)
+    assert np.array(twist) == pytest.approx(
+        steady * (1 - np.cos(rate * TS * np.arange(n))), abs=2e-3 * steady
+    )
     momentum = 6e-4 * state[SPEED] + 4e-4 * state[SPEED + 1]
     assert momentum == pytest.approx(-tau * n * TS, rel=1e-9)
 

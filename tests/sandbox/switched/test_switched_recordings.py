@@ -1,7 +1,9 @@
-"""The switched bench replays the practice campaigns with their true parameters: residuals are the sensors' noise.
+"""The switched bench replays the practice campaigns with their true parameters: residuals are the
+sensors' noise.
 
-Fitted on the way are the ordinary deviations only: sensor gains and offsets (linear), encoder offset, locked angle
-within a count, residual dead time.  Recordings come from SENSORLESS_RECORDINGS or ../shared/recordings.
+Fitted on the way are the ordinary deviations only: sensor gains and offsets (linear), encoder
+offset, locked angle within a count, residual dead time.  Recordings come from SENSORLESS_RECORDINGS
+or ../shared/recordings.
 """
 
 import dataclasses
@@ -21,27 +23,61 @@ from sandbox.switched.bench_numbers import bench, quiet
 parquet = pytest.importorskip("pyarrow.parquet")
 HOME = Path(__file__).resolve().parents[3].parent / "shared" / "recordings"
 PRACTICE = Path(os.environ.get("SENSORLESS_RECORDINGS") or HOME) / "practice"
-pytestmark = pytest.mark.skipif(not PRACTICE.is_dir(), reason=f"no recordings in {PRACTICE}; set SENSORLESS_RECORDINGS")
-USED = ["locked_q_inject_q", "locked_steps", "locked_low_current", "driven_grid", "driven_grid_slow", "driven_idle"]
-FEWER = ["locked_q_inject_q", "locked_low_current", "driven_grid", "driven_idle"]  # show each effect by far
-TRUE = {"R": "resistance", "phim": "magnet_flux", "Ld": "inductance_d", "Lq": "inductance_q", "J": "inertia"}
-TRUE |= {"a30": "alpha_30", "a12": "alpha_12", "a40": "alpha_40", "a22": "alpha_22", "a04": "alpha_04"}
+pytestmark = pytest.mark.skipif(
+    not PRACTICE.is_dir(), reason=f"no recordings in {PRACTICE}; set SENSORLESS_RECORDINGS"
+)
+USED = [
+    "locked_q_inject_q",
+    "locked_steps",
+    "locked_low_current",
+    "driven_grid",
+    "driven_grid_slow",
+    "driven_idle",
+]
+# show each effect by far
+FEWER = ["locked_q_inject_q", "locked_low_current", "driven_grid", "driven_idle"]
+TRUE = {
+    "R": "resistance",
+    "phim": "magnet_flux",
+    "Ld": "inductance_d",
+    "Lq": "inductance_q",
+    "J": "inertia",
+}
+TRUE |= {
+    "a30": "alpha_30",
+    "a12": "alpha_12",
+    "a40": "alpha_40",
+    "a22": "alpha_22",
+    "a04": "alpha_04",
+}
 TRUE |= {"B": "viscous_friction"}
 RATED = {6: 1.2, 3: 6.0}  # A peak by pole pairs: the paper's motor, the 2.2 kW motor
 
 
 def load(name, files=USED):
-    """Return nominal and true motor, converter, true effects, and the columns of some recordings."""
+    """Return nominal and true motor, converter, true effects, and the columns of some
+    recordings."""
     campaign = tomllib.loads((PRACTICE / name / "campaign.toml").read_text())
     truth = tomllib.loads((PRACTICE / f"{name}.truth.toml").read_text())
-    extra = {"rated_current": RATED[campaign["motor"]["pole_pairs"]], "rated_torque": 1.0, "rated_speed_rpm": 1e3}
+    extra = {
+        "rated_current": RATED[campaign["motor"]["pole_pairs"]],
+        "rated_torque": 1.0,
+        "rated_speed_rpm": 1e3,
+    }
     nominal = Motor(name, **campaign["motor"], **extra)
-    true = dataclasses.replace(nominal, **{TRUE[k]: v for k, v in truth["true_motor"].items() if k in TRUE})
-    effects = {f"{effect}.{key}": v for effect in truth["effects"] for key, v in truth[effect].items()}
+    true = dataclasses.replace(
+        nominal, **{TRUE[k]: v for k, v in truth["true_motor"].items() if k in TRUE}
+    )
+    effects = {
+        f"{effect}.{key}": v for effect in truth["effects"] for key, v in truth[effect].items()
+    }
     tables = {file: parquet.read_table(PRACTICE / name / f"{file}.parquet") for file in files}
-    # half of a locked one will do: rms of 2880 rows of noise is 1 within 4 / sqrt(2 x 2 x 2880) = 4 %
+    # half of a locked one will do: rms of 2880 rows of noise is 1 within 4 / sqrt(2 x 2 x 2880) = 4
+    # %
     tables = {f: t[: len(t) // 2] if f.startswith("locked") else t for f, t in tables.items()}
-    columns = {f: {c: t[c].to_numpy().astype(float) for c in t.column_names} for f, t in tables.items()}
+    columns = {
+        f: {c: t[c].to_numpy().astype(float) for c in t.column_names} for f, t in tables.items()
+    }
     return nominal, true, Converter(**campaign["drive"]), effects, columns
 
 
@@ -57,7 +93,8 @@ def ramps(t, knots):
 
 
 def imposed_motion(c, pole_pairs):
-    """Return angle and mechanical speed behind encoder counts: constant speed, or speed ramps with fitted corners."""
+    """Return angle and mechanical speed behind encoder counts: constant speed, or speed ramps with
+    fitted corners."""
     t, theta = c["t"], c["theta"]
 
     def fit(corners):
@@ -81,7 +118,9 @@ def predict(b, columns, motion, encoder_offset, lock, dead_time):
         if file.startswith("locked"):
             r = replay(b, "locked", *command, theta=c["theta"][0] + lock - encoder_offset)
         else:
-            r = replay(b, "driven", *command, theta=motion[file][0] - encoder_offset, speed=motion[file][1])
+            r = replay(
+                b, "driven", *command, theta=motion[file][0] - encoder_offset, speed=motion[file][1]
+            )
         out.append(np.stack([r["i_a"], r["i_b"], r["i_c"]]))
     return np.concatenate(out, axis=1)
 
@@ -99,7 +138,9 @@ def unexplained(predicted, read):
 
 def vector(phases):
     """Return alpha + j beta as real rows (2, n)."""
-    return np.stack([(2 * phases[0] - phases[1] - phases[2]) / 3, (phases[1] - phases[2]) / np.sqrt(3)])
+    return np.stack(
+        [(2 * phases[0] - phases[1] - phases[2]) / 3, (phases[1] - phases[2]) / np.sqrt(3)]
+    )
 
 
 def motions(columns, pole_pairs):
@@ -110,7 +151,9 @@ def motions(columns, pole_pairs):
 def residuals(motor, converter, effects, columns, motion):
     """Return rms residual of each recording over the noise floor, ordinary deviations fitted."""
     b = quiet(bench(motor, converter, effects))
-    read = np.concatenate([np.stack([c["i_a"], c["i_b"], c["i_c"]]) for c in columns.values()], axis=1)
+    read = np.concatenate(
+        [np.stack([c["i_a"], c["i_b"], c["i_c"]]) for c in columns.values()], axis=1
+    )
 
     def miss(x):
         return vector(unexplained(predict(b, columns, motion, *x), read)).ravel()
@@ -118,9 +161,13 @@ def residuals(motor, converter, effects, columns, motion):
     x, steps = np.array([b.encoder_offset, 0.0, 0.0]), np.array([2e-3, 2e-3, 5e-8])
     at = miss(x)
     turned, late = (miss(x + h) - at for h in np.diag(steps)[[0, 2]])
-    locked = np.concatenate([np.full(len(c["t"]), 1.0 * f.startswith("locked")) for f, c in columns.items()])
-    slope = np.stack([turned, -np.tile(locked, 2) * turned, late], axis=1)  # a lock turns back what an encoder turns
-    for _ in range(2):  # Gauss-Newton on the first slopes: nearly straight over a count and a residual dead time
+    locked = np.concatenate(
+        [np.full(len(c["t"]), 1.0 * f.startswith("locked")) for f, c in columns.items()]
+    )
+    # a lock turns back what an encoder turns
+    slope = np.stack([turned, -np.tile(locked, 2) * turned, late], axis=1)
+    for _ in range(2):
+        # Gauss-Newton on the first slopes: nearly straight over a count and a residual dead time
         x = x - steps * np.linalg.lstsq(slope, at, rcond=None)[0]
         at = miss(x)
     square = np.sum(at.reshape(2, -1) ** 2, axis=0)
@@ -136,20 +183,25 @@ def without(nominal, true, effects):
 
 
 def test_campaign_without_deviations_is_met_to_the_noise_floor():
-    """p01 with its nominal model, nothing fitted but the imposed motion behind the encoder's counts."""
+    """p01 with its nominal model, nothing fitted but the imposed motion behind the encoder's
+    counts."""
     nominal, _, converter, _, columns = load("p01")
     b = quiet(bench(nominal, converter))
     predicted = predict(b, columns, motions(columns, 6), 0.0, 0.0, 0.0)
-    read = np.concatenate([np.stack([c["i_a"], c["i_b"], c["i_c"]]) for c in columns.values()], axis=1)
+    read = np.concatenate(
+        [np.stack([c["i_a"], c["i_b"], c["i_c"]]) for c in columns.values()], axis=1
+    )
     floor = converter.current_noise**2 + converter.current_resolution**2 / 12
     assert np.sqrt(np.mean((read - predicted) ** 2) / floor) == pytest.approx(1.0, abs=0.02)
 
 
 @pytest.mark.parametrize("file", ["reversal", "run_fast", "run_slow", "coast_down"])
 def test_free_rotor_follows_to_the_encoders_counts(file):
-    """p01 from rest, commands and load torque in: the angle stays within the rounding, until errors have grown.
+    """p01 from rest, commands and load torque in: the angle stays within the rounding, until errors
+    have grown.
 
-    Commands without their feedback are an unstable way to drive: 1e-9 rad becomes 1e-4 rad over run_slow.
+    Commands without their feedback are an unstable way to drive: 1e-9 rad becomes 1e-4 rad over
+    run_slow.
     """
     nominal, _, converter, _, columns = load("p01", [file])
     c, n = columns[file], 1000
@@ -161,7 +213,9 @@ def test_free_rotor_follows_to_the_encoders_counts(file):
 
 
 # p10, without an effect: nothing is left to the bench that p01 does not show
-EFFECTS = {  # campaign: residual that must remain without the true effect; 0: a nuisance of the fit stands in for it
+# campaign: residual that must remain without the true effect; 0: a nuisance of the fit stands in
+# for it
+EFFECTS = {
     "p02": 0.0,  # dead time (a residual dead time is fitted)
     "p03": 10.0,  # resistance
     "p04": 3.0,  # cross-saturation
@@ -188,13 +242,22 @@ def test_true_effect_brings_the_residual_to_the_noise_floor(name):
 
 
 def test_coulomb_friction_explains_the_free_rotor():
-    """p08: the first 0.3 s of the reversal, from rest, with and without the true friction torque."""
+    """p08: the first 0.3 s of the reversal, from rest, with and without the true friction
+    torque."""
     _, true, converter, effects, columns = load("p08", ["reversal"])
     c, n = columns["reversal"], 2400
     miss = {}
     for name, on in (("with", effects), ("without", {})):
         b = quiet(bench(true, converter, on))
-        out = replay(b, "free", c["u_alpha"], c["u_beta"], c["u_dc"], load_torque=c["load_torque"], theta=c["theta"][0])
+        out = replay(
+            b,
+            "free",
+            c["u_alpha"],
+            c["u_beta"],
+            c["u_dc"],
+            load_torque=c["load_torque"],
+            theta=c["theta"][0],
+        )
         miss[name] = np.abs(out["theta"] - c["theta"])[:n].max()
     print("p08 angle error, rad:", miss)
     assert miss["with"] < 0.1 * miss["without"]

@@ -11,7 +11,8 @@ from tests.sandbox.withheld.known import truth_of
 
 @pytest.fixture
 def check(tmp_path):
-    """A sealed check of five campaigns without recordings; a fake diagnosis needs their names only."""
+    """A sealed check of five campaigns without recordings; a fake diagnosis needs their names
+    only."""
     truths = {
         "w000": truth_of(),
         "w001": truth_of((), "none", (), {}),

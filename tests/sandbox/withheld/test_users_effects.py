@@ -1,4 +1,5 @@
-"""A user's effects in a check: drawn and recorded by the switched bench, candidates where the check is scored."""
+"""A user's effects in a check: drawn and recorded by the switched bench, candidates where the check
+is scored."""
 
 from __future__ import annotations
 
@@ -20,21 +21,27 @@ from sandbox.withheld.making.draw import draw
 drawn = draw(Case(0, "one", "ipm", "scored", ("resolver",), (0.5,), table="published"), 4)
 listed = {name for c in cases(400, 1, "mixed", "scored", table="published") for name in c.names}
 print(json.dumps([drawn.own, drawn.as_json()["parameters"], drawn.sizes, sorted(listed & {"fan", "resolver"})]))
-"""
+"""  # noqa: E501
 
 
 def python(*arguments):
-    return subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+    )
 
 
 def test_they_are_drawn_beside_the_librarys():
-    """In the middle of 1/4 ... 2 typical sizes stands 0.25 sqrt(8) = 0.7071; the card's typical amplitude is 3 mrad."""
+    """In the middle of 1/4 ... 2 typical sizes stands 0.25 sqrt(8) = 0.7071; the card's typical
+    amplitude is 3 mrad."""
     done = python("-c", LIST, str(EXAMPLE))
     assert not done.returncode, done.stderr
     own, parameters, sizes, listed = json.loads(done.stdout)
     assert sizes == [pytest.approx(0.5**0.5)]
     assert own["resolver"] == pytest.approx(0.003 * 0.5**0.5)
-    assert parameters == {"resolver.amplitude": own["resolver"], "resolver.phase": own["resolver_phase"]}
+    assert parameters == {
+        "resolver.amplitude": own["resolver"],
+        "resolver.phase": own["resolver_phase"],
+    }
     assert listed == ["fan", "resolver"]
 
 
@@ -42,7 +49,17 @@ def test_an_effect_that_the_bench_lacks_is_refused_before_anything_is_made(tmp_p
     file = tmp_path / "mine.py"
     file.write_text(EXAMPLE.read_text().replace('name="fan"', 'name="propeller"'))
     out = tmp_path / "check"
-    done = python("-m", "sandbox.cli", "withheld", "make", str(out), "--count", "1", "--effects-from", str(file))
+    done = python(
+        "-m",
+        "sandbox.cli",
+        "withheld",
+        "make",
+        str(out),
+        "--count",
+        "1",
+        "--effects-from",
+        str(file),
+    )
     assert done.returncode == 2
     assert "the switched bench has no number 'propeller' for 'propeller.coefficient'" in done.stderr
     assert not out.exists()

@@ -21,9 +21,17 @@ from sandbox.withheld.making.make import campaign_of
 from sandbox.withheld.scoring.judge import judge
 
 SHORT = 0.3
-RIVALS = {"encoder_offset", "dead_time", "device_drop", "magnet_flux", "skin_effect", "current_gain"}
+RIVALS = {
+    "encoder_offset",
+    "dead_time",
+    "device_drop",
+    "magnet_flux",
+    "skin_effect",
+    "current_gain",
+}
 PLAIN = {"encoder_eccentricity", "stator_resistance"}
-LEFT_OUT = tuple(sorted(set(effect_names()) - RIVALS - PLAIN))  # candidates: what acts on the encoder or the voltage
+# candidates: what acts on the encoder or the voltage
+LEFT_OUT = tuple(sorted(set(effect_names()) - RIVALS - PLAIN))
 
 
 USUAL, KNOWN = fit.nuisances, {}  # fits without an effect, by the campaign's readings
@@ -44,7 +52,9 @@ def each_null_once(monkeypatch):
 
 def recorded(folder, *names, sizes=(2.0,), family="ipm_exchanged"):
     """Write a short campaign with effects; return its folder and truth."""
-    drawn = draw(Case(0, "one" if names else "none", family, "scored", names, sizes if names else ()), 31)
+    drawn = draw(
+        Case(0, "one" if names else "none", family, "scored", names, sizes if names else ()), 31
+    )
     return write_campaign(folder / "w000", campaign_of(drawn, SHORT)), drawn.as_json()
 
 
@@ -72,7 +82,8 @@ def test_a_large_effect_is_found(method, effect, left_out, tmp_path):
 
 
 def test_two_effects_at_once_are_found_beside_a_discrepancy(tmp_path):
-    """Both names, the whole gap closed, and each of three parameters within its 95 % interval or twice as far."""
+    """Both names, the whole gap closed, and each of three parameters within its 95 % interval or
+    twice as far."""
     names = ("encoder_eccentricity", "stator_resistance")
     folder, truth = recorded(tmp_path, *names, sizes=(2.0, 2.0))
     found = BASELINES["gp"](folder, LEFT_OUT).json
@@ -92,7 +103,8 @@ def test_two_effects_at_once_are_found_beside_a_discrepancy(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("method", "left_out"), [("refit", ()), ("susie", ()), *((m, LEFT_OUT) for m in ("bic", "stepwise", "gp"))]
+    ("method", "left_out"),
+    [("refit", ()), ("susie", ()), *((m, LEFT_OUT) for m in ("bic", "stepwise", "gp"))],
 )
 def test_without_effect_nothing_is_named(method, left_out, tmp_path):
     folder, truth = recorded(tmp_path)
@@ -130,7 +142,8 @@ def test_an_effect_that_cannot_be_fitted_is_skipped(tmp_path, monkeypatch):
 
 
 class Bent:
-    """Normal equations of one reading, arctan x: from x = 2 a whole step overshoots, half a step gains."""
+    """Normal equations of one reading, arctan x: from x = 2 a whole step overshoots, half a step
+    gains."""
 
     coordinates = ("x",)
 
@@ -158,7 +171,9 @@ def test_a_step_is_shortened_until_it_lowers_the_cost():
     point, n, cost, tries = fit.stepped(Bent(2.0), Bent(2.0), prior, math.atan(2.0) ** 2)
     assert (point.x[0], tries) == (pytest.approx(2.0 - 0.5 * whole), 2)
     assert cost == pytest.approx(math.atan(2.0 - 0.5 * whole) ** 2)
-    refusing = Bent(2.0, ((2.0 - 0.5 * whole, BadInput("no")), (2.0 - 0.25 * whole, np.linalg.LinAlgError())))
+    refusing = Bent(
+        2.0, ((2.0 - 0.5 * whole, BadInput("no")), (2.0 - 0.25 * whole, np.linalg.LinAlgError()))
+    )
     point, n, _, tries = fit.stepped(refusing, refusing, prior, math.atan(2.0) ** 2)
     assert (point.x[0], tries) == (pytest.approx(2.0 - 0.1 * whole), 4)
     stuck = fit.stepped(Bent(2.0), n, prior, 0.0)  # nothing is lower: all stays as it was
@@ -167,7 +182,8 @@ def test_a_step_is_shortened_until_it_lowers_the_cost():
 
 
 def test_priors_are_the_campaigns_own(tmp_path):
-    """Means, deviations and bounds of the diagnosis' ordinary deviations, and one angle for each recording."""
+    """Means, deviations and bounds of the diagnosis' ordinary deviations, and one angle for each
+    recording."""
     folder, _ = recorded(tmp_path)
     campaign = read_campaign(folder)
     null, _ = fit.nuisances(campaign)
@@ -176,16 +192,30 @@ def test_priors_are_the_campaigns_own(tmp_path):
     assert [c.names[0] for c in own if c.form == "turn"] == [r.file for r in campaign.recordings]
     stated = {
         c.label: (p, low, high)
-        for c, p, low, high in zip(own, null.prior.deviation, null.prior.low, null.prior.high, strict=True)
+        for c, p, low, high in zip(
+            own, null.prior.deviation, null.prior.low, null.prior.high, strict=True
+        )
     }
     flux = campaign.drive.motor.magnet_flux
     deviation, low, high = stated["magnet_flux.magnet_flux"]
-    assert deviation == pytest.approx(0.01 * flux, rel=0.05)  # of the true value, seen from the stated one
-    assert (low, high) == (pytest.approx(flux - 4.0 * deviation), pytest.approx(flux + 4.0 * deviation))
+    # of the true value, seen from the stated one
+    assert deviation == pytest.approx(0.01 * flux, rel=0.05)
+    assert (low, high) == (
+        pytest.approx(flux - 4.0 * deviation),
+        pytest.approx(flux + 4.0 * deviation),
+    )
     assert stated["current_gain.gain_a"][0] == campaign.background["current_gain"]
     sizes = {c.label: c.deviation for c in own}
-    places = {n: [k + 1] for k, n in enumerate(("stator_resistance", "magnet_flux", "encoder_offset", "dead_time"))}
-    places |= {"inertia": [5], "viscous_friction": [6], "inductance": [7, 8], "saturation": [9, 10, 11, 12, 13]}
+    places = {
+        n: [k + 1]
+        for k, n in enumerate(("stator_resistance", "magnet_flux", "encoder_offset", "dead_time"))
+    }
+    places |= {
+        "inertia": [5],
+        "viscous_friction": [6],
+        "inductance": [7, 8],
+        "saturation": [9, 10, 11, 12, 13],
+    }
     places |= {"current_gain": [14, 15], "current_offset": [16, 17]}
     _, weight = background(campaign, places)
     assert weight[2] == pytest.approx(sizes["magnet_flux.magnet_flux"] ** -2)
@@ -193,7 +223,8 @@ def test_priors_are_the_campaigns_own(tmp_path):
 
 
 def test_no_bound_holds_the_deviation_that_is_named(tmp_path):
-    """36 % off, where ordinary ends at 4 %: `refit` follows, what it counts the gap from does not."""
+    """36 % off, where ordinary ends at 4 %: `refit` follows, what it counts the gap from does
+    not."""
     folder, truth = recorded(tmp_path, "stator_resistance")
     found = BASELINES["refit"](folder, LEFT_OUT).json
     j = judge("w000", truth, found)
@@ -201,7 +232,9 @@ def test_no_bound_holds_the_deviation_that_is_named(tmp_path):
     assert j.subsystem
     assert found["gap"]["after"] < 1.1
     low, high = found["hypotheses"][0]["parameters"]["stator_resistance.resistance"]["ci95"]
-    assert 0.5 * (low + high) == pytest.approx(truth["parameters"]["stator_resistance.resistance"], rel=5e-3)
+    assert 0.5 * (low + high) == pytest.approx(
+        truth["parameters"]["stator_resistance.resistance"], rel=5e-3
+    )
     assert found["gap"]["before"] > 20.0
 
 
@@ -214,8 +247,11 @@ def test_ridge_of_the_voltage_regression():
 
 
 def test_the_voltage_regression_answers_without_a_free_rotor(tmp_path):
-    """A narrow campaign: no motion to regress, so no mechanical effect; a device drop twice the medium one shows."""
-    drawn = draw(Case(0, "one", "ipm_exchanged", "scored", ("device_drop",), (2.0,), None, "one_link"), 31)
+    """A narrow campaign: no motion to regress, so no mechanical effect; a device drop twice the
+    medium one shows."""
+    drawn = draw(
+        Case(0, "one", "ipm_exchanged", "scored", ("device_drop",), (2.0,), None, "one_link"), 31
+    )
     folder = write_campaign(tmp_path / "w000", campaign_of(drawn))
     named = {e for h in BASELINES["voltage"](folder, ()).json["hypotheses"] for e in h["effects"]}
     assert "device_drop" in named

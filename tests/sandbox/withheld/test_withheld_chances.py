@@ -32,13 +32,17 @@ def test_f1_counts_what_is_named_above_a_half():
 
 
 def test_calibration_error_by_hand():
-    """0.9, 0.9, 0.95 in one bin, two of three there: 2.75 - 2; 0.1 and 0.15 in another, none there: 0.25; over five."""
-    assert calibration_error([0.9, 0.9, 0.95, 0.1, 0.15], [1, 1, 0, 0, 0]) == pytest.approx((0.75 + 0.25) / 5.0)
+    """0.9, 0.9, 0.95 in one bin, two of three there: 2.75 - 2; 0.1 and 0.15 in another, none there:
+    0.25; over five."""
+    assert calibration_error([0.9, 0.9, 0.95, 0.1, 0.15], [1, 1, 0, 0, 0]) == pytest.approx(
+        (0.75 + 0.25) / 5.0
+    )
     assert calibration_error([1.0, 0.0], [1, 0]) == 0.0
 
 
 def test_chances_that_are_right_have_no_error():
-    """The binomial scatter of n cases in ten bins: sum over bins of sqrt(n/10 p (1 - p)) sqrt(2/pi), over n."""
+    """The binomial scatter of n cases in ten bins: sum over bins of sqrt(n/10 p (1 - p))
+    sqrt(2/pi), over n."""
     rng, n = np.random.default_rng(1), 100_000
     p = rng.random(n)
     middle = (np.arange(10) + 0.5) / 10
@@ -47,8 +51,9 @@ def test_chances_that_are_right_have_no_error():
 
 
 def test_campaigns_of_many_effects():
-    """Two campaigns: all four named and nothing else; three of four, one name too many.  Of the pairs of
-    an effect that is there and one that is not, the second has the larger chance in one (0.3 against 0.6)."""
+    """Two campaigns: all four named and nothing else; three of four, one name too many.  Of the
+    pairs of an effect that is there and one that is not, the second has the larger chance in one
+    (0.3 against 0.6)."""
     all_four = judged(FOUR, dict.fromkeys(FOUR, 0.9))
     some = judged(FOUR, {**dict.fromkeys(FOUR[:3], 0.9), "iron_loss": 0.3, "inductance": 0.6})
     found = of_many([all_four, some, judged(("dead_time",), {})])
@@ -62,7 +67,9 @@ def test_campaigns_of_many_effects():
 
 def test_chances_are_stated_or_follow_from_hypotheses():
     found = diagnosis_of((["dead_time", "inertia"], 0.7), (["dead_time"], 0.2), (["unknown"], 0.1))
-    assert judge("w", truth_of(), found).chances == pytest.approx({"dead_time": 0.9, "inertia": 0.7})
+    assert judge("w", truth_of(), found).chances == pytest.approx(
+        {"dead_time": 0.9, "inertia": 0.7}
+    )
     found["effects"] = [{"name": "dead_time", "probability": 0.85}]
     assert judge("w", truth_of(), found).chances == {"dead_time": 0.85}
     assert judge("w", truth_of(), {"failed": "no"}).chances == {}
@@ -92,7 +99,10 @@ def test_a_failure_covers_none_of_its_parameters():
 def test_first_hypotheses_are_right_as_often_as_they_say():
     """Three times 0.9 and right, once 0.9 and wrong: (3.6 - 3) / 4."""
     answer = diagnosis_of((["dead_time"], 0.9), (["inertia"], 0.1))
-    own = [judge("w", truth_of((e,)), answer) for e in ("dead_time", "dead_time", "dead_time", "inertia")]
+    own = [
+        judge("w", truth_of((e,)), answer)
+        for e in ("dead_time", "dead_time", "dead_time", "inertia")
+    ]
     assert calibration(own).value == pytest.approx(0.15)
     assert calibration([]).n == 0
 
@@ -106,7 +116,8 @@ def test_a_failure_is_a_name_given_for_sure_and_wrong():
 
 
 def test_limits_leave_room_for_what_so_few_cases_did_not_show():
-    """Four right at chance 1: 0, and up to the share 1 - 0.05^(1/4) of others, which may be wrong altogether."""
+    """Four right at chance 1: 0, and up to the share 1 - 0.05^(1/4) of others, which may be wrong
+    altogether."""
     right = [judge("w", truth_of(), diagnosis_of((["dead_time"], 1.0)))] * 4
     found = calibration(right)
     assert (found.value, found.low, found.n) == (0.0, 0.0, 4)
@@ -118,8 +129,9 @@ def test_limits_leave_room_for_what_so_few_cases_did_not_show():
 
 
 def test_a_failure_has_the_whole_list_wrong():
-    """Beside a campaign of which all is right: half of the error, of F1 and of the area.  Of the pairs of one
-    that is there and one that is not, a quarter is in order, and two quarters (both with 1, both with 0) tie."""
+    """Beside a campaign of which all is right: half of the error, of F1 and of the area.  Of the
+    pairs of one that is there and one that is not, a quarter is in order, and two quarters (both
+    with 1, both with 0) tie."""
     found = of_many([judged(FOUR, dict.fromkeys(FOUR, 1.0)), judged(FOUR, {}, failed=True)])
     n = len(causes())
     # chance 1: four there, n - 4 not; chance 0: n - 4 not there, four there

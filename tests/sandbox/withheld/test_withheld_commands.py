@@ -26,7 +26,9 @@ class Nothing:
 def test_make_and_score(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(maker, "campaign_of", lambda drawn, share: campaign_of(drawn, 0.02))
     folder = tmp_path / "check"
-    assert main(["withheld", "make", str(folder), "--count", "10", "--seed", "4", "--jobs", "1"]) == 0
+    assert (
+        main(["withheld", "make", str(folder), "--count", "10", "--seed", "4", "--jobs", "1"]) == 0
+    )
     digest = hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest()
     assert capsys.readouterr().out.startswith(f"truth sealed, SHA-256 {digest}")
 

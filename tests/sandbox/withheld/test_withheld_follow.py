@@ -1,4 +1,5 @@
-"""The recommended recording, made on the true bench: the replay at the truth meets its floor, too."""
+"""The recommended recording, made on the true bench: the replay at the truth meets its floor,
+too."""
 
 import json
 from dataclasses import replace
@@ -29,9 +30,12 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_entry_can_be_recorded_and_replayed_at_the_truth(name, folder, tmp_path):
-    """Floor 1 within what encoder counts cost (free rotors: 1.2 as in test_withheld_make), also on a lower link."""
+    """Floor 1 within what encoder counts cost (free rotors: 1.2 as in test_withheld_make), also on
+    a lower link."""
     grown = read_campaign(grow(folder, tmp_path / "w000", (name, 0.5), DRAWN))
-    assert [r.file for r in grown.recordings[:-1]] == [r.file for r in read_campaign(folder).recordings]
+    assert [r.file for r in grown.recordings[:-1]] == [
+        r.file for r in read_campaign(folder).recordings
+    ]
     added, entry = grown.recordings[-1], entry_of(grown, name, 0.5)
     assert len(added.t) == round(0.5 / DRAWN.true.converter.sampling_period)
     full = DRAWN.true.converter.dc_bus_voltage
@@ -43,7 +47,9 @@ def test_every_entry_can_be_recorded_and_replayed_at_the_truth(name, folder, tmp
     found = residuals(prepared, replay(prepared, [values]))[0]
     assert found.rms()[0] < 1.2
     size = np.hypot(*added.current)
-    assert np.max(size) < 1.3 * max(np.max(np.hypot(entry.i_d, entry.i_q)), 0.3 * grown.drive.motor.rated_current)
+    assert np.max(size) < 1.3 * max(
+        np.max(np.hypot(entry.i_d, entry.i_q)), 0.3 * grown.drive.motor.rated_current
+    )
 
 
 def test_a_plan_asks_for_the_entrys_currents():
@@ -66,7 +72,13 @@ def test_only_an_ambiguous_diagnosis_asks():
 def test_the_truth_is_drawn_again_or_refused():
     drawn = [draw(c, 5) for c in cases(3, 5, "mixed", "scored")]
     truths = json.loads(json.dumps({d.case.name: d.sealed() for d in drawn}))
-    content = {"seed": 5, "kind": "mixed", "style": "scored", "sizes": "ladder", "outside": list(OUTSIDE)}
+    content = {
+        "seed": 5,
+        "kind": "mixed",
+        "style": "scored",
+        "sizes": "ladder",
+        "outside": list(OUTSIDE),
+    }
     content["campaigns"] = truths
     assert drawn_again(content, "w001") == drawn[1]
     truths["w001"]["bench"]["theta"] += 1e-3

@@ -1,4 +1,5 @@
-"""Withheld campaigns: sealed before recorded, the same from the same seed, true where the truth is known."""
+"""Withheld campaigns: sealed before recorded, the same from the same seed, true where the truth is
+known."""
 
 import dataclasses
 import hashlib
@@ -30,7 +31,14 @@ from sandbox.withheld.making.make import campaign_of, make
 from sandbox.withheld.making.outside_causes import EVERY, OUTSIDE
 from tests.sandbox.withheld.known import true_set
 
-FILES = {"locked_d", "locked_q_inject_d", "locked_q_inject_q", "locked_steps", "locked_low_current", "run_slow"}
+FILES = {
+    "locked_d",
+    "locked_q_inject_d",
+    "locked_q_inject_q",
+    "locked_steps",
+    "locked_low_current",
+    "run_slow",
+}
 FILES |= {"run_fast", "reversal", "coast_down", "driven_grid", "driven_grid_slow", "driven_idle"}
 SHORT = 0.3  # of the usual length
 SHORTER = 0.1  # 1400 readings or more: an rms within 5/sqrt(2 * 1400) = 0.1
@@ -48,20 +56,25 @@ def misses(drawn, share=SHORT):
 
 @pytest.mark.parametrize(("family", "style"), list(zip(FAMILIES, 2 * STYLES, strict=True)))
 def test_without_effect_the_replay_meets_the_floor_at_the_truth(family, style):
-    """Nothing fitted.  An encoder fine enough that counts do not blur a free rotor's angle: 1 within sampling error.
+    """Nothing fitted.  An encoder fine enough that counts do not blur a free rotor's angle: 1
+    within sampling error.
 
-    A recording has 4000 or more readings, so its rms scatters by 1/sqrt(2 * 4000) = 0.011; 5 of these.
+    A recording has 4000 or more readings, so its rms scatters by 1/sqrt(2 * 4000) = 0.011; 5 of
+    these.
     """
     drawn = draw(Case(0, "none", family, style), 11)
     fine = dataclasses.replace(drawn.true.converter, encoder_counts=2**20)
-    current, motion = misses(dataclasses.replace(drawn, true=dataclasses.replace(drawn.true, converter=fine)))
+    current, motion = misses(
+        dataclasses.replace(drawn, true=dataclasses.replace(drawn.true, converter=fine))
+    )
     assert current == pytest.approx(1.0, abs=0.055)
     assert np.sqrt(np.mean(current**2)) == pytest.approx(1.0, abs=0.015)
     assert motion == pytest.approx(1.0, abs=0.1)
 
 
 def test_with_the_real_encoder_counts_cost_a_free_rotor_a_little():
-    """Counts in step with the samples leave a free rotor's angle a bias: 1.15 seen at the worst, in motion alone."""
+    """Counts in step with the samples leave a free rotor's angle a bias: 1.15 seen at the worst, in
+    motion alone."""
     drawn = draw(Case(0, "none", "ipm", "scored"), 12)
     current, motion = misses(drawn)
     assert np.sqrt(np.mean(current**2)) < 1.04
@@ -88,7 +101,8 @@ def test_what_no_library_holds_lies_in_every_subsystem():
 
 
 def test_sizes_outside_the_library_are_what_they_say():
-    """At size 1: sensors 2.5 % low at rated current; the fan takes 10 % of rated torque at rated speed."""
+    """At size 1: sensors 2.5 % low at rated current; the fan takes 10 % of rated torque at rated
+    speed."""
     drive, rng = family_drive("ipm"), np.random.default_rng(0)
     curved, fan = (OUTSIDE[n].planted(drive, 1.0, rng).bench for n in ("sensor_curvature", "fan"))
     assert curved == {"curvature": pytest.approx(0.025 / drive.motor.rated_current**2)}
@@ -97,7 +111,8 @@ def test_sizes_outside_the_library_are_what_they_say():
 
 
 def test_curved_sensors_of_the_largest_size_still_read_what_cycles_ask_for():
-    """Three phases of a current X read X (1 - 3/4 c X^2) as a vector: 1.7 at X = 2.0; energies go to 2.2."""
+    """Three phases of a current X read X (1 - 3/4 c X^2) as a vector: 1.7 at X = 2.0; energies go
+    to 2.2."""
     drive, rng = family_drive("ipm"), np.random.default_rng(0)
     c = (
         OUTSIDE["sensor_curvature"].planted(drive, EFFECT_SIZES[-1], rng).bench["curvature"]
@@ -111,7 +126,8 @@ def test_curved_sensors_of_the_largest_size_still_read_what_cycles_ask_for():
 
 @pytest.mark.parametrize("name", causes())
 def test_every_effect_is_in_the_data_as_the_seal_says(name):
-    """At the truth the floor; on a library without it (parameters back at neutral) the smallest at double size shows.
+    """At the truth the floor; on a library without it (parameters back at neutral) the smallest at
+    double size shows.
 
     Mechanical effects show in the motion.
     """
@@ -123,13 +139,20 @@ def test_every_effect_is_in_the_data_as_the_seal_says(name):
     assert {k.partition(".")[0] for k in truth} == {name}
     without = {k: v for k, v in values.items() if k.partition(".")[0] != name}
     if name == "cross_saturation":
-        without = {k: v for k, v in without.items() if k not in ("saturation.alpha_12", "saturation.alpha_22")}
+        without = {
+            k: v
+            for k, v in without.items()
+            if k not in ("saturation.alpha_12", "saturation.alpha_22")
+        }
         assert truth["cross_saturation.alpha_12"] == values["saturation.alpha_12"]
     prepared = prepare(campaign, values)
     found = residuals(prepared, replay(prepared, [values, without]))
     current = np.array([r.rms() for r in found])
-    motion = np.array([np.sqrt(np.mean(r.motion**2, axis=0)) for r in found if r.motion is not None])
-    late = name == "pwm_delay"  # 75 us: the replay takes residual dead time's sign at zero current a little wrong
+    motion = np.array(
+        [np.sqrt(np.mean(r.motion**2, axis=0)) for r in found if r.motion is not None]
+    )
+    # 75 us: the replay takes residual dead time's sign at zero current a little wrong
+    late = name == "pwm_delay"
     assert np.sqrt(np.mean(current[:, 0] ** 2)) < (1.1 if late else 1.04)
     assert current[:, 0].max() < (1.4 if late else 1.2)
     assert motion[:, 0].max() < 1.2
@@ -138,7 +161,9 @@ def test_every_effect_is_in_the_data_as_the_seal_says(name):
 
 def test_a_file_is_no_place_for_a_check(tmp_path):
     (tmp_path / "short.toml").write_text("")
-    with pytest.raises(BadInput, match=r"short\.toml' is a file, no folder for a check; give a new folder"):
+    with pytest.raises(
+        BadInput, match=r"short\.toml' is a file, no folder for a check; give a new folder"
+    ):
         make(tmp_path / "short.toml", 1, 0)
 
 
@@ -153,7 +178,12 @@ def test_the_check_is_sealed_before_it_is_recorded_and_goes_on(tmp_path, monkeyp
 
     made = make(folder, 3, 5, announce=announce)
     text = (folder / "truth.sealed").read_bytes()
-    assert made.sha256 == seen[0] == hashlib.sha256(text).hexdigest() == (folder / "SHA256").read_text().split()[0]
+    assert (
+        made.sha256
+        == seen[0]
+        == hashlib.sha256(text).hexdigest()
+        == (folder / "SHA256").read_text().split()[0]
+    )
     assert made.recorded == 3
     first = (folder / "campaigns" / "w001" / "run_fast.parquet").read_bytes()
     for path in (folder / "campaigns" / "w001").iterdir():
@@ -171,7 +201,15 @@ def test_a_campaign_says_nothing_of_its_truth(tmp_path, monkeypatch):
     truth = json.loads((tmp_path / "truth.sealed").read_text())["campaigns"]
     for name, entry in truth.items():
         text = (tmp_path / "campaigns" / name / "campaign.toml").read_text()
-        for word in (*EVERY, entry["family"], entry["kind"], entry["style"], "description", "provenance", "rated"):
+        for word in (
+            *EVERY,
+            entry["family"],
+            entry["kind"],
+            entry["style"],
+            "description",
+            "provenance",
+            "rated",
+        ):
             assert word not in text.replace('injection_axis = "none"', ""), word
         toml = tomllib.loads(text)
         assert toml["campaign"] == {"name": name}
@@ -181,12 +219,24 @@ def test_a_campaign_says_nothing_of_its_truth(tmp_path, monkeypatch):
         assert {r.file.removesuffix(".parquet") for r in campaign.recordings} == FILES
         assert campaign.rated_from_data
         for r in campaign.recordings:
-            assert set(r.columns) == {"t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc", "load_torque"}
+            assert set(r.columns) == {
+                "t",
+                "u_alpha",
+                "u_beta",
+                "i_a",
+                "i_b",
+                "i_c",
+                "theta",
+                "u_dc",
+                "load_torque",
+            }
 
 
 def outsiders(seed):
     """Return what is outside the library in a check, in turn."""
-    return [(c.outside, c.sizes[0]) for c in cases(400, seed, "mixed", "scored") if c.kind == "outside"]
+    return [
+        (c.outside, c.sizes[0]) for c in cases(400, seed, "mixed", "scored") if c.kind == "outside"
+    ]
 
 
 def test_shares_sizes_and_effects_of_a_mixed_check():
@@ -213,15 +263,22 @@ def test_shares_sizes_and_effects_of_a_mixed_check():
 
 
 def test_ordinary_deviations_have_the_stated_size():
-    """Means over 400 benches: standard deviations within 5/sqrt(800) = 18 % of what the campaign states."""
+    """Means over 400 benches: standard deviations within 5/sqrt(800) = 18 % of what the campaign
+    states."""
     drive, rng = family_drive("ipm"), np.random.default_rng(0)
     drawn = [draw_bench(drive, rng) for _ in range(400)]
     stated = drawn[0].background
     assert np.std([b.gains for b in drawn]) == pytest.approx(stated["current_gain"], rel=0.1)
     assert np.std([b.offsets for b in drawn]) == pytest.approx(stated["current_offset"], rel=0.1)
-    assert np.std([b.encoder_offset for b in drawn]) == pytest.approx(stated["encoder_offset"], rel=0.18)
-    assert np.sqrt(np.mean([b.dead_time**2 for b in drawn])) == pytest.approx(stated["dead_time"], rel=0.18)
-    assert np.std([b.load_torque_offset for b in drawn]) == pytest.approx(stated["load_torque_offset"], rel=0.18)
+    assert np.std([b.encoder_offset for b in drawn]) == pytest.approx(
+        stated["encoder_offset"], rel=0.18
+    )
+    assert np.sqrt(np.mean([b.dead_time**2 for b in drawn])) == pytest.approx(
+        stated["dead_time"], rel=0.18
+    )
+    assert np.std([b.load_torque_offset for b in drawn]) == pytest.approx(
+        stated["load_torque_offset"], rel=0.18
+    )
 
 
 def test_cycles_fill_85000_samples_and_the_styles_differ():
@@ -250,7 +307,8 @@ def test_pairs_come_in_turn_and_so_do_their_effects():
 
 @cache
 def narrow_campaign(effect, pair):
-    """Return a narrow campaign with an effect at its usual size, and the truth as a replay takes it."""
+    """Return a narrow campaign with an effect at its usual size, and the truth as a replay takes
+    it."""
     drawn = draw(Case(0, "one", "ipm_exchanged", "scored", (effect,), (1.0,), None, pair), 11)
     campaign = campaign_of(drawn)
     return campaign, true_set(drawn, campaign)
@@ -258,7 +316,8 @@ def narrow_campaign(effect, pair):
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_a_narrow_campaign_is_one_operating_point_and_replays_at_the_truth(pair):
-    """Two recordings with one kind of rotor at one link voltage; floor 1 as in the tests above (free rotors: 1.2)."""
+    """Two recordings with one kind of rotor at one link voltage; floor 1 as in the tests above
+    (free rotors: 1.2)."""
     campaign, values = narrow_campaign(PAIRS[pair][0][0], pair)
     assert len(campaign.recordings) == 2
     assert len({r.rotor for r in campaign.recordings}) == 1
@@ -269,7 +328,8 @@ def test_a_narrow_campaign_is_one_operating_point_and_replays_at_the_truth(pair)
 
 
 def cosine(campaign, values, effect, rival):
-    """Return the cosine of an effect at its true size with its rival, ordinary deviations beside both."""
+    """Return the cosine of an effect at its true size with its rival, ordinary deviations beside
+    both."""
     at = complete(campaign.drive.motor, campaign.drive.converter, values)
     point = Point(prepare(campaign, at), at)
     n = normal(point, coordinates_of(point, (effect, rival)))
@@ -279,11 +339,14 @@ def cosine(campaign, values, effect, rival):
     move = np.array([n.coordinates[k].value(at) - n.coordinates[k].mean for k in own])
 
     def left(deviations):
-        """Return the squares of the effect's readings that the others, within their deviations, cannot take up."""
+        """Return the squares of the effect's readings that the others, within their deviations,
+        cannot take up."""
         others = [k for k, c in enumerate(n.coordinates) if k not in own and c.label in deviations]
         slopes = a[np.ix_(others, own)] @ move
         held = np.diag([deviations[n.coordinates[k].label] ** -2 for k in others])
-        return move @ a[np.ix_(own, own)] @ move - slopes @ np.linalg.solve(a[np.ix_(others, others)] + held, slopes)
+        return move @ a[np.ix_(own, own)] @ move - slopes @ np.linalg.solve(
+            a[np.ix_(others, others)] + held, slopes
+        )
 
     wide = {c.label: c.deviation for c in coordinates_of(point, (rival,))}
     return math.sqrt(max(0.0, 1.0 - left(usual | wide) / left(usual)))
@@ -291,8 +354,8 @@ def cosine(campaign, values, effect, rival):
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_the_effects_of_a_pair_look_alike(pair):
-    """One in terms of the other, whichever way is closer: as the module says.  Not so what is no pair: an encoder's
-    offset and a magnet's flux, at one speed."""
+    """One in terms of the other, whichever way is closer: as the module says.  Not so what is no
+    pair: an encoder's offset and a magnet's flux, at one speed."""
     members, found = PAIRS[pair][0], []
     for effect, rival in (members, members[::-1]):
         campaign, values = narrow_campaign(effect, pair)

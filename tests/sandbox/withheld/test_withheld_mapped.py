@@ -1,4 +1,5 @@
-"""The drive with a flux map behind it: its identified energy, what is drawn and recorded, and where it is left out."""
+"""The drive with a flux map behind it: its identified energy, what is drawn and recorded, and where
+it is left out."""
 
 import dataclasses
 import math
@@ -23,7 +24,15 @@ here = pytest.mark.skipif(mapped.missing() is not None, reason=str(mapped.missin
 def test_a_quartic_identifies_itself():
     motor = load_drive("ipm").motor
     found = mapped.identified(dataclasses.replace(motor))
-    for name in ("inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04"):
+    for name in (
+        "inductance_d",
+        "inductance_q",
+        "alpha_30",
+        "alpha_12",
+        "alpha_40",
+        "alpha_22",
+        "alpha_04",
+    ):
         assert getattr(found, name) == pytest.approx(getattr(motor, name), rel=1e-8), name
 
 
@@ -40,7 +49,8 @@ def test_a_map_is_drawn_only_where_its_data_are(monkeypatch):
 
 @here
 def test_the_identified_energy_follows_the_map_by_some_percent():
-    """Relative to the largest current: 2.8 to 3.6 % rms for this map at 12 to 19 A (fit within 16 A here)."""
+    """Relative to the largest current: 2.8 to 3.6 % rms for this map at 12 to 19 A (fit within 16 A
+    here)."""
     motor = family_drive("mapped").motor
     assert isinstance(motor, MappedMotor)
     found = mapped.identified(motor)

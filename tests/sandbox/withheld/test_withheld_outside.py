@@ -1,4 +1,5 @@
-"""Checks of the kind "outside": every subsystem in turn, sizes that show, and old seeds that draw what they drew."""
+"""Checks of the kind "outside": every subsystem in turn, sizes that show, and old seeds that draw
+what they drew."""
 
 import hashlib
 import json
@@ -23,7 +24,9 @@ from sandbox.withheld.making.outside_causes import EVERY, MORE, OUTSIDE, SOURCES
 
 RNG = np.random.default_rng(0)
 NOISE = 0.0018  # of rated current: drives are drawn with 0.001 to 0.0032, evenly in its logarithm
-OLD = {  # kind, campaigns, seed, sizes -> what the seal of old seeds holds (SHA-256 of the sorted text), before MORE
+# kind, campaigns, seed, sizes -> what the seal of old seeds holds (SHA-256 of the sorted text),
+# before MORE
+OLD = {
     ("mixed", 20, 20261251, "published"): "0b539b6cece731a9",
     ("many", 4, 20261271, "published"): "35a5df1467d86ddf",
     ("controls", 3, 20261252, "published"): "492e5e12a7fa6369",
@@ -41,8 +44,14 @@ def planted(name, family, size=1.0):
 @pytest.mark.parametrize("check", OLD, ids=lambda c: f"{c[0]}-{c[3]}")
 def test_old_seeds_draw_what_they_drew(check):
     kind, count, seed, sizes = check
-    truths = [draw(c, seed).sealed() for c in cases(count, seed, kind, "scored", list(OUTSIDE), sizes)]
-    assert hashlib.sha256(json.dumps(truths, sort_keys=True).encode()).hexdigest().startswith(OLD[check])
+    truths = [
+        draw(c, seed).sealed() for c in cases(count, seed, kind, "scored", list(OUTSIDE), sizes)
+    ]
+    assert (
+        hashlib.sha256(json.dumps(truths, sort_keys=True).encode())
+        .hexdigest()
+        .startswith(OLD[check])
+    )
 
 
 def test_every_subsystem_has_three_causes_at_least():
@@ -57,7 +66,9 @@ def test_every_subsystem_has_three_causes_at_least():
 def test_the_bench_takes_every_size(name, family):
     """Also behind a shaft that leaves the load the least inertia that is published."""
     for size in EFFECT_SIZES:
-        drawn = draw(Case(0, "outside", family, "scored", ("shaft_compliance",), (2.0, size), name), 3)
+        drawn = draw(
+            Case(0, "outside", family, "scored", ("shaft_compliance",), (2.0, size), name), 3
+        )
         values = EVERY[name].planted(drawn.true, size, RNG).bench
         assert set(values) == set(drawn.own) <= set(UNLISTED)
         b = unlisted(switched(drawn), drawn.own)
@@ -73,7 +84,8 @@ def load_share():
 
 
 def test_campaigns_come_from_every_subsystem_and_cause_alike():
-    """48 with a flux map: twelve of each subsystem, within one campaign the same number of each cause of it."""
+    """48 with a flux map: twelve of each subsystem, within one campaign the same number of each
+    cause of it."""
     names = [*EVERY, FLUX_MAP]
     found = cases(48, 7, "outside", "scored", names)
     of = [drawing.outside_subsystem(c.outside) for c in found]
@@ -91,7 +103,9 @@ def test_campaigns_come_from_every_subsystem_and_cause_alike():
     assert {len(c.names) for c in beside} == {1}
     assert len({c.names for c in beside}) == len(beside)
     assert FLUX_MAP not in {c.outside for c in beside}
-    assert [c.outside for c in cases(48, 8, "outside", "scored", names)] != [c.outside for c in found]
+    assert [c.outside for c in cases(48, 8, "outside", "scored", names)] != [
+        c.outside for c in found
+    ]
     with pytest.raises(BadInput, match="unknown kind of check 'outsid'"):
         cases(4, 7, "outsid", "scored")
 
@@ -113,8 +127,11 @@ def test_many_are_four_to_ten_in_turn_and_none_contains_another():
 
 
 def test_an_effect_beside_a_cause_is_sealed_with_it():
-    """Sizes in the order of `effects`; the effect has a place in its published range, the cause none."""
-    case = Case(0, "outside", "ipm", "scored", ("dead_time",), (0.5, 2.0), "load_lag", table="published")
+    """Sizes in the order of `effects`; the effect has a place in its published range, the cause
+    none."""
+    case = Case(
+        0, "outside", "ipm", "scored", ("dead_time",), (0.5, 2.0), "load_lag", table="published"
+    )
     drawn = draw(case, 3)
     truth = drawn.sealed()
     assert truth["effects"] == ["dead_time", "unknown"]
@@ -134,14 +151,16 @@ def test_an_effect_beside_a_cause_is_sealed_with_it():
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_medium_sizes_show_in_single_samples(family):
-    """Amplitudes in closed form beside noise (of the middle of its range) and counts of a single reading.
+    """Amplitudes in closed form beside noise (of the middle of its range) and counts of a single
+    reading.
 
-    one_by_one: phase c is read 2 lags late at a current's slope of omega phi_m / L_q (no voltage, no current), omega
-    four fifths of the speed that cycles use;
+    one_by_one: phase c is read 2 lags late at a current's slope of omega phi_m / L_q (no voltage,
+    no current), omega four fifths of the speed that cycles use;
     sensor_memory: remanence x radius;
     crank: omega swings by half of what J does, so the angle by crank / (4 J) at any speed;
     lobe: angle by n^2 lobe / (J omega^2), n the least, at half the usable speed;
-    load_lag: after a step of half rated torque and one lag, the speed is off by lag T (1 - 1/e) / J, for one lag more.
+    load_lag: after a step of half rated torque and one lag, the speed is off by lag T (1 - 1/e) /
+    J, for one lag more.
     """
     drive, motor = family_drive(family), family_drive(family).motor
     speed = scale_of(drive).speed / motor.pole_pairs
@@ -159,13 +178,17 @@ def test_medium_sizes_show_in_single_samples(family):
 
 
 def test_no_effect_of_the_library_describes_them():
-    """It would take a torque less than once a turn, a delay of one phase, a memory of the load or of a sensor."""
+    """It would take a torque less than once a turn, a delay of one phase, a memory of the load or
+    of a sensor."""
     assert load_effect("cogging_torque").parameters[1].low == 1.0  # lobe: 1/6 to 1/2.3 of it
     turns = [planted("lobe", "ipm")[1]["lobe_turns"] for _ in range(50)]
     assert min(turns) > 2.0
-    sensors = {p.name for e in ("current_sampling", "current_filter") for p in load_effect(e).parameters}
+    sensors = {
+        p.name for e in ("current_sampling", "current_filter") for p in load_effect(e).parameters
+    }
     assert sensors == {"delay", "jitter", "time_constant"}  # of all phases alike
-    found = {"load": ("omega",), "torque": ("turn", "omega"), "friction": ("omega",)}  # no torque or inertia to change
+    # no torque or inertia to change
+    found = {"load": ("omega",), "torque": ("turn", "omega"), "friction": ("omega",)}
     assert {k: PORTS[k].quantities for k in found} == found
 
 

@@ -1,4 +1,5 @@
-"""Effects of which one contains another: never both in a set of a simple method, and no coordinate charged twice."""
+"""Effects of which one contains another: never both in a set of a simple method, and no coordinate
+charged twice."""
 
 from types import SimpleNamespace
 
@@ -23,8 +24,9 @@ def coordinates(effect):
 
 
 def test_only_new_coordinates_are_charged(monkeypatch):
-    """With log n = 1 and equations that promise nothing the criterion is the number of new coordinates: five of
-    saturation alone, three beside its cross part; what a fit moves as an ordinary deviation is charged."""
+    """With log n = 1 and equations that promise nothing the criterion is the number of new
+    coordinates: five of saturation alone, three beside its cross part; what a fit moves as an
+    ordinary deviation is charged."""
     own = [(Candidate(e, {}), coordinates(e)) for e in (WHOLE, OTHER)]
     known = [*coordinates(WHOLE).values()]
     still = SimpleNamespace(most_probable=lambda prior: SimpleNamespace(objective=0.0))
@@ -51,18 +53,32 @@ def test_a_whole_takes_the_place_of_its_part_and_keeps_it_out():
     ("criteria", "best"),
     [
         (
-            {(): 100.0, (PART,): 50.0, (WHOLE,): 60.0, (OTHER,): 90.0, (PART, OTHER): 40.0, (WHOLE, OTHER): 20.0},
+            {
+                (): 100.0,
+                (PART,): 50.0,
+                (WHOLE,): 60.0,
+                (OTHER,): 90.0,
+                (PART, OTHER): 40.0,
+                (WHOLE, OTHER): 20.0,
+            },
             {WHOLE, OTHER},
         ),
         (
-            {(): 100.0, (PART,): 60.0, (WHOLE,): 50.0, (OTHER,): 90.0, (PART, OTHER): 20.0, (WHOLE, OTHER): 40.0},
+            {
+                (): 100.0,
+                (PART,): 60.0,
+                (WHOLE,): 50.0,
+                (OTHER,): 90.0,
+                (PART, OTHER): 20.0,
+                (WHOLE, OTHER): 40.0,
+            },
             {PART, OTHER},
         ),
     ],
 )
 def test_part_and_whole_are_exchanged_and_never_both_named(criteria, best, monkeypatch):
-    """First the part joins and the whole takes its place beside another effect; then the other way round.  A table that
-    holds no set of both fails where one is asked for."""
+    """First the part joins and the whole takes its place beside another effect; then the other way
+    round.  A table that holds no set of both fails where one is asked for."""
     table = {frozenset(k): v for k, v in criteria.items()}
 
     def told(effects):
@@ -70,13 +86,18 @@ def test_part_and_whole_are_exchanged_and_never_both_named(criteria, best, monke
         assert possible(effects)
         value = table[frozenset(effects)]
         one = SimpleNamespace(
-            point=Place({}, NOWHERE), cost=value, normal=SimpleNamespace(coordinates=()), estimates=nothing
+            point=Place({}, NOWHERE),
+            cost=value,
+            normal=SimpleNamespace(coordinates=()),
+            estimates=nothing,
         )
         return Visited(tuple(effects), one, value)
 
     def promises(point, known, choices, effects):
         """Return what joining reaches, exactly."""
-        found = [Promise(table[frozenset((*staying(effects, p.effect), p.effect))], p) for p in choices]
+        found = [
+            Promise(table[frozenset((*staying(effects, p.effect), p.effect))], p) for p in choices
+        ]
         return sorted(found, key=lambda p: p.criterion)
 
     def choices(point, without, left):
@@ -86,6 +107,8 @@ def test_part_and_whole_are_exchanged_and_never_both_named(criteria, best, monke
     monkeypatch.setattr(stepwise, "candidates", choices)
     monkeypatch.setattr(stepwise, "with_usual_sign", lambda values, motor: values)
     monkeypatch.setattr(stepwise, "screened", promises)
-    monkeypatch.setattr(stepwise, "visited", lambda point, probe, beside=(): told((*beside, probe.effect)))
+    monkeypatch.setattr(
+        stepwise, "visited", lambda point, probe, beside=(): told((*beside, probe.effect))
+    )
     monkeypatch.setattr(stepwise, "reduced", lambda whole, rest: told(rest))
     assert {*searched(Search((), lambda: False), told(())).effects} == best

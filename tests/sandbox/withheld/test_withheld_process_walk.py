@@ -1,4 +1,5 @@
-"""Sets beside a Gaussian process: what slopes promise is fitted before it is named; promises and fits from a table."""
+"""Sets beside a Gaussian process: what slopes promise is fitted before it is named; promises and
+fits from a table."""
 
 import math
 from types import SimpleNamespace
@@ -12,13 +13,16 @@ from sandbox.withheld.baselines.gaussian_process import Move, Search, ranked, se
 
 @pytest.fixture
 def named(monkeypatch):
-    """Return what is ranked, and which sets were fitted, when promises by set and fits are looked up in tables."""
+    """Return what is ranked, and which sets were fitted, when promises by set and fits are looked
+    up in tables."""
 
     def of(promises, fits, tired=lambda fitted: False):
         done = []
 
         def moves(process, here):
-            found = [Move(tuple(k), x, Candidate(k[-1:], {})) for k, x in promises[here.effects].items()]
+            found = [
+                Move(tuple(k), x, Candidate(k[-1:], {})) for k, x in promises[here.effects].items()
+            ]
             return sorted(found, key=lambda m: -m.promised)
 
         def fitted(process, here, move):
@@ -28,7 +32,9 @@ def named(monkeypatch):
 
         monkeypatch.setattr(gaussian_process, "moves", moves)
         monkeypatch.setattr(gaussian_process, "fitted", fitted)
-        monkeypatch.setattr(gaussian_process, "parameters", lambda here: dict.fromkeys(here.effects, 1.0))
+        monkeypatch.setattr(
+            gaussian_process, "parameters", lambda here: dict.fromkeys(here.effects, 1.0)
+        )
         search = Search(None, lambda: tired(done))
         best = searched(search, SimpleNamespace(effects=(), evidence=0.0))
         return {"".join(e): (w, own) for e, w, own in ranked(search, best)}, done
@@ -37,8 +43,9 @@ def named(monkeypatch):
 
 
 def test_a_set_counts_with_the_evidence_of_its_fit(named):
-    """{a, b} promises 10 and reaches 3, {a} has 5: {a} is named with its parameters, {a, b} behind it with exp(3 - 5),
-    and no set is fitted twice.  {a, c} promises less than {a} has and stays unfitted, without parameters."""
+    """{a, b} promises 10 and reaches 3, {a} has 5: {a} is named with its parameters, {a, b} behind
+    it with exp(3 - 5), and no set is fitted twice.  {a, c} promises less than {a} has and stays
+    unfitted, without parameters."""
     promises = {(): {"a": 6.0, "b": 1.0}, ("a",): {"ab": 10.0, "ac": 4.0, "": 0.5}}
     found, done = named(promises, {"a": 5.0, "ab": 3.0})
     assert done == ["a", "ab"]
@@ -50,7 +57,8 @@ def test_a_set_counts_with_the_evidence_of_its_fit(named):
 
 
 def test_all_that_promises_more_is_fitted_until_the_first_is_a_fitted_one(named):
-    """Three do not keep what they promise, or cannot be fitted; the fourth does, and from there one effect leaves."""
+    """Three do not keep what they promise, or cannot be fitted; the fourth does, and from there one
+    effect leaves."""
     promises = {
         (): {"a": 6.0},
         ("a",): {"ab": 10.0, "ac": 9.0, "ad": 8.0, "ae": 7.0},

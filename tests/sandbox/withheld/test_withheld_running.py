@@ -1,4 +1,5 @@
-"""Long runs: a dying process is one miss, an interrupted run goes on, an ambiguity is followed up and scored."""
+"""Long runs: a dying process is one miss, an interrupted run goes on, an ambiguity is followed up
+and scored."""
 
 import ast
 import json
@@ -20,7 +21,9 @@ from sandbox.withheld.scoring.blind import score
 from sandbox.withheld.scoring.running import code_digest
 from tests.sandbox.withheld.known import diagnosis_of
 
-PAIR = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), members=[["dead_time"], ["device_drop"]])
+PAIR = diagnosis_of(
+    (["dead_time"], 0.6), (["device_drop"], 0.4), members=[["dead_time"], ["device_drop"]]
+)
 AMBIGUOUS = {
     **PAIR,
     "verdict": "ambiguous",
@@ -49,7 +52,11 @@ def test_an_ambiguity_is_followed_up_and_scored(check, monkeypatch):
 
     def told(folder, exclude):
         first = blind(folder, exclude)
-        return first if first.json is AMBIGUOUS else SimpleNamespace(json=diagnosis_of((right, 1.0), members=[right]))
+        return (
+            first
+            if first.json is AMBIGUOUS
+            else SimpleNamespace(json=diagnosis_of((right, 1.0), members=[right]))
+        )
 
     result = score(check, told)
     assert (result.figures["resolved"].n, result.figures["resolved"].value) == (2, 0.5)
@@ -72,7 +79,8 @@ def test_what_is_finished_can_be_judged_alone(check):
 
 
 def test_states_of_the_code_are_not_mixed(check):
-    """Refused before anything is diagnosed, and where what is finished is judged; allowed, each has its own figures."""
+    """Refused before anything is diagnosed, and where what is finished is judged; allowed, each has
+    its own figures."""
     score(check, blind, limit=1)
     report, seen = check / "diagnoses" / "w000.json", []
     report.write_text(report.read_text().replace(code_digest(), "of before"))
@@ -81,24 +89,34 @@ def test_states_of_the_code_are_not_mixed(check):
             score(check, lambda folder, exclude: seen.append(folder), **more)
     assert not seen
     mixed = score(check, blind, allow_mixed=True).as_json()
-    assert {c: f["ambiguity_hit"]["n"] for c, f in mixed["by_code"].items()} == {code_digest(): 1, "of before": 1}
+    assert {c: f["ambiguity_hit"]["n"] for c, f in mixed["by_code"].items()} == {
+        code_digest(): 1,
+        "of before": 1,
+    }
     assert score(check, blind, again=True).code == (code_digest(),)
 
 
 def test_another_recommendation_is_recorded_anew(check):
     """What was recorded stands in the report; the same recommendation is not recorded twice."""
     score(check, blind, limit=1)
-    report, asked = check / "diagnoses" / "resolved" / "w000.json", check / "diagnoses" / "w000.json"
+    report, asked = (
+        check / "diagnoses" / "resolved" / "w000.json",
+        check / "diagnoses" / "w000.json",
+    )
     assert json.loads(report.read_text())["recorded"] == ["locked_low_current", 0.5]
     seen = []
     score(check, lambda folder, exclude: seen.append(folder), limit=1)
     asked.write_text(asked.read_text().replace('"seconds": 0.5', '"seconds": 0.25'))
-    score(check, lambda folder, exclude: seen.append(folder.name) or blind(folder, exclude), limit=1)
+    score(
+        check, lambda folder, exclude: seen.append(folder.name) or blind(folder, exclude), limit=1
+    )
     assert seen == ["w000"]
     assert json.loads(report.read_text())["recorded"] == ["locked_low_current", 0.25]
     for damage in ("{", "[]"):
         report.write_text(damage)
-        with pytest.raises(BadInput, match=r"resolved/w000\.json' holds no report of w000; delete it"):
+        with pytest.raises(
+            BadInput, match=r"resolved/w000\.json' holds no report of w000; delete it"
+        ):
             score(check, blind, limit=1)
         assert report.read_text() == damage
 
@@ -113,11 +131,15 @@ def test_a_recording_that_cannot_be_made_settles_nothing(check):
 
 def loaded(code):
     """Return the project's modules that some code loads, as files."""
-    code += "\nimport sys\nprint([m.__file__ for m in sys.modules.values() if getattr(m, '__file__', None)])"
+    code += (
+        "\nimport sys\nprint([m.__file__ for m in sys.modules.values() if getattr(m, "
+        "'__file__', None)])"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     files = {Path(f).resolve() for f in ast.literal_eval(done.stdout)}
     inside = {f: f.relative_to(ROOT).parts for f in files if ROOT in f.parents}
-    foreign = {"tests", "site-packages"}  # an environment inside the checkout, as the README makes it, is not the code
+    # an environment inside the checkout, as the README makes it, is not the code
+    foreign = {"tests", "site-packages"}
     return {f for f, parts in inside.items() if not foreign & set(parts)}
 
 
@@ -142,13 +164,14 @@ parquet.ParquetFile = lambda path, **more: (seen.append(os.path.realpath(path)),
 from sandbox.withheld.scoring.blind import standard
 found = standard(Path(sys.argv[1])).json
 Path(sys.argv[2]).write_text(json.dumps({"verdict": found["verdict"], "seen": seen}))
-"""
+"""  # noqa: E501
 
 
 def test_diagnosing_opens_nothing_but_its_campaign(quiet_folder, tmp_path):
     """Of the check's folder: not the seal, no other campaign, no list of either.
 
-    By the interpreter's audit events, which parquet's own reader does not raise: it is watched beside them.
+    By the interpreter's audit events, which parquet's own reader does not raise: it is watched
+    beside them.
     """
     folder = tmp_path / "check"
     for name in ("w000", "w001"):
@@ -168,23 +191,20 @@ def test_diagnosing_opens_nothing_but_its_campaign(quiet_folder, tmp_path):
 
 
 def test_processes_end_with_the_one_that_started_them(tmp_path):
-    """As an interrupted command does, the parent leaves at once, without a word to its processes."""
+    """As an interrupted command does, the parent leaves at once, without a word to its
+    processes."""
     script = tmp_path / "leaves.py"
     script.write_text(
-        "import os, pathlib, sys, threading, time\n"
-        "from sandbox.engine.processes import spread\n"
-        "def wait(x):\n"
-        "    pathlib.Path(sys.argv[1], str(os.getpid())).touch()\n"
-        "    time.sleep(900)\n"
-        "def leave():\n"
-        "    while len(list(pathlib.Path(sys.argv[1]).iterdir())) < 2: time.sleep(0.05)\n"
-        "    os._exit(130)\n"
-        "if __name__ == '__main__':\n"
-        "    threading.Thread(target=leave).start()\n"
-        "    list(spread(wait, [1, 2], 2))\n"
+        "import os, pathlib, sys, threading, time\nfrom sandbox.engine.processes import "
+        "spread\ndef wait(x):\n    pathlib.Path(sys.argv[1], str(os.getpid())).touch()\n    "
+        "time.sleep(900)\ndef leave():\n    while len(list(pathlib.Path(sys.argv[1]).iterdir())) "
+        "< 2: time.sleep(0.05)\n    os._exit(130)\nif __name__ == '__main__':\n    "
+        "threading.Thread(target=leave).start()\n    list(spread(wait, [1, 2], 2))\n"
     )
     (tmp_path / "pids").mkdir()
-    done = subprocess.run([sys.executable, str(script), str(tmp_path / "pids")], timeout=600, check=False)
+    done = subprocess.run(
+        [sys.executable, str(script), str(tmp_path / "pids")], timeout=600, check=False
+    )
     assert done.returncode == 130
     left = [int(p.name) for p in (tmp_path / "pids").iterdir()]
     assert len(left) == 2

@@ -1,4 +1,5 @@
-"""Scoring a withheld check with diagnoses whose worth is known, and its limits against closed forms."""
+"""Scoring a withheld check with diagnoses whose worth is known, and its limits against closed
+forms."""
 
 import hashlib
 import json
@@ -28,26 +29,62 @@ def here(monkeypatch):
 def test_a_right_diagnosis():
     j = judge("w", truth_of(), diagnosis_of((["dead_time"], 0.9), (["device_drop"], 0.1)))
     assert (j.hit, j.probability, j.f1, j.parts, j.closed) == (True, 0.9, 1.0, (1, 1), 0.9)
-    assert (j.in_set, j.set_size, j.subsystem, j.label, j.unknown) == (True, 1, True, "dead_time", 0.0)
+    assert (j.in_set, j.set_size, j.subsystem, j.label, j.unknown) == (
+        True,
+        1,
+        True,
+        "dead_time",
+        0.0,
+    )
     assert not j.confident
 
 
 def test_a_wrong_name_and_a_failure_are_misses():
-    j = judge("w", truth_of(), diagnosis_of((["iron_loss"], 0.97), (["dead_time"], 0.03), subsystem="machine"))
-    assert (j.hit, j.probability, j.parts, j.in_set, j.subsystem) == (False, 0.03, (0, 0), False, False)
+    j = judge(
+        "w",
+        truth_of(),
+        diagnosis_of((["iron_loss"], 0.97), (["dead_time"], 0.03), subsystem="machine"),
+    )
+    assert (j.hit, j.probability, j.parts, j.in_set, j.subsystem) == (
+        False,
+        0.03,
+        (0, 0),
+        False,
+        False,
+    )
     assert j.confident
     j = judge("w", truth_of(), {"failed": "no"})
-    assert (j.hit, j.probability, j.closed, j.in_set, j.subsystem, j.parts) == (False, 0.0, 0.0, False, False, (0, 1))
+    assert (j.hit, j.probability, j.closed, j.in_set, j.subsystem, j.parts) == (
+        False,
+        0.0,
+        0.0,
+        False,
+        False,
+        (0, 1),
+    )
     j = judge("w", truth_of((), "none", (), {}), {"failed": "no"})
-    assert (j.hit, j.subsystem, j.verdict, j.unknown, j.label) == (False, None, "failed", 1.0, "failed")
+    assert (j.hit, j.subsystem, j.verdict, j.unknown, j.label) == (
+        False,
+        None,
+        "failed",
+        1.0,
+        "failed",
+    )
     j = judge("w", truth_of(("unknown",), "outside", parameters={}), {"failed": "no"})
     assert (j.hit, j.subsystem, j.unknown) == (False, False, 0.0)
-    cogging = {"cogging_torque.amplitude": 0.1, "cogging_torque.order_mech": 36.0, "cogging_torque.phase": 1.0}
-    assert judge("w", truth_of(("cogging_torque",), parameters=cogging), {"failed": "no"}).parts == (0, 2)
+    cogging = {
+        "cogging_torque.amplitude": 0.1,
+        "cogging_torque.order_mech": 36.0,
+        "cogging_torque.phase": 1.0,
+    }
+    assert judge(
+        "w", truth_of(("cogging_torque",), parameters=cogging), {"failed": "no"}
+    ).parts == (0, 2)
 
 
 def test_a_failure_spoils_the_ranking_of_unknown_either_way():
-    """Two outside, two known, one of each failed: of four pairs only that of the two that answered is in order."""
+    """Two outside, two known, one of each failed: of four pairs only that of the two that answered
+    is in order."""
     outside, known = truth_of(("unknown",), "outside", parameters={}), truth_of()
     found = (
         diagnosis_of((["unknown"], 0.9), (["dead_time"], 0.1)),
@@ -85,23 +122,32 @@ def test_names_beside_unknown_are_counted():
 
 
 def test_false_names_of_the_whole_list_are_counted():
-    """Three answers say `unknown` alone; the list of the second has an absent effect above one half all the same, that
-    of the third the one that is there.  A failed diagnosis counts as a false name."""
+    """Three answers say `unknown` alone; the list of the second has an absent effect above one half
+    all the same, that of the third the one that is there.  A failed diagnosis counts as a false
+    name."""
     true = truth_of(("dead_time", "unknown"), "outside", (1.0, 2.0))
     lists = [{"dead_time": 0.2, "iron_loss": 0.5}, {"iron_loss": 0.97}, {"dead_time": 0.9}]
     answers = [
-        {**diagnosis_of((["unknown"], 1.0)), "effects": [{"name": e, "probability": p} for e, p in own.items()]}
+        {
+            **diagnosis_of((["unknown"], 1.0)),
+            "effects": [{"name": e, "probability": p} for e, p in own.items()],
+        }
         for own in lists
     ]
     judged = [judge(f"w{k}", true, a) for k, a in enumerate([*answers, {"failed": "no"}])]
     assert [sorted(j.listed(0.5)) for j in judged] == [[], ["iron_loss"], [], []]
     assert figures(judged)["outside_listed"].value == 0.5
-    assert [f["leave_out_listed_wrong"].value for f in (left_out(judged), left_out(judged[:1]))] == [0.5, 0.0]
+    assert [
+        f["leave_out_listed_wrong"].value for f in (left_out(judged), left_out(judged[:1]))
+    ] == [0.5, 0.0]
 
 
 def test_an_effect_that_is_there_beside_unknown_is_no_false_name():
-    """With dead time there: alone or beside unknown no false name, iron loss one; without it, one."""
-    both = truth_of(("dead_time", "unknown"), "outside", (1.0, 2.0)) | {"outside_subsystem": "mechanics"}
+    """With dead time there: alone or beside unknown no false name, iron loss one; without it,
+    one."""
+    both = truth_of(("dead_time", "unknown"), "outside", (1.0, 2.0)) | {
+        "outside_subsystem": "mechanics"
+    }
     answers = [
         diagnosis_of((["dead_time", "unknown"], 1.0), subsystem="mechanics"),
         diagnosis_of((["dead_time", "iron_loss", "unknown"], 1.0)),
@@ -111,22 +157,38 @@ def test_an_effect_that_is_there_beside_unknown_is_no_false_name():
     judged = [judge(f"w{k}", both, a) for k, a in enumerate(answers)]
     assert [j.hit for j in judged] == [True, True, False, False]
     assert [j.outside for j in judged] == ["mechanics"] * 4
-    assert (judged[0].parts_of["dead_time"], judged[0].subsystem, judged[0].f1) == ((1, 1), True, pytest.approx(2 / 3))
+    assert (judged[0].parts_of["dead_time"], judged[0].subsystem, judged[0].f1) == (
+        (1, 1),
+        True,
+        pytest.approx(2 / 3),
+    )
     f = figures(judged)
     assert (f["outside_named"].value, f["outside_blamed"].value) == (0.25, 0.25)
 
 
 def test_causes_outside_by_their_subsystem():
-    """Two of the sensors, one missed; one of the machine, by an old seal that does not say so; two known ones, of which
-    one ranks above the missed one: of the sensors' four pairs three are in order."""
+    """Two of the sensors, one missed; one of the machine, by an old seal that does not say so; two
+    known ones, of which one ranks above the missed one: of the sensors' four pairs three are in
+    order."""
     sensor = truth_of(("unknown",), "outside", parameters={}) | {"outside_subsystem": "sensor"}
-    found, missed = diagnosis_of((["unknown"], 0.9), ([], 0.1)), diagnosis_of((["dead_time"], 0.8), (["unknown"], 0.2))
+    found, missed = (
+        diagnosis_of((["unknown"], 0.9), ([], 0.1)),
+        diagnosis_of((["dead_time"], 0.8), (["unknown"], 0.2)),
+    )
     judged = [judge("a", sensor, found), judge("b", sensor, missed)]
     judged.append(judge("c", truth_of(("unknown",), "outside", parameters={}), found))
-    known = [judge("d", truth_of(), diagnosis_of((["dead_time"], 0.9), (["unknown"], p))) for p in (0.1, 0.3)]
+    known = [
+        judge("d", truth_of(), diagnosis_of((["dead_time"], 0.9), (["unknown"], p)))
+        for p in (0.1, 0.3)
+    ]
     got = by_subsystem(judged, known)
     assert list(got) == ["machine", "sensor"]
-    assert {k: f.value for k, f in got["sensor"].items()} == {"found": 0.5, "named": 0.0, "blamed": 0.5, "auroc": 0.75}
+    assert {k: f.value for k, f in got["sensor"].items()} == {
+        "found": 0.5,
+        "named": 0.0,
+        "blamed": 0.5,
+        "auroc": 0.75,
+    }
     assert got["machine"]["auroc"].value == 1.0
     assert by_subsystem(judged)["sensor"]["auroc"].value is None
     assert by_subsystem(known) == {}
@@ -139,35 +201,53 @@ def test_campaigns_of_many_effects_count_for_the_whole_list():
     assert (f["included_f1"].value, f["included_f1"].n, f["exact_set"].n) == (1.0, 1, 0)
     one = judge("o", truth_of(), diagnosis_of((["dead_time"], 1.0), shrunk=0.2))
     both = figures([j, one])
-    assert (both["closed_many_median"].value, both["closed_many_p10"].n) == (0.9, 1)  # of the list alone
+    # of the list alone
+    assert (both["closed_many_median"].value, both["closed_many_p10"].n) == (0.9, 1)
     assert both["closed_median"].value == pytest.approx(0.55)
     assert confusion([j])["counts"] == []
 
 
 def test_who_asks_for_nothing_resolves_nothing():
-    """Four ambiguous verdicts: one asks and is settled, one asks and is not, one does not ask, one is to be made."""
+    """Four ambiguous verdicts: one asks and is settled, one asks and is not, one does not ask, one
+    is to be made."""
     pair = [["dead_time"], ["device_drop"]]
-    first = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), verdict="ambiguous", members=pair)
+    first = diagnosis_of(
+        (["dead_time"], 0.6), (["device_drop"], 0.4), verdict="ambiguous", members=pair
+    )
     judged = [judge(name, truth_of(), first) for name in "abcd"]
     judged.append(judge("e", truth_of(), diagnosis_of((["dead_time"], 1.0))))
-    settled, open_ = judge("a", truth_of(), diagnosis_of((["dead_time"], 1.0))), judge("b", truth_of(), first)
+    settled, open_ = (
+        judge("a", truth_of(), diagnosis_of((["dead_time"], 1.0))),
+        judge("b", truth_of(), first),
+    )
     assert (settled.settled, open_.settled) == (True, False)
     f = figures(judged, {"a": 0.9, "b": 0.8, "d": 0.6}, (settled, open_))
     assert f["resolved_promised"].value == pytest.approx(0.85)
     assert (f["resolved"].value, f["resolved"].n) == (0.5, 2)
     assert (f["recommended"].value, f["recommended"].n) == (0.75, 4)
     assert (f["resolved_of_all"].value, f["resolved_of_all"].n) == (pytest.approx(1 / 3), 3)
-    assert figures(judged, {"a": 0.9})["resolved_of_all"].n == 0  # as with --finished: nothing was recorded
+    # as with --finished: nothing was recorded
+    assert figures(judged, {"a": 0.9})["resolved_of_all"].n == 0
     silent = figures(judged)
-    assert (silent["recommended"].value, silent["resolved_of_all"].value, silent["resolved"].n) == (0.0, 0.0, 0)
+    assert (silent["recommended"].value, silent["resolved_of_all"].value, silent["resolved"].n) == (
+        0.0,
+        0.0,
+        0,
+    )
 
 
 def test_what_is_said_where_the_true_effect_was_left_out():
-    """Verdict unknown; unknown second; far second, in the set; a name for sure; "none" for sure; failed; the twin."""
+    """Verdict unknown; unknown second; far second, in the set; a name for sure; "none" for sure;
+    failed; the twin."""
     answers = [
         diagnosis_of((["unknown"], 0.9), (["iron_loss"], 0.1), verdict="unknown"),
         diagnosis_of((["iron_loss"], 0.9), (["unknown"], 0.1)),
-        diagnosis_of((["iron_loss"], 0.6), ([], 0.36), (["unknown"], 0.04), members=[["iron_loss"], [], ["unknown"]]),
+        diagnosis_of(
+            (["iron_loss"], 0.6),
+            ([], 0.36),
+            (["unknown"], 0.04),
+            members=[["iron_loss"], [], ["unknown"]],
+        ),
         diagnosis_of((["iron_loss"], 0.97), (["unknown"], 0.03)),
         diagnosis_of(([], 0.97), (["unknown"], 0.03), verdict="no_gap"),
         {"failed": "no"},
@@ -179,17 +259,26 @@ def test_what_is_said_where_the_true_effect_was_left_out():
     assert f["leave_out_unknown"].value == pytest.approx(3 / 7)
     assert f["leave_out_confident_wrong"].value == pytest.approx(3 / 7)
     assert f["leave_out_twin"].value == pytest.approx(1 / 7)
-    assert f["leave_out_listed_wrong"].value == pytest.approx(3 / 7)  # the iron loss, the drop, and what failed
+    # the iron loss, the drop, and what failed
+    assert f["leave_out_listed_wrong"].value == pytest.approx(3 / 7)
 
 
 def test_the_cause_is_taken_out_by_every_name():
-    assert taken_out(["cross_saturation", "dead_time"]) == ("cross_saturation", "dead_time", "saturation")
+    assert taken_out(["cross_saturation", "dead_time"]) == (
+        "cross_saturation",
+        "dead_time",
+        "saturation",
+    )
     assert taken_out(["saturation"]) == ("saturation",)
 
 
 def test_what_the_library_does_not_hold_is_unknown_also_beside_a_name():
     true = truth_of(("unknown",), "outside", parameters={})
-    j = judge("w", true, diagnosis_of((["iron_loss", "unknown"], 0.7), (["unknown"], 0.2), (["iron_loss"], 0.1)))
+    j = judge(
+        "w",
+        true,
+        diagnosis_of((["iron_loss", "unknown"], 0.7), (["unknown"], 0.2), (["iron_loss"], 0.1)),
+    )
     assert (j.hit, j.in_set, j.label) == (True, True, "unknown")
     assert j.unknown == pytest.approx(0.9)
     assert not judge("w", true, diagnosis_of((["iron_loss"], 1.0))).hit
@@ -212,8 +301,13 @@ def test_parts():
     assert f1(frozenset("ab"), frozenset("bc")) == pytest.approx(0.5)
     assert f1(frozenset(), frozenset()) == 1.0
     true = {"x.phase": 0.1, "x.amplitude": 2.0, "y.time": 1.0}
-    found = {"x.phase": {"ci95": [6.2, 6.6]}, "x.amplitude": {"ci95": [2.1, 2.2]}, "y.time": {"ci95": [0.0, 2.0]}}
-    assert covered(true, found, ["x"]) == (1, 2)  # the phase a turn on; the amplitude missed; y not named
+    found = {
+        "x.phase": {"ci95": [6.2, 6.6]},
+        "x.amplitude": {"ci95": [2.1, 2.2]},
+        "y.time": {"ci95": [0.0, 2.0]},
+    }
+    # the phase a turn on; the amplitude missed; y not named
+    assert covered(true, found, ["x"]) == (1, 2)
     assert covered(true, {"x.phase": {"ci95": [None, 1.0]}}, ["x"]) == (1, 1)
     half = {"x.amplitude": {"ci95": [None, 1.9]}, "y.time": {"ci95": [0.9, None]}, "x.phase": {}}
     assert covered(true, half, ["x", "y"]) == (1, 2)  # open ends; no interval, not given
@@ -244,7 +338,8 @@ def test_limits_against_closed_forms():
 
 
 def test_limits_of_quantiles_are_order_statistics():
-    """Median of n: the smallest value is a limit where 2^-n <= 0.05; n = 8: of 256 cases 9 have less than two below."""
+    """Median of n: the smallest value is a limit where 2^-n <= 0.05; n = 8: of 256 cases 9 have
+    less than two below."""
     four, five, eight = (quantile(np.arange(1.0, n + 1.0), 0.5) for n in (4, 5, 8))
     assert (four.value, four.low, four.high) == (2.5, None, None)
     assert (five.low, five.high) == (1.0, 5.0)
@@ -256,7 +351,8 @@ def test_limits_of_quantiles_are_order_statistics():
 
 
 def test_limits_of_quantiles_hold_as_often_as_they_say():
-    """2000 draws of 30: the true quantile is beyond a limit in at most 5 % of them (three sigma: 1.5 %)."""
+    """2000 draws of 30: the true quantile is beyond a limit in at most 5 % of them (three sigma:
+    1.5 %)."""
     rng, q = np.random.default_rng(3), 0.3
     found = [quantile(rng.uniform(size=30), q) for _ in range(2000)]
     assert np.mean([f.low > q for f in found]) < 0.065
@@ -271,7 +367,10 @@ def test_equal_outcomes_are_no_certainty():
         assert (ones.low, ones.high) == (pytest.approx(seen), 1.0)
         assert ones.low == pytest.approx(share([True] * n).low)
         assert (zeros.low, zeros.high) == (0.0, pytest.approx(1.0 - seen))
-        assert (halves.low, halves.high) == (pytest.approx(0.5 * seen), pytest.approx(1.0 - 0.5 * seen))
+        assert (halves.low, halves.high) == (
+            pytest.approx(0.5 * seen),
+            pytest.approx(1.0 - 0.5 * seen),
+        )
         assert ratio([(3, 3)] * n).low == pytest.approx(seen)  # as many campaigns, not parameters
     assert mean([1.2] * 4).low == pytest.approx(1.2)  # of any numbers: the bootstrap alone
     wide = mean_share([0.0, 1.0] * 50)
@@ -300,18 +399,32 @@ def test_score_counts_what_is_known(check, tmp_path):
     f = result.figures
     assert (f["top1"].value, f["top1"].n) == (0.5, 2)
     assert f["mean_probability"].value == pytest.approx(0.45)
-    assert (f["exact_set"].value, f["set_f1"].value, f["unknown_auroc"].value, f["false_alarm"].value) == (1, 1, 1, 0)
+    assert (
+        f["exact_set"].value,
+        f["set_f1"].value,
+        f["unknown_auroc"].value,
+        f["false_alarm"].value,
+    ) == (1, 1, 1, 0)
     assert f["leave_out_unknown"].value == 1.0
     assert f["leave_out_unknown"].n == 1  # w004 is too small to be left out
     content = result.as_json()
     assert content["detection_floor"]["dead_time"] == {"found": 1.0, "missed": 0.25, "n": 2}
     assert content["by_size"]["1"]["top1"]["value"] == 1.0
     matrix = content["confusion"]
-    assert matrix["counts"][matrix["truth"].index("dead_time")][matrix["verdict"].index("none")] == 1
-    assert [b["n"] for b in content["reliability"]] == [1, 4]  # 0.8 alone; 0.9 and 1 in the last bin
+    assert (
+        matrix["counts"][matrix["truth"].index("dead_time")][matrix["verdict"].index("none")] == 1
+    )
+    # 0.8 alone; 0.9 and 1 in the last bin
+    assert [b["n"] for b in content["reliability"]] == [1, 4]
     heads, rows = table([result])
     assert heads == ["metric", "goal", "diagnosis"]
-    assert [row[0] for row in rows[:5]] == ["top1", "top1_half", "mean_probability", "set_f1", "exact_set"]
+    assert [row[0] for row in rows[:5]] == [
+        "top1",
+        "top1_half",
+        "mean_probability",
+        "set_f1",
+        "exact_set",
+    ]
     assert {"resolved", "resolved_promised", "leave_out_twin"} <= {row[0] for row in rows}
     withheld_figure({**content, "methods": {"diagnosis": content}}, tmp_path / "page.png")
     assert (tmp_path / "page.png").stat().st_size > 10_000
@@ -384,7 +497,12 @@ def test_a_seal_without_a_truth_is_one_sentence(check, text):
 
 @pytest.mark.parametrize(
     "report",
-    [{}, {"hypotheses": []}, {"hypotheses": [{"effects": ["a"], "probability": "high"}]}, {"campaign": "w001"}],
+    [
+        {},
+        {"hypotheses": []},
+        {"hypotheses": [{"effects": ["a"], "probability": "high"}]},
+        {"campaign": "w001"},
+    ],
 )
 def test_a_damaged_report_or_anothers_is_one_sentence(check, report):
     score(check, Oracle())
@@ -434,7 +552,9 @@ def test_a_damaged_report_is_named(damage, tmp_path):
     (tmp_path / "w000.json").write_text(json.dumps(whole))
     assert read_report(tmp_path, "w000") == whole
     (tmp_path / "w000.json").write_text(json.dumps({**whole, **damage}))
-    with pytest.raises(BadInput, match=r"w000\.json' holds no report of w000; delete it and score again"):
+    with pytest.raises(
+        BadInput, match=r"w000\.json' holds no report of w000; delete it and score again"
+    ):
         read_report(tmp_path, "w000")
 
 

@@ -15,14 +15,26 @@ from sandbox.withheld.baselines.screening import Promise
 from sandbox.withheld.baselines.stepwise import Search, Visited, ranked, searched
 from tests.sandbox.withheld.places import NOWHERE, Place, nothing
 
-TABLE = {"": 100.0, "a": 50.0, "b": 60.0, "c": 70.0, "ab": 40.0, "ac": 45.0, "bc": 20.0, "abc": 30.0}
+TABLE = {
+    "": 100.0,
+    "a": 50.0,
+    "b": 60.0,
+    "c": 70.0,
+    "ab": 40.0,
+    "ac": 45.0,
+    "bc": 20.0,
+    "abc": 30.0,
+}
 
 
 def told(effects):
     """Return a set as the table has it; what it promises is what it reaches."""
     key = "".join(sorted(effects))
     one = SimpleNamespace(
-        point=Place({}, NOWHERE), cost=TABLE[key], normal=SimpleNamespace(coordinates=key), estimates=nothing
+        point=Place({}, NOWHERE),
+        cost=TABLE[key],
+        normal=SimpleNamespace(coordinates=key),
+        estimates=nothing,
     )
     return Visited(tuple(key), one, TABLE[key])
 
@@ -37,21 +49,29 @@ def fitted(monkeypatch):
         return told(effects)
 
     def promises(point, known, choices, effects):
-        return sorted((Promise(TABLE["".join(sorted(known + p.effect))], p) for p in choices), key=lambda p: p[0])
+        return sorted(
+            (Promise(TABLE["".join(sorted(known + p.effect))], p) for p in choices),
+            key=lambda p: p[0],
+        )
 
     monkeypatch.setattr(
-        stepwise, "candidates", lambda point, without, left: [Candidate(e, {}) for e in "abc" if e not in without]
+        stepwise,
+        "candidates",
+        lambda point, without, left: [Candidate(e, {}) for e in "abc" if e not in without],
     )
     monkeypatch.setattr(stepwise, "with_usual_sign", lambda values, motor: values)
     monkeypatch.setattr(stepwise, "screened", promises)
-    monkeypatch.setattr(stepwise, "visited", lambda point, probe, beside=(): looked_up((*beside, probe.effect)))
+    monkeypatch.setattr(
+        stepwise, "visited", lambda point, probe, beside=(): looked_up((*beside, probe.effect))
+    )
     monkeypatch.setattr(stepwise, "reduced", lambda whole, rest: looked_up(rest))
     return out
 
 
 def test_effects_join_and_leave_until_the_criterion_does_not_fall(fitted):
-    """a, b and c join (50, 40, 30), then a leaves (20): the best pair, which no way up comes through.  What promises
-    less than is reached (b and c alone) is not fitted on the way up, and nothing is fitted twice."""
+    """a, b and c join (50, 40, 30), then a leaves (20): the best pair, which no way up comes
+    through.  What promises less than is reached (b and c alone) is not fitted on the way up, and
+    nothing is fitted twice."""
     search = Search((), lambda: False)
     best = searched(search, told(""))
     assert best.effects == ("b", "c")
@@ -69,15 +89,30 @@ def test_excluded_effects_do_not_join_and_a_spent_walk_stops(fitted):
 
 
 def test_a_discrepancy_is_integrated_out_exactly():
-    """Evidence of 60 readings of two components against the density of their joint Gaussian, whose covariance is
-    J S J' + s^2 phi phi' (each component its own) + 1; equal but for rounding (1e-9 of some hundred)."""
+    """Evidence of 60 readings of two components against the density of their joint Gaussian, whose
+    covariance is J S J' + s^2 phi phi' (each component its own) + 1; equal but for rounding (1e-9
+    of some hundred)."""
     rng, drawn = np.random.default_rng(1), gp.frequencies(2)[:5]
     scales = gp.Scales(0.8, 2.5, 0.5, 0.7, 0.9)
-    mean, deviation, x = np.array([0.3, -1.0, 0.0]), np.array([0.5, 2.0, 0.1]), np.array([0.1, 0.2, -0.3])
+    mean, deviation, x = (
+        np.array([0.3, -1.0, 0.0]),
+        np.array([0.5, 2.0, 0.1]),
+        np.array([0.1, 0.2, -0.3]),
+    )
     parts = [
-        gp.Component("d", np.array([0, 2]), rng.normal(size=(40, 2)), rng.normal(size=40), rng.normal(size=(40, 5))),
         gp.Component(
-            "motion", np.array([0, 1, 2]), rng.normal(size=(20, 3)), rng.normal(size=20), rng.normal(size=(20, 5))
+            "d",
+            np.array([0, 2]),
+            rng.normal(size=(40, 2)),
+            rng.normal(size=40),
+            rng.normal(size=(40, 5)),
+        ),
+        gp.Component(
+            "motion",
+            np.array([0, 1, 2]),
+            rng.normal(size=(20, 3)),
+            rng.normal(size=20),
+            rng.normal(size=(20, 5)),
         ),
     ]
     plain = Algebra(*gp.equations(parts, 3), x)
@@ -93,12 +128,15 @@ def test_a_discrepancy_is_integrated_out_exactly():
         at = own.stop
     covariance += j @ np.diag(deviation**2) @ j.T
     y = np.concatenate([p.y for p in parts])
-    wanted = multivariate_normal.logpdf(y, j @ (mean - x), covariance) + 30.0 * math.log(2.0 * math.pi)
+    wanted = multivariate_normal.logpdf(y, j @ (mean - x), covariance) + 30.0 * math.log(
+        2.0 * math.pi
+    )
     assert got == pytest.approx(wanted, abs=1e-9 * abs(wanted) + 1e-9)
 
 
 def test_features_are_a_squared_exponential_in_the_mean():
-    """Over many frequencies: cos(w d) has variance (1 - exp(-d^2))^2 / 2, so its mean is known to 4 sd of that."""
+    """Over many frequencies: cos(w d) has variance (1 - exp(-d^2))^2 / 2, so its mean is known to 4
+    sd of that."""
     drawn = np.random.default_rng(3).standard_normal((200_000, 5))
     scales = gp.Scales(1.0, 1.0, 0.5, 0.7, 0.9)
     z = np.array([[0.0, 0.0, 0.0, 1.0, 0.0], [0.2, -0.1, 0.3, math.cos(0.4), math.sin(0.4)]])
@@ -110,8 +148,9 @@ def test_features_are_a_squared_exponential_in_the_mean():
 
 
 def test_scales_that_made_readings_are_learnt():
-    """Readings drawn with an amplitude of 3 floors over known lengths: the amplitude is found to 40 % (it rests on some
-    ten independent stretches: 1/sqrt(2 10) = 0.22, two of them), and none where there is none."""
+    """Readings drawn with an amplitude of 3 floors over known lengths: the amplitude is found to 40
+    % (it rests on some ten independent stretches: 1/sqrt(2 10) = 0.22, two of them), and none where
+    there is none."""
     rng, drawn = np.random.default_rng(5), gp.frequencies()
     z = np.column_stack([rng.uniform(-1.0, 1.0, (600, 3)), np.ones(600), np.zeros(600)])
     true = gp.Scales(3.0, 1.0, 0.7, 0.7, 1.0)

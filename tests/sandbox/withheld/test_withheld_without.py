@@ -1,4 +1,5 @@
-"""An effect taken out of a withheld drive: all else that is drawn, and all that its engineer states, stays the same."""
+"""An effect taken out of a withheld drive: all else that is drawn, and all that its engineer
+states, stays the same."""
 
 import dataclasses
 
@@ -30,13 +31,23 @@ def test_what_is_left_is_as_it_was(table):
 
 
 def test_with_all_effects_out_the_engineer_is_off_by_ordinary_deviations_alone():
-    """What is stated is the truth times 1 + (stated standard deviation) x (how many of them it is off)."""
-    case = Case(0, "many", "ipm", "scored", ("stator_resistance", "saturation", "dead_time"), (2.0, 2.0, 2.0))
+    """What is stated is the truth times 1 + (stated standard deviation) x (how many of them it is
+    off)."""
+    case = Case(
+        0,
+        "many",
+        "ipm",
+        "scored",
+        ("stator_resistance", "saturation", "dead_time"),
+        (2.0, 2.0, 2.0),
+    )
     whole, out = draw(case, SEED), draw(case, SEED, case.names)
     assert out.case.names == ()
     for name, deviation in UNCERTAINTY.items():
         stated = getattr(out.true.motor, name) * (1.0 + deviation * out.off[name])
         assert getattr(out.stated, name) == pytest.approx(stated, rel=1e-12)
     for name in ("resistance", "alpha_04"):
-        assert getattr(whole.true.motor, name) != pytest.approx(getattr(out.true.motor, name), rel=0.01)
+        assert getattr(whole.true.motor, name) != pytest.approx(
+            getattr(out.true.motor, name), rel=0.01
+        )
     assert out.plant["dead_time.time"] == pytest.approx(out.bench.dead_time, rel=1e-12)

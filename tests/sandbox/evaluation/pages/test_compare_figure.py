@@ -31,7 +31,8 @@ def _row(belief, closed, load, speed, lost):
 
 def _run(estimator, belief, closed, loads=LOADS, speeds=(60.0,) * 4, lost=()):
     rows = tuple(
-        _row(belief, closed, load, speed, k in lost) for k, (load, speed) in enumerate(zip(loads, speeds, strict=True))
+        _row(belief, closed, load, speed, k in lost)
+        for k, (load, speed) in enumerate(zip(loads, speeds, strict=True))
     )
     return SimpleNamespace(estimator=estimator, belief=belief, closed_loop=closed, rows=rows)
 
@@ -105,9 +106,14 @@ def test_all_lost_and_missing_errors_can_be_drawn(tmp_path):
 
 
 def test_unknown_suffix_and_no_runs_are_errors(tmp_path):
-    with pytest.raises(BadInput, match=r"cannot draw to 'figure.doc': use a name that ends in \.png, \.svg or \.pdf"):
+    with pytest.raises(
+        BadInput,
+        match=r"cannot draw to 'figure.doc': use a name that ends in \.png, \.svg or \.pdf",
+    ):
         compare_figure.comparison_figure(_comparison(), tmp_path / "figure.doc")
-    with pytest.raises(BadInput, match=r"cannot write '.*none.figure.png': there is no folder '.*none'; make it"):
+    with pytest.raises(
+        BadInput, match=r"cannot write '.*none.figure.png': there is no folder '.*none'; make it"
+    ):
         compare_figure.comparison_figure(_comparison(), tmp_path / "none" / "figure.png")
     with pytest.raises(BadInput, match="there is no folder"):
         write_whole(tmp_path / "none" / "page.html", b"")

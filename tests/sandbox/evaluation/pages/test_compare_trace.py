@@ -20,7 +20,8 @@ RATE = 4000.0
 
 
 def _recording(seed, samples=SAMPLES):
-    """Return a recording with one and a half turns, a noisy error and 500 Hz ripple on the currents."""
+    """Return a recording with one and a half turns, a noisy error and 500 Hz ripple on the
+    currents."""
     rng = np.random.default_rng(seed)
     t = np.arange(samples) / RATE
     theta = 0.3 + 3 * np.pi * t / t[-1]
@@ -102,7 +103,9 @@ def test_error_and_angles_are_the_recorded_samples(written):
         times, error = found[f"{run.name}/error"]
         np.testing.assert_array_equal(error[:, 0], np.rad2deg(run.recording.error))
         _, angles = found[f"{run.name}/angle"]
-        np.testing.assert_array_equal(angles, np.column_stack([run.recording.theta, run.recording.theta_hat]))
+        np.testing.assert_array_equal(
+            angles, np.column_stack([run.recording.theta, run.recording.theta_hat])
+        )
         np.testing.assert_allclose(times, run.recording.t, rtol=0.0, atol=1e-9)
 
 
@@ -116,9 +119,15 @@ def test_currents_are_means_without_the_injected_ripple(written):
 def test_slow_channels_are_recorded_samples(written):
     comparison, path = written
     found, run = trace.read_trace(path), comparison.runs[1]
-    np.testing.assert_array_equal(found[f"{run.name}/ripple_q"][1][:, 0], run.recording.ripple_q[:: compare_trace.SLOW])
-    np.testing.assert_array_equal(found[f"{run.name}/speed"][1][:, 1], run.recording.omega_hat[:: compare_trace.SLOW])
-    np.testing.assert_array_equal(found["scenario/load"][1][:, 0], 100.0 * run.recording.load[:: compare_trace.SLOW])
+    np.testing.assert_array_equal(
+        found[f"{run.name}/ripple_q"][1][:, 0], run.recording.ripple_q[:: compare_trace.SLOW]
+    )
+    np.testing.assert_array_equal(
+        found[f"{run.name}/speed"][1][:, 1], run.recording.omega_hat[:: compare_trace.SLOW]
+    )
+    np.testing.assert_array_equal(
+        found["scenario/load"][1][:, 0], 100.0 * run.recording.load[:: compare_trace.SLOW]
+    )
 
 
 def test_prediction_is_there_only_where_theory_is(written):
@@ -131,7 +140,12 @@ def test_prediction_is_there_only_where_theory_is(written):
 
 def test_properties_say_how_it_was_made(written):
     made = trace.read_properties(written[1])
-    expected = {"motor": "ipm_exchanged", "scenario": "staircase", "sample_stride": "1", "version": "0.1.0"}
+    expected = {
+        "motor": "ipm_exchanged",
+        "scenario": "staircase",
+        "sample_stride": "1",
+        "version": "0.1.0",
+    }
     assert made == expected | {"seed": "7", "inductance_d": "0.0113", "note": "synthetic"}
 
 
@@ -145,7 +159,9 @@ def test_a_property_may_change_its_type_between_traces(tmp_path):
 
 def test_rerun_verifies_the_file(written):
     rerun = Path(sys.executable).with_name("rerun")
-    done = subprocess.run([rerun, "rrd", "verify", written[1]], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [rerun, "rrd", "verify", written[1]], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -156,7 +172,8 @@ def test_summary_holds_the_table_and_how_much_was_kept():
 
 
 def test_a_real_comparison_survives_the_round_trip(small_comparison, tmp_path):
-    """The numbers of the run are found again in the file: mean error of each row from the trace alone."""
+    """The numbers of the run are found again in the file: mean error of each row from the trace
+    alone."""
     compare_trace.write_trace(tmp_path / "real.rrd", small_comparison)
     found = trace.read_trace(tmp_path / "real.rrd")
     for run in small_comparison.runs:
@@ -197,7 +214,9 @@ def test_a_failed_write_leaves_the_old_file_alone(tmp_path):
 
 def test_a_full_disk_raises_what_it_is(tmp_path, monkeypatch):
     """rerun's own writer of files says it in a log and then raises something else."""
-    monkeypatch.setattr(Path, "write_bytes", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")))
+    monkeypatch.setattr(
+        Path, "write_bytes", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full"))
+    )
     with pytest.raises(OSError, match="full"):
         compare_trace.write_trace(tmp_path / "comparison.rrd", _comparison(samples=64))
     assert list(tmp_path.iterdir()) == []
@@ -216,7 +235,8 @@ def test_view_names_what_is_missing(tmp_path):
 
 
 def test_view_starts_the_viewer_of_this_environment(written, monkeypatch):
-    """In a window, in a browser here, and served to a browser elsewhere where there is no display."""
+    """In a window, in a browser here, and served to a browser elsewhere where there is no
+    display."""
     calls = []
     code = iter((0, 101, 0, 0))
 
@@ -240,7 +260,12 @@ def test_view_starts_the_viewer_of_this_environment(written, monkeypatch):
 
 
 def test_import_does_not_load_rerun():
-    code = "import sys, sandbox.output.trace, sandbox.output.plots; print({'rerun', 'matplotlib'} & set(sys.modules))"
+    code = (
+        "import sys, sandbox.output.trace, sandbox.output.plots; print({'rerun', "
+        "'matplotlib'} & set(sys.modules))"
+    )
     root = Path(trace.__file__).parents[1]
-    done = subprocess.run([sys.executable, "-c", code], check=True, cwd=root, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, cwd=root, capture_output=True, text=True
+    )
     assert done.stdout.strip() == "set()"

@@ -1,4 +1,5 @@
-"""Runs in the planes of current and flux: saliency plane, hodograph, lines of equal angle, by known answers."""
+"""Runs in the planes of current and flux: saliency plane, hodograph, lines of equal angle, by known
+answers."""
 
 from __future__ import annotations
 
@@ -53,10 +54,15 @@ def test_a_hodograph_at_no_current_is_the_magnets_circle():
     known = np.isfinite(x)
     np.testing.assert_allclose(np.hypot(x[known], y[known]), DRIVE.motor.magnet_flux, rtol=1e-9)
     assert (~known).sum() == 2  # a gap after each of the two last turns
-    assert known.sum() == pytest.approx(2 * 0.1 / (8 * PERIOD), abs=2)  # 0.1 s a turn in blocks of eight samples
+    # 0.1 s a turn in blocks of eight samples
+    assert known.sum() == pytest.approx(2 * 0.1 / (8 * PERIOD), abs=2)
     x, y = planes.hodograph(DRIVE, recording(n, theta=1.0), [1.0])  # locked: the whole way
     np.testing.assert_allclose(np.arctan2(y, x), 1.0, atol=1e-12)
-    assert planes.hodograph(DRIVE, recording(0), [])[0].size == planes.currents(DRIVE, recording(0))[0].size == 0
+    assert (
+        planes.hodograph(DRIVE, recording(0), [])[0].size
+        == planes.currents(DRIVE, recording(0))[0].size
+        == 0
+    )
     spm = load_drive("spm")  # stops being convex at i_d = -0.786 A (audit)
     far = planes.hodograph(spm, recording(n, theta=1.0, i_d=-1.0), [1.0])
     assert np.isnan(far[0]).all()
@@ -64,7 +70,8 @@ def test_a_hodograph_at_no_current_is_the_magnets_circle():
 
 def test_lines_of_equal_angle_lie_where_the_theory_has_it():
     plane = planes.plane(DRIVE, 1.0)
-    # its points lie between two nodes: linear interpolation errs by an eighth of the second difference at the most
+    # its points lie between two nodes: linear interpolation errs by an eighth of the second
+    # difference at the most
     bound = max(float(np.max(np.abs(np.diff(plane.angle, 2, axis=k)))) for k in (0, 1)) / 8.0
     for degrees, line in contours(plane):
         theory = np.degrees(local_angle(DRIVE.motor.energy, line[:, 0], line[:, 1]))

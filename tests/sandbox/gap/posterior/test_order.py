@@ -1,4 +1,5 @@
-"""Neither names nor order of recordings change a digit of a diagnosis; a name that foretells worse is not given."""
+"""Neither names nor order of recordings change a digit of a diagnosis; a name that foretells worse
+is not given."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -27,9 +28,14 @@ def test_shuffled_and_renamed_recordings_give_the_same_digits(small_answers):
 
 
 def test_a_name_that_foretells_worse_than_none_is_not_given(monkeypatch):
-    """The first set leaves 1.3 on recordings held out where ordinary deviations leave 1.2; the second 1.1."""
+    """The first set leaves 1.3 on recordings held out where ordinary deviations leave 1.2; the
+    second 1.1."""
     rms = {(): 1.2, ("iron_loss",): 1.3, ("dead_time",): 1.1}
-    monkeypatch.setattr(module, "_without", lambda whole, start, left, workers: SimpleNamespace(normal=whole.effects))
+    monkeypatch.setattr(
+        module,
+        "_without",
+        lambda whole, start, left, workers: SimpleNamespace(normal=whole.effects),
+    )
     monkeypatch.setattr(module, "rms", lambda n, left: rms[n])
     models = {k: SimpleNamespace(effects=k, fit=SimpleNamespace(effects=k)) for k in rms}
     told = [
@@ -42,4 +48,6 @@ def test_a_name_that_foretells_worse_than_none_is_not_given(monkeypatch):
     left, after = _foretelling(told, before, None, (0,), 1)
     assert left[0].effects == (UNKNOWN,)
     assert after is before
-    assert {h.effects: h.probability for h in left} == pytest.approx({(UNKNOWN,): 0.7, ("dead_time",): 0.25, (): 0.05})
+    assert {h.effects: h.probability for h in left} == pytest.approx(
+        {(UNKNOWN,): 0.7, ("dead_time",): 0.25, (): 0.05}
+    )

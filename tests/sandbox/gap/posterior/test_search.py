@@ -1,6 +1,7 @@
 """The search for the best set: what it weighs by, and that excerpts only say where it begins.
 
-Numbers come from replays of the points that equations speak of, and from the same search without excerpts.
+Numbers come from replays of the points that equations speak of, and from the same search without
+excerpts.
 """
 
 import dataclasses
@@ -27,12 +28,15 @@ from tests.sandbox.gap.conftest import start
 
 def point_of(campaign):
     """Return the nominal point of a campaign, recordings in the diagnosis' order."""
-    return Point(prepare(in_order(campaign)), complete(campaign.drive.motor, campaign.drive.converter))
+    return Point(
+        prepare(in_order(campaign)), complete(campaign.drive.motor, campaign.drive.converter)
+    )
 
 
 def test_what_a_set_leaves_as_its_replay_says(small_folder):
-    """Offsets of current sensors add to readings, so equations are exact: the squared residual at an offset of phase a
-    that equations give is the one that a replay with this offset leaves (1e-6: rounding of slopes over 1e-4)."""
+    """Offsets of current sensors add to readings, so equations are exact: the squared residual at
+    an offset of phase a that equations give is the one that a replay with this offset leaves (1e-6:
+    rounding of slopes over 1e-4)."""
     here = start(small_folder)
     model = linear_model(here, [Candidate("current_offset")], (), 0.01, {})
     n = model.normal
@@ -51,17 +55,22 @@ def test_what_a_set_leaves_as_its_replay_says(small_folder):
 
 
 def test_a_set_finds_its_slopes_among_those_of_all_candidates(small_folder):
-    """A capacitance that dead time begins from and that is none there already moves nothing along with it: a column is
-    the same with and without.  Against slopes taken for the set alone, over other steps: 1e-3 of each column's size."""
+    """A capacitance that dead time begins from and that is none there already moves nothing along
+    with it: a column is the same with and without.  Against slopes taken for the set alone, over
+    other steps: 1e-3 of each column's size."""
     here = start(small_folder)
-    wide = linear_model(here, [Candidate("dead_time", {"dead_time.capacitance": 0.0})], (), 0.01, {}).normal
+    wide = linear_model(
+        here, [Candidate("dead_time", {"dead_time.capacitance": 0.0})], (), 0.01, {}
+    ).normal
     own = coordinates_of(here, ("dead_time",))
     known = wide.of(own)
     assert known is not None
     known, taken = known.summed().a, normal(here, own).summed().a
     size = np.sqrt(np.diag(taken))
     assert np.all(np.abs(known - taken) <= 1e-3 * np.outer(size, size))
-    on = dataclasses.replace(here, values={**here.values, "dead_time.time": 1e-6, "dead_time.capacitance": 1e-10})
+    on = dataclasses.replace(
+        here, values={**here.values, "dead_time.time": 1e-6, "dead_time.capacitance": 1e-10}
+    )
     (time,) = (c for c in wide.coordinates if c.names == ("dead_time.time",))
     assert normal(on, [time]).of([dataclasses.replace(time, along=())]) is None
 
@@ -73,7 +82,8 @@ def test_nothing_moved_leaves_what_there_is_and_noise_counts_whole(small_folder)
 
 
 def test_a_fit_that_is_not_at_its_best_point_is_less_probable_by_its_own_objective(small_folder):
-    """An offset of a current sensor moves no slope, so nothing but the objective changes: half of it, weighed."""
+    """An offset of a current sensor moves no slope, so nothing but the objective changes: half of
+    it, weighed."""
     own = start(small_folder)
     weights = weights_of(len(own.prepared.recordings))
     f = fit(own, ("current_offset",), weights, rough=0.0)
@@ -83,14 +93,19 @@ def test_a_fit_that_is_not_at_its_best_point_is_less_probable_by_its_own_objecti
     x[place] += 0.05
     point = f.point.moved(n.coordinates, x)
     met, prior = dict.fromkeys(no_weights(n), 0.25), prior_of(n.coordinates)
-    one, two = (dataclasses.replace(f, point=p, normal=m) for p, m in ((f.point, n), (point, n.at(point))))
+    one, two = (
+        dataclasses.replace(f, point=p, normal=m) for p, m in ((f.point, n), (point, n.at(point)))
+    )
     fallen = log_posterior(one, met, USUAL) - log_posterior(two, met, USUAL)
-    assert fallen == pytest.approx(0.5 * (objective(two.normal, prior, met) - objective(n, prior, met)), rel=1e-6)
+    assert fallen == pytest.approx(
+        0.5 * (objective(two.normal, prior, met) - objective(n, prior, met)), rel=1e-6
+    )
     assert fallen > 1.0
 
 
 class Fits:
-    """A run whose fits are given: the residual that each set leaves, all in one recording, and what was fitted."""
+    """A run whose fits are given: the residual that each set leaves, all in one recording, and what
+    was fitted."""
 
     def __init__(self, run, left):
         self.run, self.left, self.asked = run, left, []
@@ -102,13 +117,18 @@ class Fits:
         if key not in self.left:
             return None
         whole = sum(float(s.rr.sum()) for s in near.normal.segments)
-        scaled = [dataclasses.replace(s, rr=s.rr * self.left[key] / whole) for s in near.normal.segments]
-        return dataclasses.replace(near, effects=key, normal=dataclasses.replace(near.normal, segments=tuple(scaled)))
+        scaled = [
+            dataclasses.replace(s, rr=s.rr * self.left[key] / whole) for s in near.normal.segments
+        ]
+        return dataclasses.replace(
+            near, effects=key, normal=dataclasses.replace(near.normal, segments=tuple(scaled))
+        )
 
 
 @pytest.fixture
 def far(small_folder):
-    """A run of the search, its first fit, and the posterior there; far from the floor, as dead time is missing."""
+    """A run of the search, its first fit, and the posterior there; far from the floor, as dead time
+    is missing."""
     own = start(small_folder)
     run = Search(Problem(own, weights_of(len(own.prepared.recordings))))
     run.found = candidates(run.null.point)
@@ -118,10 +138,14 @@ def far(small_folder):
 
 
 def test_far_from_the_floor_a_set_whose_fit_is_worse_is_not_taken(far):
-    """All sets leave more than there is, but for one of those that are tried: it is taken, each set is tried once."""
+    """All sets leave more than there is, but for one of those that are tried: it is taken, each set
+    is tried once."""
     run, sets = far
     own = max((k for k in sets.known if not sets.parts(k)), key=sets.known.__getitem__)
-    near = sorted((k for k, v in sets.known.items() if v >= sets.known[own] - USUAL.near), key=lambda k: -sets.known[k])
+    near = sorted(
+        (k for k, v in sets.known.items() if v >= sets.known[own] - USUAL.near),
+        key=lambda k: -sets.known[k],
+    )
     keys = list(dict.fromkeys(sets.names(k) for k in near if k))
     count, whole = float(sum(s.n.sum() for s in run.null.normal.segments)), rms_of(run.null) ** 2
     left = dict.fromkeys(keys, 1.5 * whole * count)
@@ -140,10 +164,16 @@ def test_far_from_the_floor_a_set_whose_fit_is_worse_is_not_taken(far):
 
 
 def test_a_set_that_excerpts_name_near_the_floor_is_fitted_whole(small_folder):
-    """Before all candidates are linearised at its point, once: a whole fit from there gains less than a step's end."""
+    """Before all candidates are linearised at its point, once: a whole fit from there gains less
+    than a step's end."""
     campaign = read_campaign(small_folder)
-    whole, part = point_of(campaign), point_of(dataclasses.replace(campaign, recordings=campaign.recordings[::2]))
-    run = Search(Problem(whole, weights_of(len(campaign.recordings)), ("device_drop",), excerpts=part))
+    whole, part = (
+        point_of(campaign),
+        point_of(dataclasses.replace(campaign, recordings=campaign.recordings[::2])),
+    )
+    run = Search(
+        Problem(whole, weights_of(len(campaign.recordings)), ("device_drop",), excerpts=part)
+    )
     here, rough = run.begun()
     assert here.effects == ("dead_time",)
     assert rms_of(here) <= NEAR
@@ -159,14 +189,20 @@ def test_a_set_that_excerpts_name_near_the_floor_is_fitted_whole(small_folder):
 
 
 def test_excerpts_only_say_where_the_search_begins(small_folder):
-    """Half of the recordings as excerpts: the set, its chance and its size come out as without them.
+    """Half of the recordings as excerpts: the set, its chance and its size come out as without
+    them.
 
-    Both fits end where a step gains less than 0.2 of the objective, 0.45 standard deviations away at most: they are
-    apart by 0.46 halves of 95 %."""
+    Both fits end where a step gains less than 0.2 of the objective, 0.45 standard deviations away
+    at most: they are apart by 0.46 halves of 95 %."""
     campaign = read_campaign(small_folder)
-    whole, part = point_of(campaign), point_of(dataclasses.replace(campaign, recordings=campaign.recordings[::2]))
+    whole, part = (
+        point_of(campaign),
+        point_of(dataclasses.replace(campaign, recordings=campaign.recordings[::2])),
+    )
     told: list[str] = []
-    problem = Problem(whole, weights_of(len(campaign.recordings)), ("device_drop",), report=told.append)
+    problem = Problem(
+        whole, weights_of(len(campaign.recordings)), ("device_drop",), report=told.append
+    )
     first = infer(problem)
     told.clear()
     second = infer(dataclasses.replace(problem, excerpts=part))

@@ -1,5 +1,6 @@
-"""Posterior over sets by algebra, against brute force: every set's evidence by dense Gaussian integrals, every set of a
-small library enumerated, and truths drawn from the prior itself, on which stated chances must hold."""
+"""Posterior over sets by algebra, against brute force: every set's evidence by dense Gaussian
+integrals, every set of a small library enumerated, and truths drawn from the prior itself, on which
+stated chances must hold."""
 
 import itertools
 import math
@@ -22,13 +23,16 @@ TRACE = 0.02
 
 
 def linear(slopes, residual, count, settings, low=-math.inf):
-    """A linear model: two ordinary deviations of deviation 1, then `count` effects of one size each, wide 1."""
+    """A linear model: two ordinary deviations of deviation 1, then `count` effects of one size
+    each, wide 1."""
     p = 2 + count
     deviation = np.array([1.0, 1.0] + [TRACE] * count)
     wide = np.ones(p)
     infinite = np.full(p, math.inf)
     bound = np.array([-math.inf] * 2 + [low] * count)
-    equations = Algebra(slopes.T @ slopes, slopes.T @ residual, float(residual @ residual), np.zeros(p))
+    equations = Algebra(
+        slopes.T @ slopes, slopes.T @ residual, float(residual @ residual), np.zeros(p)
+    )
     coordinates = tuple(SimpleNamespace(form="linear") for _ in range(p))
     return LinearModel(
         None,
@@ -78,8 +82,8 @@ def test_evidence_of_every_set_is_that_of_dense_integrals(problem):
 
 
 def test_sizes_are_averaged_over(problem):
-    """Of one effect the mean over sizes is exact; of several, one at a time: within the log of what the others' best
-    size can differ by, 0.2 here."""
+    """Of one effect the mean over sizes is exact; of several, one at a time: within the log of what
+    the others' best size can differ by, 0.2 here."""
     slopes, residual = problem
     sizes = (2.0, 0.5, 0.125)
     sets = SetPosterior(linear(slopes, residual, 5, Settings(sizes=sizes)))
@@ -115,19 +119,26 @@ def test_a_size_with_a_sign_is_half_a_gaussian(problem):
     log = -0.5 * (step**2 * (j @ inverse @ j) - 2.0 * step * (j @ inverse @ residual))
     wide = math.hypot(TRACE, 1.0)
     half = log - 0.5 * (step / wide) ** 2 + math.log(2.0 / (wide * math.sqrt(math.tau)))
-    exact = density.logpdf(residual) + np.log(np.trapezoid(np.exp(half - half.max()), step)) + half.max()
+    exact = (
+        density.logpdf(residual)
+        + np.log(np.trapezoid(np.exp(half - half.max()), step))
+        + half.max()
+    )
     assert told == pytest.approx(exact - brute(slopes, residual, (), (1.0,)), abs=1e-3)
 
 
 def test_chances_hold_on_truths_drawn_from_the_prior():
-    """400 truths drawn from the model's own prior (number, effects, sizes, traces, ordinary deviations): of stated
-    chances of single effects the mean error is within three binomial standard deviations, in each fifth."""
+    """400 truths drawn from the model's own prior (number, effects, sizes, traces, ordinary
+    deviations): of stated chances of single effects the mean error is within three binomial
+    standard deviations, in each fifth."""
     rng = np.random.default_rng(2)
     settings, stated, true = Settings(more=0.3), [], []
     for _ in range(400):
         slopes = 2.0 * rng.standard_normal((40, 8))
         slopes[:, 7] = 0.95 * slopes[:, 6] + 0.3 * slopes[:, 7]
-        chance = np.array([math.exp(log_prior(FREE[:n], settings)) * math.comb(6, n) for n in range(7)])
+        chance = np.array(
+            [math.exp(log_prior(FREE[:n], settings)) * math.comb(6, n) for n in range(7)]
+        )
         n = rng.choice(7, p=chance / chance.sum())
         chosen = rng.choice(6, size=n, replace=False)
         x = np.concatenate([rng.standard_normal(2), TRACE * rng.standard_normal(6)])
@@ -145,11 +156,14 @@ def test_chances_hold_on_truths_drawn_from_the_prior():
         own = (stated >= low) & (stated <= low + 0.2)
         if own.sum() >= 20:
             p = stated[own].mean()
-            assert true[own].mean() == pytest.approx(p, abs=3.0 * math.sqrt(p * (1.0 - p) / own.sum()) + 0.01)
+            assert true[own].mean() == pytest.approx(
+                p, abs=3.0 * math.sqrt(p * (1.0 - p) / own.sum()) + 0.01
+            )
 
 
 def test_a_doubled_candidate_changes_no_chance(problem):
-    """Two candidates of one effect with the same column share its prior: the chance of the effect stays."""
+    """Two candidates of one effect with the same column share its prior: the chance of the effect
+    stays."""
     slopes, residual = problem
     one = SetPosterior(linear(slopes, residual, 5, Settings()))
     both = linear(np.column_stack([slopes, slopes[:, 3]]), residual, 6, Settings())
@@ -159,7 +173,9 @@ def test_a_doubled_candidate_changes_no_chance(problem):
             both.point,
             both.normal,
             both.equations,
-            both.narrow.with_deviation(np.where(alike, TRACE / math.sqrt(2.0), both.narrow.deviation)),
+            both.narrow.with_deviation(
+                np.where(alike, TRACE / math.sqrt(2.0), both.narrow.deviation)
+            ),
             both.wide,
             (*both.candidates[:5], Candidate(FREE[1], {"x": 1.0})),
             both.places,
@@ -172,6 +188,8 @@ def test_a_doubled_candidate_changes_no_chance(problem):
         sets.enumerate()
         told = sets.by_name()
         total = np.logaddexp.reduce(list(told.values()))
-        chances.append({e: sum(math.exp(v - total) for k, v in told.items() if e in k) for e in FREE[:5]})
+        chances.append(
+            {e: sum(math.exp(v - total) for k, v in told.items() if e in k) for e in FREE[:5]}
+        )
     for e in FREE[:5]:
         assert chances[0][e] == pytest.approx(chances[1][e], abs=0.01)

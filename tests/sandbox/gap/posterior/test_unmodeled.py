@@ -16,7 +16,12 @@ def left(excess, count=20000.0):
     """Normal equations of recordings whose currents leave so much."""
     return SimpleNamespace(
         segments=[
-            SimpleNamespace(recording=k, channel="current", rr=np.array([(1.0 + e) * count]), n=np.array([count]))
+            SimpleNamespace(
+                recording=k,
+                channel="current",
+                rr=np.array([(1.0 + e) * count]),
+                n=np.array([count]),
+            )
             for k, e in enumerate(excess)
         ]
     )
@@ -44,8 +49,22 @@ def test_density_of_an_outside_cause_is_log_uniform():
 
 
 def test_what_the_replay_misses_speaks_against_an_outside_cause():
-    """Twelve recordings of the independent bench with their true effect (p06): excesses of 0 to 1.7 %."""
-    p06 = [0.0167, 0.0167, 0.0036, 0.0114, 0.0054, 0.0036, -0.0027, 0.0062, -0.0019, 0.0003, -0.0011, -0.0025]
+    """Twelve recordings of the independent bench with their true effect (p06): excesses of 0 to 1.7
+    %."""
+    p06 = [
+        0.0167,
+        0.0167,
+        0.0036,
+        0.0114,
+        0.0054,
+        0.0036,
+        -0.0027,
+        0.0062,
+        -0.0019,
+        0.0003,
+        -0.0011,
+        -0.0025,
+    ]
     before = left([100.0] * 12)
     assert log_bayes_factor(before, left(p06), 0.0) < -1.0
 
@@ -59,7 +78,8 @@ def test_a_larger_remainder_is_more_probably_outside():
 
 
 def test_one_recording_of_twelve_can_show_it():
-    """An outside cause that acts in one kind of recording only: squares 3 times the noise's there, none elsewhere."""
+    """An outside cause that acts in one kind of recording only: squares 3 times the noise's there,
+    none elsewhere."""
     before = left([10.0] * 12)
     assert log_bayes_factor(before, left([2.0] + [0.0] * 11), 0.0) > 3.0
 
@@ -72,7 +92,9 @@ def test_misstated_noise_is_allowed_for():
 
 def test_an_ordinary_deviation_that_goes_far_speaks_for_it(monkeypatch):
     """One of four at 4 deviations: the mean of exp(z^2 (1 - 1/16) / 2) / 4, that is 1808 / 16."""
-    monkeypatch.setattr(module, "stray", lambda f: {k: (None, z) for k, z in enumerate((4.0, 0.0, 0.0, 0.0))})
+    monkeypatch.setattr(
+        module, "stray", lambda f: {k: (None, z) for k, z in enumerate((4.0, 0.0, 0.0, 0.0))}
+    )
     assert np.exp(module.log_stretched(None)) == pytest.approx(0.25 * (np.exp(7.5) + 3.0) / 4.0)
     monkeypatch.setattr(module, "stray", lambda f: {0: (None, 0.0)})
     assert module.log_stretched(None) == 0.0
@@ -80,14 +102,18 @@ def test_an_ordinary_deviation_that_goes_far_speaks_for_it(monkeypatch):
 
 @pytest.mark.parametrize("mean", [0.008, 10.0, 1e3, 9999.9, 1e4, 1e6])
 def test_a_prior_of_a_cause_outside_has_mass_one_however_large_the_gap(mean):
-    """Units mistaken leave gaps of a billion.  Noise as narrow as the grid's step: the sum of densities over excesses
-    is the prior's mass; the grid ends within half a step of 1 in 300."""
+    """Units mistaken leave gaps of a billion.  Noise as narrow as the grid's step: the sum of
+    densities over excesses is the prior's mass; the grid ends within half a step of 1 in 300."""
     z = np.linspace(np.log(mean / 3.0), np.log(max(USUAL.farthest, 1e3 * mean)) + 1.0, 4000)
     told = np.array([np.exp(_log_densities(e, 1e-6, mean, USUAL)[1]) for e in np.exp(z)])
     assert np.sum(told * np.exp(z)) * (z[1] - z[0]) == pytest.approx(1.0, abs=0.02)
 
 
 def test_odds_of_a_large_gap_follow_its_ratio_to_what_the_replay_misses():
-    """Both densities scale with the mean miss once that is beyond a thousandth of the farthest excess."""
-    odds = [[np.diff(_log_densities(k * m, 1e-6, m, USUAL))[0] for k in (1.0, 10.0)] for m in (1e3, 1e4, 1e6)]
+    """Both densities scale with the mean miss once that is beyond a thousandth of the farthest
+    excess."""
+    odds = [
+        [np.diff(_log_densities(k * m, 1e-6, m, USUAL))[0] for k in (1.0, 10.0)]
+        for m in (1e3, 1e4, 1e6)
+    ]
     assert np.ptp(odds, axis=0) == pytest.approx(0.0, abs=1e-2)

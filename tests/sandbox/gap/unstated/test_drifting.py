@@ -1,4 +1,5 @@
-"""Offsets of current sensors that differ from recording to recording are measured and taken off first."""
+"""Offsets of current sensors that differ from recording to recording are measured and taken off
+first."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -20,27 +21,39 @@ N = 4000
 
 
 def at(offsets, *, along=0.0, even=0.0, turns=20, rotor="free", seed=1):
-    """Return a campaign's point and residuals: noise, an offset (A) of sensor a in each recording (minus half of it
-    in the others), what moves with the rotor, and its second harmonic (floors)."""
+    """Return a campaign's point and residuals: noise, an offset (A) of sensor a in each recording
+    (minus half of it in the others), what moves with the rotor, and its second harmonic
+    (floors)."""
     rng, k = np.random.default_rng(seed), np.arange(N)
-    angle = 2.0 * np.pi * turns * (k / N + 0.2 / (2.0 * np.pi) * np.sin(2.0 * np.pi * k / N))  # its speed swings
+    # its speed swings
+    angle = 2.0 * np.pi * turns * (k / N + 0.2 / (2.0 * np.pi) * np.sin(2.0 * np.pi * k / N))
     phase = angle[:, None] - 2.0 * np.pi / 3.0 * np.arange(3)
     one = np.array([1.0, -0.5, -0.5])
     wave = along * np.cos(phase) + even * np.cos(2.0 * phase)
     read = [rng.standard_normal((N, 3)) + x / FLOOR * one + wave for x in offsets]
     shown = [Residual(f"r{k}", rotor, x[:, :, None], None, None) for k, x in enumerate(read)]
-    own = [SimpleNamespace(of="", file=r.file, rotor=rotor, motion=SimpleNamespace(angle=angle)) for r in shown]
-    flat = {n: np.zeros(N) for n in ("t", "u_alpha", "u_beta", "theta")} | {"u_dc": np.full(N, 400.0)}
+    own = [
+        SimpleNamespace(of="", file=r.file, rotor=rotor, motion=SimpleNamespace(angle=angle))
+        for r in shown
+    ]
+    flat = {n: np.zeros(N) for n in ("t", "u_alpha", "u_beta", "theta")} | {
+        "u_dc": np.full(N, 400.0)
+    }
     recordings = tuple(
-        CampaignRecording(r.file, rotor, "d", flat | dict(zip(("i_a", "i_b", "i_c"), FLOOR * x.T, strict=True)))
+        CampaignRecording(
+            r.file, rotor, "d", flat | dict(zip(("i_a", "i_b", "i_c"), FLOOR * x.T, strict=True))
+        )
         for r, x in zip(shown, read, strict=True)
     )
     campaign = Campaign("two", DRIVE, recordings, {}, {"current_offset": USUAL}, False)
-    return SimpleNamespace(prepared=SimpleNamespace(campaign=campaign, recordings=own, noise_std=FLOOR)), shown
+    return SimpleNamespace(
+        prepared=SimpleNamespace(campaign=campaign, recordings=own, noise_std=FLOOR)
+    ), shown
 
 
 def test_offsets_of_two_recordings_are_taken_off():
-    """Mean of 4000 readings: known to FLOOR / sqrt(4000); the median of two is their mean, which stays."""
+    """Mean of 4000 readings: known to FLOOR / sqrt(4000); the median of two is their mean, which
+    stays."""
     point, shown = at((-0.011, 0.013), along=9.0)
     campaign, found = point.prepared.campaign, drifting(point, shown)
     steady = steadied(campaign, found)
@@ -69,7 +82,8 @@ def test_one_recording_that_is_off_leaves_the_others():
         ((-0.012, 0.012), {"turns": 2}),
         ((-0.012, 0.012), {"rotor": "locked"}),  # all that is missed there stands still
         ((-0.0035, 0.0035), {}),  # four deviations are ordinary
-        ((-0.012, 0.012), {"even": 4.0}),  # 16 floors^2 beside (6 floors)^2: a sensor that cuts half waves
+        # 16 floors^2 beside (6 floors)^2: a sensor that cuts half waves
+        ((-0.012, 0.012), {"even": 4.0}),
         ((0.0, 0.0), {"along": 90.0}),
     ],
 )
@@ -78,7 +92,8 @@ def test_what_is_no_drift_stays(offsets, more):
 
 
 def test_a_half_wave_has_a_fifth_of_even_harmonics():
-    """max(cos, 0) = 1/pi + cos/2 + 2/(3 pi) cos 2x - ...: half of (2/3)^2 of the offset's squares are the second's."""
+    """max(cos, 0) = 1/pi + cos/2 + 2/(3 pi) cos 2x - ...: half of (2/3)^2 of the offset's squares
+    are the second's."""
     x = np.linspace(0.0, 2.0 * np.pi, 10001)[:-1]
     wave = np.maximum(np.cos(x), 0.0)
     second = 2.0 * np.mean(wave * np.cos(2.0 * x))
@@ -89,11 +104,13 @@ def test_noise_alone_says_nothing():
     assert not any(drifting(*at((0.0, 0.0, 0.0), seed=k)) for k in range(50))
 
 
-DELAYS = ("pwm_delay", "current_sampling", "current_filter")  # which so little data cannot tell from each other
+# which so little data cannot tell from each other
+DELAYS = ("pwm_delay", "current_sampling", "current_filter")
 
 
 def test_an_effect_beside_them_is_named_alone():
-    """Dead time on the switched bench; sensor a reads 12 mA less in one turning recording, 12 mA more in the other.
+    """Dead time on the switched bench; sensor a reads 12 mA less in one turning recording, 12 mA
+    more in the other.
 
     Without them nothing is taken off, and the name is the same.
     """
@@ -101,7 +118,8 @@ def test_an_effect_beside_them_is_named_alone():
     plain = small_campaign({"dead_time.time": 2e-6}, cases)
     off = {"slow.parquet": -0.012, "fast.parquet": 0.012}
     moved = tuple(
-        dataclasses.replace(r, columns={**r.columns, "i_a": r.i_a + off.get(r.file, 0.0)}) for r in plain.recordings
+        dataclasses.replace(r, columns={**r.columns, "i_a": r.i_a + off.get(r.file, 0.0)})
+        for r in plain.recordings
     )
     found = diagnose(dataclasses.replace(plain, recordings=moved), exclude=DELAYS)
     assert found.best.effects == ("dead_time",)
