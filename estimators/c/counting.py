@@ -3,17 +3,16 @@ count."""
 
 from __future__ import annotations
 
-import ast
 import math
 from collections import Counter
 from dataclasses import dataclass
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 
-from estimators.c.collect import Program
-from estimators.contract import Belief, Estimate, Sample, Tuning
+from estimators.c.translate import of_quartic
+from estimators.contract import Belief, Sample, Tuning
 from model.quartic import Energy
 
 KINDS = ("mul", "add", "div", "sqrt", "trig", "compare")
@@ -109,20 +108,24 @@ MATHS = SimpleNamespace(
 )
 
 
+def _counted(function: Any, done: dict[Any, Any]) -> Any:
+    """Return a kernel as a Python function that counts, and so all that it calls."""
+    plain = of_quartic(function)
+    plain = getattr(plain, "py_func", plain)
+    if plain not in done:
+        world = {**plain.__globals__, "math": MATHS}
+        done[plain] = FunctionType(plain.__code__, world, plain.__name__, plain.__defaults__)
+        for name in plain.__code__.co_names:
+            if hasattr(world.get(name), "py_func") or isinstance(world.get(name), FunctionType):
+                world[name] = _counted(world[name], done)
+    return done[plain]
+
+
 def operations(
-    program: Program, setup: tuple[Belief, Tuning], state: np.ndarray, samples: np.ndarray
+    step: Any, setup: tuple[Belief, Tuning], state: np.ndarray, samples: np.ndarray
 ) -> Operations:
-    """Return what a program's `step` costs over the later half of samples (n, 5), from a state of
-    its own."""
-    world: dict[str, Any] = {"math": MATHS, "Estimate": Estimate, **program.constants}
-    for function in program.functions.values():
-        own = world | {k: program.constants[v] for k, v in function.aliases.items()}
-        function.tree.decorator_list.clear()
-        code = compile(
-            ast.fix_missing_locations(ast.Module([function.tree], [])), function.name, "exec"
-        )
-        exec(code, own)
-        world[function.name] = own[function.name]
+    """Return what a step costs over the later half of samples (n, 5), from a state of its own."""
+    counted_step = _counted(step, {})
     belief, tuning = setup
     energy = Energy(*(Number(v) for v in cast(Energy, belief.energy)))
     counting = Belief(energy, *map(Number, belief[1:]))
@@ -131,7 +134,7 @@ def operations(
     counts = []
     for row in samples:
         COUNTED.clear()
-        world["step"](memory, Sample._make(Number(v) for v in row), counting, tuned)
+        counted_step(memory, Sample._make(Number(v) for v in row), counting, tuned)
         counts.append(dict(COUNTED))
     late = counts[len(counts) // 2 :]
     every = {k: [c.get(k, 0) for c in late] for k in KINDS}

@@ -24,24 +24,45 @@ typedef sensorless_real real;
 #ifdef SENSORLESS_FLOAT64
 #define R(x) x
 #define EITHER(wide, narrow) wide
+#define ATAN2(x, y) atan2(x, y)
 #define COS(x) cos(x)
 #define SIN(x) sin(x)
 #define SQRT(x) sqrt(x)
-#define ATAN2(y, x) atan2(y, x)
-#define NEARLY_NOTHING 1e-290
 #else
 #define R(x) x##f
 #define EITHER(wide, narrow) R(narrow)
+#define ATAN2(x, y) atan2f(x, y)
 #define COS(x) cosf(x)
 #define SIN(x) sinf(x)
 #define SQRT(x) sqrtf(x)
-#define ATAN2(y, x) atan2f(y, x)
-#define NEARLY_NOTHING 1e-37f
 #endif
 
 #define PI R(3.141592653589793)
 
-/* Places in the state, and other whole numbers. */
+static inline real smaller(real a, real b) { return b < a ? b : a; }
+static inline real larger(real a, real b) { return b > a ? b : a; }
+static inline int32_t smaller_whole(int32_t a, int32_t b) { return b < a ? b : a; }
+static inline int32_t larger_whole(int32_t a, int32_t b) { return b > a ? b : a; }
+static inline real square(real x) { return x * x; }
+static inline real cube(real x) { return x * x * x; }
+static inline real fourth(real x) { return x * x * (x * x); }
+static inline real length(real x, real y) { return SQRT(x * x + y * y); }
+static inline real magnitude(real x) { return x < R(0.0) ? -x : x; }
+static inline real down(real x) {
+    const real whole = (real)(int32_t)x;
+    return whole > x ? whole - R(1.0) : whole;
+}
+#define HYPOT(x, y) length(x, y)
+#define FABS(x) magnitude(x)
+#define FLOOR(x) down(x)
+
+/* Places in the state and other numbers, then functions. */
+typedef struct { real _0; real _1; } tuple_rr;
+typedef struct { real _0; real _1; real _2; real _3; } tuple_rrrr;
+typedef struct { real _0; real _1; real _2; } tuple_rrr;
+typedef struct { real _0; real _1; int32_t _2; } tuple_rri;
+typedef struct { real _0; real _1; real _2; real _3; real _4; } tuple_rrrrr;
+
 enum {
     ALONG_ALPHA = 0,
     COUNT = 0,
@@ -71,199 +92,13 @@ enum {
     P = 504,
     F = 520,
     W = 536,
-    K = 552
+    K = 552,
 };
 
-#define TOLERANCE EITHER(4e-15, 2e-6)
+#define TOLERANCE EITHER(4e-15, 2e-06)
+#define START_FLUX R(0.02)
 #define START_SPEED R(1.0)
 #define START_ANGLE R(0.1)
-#define START_FLUX R(0.02)
-
-static real square(real x) { return x * x; }
-static real magnitude(real x) { return x < R(0.0) ? -x : x; }
-static real length(real x, real y) { return SQRT(x * x + y * y); }
-static real down(real x) { return (real)(int32_t)x - ((real)(int32_t)x > x ? R(1.0) : R(0.0)); }
-
-/* Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back
- * with -theta. */
-static void rotate(real x, real y, real angle, real *out_0, real *out_1) {
-    real c = COS(angle);
-    real s = SIN(angle);
-    *out_0 = c * x - s * y;
-    *out_1 = s * x + c * y;
-}
-
-/* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance
- * matrix. */
-static void hessian(const sensorless_energy *m, real d, real q, real *out_0, real *out_1, real *out_2) {
-    real dd = m->gamma_d + d * (R(6.0) * m->alpha_30 + R(12.0) * m->alpha_40 * d) + R(2.0) * m->alpha_22 * q * q;
-    real dq = R(2.0) * q * (m->alpha_12 + R(2.0) * m->alpha_22 * d);
-    real qq = m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(12.0) * m->alpha_04 * q * q;
-    *out_0 = dd;
-    *out_1 = dq;
-    *out_2 = qq;
-}
-
-/* Return i_d, i_q in A, eqs. (id), (iq). */
-static void currents(const sensorless_energy *m, real d, real q, real *out_0, real *out_1) {
-    real qq = q * q;
-    real i_d = d * (m->gamma_d + d * (R(3.0) * m->alpha_30 + R(4.0) * m->alpha_40 * d)) + qq * (m->alpha_12 + R(2.0) *
-        m->alpha_22 * d);
-    real i_q = q * (m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(4.0) * m->alpha_04 * qq);
-    *out_0 = i_d;
-    *out_1 = i_q;
-}
-
-/* Return i_alpha, i_beta (A) of the believed motor. */
-static void stator_current(real psi_a, real psi_b, real theta, const sensorless_belief *belief, real *out_0,
-    real *out_1) {
-    real d, q;
-    rotate(psi_a, psi_b, -theta, &d, &q);
-    real i_d, i_q;
-    currents(&belief->energy, d - belief->magnet_flux, q, &i_d, &i_q);
-    rotate(i_d, i_q, theta, out_0, out_1);
-}
-
-/* Return G_aa, G_ab, G_bb (1/H) and j_a, j_b (A/rad): derivatives of i by psi and by theta. */
-static void current_jacobian(real psi_a, real psi_b, real theta, const sensorless_belief *belief, real *out_0,
-    real *out_1, real *out_2, real *out_3, real *out_4) {
-    real d, q;
-    rotate(psi_a, psi_b, -theta, &d, &q);
-    d -= belief->magnet_flux;
-    real dd, dq, qq;
-    hessian(&belief->energy, d, q, &dd, &dq, &qq);
-    /* the traceless part turns by twice the angle */
-    real x, y;
-    rotate(dd - qq, R(2.0) * dq, R(2.0) * theta, &x, &y);
-    real g_aa = R(0.5) * (dd + qq + x);
-    real g_ab = R(0.5) * y;
-    real g_bb = R(0.5) * (dd + qq - x);
-    real i_a, i_b;
-    stator_current(psi_a, psi_b, theta, belief, &i_a, &i_b);
-    /* J i - G J psi */
-    real j_a = -i_b - (-g_aa * psi_b + g_ab * psi_a);
-    real j_b = i_a - (-g_ab * psi_b + g_bb * psi_a);
-    *out_0 = g_aa;
-    *out_1 = g_ab;
-    *out_2 = g_bb;
-    *out_3 = j_a;
-    *out_4 = j_b;
-}
-
-/* Write left middle left^T (4 x 4, offsets into s) to `out`, through the scratch W; out may be
- * middle. */
-static void sandwich(real *s, int32_t left, int32_t middle, int32_t out) {
-    real total;
-    for (int32_t i = 0; i < 4; i++) {
-        for (int32_t j = 0; j < 4; j++) {
-            total = R(0.0);
-            for (int32_t k = 0; k < 4; k++) {
-                total += s[left + 4 * i + k] * s[middle + 4 * k + j];
-            }
-            s[W + 4 * i + j] = total;
-        }
-    }
-    for (int32_t i = 0; i < 4; i++) {
-        for (int32_t j = 0; j < 4; j++) {
-            total = R(0.0);
-            for (int32_t k = 0; k < 4; k++) {
-                total += s[W + 4 * i + k] * s[left + 4 * j + k];
-            }
-            s[out + 4 * i + j] = total;
-        }
-    }
-}
-
-/* Add a period's process noise to the covariance. */
-static void blur(real *s, const sensorless_tuning *tuning) {
-    s[P] += tuning->flux_variance;
-    s[P + 5] += tuning->flux_variance;
-    s[P + 10] += tuning->speed_variance;
-}
-
-/* Propagate mean (Heun) and covariance (Jacobian at the start) over one sampling period. */
-static void predict(real *s, real u_a, real u_b, const sensorless_belief *belief, const sensorless_tuning *tuning) {
-    real t = tuning->sampling_period;
-    real r = belief->resistance;
-    real a = s[X];
-    real b = s[X + 1];
-    real omega = s[X + 2];
-    real theta = s[X + 3];
-    real g_aa, g_ab, g_bb, j_a, j_b;
-    current_jacobian(a, b, theta, belief, &g_aa, &g_ab, &g_bb, &j_a, &j_b);
-    real i_a, i_b;
-    stator_current(a, b, theta, belief, &i_a, &i_b);
-    real da = u_a - r * i_a;
-    real db = u_b - r * i_b;
-    real n_a, n_b;
-    stator_current(a + t * da, b + t * db, theta + t * omega, belief, &n_a, &n_b);
-    s[X] = a + R(0.5) * t * (da + u_a - r * n_a);
-    s[X + 1] = b + R(0.5) * t * (db + u_b - r * n_b);
-    s[X + 3] = theta + t * omega;
-    for (int32_t k = 0; k < 16; k++) {
-        s[F + k] = R(0.0);
-    }
-    s[F] = R(1.0) - t * r * g_aa;
-    s[F + 1] = -t * r * g_ab;
-    s[F + 3] = -t * r * j_a;
-    s[F + 4] = -t * r * g_ab;
-    s[F + 5] = R(1.0) - t * r * g_bb;
-    s[F + 7] = -t * r * j_b;
-    s[F + 10] = R(1.0);
-    s[F + 15] = R(1.0);
-    s[F + 14] = t;
-    sandwich(s, F, P, P);
-    blur(s, tuning);
-}
-
-/* Correct the covariance (Joseph form) with I - K H in F and the gains in K; v (A^2): variance
- * of a reading. */
-static void shrink(real *s, real v) {
-    sandwich(s, F, P, P);
-    for (int32_t i = 0; i < 4; i++) {
-        for (int32_t j = 0; j < 4; j++) {
-            s[P + 4 * i + j] += v * (s[K + i] * s[K + j] + s[K + 4 + i] * s[K + 4 + j]);
-        }
-    }
-}
-
-/* Correct with one current sample (Joseph form). */
-static void update(real *s, real i_a, real i_b, const sensorless_belief *belief, const sensorless_tuning *tuning) {
-    real g_aa, g_ab, g_bb, j_a, j_b;
-    current_jacobian(s[X], s[X + 1], s[X + 3], belief, &g_aa, &g_ab, &g_bb, &j_a, &j_b);
-    real e_a, e_b;
-    stator_current(s[X], s[X + 1], s[X + 3], belief, &e_a, &e_b);
-    e_a = i_a - e_a;
-    e_b = i_b - e_b;
-    real v = tuning->current_variance;
-    real s_aa = R(0.0);
-    real s_ab = R(0.0);
-    real s_bb = R(0.0);
-    /* P H^T, two columns into the scratch W */
-    for (int32_t k = 0; k < 4; k++) {
-        int32_t p = P + 4 * k;
-        s[W + k] = s[p] * g_aa + s[p + 1] * g_ab + s[p + 3] * j_a;
-        s[W + 4 + k] = s[p] * g_ab + s[p + 1] * g_bb + s[p + 3] * j_b;
-    }
-    s_aa = g_aa * s[W] + g_ab * s[W + 1] + j_a * s[W + 3] + v;
-    s_ab = g_aa * s[W + 4] + g_ab * s[W + 5] + j_a * s[W + 7];
-    s_bb = g_ab * s[W + 4] + g_bb * s[W + 5] + j_b * s[W + 7] + v;
-    real det = s_aa * s_bb - s_ab * s_ab;
-    /* I - K H into F */
-    for (int32_t k = 0; k < 4; k++) {
-        real k_a = (s[W + k] * s_bb - s[W + 4 + k] * s_ab) / det;
-        real k_b = (s[W + 4 + k] * s_aa - s[W + k] * s_ab) / det;
-        s[K + k] = k_a;
-        s[K + 4 + k] = k_b;
-        s[X + k] += k_a * e_a + k_b * e_b;
-        s[F + 4 * k] = -(k_a * g_aa + k_b * g_ab);
-        s[F + 4 * k + 1] = -(k_a * g_ab + k_b * g_bb);
-        s[F + 4 * k + 2] = R(0.0);
-        s[F + 4 * k + 3] = -(k_a * j_a + k_b * j_b);
-        s[F + 5 * k] += R(1.0);
-    }
-    shrink(s, v);
-}
 
 /* Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) in the axis' frame.
  *
@@ -272,9 +107,9 @@ static void update(real *s, real i_a, real i_b, const sensorless_belief *belief,
  * would come out
  * as ripple. The ripple is then looked at from the present frame or from the axis of its own time
  * (`tuning.present`). */
-static void demodulate(real *state, const sensorless_sample *sample, real axis, real omega,
-    const sensorless_tuning *tuning, real *out_0, real *out_1, real *out_2, real *out_3) {
-    real weight;
+static tuple_rrrr demodulate(real *state, const sensorless_sample *sample, real axis, real omega,
+    const sensorless_tuning *tuning) {
+    real weight = R(0.0);
     int32_t half = tuning->period / 2;
     int32_t n = 3 * half;
     int32_t newest = (int32_t)state[CURSOR];
@@ -313,40 +148,31 @@ static void demodulate(real *state, const sensorless_sample *sample, real axis, 
         weight = (half <= k && k < 2 * half) ? state[RING_F + j] : R(0.5) * state[RING_F + j];
         real r_alpha = weight * (state[RING_A + j] - (c * mean_d - s * mean_q));
         real r_beta = weight * (state[RING_B + j] - (s * mean_d + c * mean_q));
-        real v_c = tuning->present ? c : state[RING_C + j];
-        real v_s = tuning->present ? s : state[RING_S + j];
+        const tuple_rr got_3 = tuning->present ? (tuple_rr){c, s} : (tuple_rr){state[RING_C + j],
+            state[RING_S + j]};
+        real v_c = got_3._0;
+        real v_s = got_3._1;
         y_d += v_c * r_alpha + v_s * r_beta;
         y_q += v_c * r_beta - v_s * r_alpha;
-        const real got_1 = c * dc + s * ds;
-        const real got_2 = s * dc - c * ds;
-        c = got_1;
-        s = got_2;
+        const real got_4 = c * dc + s * ds;
+        const real got_5 = s * dc - c * ds;
+        c = got_4;
+        s = got_5;
         j = j > 0 ? j - 1 : n - 1;
     }
     real scale = R(1.0) / (tuning->amplitude * tuning->power);
-    *out_0 = mean_d;
-    *out_1 = mean_q;
-    *out_2 = y_d * scale;
-    *out_3 = y_q * scale;
+    return (tuple_rrrr){mean_d, mean_q, y_d * scale, y_q * scale};
 }
 
-/* Return the estimate at the filter's mean, and the ripple there, which is shown, not used. */
-static sensorless_estimate estimate_of(real *state, const sensorless_sample *sample,
-    const sensorless_tuning *tuning) {
-    real unused_r;
-    real theta = state[X + 3];
-    real omega = state[X + 2];
-    state[AXIS] = theta;
-    state[OMEGA] = omega;
-    real y_d, y_q;
-    demodulate(state, sample, theta, omega, tuning, &unused_r, &unused_r, &y_d, &y_q);
-    real amplitude = tuning->amplitude * tuning->peak;
-    return (sensorless_estimate){theta, omega, theta, R(0.0), R(1.0), y_d * amplitude, y_q * amplitude, R(1.0)};
-}
-
-/* Return the angle brought into [-pi, pi). */
-static real wrap(real angle) {
-    return angle - R(2.0) * PI * down((angle + PI) / (R(2.0) * PI));
+/* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance
+ * matrix. */
+static tuple_rrr hessian(const sensorless_energy *m, real d, real q) {
+    real dd = m->gamma_d + d * (R(6.0) * m->alpha_30 + R(12.0) * m->alpha_40 * d) + R(2.0) *
+        m->alpha_22 * q * q;
+    real dq = R(2.0) * q * (m->alpha_12 + R(2.0) * m->alpha_22 * d);
+    real qq = m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(12.0) * m->alpha_04 * q
+        * q;
+    return (tuple_rrr){dd, dq, qq};
 }
 
 /* Return the smaller eigenvalue of a symmetric 2x2 matrix. */
@@ -354,14 +180,26 @@ static real min_eigenvalue(real dd, real dq, real qq) {
     return R(0.5) * (dd + qq) - SQRT(R(0.25) * square(dd - qq) + dq * dq);
 }
 
+/* Return i_d, i_q in A, eqs. (id), (iq). */
+static tuple_rr currents(const sensorless_energy *m, real d, real q) {
+    real qq = q * q;
+    real i_d = d * (m->gamma_d + d * (R(3.0) * m->alpha_30 + R(4.0) * m->alpha_40 * d)) + qq *
+        (m->alpha_12 + R(2.0) * m->alpha_22 * d);
+    real i_q = q * (m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(4.0) * m->alpha_04
+        * qq);
+    return (tuple_rr){i_d, i_q};
+}
+
 /* Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps
  * over a gap. */
 static int32_t convex_between(const sensorless_energy *m, real d, real q, real n_d, real n_q) {
-    static const real k_of[3] = {R(0.25), R(0.5), R(0.75)};
-    for (int32_t at = 0; at < 3; at++) {
-        const real k = k_of[at];
-        real dd, dq, qq;
-        hessian(m, d + k * (n_d - d), q + k * (n_q - q), &dd, &dq, &qq);
+    for (int32_t at_k = 0; at_k < 3; at_k++) {
+        static const real k_of[3] = {R(0.25), R(0.5), R(0.75)};
+        real k = k_of[at_k];
+        const tuple_rrr got_1 = hessian(m, d + k * (n_d - d), q + k * (n_q - q));
+        real dd = got_1._0;
+        real dq = got_1._1;
+        real qq = got_1._2;
         if (!(min_eigenvalue(dd, dq, qq) > R(0.0))) {
             return 0;
         }
@@ -373,29 +211,34 @@ static int32_t convex_between(const sensorless_energy *m, real d, real q, real n
  *
  * Returns phi_d, phi_q, status.  Full steps wherever they reduce the residual (so the rate is
  * quadratic), halved otherwise; OUTSIDE when no step inside the convex region reduces it. */
-static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, real q, real *out_0, real *out_1,
-    int32_t *out_2) {
-    real dd, dq, qq;
-    hessian(m, d, q, &dd, &dq, &qq);
+static tuple_rri flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, real q) {
+    real n_d = R(0.0);
+    real n_q = R(0.0);
+    real trial = R(0.0);
+    const tuple_rrr got_1 = hessian(m, d, q);
+    real dd = got_1._0;
+    real dq = got_1._1;
+    real qq = got_1._2;
     /* also catches NaN */
     if (!(min_eigenvalue(dd, dq, qq) > R(0.0))) {
         d = R(0.0);
         q = R(0.0);
-        hessian(m, d, q, &dd, &dq, &qq);
+        const tuple_rrr got_2 = hessian(m, d, q);
+        dd = got_2._0;
+        dq = got_2._1;
+        qq = got_2._2;
     }
-    real c_d, c_q;
-    currents(m, d, q, &c_d, &c_q);
+    const tuple_rr got_3 = currents(m, d, q);
+    real c_d = got_3._0;
+    real c_q = got_3._1;
     real r_d = i_d - c_d;
     real r_q = i_q - c_q;
-    real residual = length(r_d, r_q);
-    real goal = TOLERANCE * (length(i_d, i_q) + magnitude(m->gamma_d * d) + magnitude(m->gamma_q * q)) + NEARLY_NOTHING;
+    real residual = HYPOT(r_d, r_q);
+    real goal = TOLERANCE * (HYPOT(i_d, i_q) + FABS(m->gamma_d * d) + FABS(m->gamma_q * q)) +
+        EITHER(1e-290, 1e-37);
     for (int32_t round = 0; round < NEWTON_STEPS; round++) {
-        real n_d, n_q, trial;
         if (residual <= goal) {
-            *out_0 = d;
-            *out_1 = q;
-            *out_2 = SOLVED;
-            return;
+            return (tuple_rri){d, q, SOLVED};
         }
         real det = dd * qq - dq * dq;
         real s_d = (qq * r_d - dq * r_q) / det;
@@ -404,73 +247,77 @@ static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, 
         for (;;) {
             n_d = d + t * s_d;
             n_q = q + t * s_q;
-            hessian(m, n_d, n_q, &dd, &dq, &qq);
-            currents(m, n_d, n_q, &c_d, &c_q);
+            const tuple_rrr got_4 = hessian(m, n_d, n_q);
+            dd = got_4._0;
+            dq = got_4._1;
+            qq = got_4._2;
+            const tuple_rr got_5 = currents(m, n_d, n_q);
+            c_d = got_5._0;
+            c_q = got_5._1;
             r_d = i_d - c_d;
             r_q = i_q - c_q;
-            trial = length(r_d, r_q);
-            if (trial < residual && convex_between(m, d, q, n_d, n_q) && min_eigenvalue(dd, dq, qq) > R(0.0)) {
+            trial = HYPOT(r_d, r_q);
+            if (trial < residual && convex_between(m, d, q, n_d, n_q) && min_eigenvalue(dd, dq, qq)
+                > R(0.0)) {
                 break;
             }
             /* stalled at rounding level */
             if (trial <= R(16.0) * goal && trial >= residual) {
-                *out_0 = d;
-                *out_1 = q;
-                *out_2 = SOLVED;
-                return;
+                return (tuple_rri){d, q, SOLVED};
             }
             t *= R(0.5);
             if (t < R(1e-09)) {
-                *out_0 = d;
-                *out_1 = q;
-                *out_2 = OUTSIDE;
-                return;
+                return (tuple_rri){d, q, OUTSIDE};
             }
         }
         d = n_d;
         q = n_q;
         residual = trial;
     }
-    *out_0 = d;
-    *out_1 = q;
-    *out_2 = OUTSIDE;
+    return (tuple_rri){d, q, OUTSIDE};
 }
 
 /* Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the
  * ripple is there. */
 static real polarity_rise(const sensorless_energy *energy, real bias) {
-    int32_t unused_i;
-    real d_plus, q_plus;
-    flux_newton(energy, bias, R(0.0), R(0.0), R(0.0), &d_plus, &q_plus, &unused_i);
-    real d_minus, q_minus;
-    flux_newton(energy, -bias, R(0.0), R(0.0), R(0.0), &d_minus, &q_minus, &unused_i);
-    real got_1, got_2, got_3;
-    hessian(energy, d_plus, q_plus, &got_1, &got_2, &got_3);
-    real got_4, got_5, got_6;
-    hessian(energy, d_minus, q_minus, &got_4, &got_5, &got_6);
-    return got_1 - got_4;
+    const tuple_rri got_1 = flux_newton(energy, bias, R(0.0), R(0.0), R(0.0));
+    real d_plus = got_1._0;
+    real q_plus = got_1._1;
+    const tuple_rri got_2 = flux_newton(energy, -bias, R(0.0), R(0.0), R(0.0));
+    real d_minus = got_2._0;
+    real q_minus = got_2._1;
+    return hessian(energy, d_plus, q_plus)._0 - hessian(energy, d_minus, q_minus)._0;
+}
+
+/* Return the angle brought into [-pi, pi). */
+static real wrap(real angle) {
+    return angle - R(2.0) * R(3.141592653589793) * FLOOR((angle + R(3.141592653589793)) / (R(2.0) *
+        R(3.141592653589793)));
 }
 
 /* Move on to the next measurement, y being the averaged ripple of the one that ends. */
-static void next_phase(real *state, const sensorless_belief *belief, const sensorless_tuning *tuning, real y_d,
-    real y_q) {
+static void next_phase(real *state, const sensorless_belief *belief,
+    const sensorless_tuning *tuning, real y_d, real y_q) {
     int32_t phase = (int32_t)state[PHASE];
     if (phase == ALONG_ALPHA) {
         state[M_11] = y_d;
         state[M_21] = y_q;
-        state[AXIS] = R(0.5) * PI;
-    } else if (phase == ALONG_BETA) {
-        /* here d is beta and q is minus alpha */
-        real sign = belief->energy.gamma_d >= belief->energy.gamma_q ? R(1.0) : -R(1.0);
-        state[AXIS] = R(0.5) * ATAN2(sign * (state[M_21] - y_q), sign * (state[M_11] - y_d));
-    } else if (phase == BIAS_PLUS) {
-        state[RISE] = y_d;
+        state[AXIS] = R(0.5) * R(3.141592653589793);
     } else {
-        real expected = polarity_rise(&belief->energy, tuning->bias) < R(0.0) ? -R(1.0) : R(1.0);
-        if ((state[RISE] - y_d) * expected < R(0.0)) {
-            state[AXIS] = wrap(state[AXIS] + PI);
+        /* here d is beta and q is minus alpha */
+        if (phase == ALONG_BETA) {
+            real sign = belief->energy.gamma_d >= belief->energy.gamma_q ? R(1.0) : -R(1.0);
+            state[AXIS] = R(0.5) * ATAN2(sign * (state[M_21] - y_q), sign * (state[M_11] - y_d));
+        } else if (phase == BIAS_PLUS) {
+            state[RISE] = y_d;
+        } else {
+            real expected = polarity_rise(&belief->energy, tuning->bias) < R(0.0) ? -R(1.0) :
+                R(1.0);
+            if ((state[RISE] - y_d) * expected < R(0.0)) {
+                state[AXIS] = wrap(state[AXIS] + R(3.141592653589793));
+            }
+            state[OMEGA] = R(0.0);
         }
-        state[OMEGA] = R(0.0);
     }
     state[PHASE] = (real)(phase + 1);
     state[COUNT] = R(0.0);
@@ -480,16 +327,17 @@ static void next_phase(real *state, const sensorless_belief *belief, const senso
 
 /* Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity
  * are known. */
-static sensorless_estimate start(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
-    const sensorless_tuning *tuning) {
-    real unused_r;
+static sensorless_estimate start(real *state, const sensorless_sample *sample,
+    const sensorless_belief *belief, const sensorless_tuning *tuning) {
+    real amplitude = R(0.0);
     real axis = state[AXIS];
     if (state[PHASE] == TOLD) {
         state[PHASE] = (real)TRACKING;
         return (sensorless_estimate){axis, R(0.0), axis, R(0.0), R(0.0), R(0.0), R(0.0), R(1.0)};
     }
-    real y_d, y_q;
-    demodulate(state, sample, axis, R(0.0), tuning, &unused_r, &unused_r, &y_d, &y_q);
+    const tuple_rrrr got_1 = demodulate(state, sample, axis, R(0.0), tuning);
+    real y_d = got_1._2;
+    real y_q = got_1._3;
     real bias = R(0.0);
     if (state[PHASE] == BIAS_PLUS) {
         bias = tuning->bias;
@@ -508,9 +356,56 @@ static sensorless_estimate start(real *state, const sensorless_sample *sample, c
             bias = R(0.0);
         }
     }
-    real amplitude = tuning->amplitude * tuning->peak;
-    return (sensorless_estimate){state[AXIS], R(0.0), state[AXIS], bias, R(0.0), y_d * amplitude, y_q * amplitude,
-        R(1.0)};
+    amplitude = tuning->amplitude * tuning->peak;
+    return (sensorless_estimate){state[AXIS], R(0.0), state[AXIS], bias, R(0.0), y_d * amplitude,
+        y_q * amplitude, R(1.0)};
+}
+
+/* Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back
+ * with -theta. */
+static tuple_rr rotate(real x, real y, real angle) {
+    real c = COS(angle);
+    real s = SIN(angle);
+    return (tuple_rr){c * x - s * y, s * x + c * y};
+}
+
+/* Return i_alpha, i_beta (A) of the believed motor. */
+static tuple_rr stator_current(real psi_a, real psi_b, real theta, const sensorless_belief *belief)
+    {
+    const tuple_rr got_1 = rotate(psi_a, psi_b, -theta);
+    real d = got_1._0;
+    real q = got_1._1;
+    const tuple_rr got_2 = currents(&belief->energy, d - belief->magnet_flux, q);
+    real i_d = got_2._0;
+    real i_q = got_2._1;
+    return rotate(i_d, i_q, theta);
+}
+
+/* Return G_aa, G_ab, G_bb (1/H) and j_a, j_b (A/rad): derivatives of i by psi and by theta. */
+static tuple_rrrrr current_jacobian(real psi_a, real psi_b, real theta,
+    const sensorless_belief *belief) {
+    const tuple_rr got_1 = rotate(psi_a, psi_b, -theta);
+    real d = got_1._0;
+    real q = got_1._1;
+    d -= belief->magnet_flux;
+    const tuple_rrr got_2 = hessian(&belief->energy, d, q);
+    real dd = got_2._0;
+    real dq = got_2._1;
+    real qq = got_2._2;
+    /* the traceless part turns by twice the angle */
+    const tuple_rr got_3 = rotate(dd - qq, R(2.0) * dq, R(2.0) * theta);
+    real x = got_3._0;
+    real y = got_3._1;
+    real g_aa = R(0.5) * (dd + qq + x);
+    real g_ab = R(0.5) * y;
+    real g_bb = R(0.5) * (dd + qq - x);
+    const tuple_rr got_4 = stator_current(psi_a, psi_b, theta, belief);
+    real i_a = got_4._0;
+    real i_b = got_4._1;
+    /* J i - G J psi */
+    real j_a = -i_b - (-g_aa * psi_b + g_ab * psi_a);
+    real j_b = i_a - (-g_ab * psi_b + g_bb * psi_a);
+    return (tuple_rrrrr){g_aa, g_ab, g_bb, j_a, j_b};
 }
 
 /* Set the covariance from starting up: a variance of the first two states, those of speed and
@@ -527,12 +422,14 @@ static void doubt(real *s, real variance) {
 
 /* Set mean and covariance from the position found by starting up. */
 static void begin(real *s, const sensorless_sample *sample, const sensorless_belief *belief) {
-    real unused_r;
     real theta = s[AXIS];
-    real x, y;
-    rotate(belief->magnet_flux, R(0.0), theta, &x, &y);
-    real g_aa, g_ab, g_bb;
-    current_jacobian(x, y, theta, belief, &g_aa, &g_ab, &g_bb, &unused_r, &unused_r);
+    const tuple_rr got_1 = rotate(belief->magnet_flux, R(0.0), theta);
+    real x = got_1._0;
+    real y = got_1._1;
+    const tuple_rrrrr got_2 = current_jacobian(x, y, theta, belief);
+    real g_aa = got_2._0;
+    real g_ab = got_2._1;
+    real g_bb = got_2._2;
     real det = g_aa * g_bb - g_ab * g_ab;
     s[X] = x + (g_bb * sample->i_alpha - g_ab * sample->i_beta) / det;
     s[X + 1] = y + (g_aa * sample->i_beta - g_ab * sample->i_alpha) / det;
@@ -542,8 +439,8 @@ static void begin(real *s, const sensorless_sample *sample, const sensorless_bel
 }
 
 /* Take one sample while starting up; begin the filter at the position found. */
-static sensorless_estimate started(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
-    const sensorless_tuning *tuning) {
+static sensorless_estimate started(real *state, const sensorless_sample *sample,
+    const sensorless_belief *belief, const sensorless_tuning *tuning) {
     sensorless_estimate estimate = start(state, sample, belief, tuning);
     if (state[PHASE] == TRACKING) {
         begin(state, sample, belief);
@@ -551,9 +448,153 @@ static sensorless_estimate started(real *state, const sensorless_sample *sample,
     return estimate;
 }
 
-/* Take one sample; see the module's text. */
-static sensorless_estimate step(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
+/* Write left middle left^T (4 x 4, offsets into s) to `out`, through the scratch W; out may be
+ * middle. */
+static void sandwich(real *s, int32_t left, int32_t middle, int32_t out) {
+    real total = R(0.0);
+    for (int32_t i = 0; i < 4; i++) {
+        for (int32_t j = 0; j < 4; j++) {
+            total = R(0.0);
+            for (int32_t k = 0; k < 4; k++) {
+                total += s[left + 4 * i + k] * s[middle + 4 * k + j];
+            }
+            s[W + 4 * i + j] = total;
+        }
+    }
+    for (int32_t i = 0; i < 4; i++) {
+        for (int32_t j = 0; j < 4; j++) {
+            total = R(0.0);
+            for (int32_t k = 0; k < 4; k++) {
+                total += s[W + 4 * i + k] * s[left + 4 * j + k];
+            }
+            s[out + 4 * i + j] = total;
+        }
+    }
+}
+
+/* Add a period's process noise to the covariance. */
+static void blur(real *s, const sensorless_tuning *tuning) {
+    s[P] += tuning->flux_variance;
+    s[P + 5] += tuning->flux_variance;
+    s[P + 10] += tuning->speed_variance;
+}
+
+/* Propagate mean (Heun) and covariance (Jacobian at the start) over one sampling period. */
+static void predict(real *s, real u_a, real u_b, const sensorless_belief *belief,
     const sensorless_tuning *tuning) {
+    real t = tuning->sampling_period;
+    real r = belief->resistance;
+    real a = s[X];
+    real b = s[X + 1];
+    real omega = s[X + 2];
+    real theta = s[X + 3];
+    const tuple_rrrrr got_1 = current_jacobian(a, b, theta, belief);
+    real g_aa = got_1._0;
+    real g_ab = got_1._1;
+    real g_bb = got_1._2;
+    real j_a = got_1._3;
+    real j_b = got_1._4;
+    const tuple_rr got_2 = stator_current(a, b, theta, belief);
+    real i_a = got_2._0;
+    real i_b = got_2._1;
+    real da = u_a - r * i_a;
+    real db = u_b - r * i_b;
+    const tuple_rr got_3 = stator_current(a + t * da, b + t * db, theta + t * omega, belief);
+    real n_a = got_3._0;
+    real n_b = got_3._1;
+    s[X] = a + R(0.5) * t * (da + u_a - r * n_a);
+    s[X + 1] = b + R(0.5) * t * (db + u_b - r * n_b);
+    s[X + 3] = theta + t * omega;
+    for (int32_t k = 0; k < 16; k++) {
+        s[F + k] = R(0.0);
+    }
+    s[F] = R(1.0) - t * r * g_aa;
+    s[F + 1] = -t * r * g_ab;
+    s[F + 3] = -t * r * j_a;
+    s[F + 4] = -t * r * g_ab;
+    s[F + 5] = R(1.0) - t * r * g_bb;
+    s[F + 7] = -t * r * j_b;
+    s[F + 10] = R(1.0);
+    s[F + 15] = R(1.0);
+    s[F + 14] = t;
+    sandwich(s, F, P, P);
+    blur(s, tuning);
+}
+
+/* Correct the covariance (Joseph form) with I - K H in F and the gains in K; v (A^2): variance
+ * of a reading. */
+static void shrink(real *s, real v) {
+    sandwich(s, F, P, P);
+    for (int32_t i = 0; i < 4; i++) {
+        for (int32_t j = 0; j < 4; j++) {
+            s[P + 4 * i + j] += v * (s[K + i] * s[K + j] + s[K + 4 + i] * s[K + 4 + j]);
+        }
+    }
+}
+
+/* Correct with one current sample (Joseph form). */
+static void update(real *s, real i_a, real i_b, const sensorless_belief *belief,
+    const sensorless_tuning *tuning) {
+    const tuple_rrrrr got_1 = current_jacobian(s[X], s[X + 1], s[X + 3], belief);
+    real g_aa = got_1._0;
+    real g_ab = got_1._1;
+    real g_bb = got_1._2;
+    real j_a = got_1._3;
+    real j_b = got_1._4;
+    const tuple_rr got_2 = stator_current(s[X], s[X + 1], s[X + 3], belief);
+    real e_a = got_2._0;
+    real e_b = got_2._1;
+    e_a = i_a - e_a;
+    e_b = i_b - e_b;
+    real v = tuning->current_variance;
+    real s_aa = R(0.0);
+    real s_ab = R(0.0);
+    real s_bb = R(0.0);
+    /* P H^T, two columns into the scratch W */
+    for (int32_t k = 0; k < 4; k++) {
+        int32_t p = P + 4 * k;
+        s[W + k] = s[p] * g_aa + s[p + 1] * g_ab + s[p + 3] * j_a;
+        s[W + 4 + k] = s[p] * g_ab + s[p + 1] * g_bb + s[p + 3] * j_b;
+    }
+    s_aa = g_aa * s[W] + g_ab * s[W + 1] + j_a * s[W + 3] + v;
+    s_ab = g_aa * s[W + 4] + g_ab * s[W + 5] + j_a * s[W + 7];
+    s_bb = g_ab * s[W + 4] + g_bb * s[W + 5] + j_b * s[W + 7] + v;
+    real det = s_aa * s_bb - s_ab * s_ab;
+    /* I - K H into F */
+    for (int32_t k = 0; k < 4; k++) {
+        real k_a = (s[W + k] * s_bb - s[W + 4 + k] * s_ab) / det;
+        real k_b = (s[W + 4 + k] * s_aa - s[W + k] * s_ab) / det;
+        s[K + k] = k_a;
+        s[K + 4 + k] = k_b;
+        s[X + k] += k_a * e_a + k_b * e_b;
+        s[F + 4 * k] = -(k_a * g_aa + k_b * g_ab);
+        s[F + 4 * k + 1] = -(k_a * g_ab + k_b * g_bb);
+        s[F + 4 * k + 2] = R(0.0);
+        s[F + 4 * k + 3] = -(k_a * j_a + k_b * j_b);
+        s[F + 5 * k] += R(1.0);
+    }
+    shrink(s, v);
+}
+
+/* Return the estimate at the filter's mean, and the ripple there, which is shown, not used. */
+static sensorless_estimate estimate_of(real *state, const sensorless_sample *sample,
+    const sensorless_tuning *tuning) {
+    real amplitude = R(0.0);
+    real theta = state[X + 3];
+    real omega = state[X + 2];
+    state[AXIS] = theta;
+    state[OMEGA] = omega;
+    const tuple_rrrr got_1 = demodulate(state, sample, theta, omega, tuning);
+    real y_d = got_1._2;
+    real y_q = got_1._3;
+    amplitude = tuning->amplitude * tuning->peak;
+    return (sensorless_estimate){theta, omega, theta, R(0.0), R(1.0), y_d * amplitude, y_q *
+        amplitude, R(1.0)};
+}
+
+/* Take one sample; see the module's text. */
+static sensorless_estimate step(real *state, const sensorless_sample *sample,
+    const sensorless_belief *belief, const sensorless_tuning *tuning) {
     if (state[PHASE] != TRACKING) {
         return started(state, sample, belief, tuning);
     }

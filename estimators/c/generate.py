@@ -9,24 +9,28 @@ from __future__ import annotations
 
 import inspect
 import textwrap
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from string import Template
 from types import ModuleType
+from typing import Any, get_type_hints
 
-from estimators.c.collect import Program, collect
 from estimators.c.counting import Operations, operations
 from estimators.c.golden import Golden, read_golden
-from estimators.c.translate import translated
-from estimators.contract import MAX_PERIOD
+from estimators.c.kinds import INT, REAL, Kind, Record, Rows
+from estimators.c.translate import HELPERS, Program, macros, of_quartic
+from estimators.contract import MAX_PERIOD, Belief, Estimate, Sample, Tuning
 from estimators.registry import MODULES
+from model.quartic import Energy
 
 HERE = Path(__file__).parent
 HEADER = HERE / "sensorless_estimator.h"
 # slots that grow with every turn
 ANGLES = {"qnull": ("AXIS",), "inversion": ("AXIS",), "ekf": ("X + 3",)}
 NAMES = tuple(ANGLES)
-WIDTHS = {"TOLERANCE": "4e-15, 2e-6"}  # constants that depend on the width: 18 roundings either way
+# constants that depend on the width: 18 roundings either way
+WIDTHS = {"TOLERANCE": ("4e-15", "2e-06")}
 
 TOP = Template("""\
 /* $name: $summary, in C99.
@@ -63,36 +67,14 @@ PARTS = Template("""\
 
 typedef sensorless_real real;
 
-#ifdef SENSORLESS_FLOAT64
-#define R(x) x
-#define EITHER(wide, narrow) wide
-#define COS(x) cos(x)
-#define SIN(x) sin(x)
-#define SQRT(x) sqrt(x)
-#define ATAN2(y, x) atan2(y, x)
-#define NEARLY_NOTHING 1e-290
-#else
-#define R(x) x##f
-#define EITHER(wide, narrow) R(narrow)
-#define COS(x) cosf(x)
-#define SIN(x) sinf(x)
-#define SQRT(x) sqrtf(x)
-#define ATAN2(y, x) atan2f(y, x)
-#define NEARLY_NOTHING 1e-37f
-#endif
+$macros
 
 #define PI R(3.141592653589793)
 
-/* Places in the state, and other whole numbers. */
-enum {
-$numbers
-};
-
-$reals
-
 $helpers
 
-$functions
+/* Places in the state and other numbers, then functions. */
+$program
 """)
 
 BOTTOM = Template("""
@@ -140,16 +122,32 @@ $wrapped
 SENSORLESS_ESTIMATOR("${name}_c", $name, SENSORLESS_PULSATING);
 """)
 
-HELPERS = {
-    "square": ("real x", "x * x"),
-    "cube": ("real x", "x * x * x"),
-    "fourth": ("real x", "x * x * (x * x)"),
-    "smaller": ("real a, real b", "b < a ? b : a"),
-    "larger": ("real a, real b", "b > a ? b : a"),
-    "magnitude": ("real x", "x < R(0.0) ? -x : x"),
-    "length": ("real x, real y", "SQRT(x * x + y * y)"),
-    "down": ("real x", "(real)(int32_t)x - ((real)(int32_t)x > x ? R(1.0) : R(0.0))"),
+
+def record(name: str, kept: Any, inside: dict[str, Record]) -> Record:
+    """Return a named tuple of the contract as a structure that is only read."""
+    kinds: dict[str, Kind] = {k: INT if t is int else REAL for k, t in get_type_hints(kept).items()}
+    defaults = tuple(kept._field_defaults.values())
+    return Record(
+        name, tuple((kinds | inside).items()), pointed=True, fixed=True, defaults=defaults
+    )
+
+
+MATHS = """\
+static inline real length(real x, real y) { return SQRT(x * x + y * y); }
+static inline real magnitude(real x) { return x < R(0.0) ? -x : x; }
+static inline real down(real x) {
+    const real whole = (real)(int32_t)x;
+    return whole > x ? whole - R(1.0) : whole;
 }
+#define HYPOT(x, y) length(x, y)
+#define FABS(x) magnitude(x)
+#define FLOOR(x) down(x)"""
+LIBRARY = ("atan2", "cos", "sin", "sqrt")  # what is called of libm
+
+ENERGY = record("sensorless_energy", Energy, {})
+BELIEF = record("sensorless_belief", Belief, {"energy": ENERGY})
+SAMPLE, TUNING = record("sensorless_sample", Sample, {}), record("sensorless_tuning", Tuning, {})
+ESTIMATE = replace(record("sensorless_estimate", Estimate, {}), pointed=False, fixed=False)
 
 
 def module_of(name: str) -> ModuleType:
@@ -160,7 +158,7 @@ def module_of(name: str) -> ModuleType:
 def source(name: str) -> str:
     """Return an estimator's C file."""
     module = module_of(name)
-    program, card = collect(module.ESTIMATOR.step), module.ESTIMATOR
+    card = module.ESTIMATOR
     cost = f"{counted(name).said()}."
     return (
         TOP.substitute(
@@ -172,7 +170,7 @@ def source(name: str) -> str:
             cost=textwrap.fill(cost, 80, subsequent_indent=" * "),
             slots=slots(name),
         )
-        + _parts(program, "step")
+        + _parts(card.step, name)
         + BOTTOM.substitute(
             name=name,
             slots=slots(name),
@@ -187,24 +185,26 @@ def source(name: str) -> str:
 def start_up() -> str:
     """Return the start-up as a header of its own."""
     module = import_module("estimators.startup")
-    parts = _parts(collect(module.start), "start")
+    parts = _parts(module.start, "qnull")
     return START_UP.substitute(text=_said(module), parts=parts, slots=slots("qnull"))
 
 
-def _parts(program: Program, first: str) -> str:
-    """Return numbers, constants and functions of a program."""
-    functions = "\n\n".join(translated(program, first))
-    helpers = [
-        f"static real {h}({a}) {{ return {b}; }}"
-        for h, (a, b) in HELPERS.items()
-        if f"{h}(" in functions
-    ]
-    return PARTS.substitute(
-        numbers=_numbers(program),
-        reals=_reals(program),
-        helpers="\n".join(helpers),
-        functions=functions,
-    )
+def translated(step: Any, size: int) -> Program:
+    """Return a step and all that it calls in C; size: numbers of its state."""
+    kept: dict[type, Record] = {Estimate: ESTIMATE}
+    program = Program(kept, bare=True, chosen=of_quartic)
+    program.translate(step, (Rows((size,)), SAMPLE, BELIEF, TUNING))
+    return program
+
+
+def _parts(step: Any, name: str) -> str:
+    """Return constants and functions of a step."""
+    text = translated(step, slots(name)).text()
+    for constant, (wide, narrow) in WIDTHS.items():
+        one = f"#define {constant} R({wide})"
+        assert one in text, one
+        text = text.replace(one, f"#define {constant} EITHER({wide}, {narrow})")
+    return PARTS.substitute(macros=macros(LIBRARY), helpers=f"{HELPERS}\n{MATHS}", program=text)
 
 
 def _said(module: ModuleType) -> str:
@@ -215,30 +215,15 @@ def counted(name: str, golden: Golden | None = None) -> Operations:
     """Return what an estimator's step costs on golden samples, those of `golden.json` where none
     are given."""
     golden = golden or read_golden()
-    program = collect(module_of(name).ESTIMATOR.step)
+    step = module_of(name).ESTIMATOR.step
     state = module_of(name).init(golden.belief, golden.tuning, golden.angles[0])
-    return operations(program, (golden.belief, golden.tuning), state, golden.samples)
+    return operations(step, (golden.belief, golden.tuning), state, golden.samples)
 
 
 def slots(name: str) -> int:
     """Return how many numbers an estimator keeps."""
     golden = read_golden()
     return int(module_of(name).init(golden.belief, golden.tuning).size)
-
-
-def _numbers(program: Program) -> str:
-    whole = {k: v for k, v in program.constants.items() if isinstance(v, int)}
-    return ",\n".join(
-        f"    {k} = {v}" for k, v in sorted(whole.items(), key=lambda kv: (kv[1], kv[0]))
-    )
-
-
-def _reals(program: Program) -> str:
-    rest = {k: v for k, v in program.constants.items() if not isinstance(v, int)}
-    return "\n".join(
-        f"#define {k} {f'EITHER({WIDTHS[k]})' if k in WIDTHS else f'R({v!r})'}"
-        for k, v in rest.items()
-    )
 
 
 def main() -> None:

@@ -24,31 +24,51 @@ typedef sensorless_real real;
 #ifdef SENSORLESS_FLOAT64
 #define R(x) x
 #define EITHER(wide, narrow) wide
+#define ATAN2(x, y) atan2(x, y)
 #define COS(x) cos(x)
 #define SIN(x) sin(x)
 #define SQRT(x) sqrt(x)
-#define ATAN2(y, x) atan2(y, x)
-#define NEARLY_NOTHING 1e-290
 #else
 #define R(x) x##f
 #define EITHER(wide, narrow) R(narrow)
+#define ATAN2(x, y) atan2f(x, y)
 #define COS(x) cosf(x)
 #define SIN(x) sinf(x)
 #define SQRT(x) sqrtf(x)
-#define ATAN2(y, x) atan2f(y, x)
-#define NEARLY_NOTHING 1e-37f
 #endif
 
 #define PI R(3.141592653589793)
 
-/* Places in the state, and other whole numbers. */
+static inline real smaller(real a, real b) { return b < a ? b : a; }
+static inline real larger(real a, real b) { return b > a ? b : a; }
+static inline int32_t smaller_whole(int32_t a, int32_t b) { return b < a ? b : a; }
+static inline int32_t larger_whole(int32_t a, int32_t b) { return b > a ? b : a; }
+static inline real square(real x) { return x * x; }
+static inline real cube(real x) { return x * x * x; }
+static inline real fourth(real x) { return x * x * (x * x); }
+static inline real length(real x, real y) { return SQRT(x * x + y * y); }
+static inline real magnitude(real x) { return x < R(0.0) ? -x : x; }
+static inline real down(real x) {
+    const real whole = (real)(int32_t)x;
+    return whole > x ? whole - R(1.0) : whole;
+}
+#define HYPOT(x, y) length(x, y)
+#define FABS(x) magnitude(x)
+#define FLOOR(x) down(x)
+
+/* Places in the state and other numbers, then functions. */
+typedef struct { real _0; real _1; } tuple_rr;
+typedef struct { real _0; real _1; real _2; real _3; } tuple_rrrr;
+typedef struct { real _0; real _1; real _2; } tuple_rrr;
+typedef struct { real _0; real _1; int32_t _2; } tuple_rri;
+
 enum {
     ALONG_ALPHA = 0,
     COUNT = 0,
     SOLVED = 0,
     ALONG_BETA = 1,
+    OUTSIDE = 1,
     PHASE = 1,
-    QUARTIC_OUTSIDE = 1,
     AXIS = 2,
     BIAS_PLUS = 2,
     BIAS_MINUS = 3,
@@ -63,38 +83,23 @@ enum {
     M_11 = 10,
     M_21 = 11,
     RISE = 12,
-    OUTSIDE = 13,
+    DEMODULATION_OUTSIDE = 13,
     SLOW_OMEGA = 16,
     RING_A = 20,
     NEWTON_STEPS = 60,
     RING_B = 116,
     RING_F = 212,
     RING_C = 308,
-    RING_S = 404
+    RING_S = 404,
 };
 
+#define TOLERANCE EITHER(4e-15, 2e-06)
 #define SLOW R(0.05)
+#define DELTA R(0.02)
+#define LEAST R(0.3)
 #define LARGEST_ERROR R(0.5)
 #define UNCERTAIN R(2.0)
 #define TRACKED R(1.0)
-#define TOLERANCE EITHER(4e-15, 2e-6)
-#define DELTA R(0.02)
-#define LEAST R(0.3)
-
-static real square(real x) { return x * x; }
-static real smaller(real a, real b) { return b < a ? b : a; }
-static real larger(real a, real b) { return b > a ? b : a; }
-static real magnitude(real x) { return x < R(0.0) ? -x : x; }
-static real length(real x, real y) { return SQRT(x * x + y * y); }
-static real down(real x) { return (real)(int32_t)x - ((real)(int32_t)x > x ? R(1.0) : R(0.0)); }
-
-/* Advance the angle to t_k with the last speed; return it.  SLOW_OMEGA is that speed without
- * its noise. */
-static real predict(real *state, const sensorless_tuning *tuning) {
-    state[SLOW_OMEGA] += SLOW * tuning->sampling_period * tuning->kp * (state[OMEGA] - state[SLOW_OMEGA]);
-    state[AXIS] += tuning->sampling_period * state[OMEGA];
-    return state[AXIS];
-}
 
 /* Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) in the axis' frame.
  *
@@ -103,9 +108,9 @@ static real predict(real *state, const sensorless_tuning *tuning) {
  * would come out
  * as ripple. The ripple is then looked at from the present frame or from the axis of its own time
  * (`tuning.present`). */
-static void demodulate(real *state, const sensorless_sample *sample, real axis, real omega,
-    const sensorless_tuning *tuning, real *out_0, real *out_1, real *out_2, real *out_3) {
-    real weight;
+static tuple_rrrr demodulate(real *state, const sensorless_sample *sample, real axis, real omega,
+    const sensorless_tuning *tuning) {
+    real weight = R(0.0);
     int32_t half = tuning->period / 2;
     int32_t n = 3 * half;
     int32_t newest = (int32_t)state[CURSOR];
@@ -144,70 +149,31 @@ static void demodulate(real *state, const sensorless_sample *sample, real axis, 
         weight = (half <= k && k < 2 * half) ? state[RING_F + j] : R(0.5) * state[RING_F + j];
         real r_alpha = weight * (state[RING_A + j] - (c * mean_d - s * mean_q));
         real r_beta = weight * (state[RING_B + j] - (s * mean_d + c * mean_q));
-        real v_c = tuning->present ? c : state[RING_C + j];
-        real v_s = tuning->present ? s : state[RING_S + j];
+        const tuple_rr got_3 = tuning->present ? (tuple_rr){c, s} : (tuple_rr){state[RING_C + j],
+            state[RING_S + j]};
+        real v_c = got_3._0;
+        real v_s = got_3._1;
         y_d += v_c * r_alpha + v_s * r_beta;
         y_q += v_c * r_beta - v_s * r_alpha;
-        const real got_1 = c * dc + s * ds;
-        const real got_2 = s * dc - c * ds;
-        c = got_1;
-        s = got_2;
+        const real got_4 = c * dc + s * ds;
+        const real got_5 = s * dc - c * ds;
+        c = got_4;
+        s = got_5;
         j = j > 0 ? j - 1 : n - 1;
     }
     real scale = R(1.0) / (tuning->amplitude * tuning->power);
-    *out_0 = mean_d;
-    *out_1 = mean_q;
-    *out_2 = y_d * scale;
-    *out_3 = y_q * scale;
-}
-
-/* Type-2 phase-locked loop: proportional and integral action on the error signal (rad). */
-static void correct(real *state, real error, const sensorless_tuning *tuning) {
-    error = smaller(larger(error, -LARGEST_ERROR), LARGEST_ERROR);
-    state[AXIS] += tuning->sampling_period * tuning->kp * error;
-    state[OMEGA] += tuning->sampling_period * tuning->ki * error;
-}
-
-/* Return what Estimate.tracking says: TRACKED, or UNCERTAIN while the belief has no answer. */
-static real trust(real *state) {
-    return state[OUTSIDE] != R(0.0) ? UNCERTAIN : TRACKED;
-}
-
-/* Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the
- * ripple y (1/H) seen.
- *
- * injection: how much of it is wanted, 0 to 1. */
-static sensorless_estimate tracked(real *state, real theta, real y_d, real y_q, const sensorless_tuning *tuning,
-    real injection) {
-    real size = tuning->amplitude * tuning->peak;
-    return (sensorless_estimate){theta, state[OMEGA], state[AXIS], R(0.0), trust(state), y_d * size, y_q * size,
-        injection};
-}
-
-/* Return the angle brought into [-pi, pi). */
-static real wrap(real angle) {
-    return angle - R(2.0) * PI * down((angle + PI) / (R(2.0) * PI));
+    return (tuple_rrrr){mean_d, mean_q, y_d * scale, y_q * scale};
 }
 
 /* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance
  * matrix. */
-static void hessian(const sensorless_energy *m, real d, real q, real *out_0, real *out_1, real *out_2) {
-    real dd = m->gamma_d + d * (R(6.0) * m->alpha_30 + R(12.0) * m->alpha_40 * d) + R(2.0) * m->alpha_22 * q * q;
+static tuple_rrr hessian(const sensorless_energy *m, real d, real q) {
+    real dd = m->gamma_d + d * (R(6.0) * m->alpha_30 + R(12.0) * m->alpha_40 * d) + R(2.0) *
+        m->alpha_22 * q * q;
     real dq = R(2.0) * q * (m->alpha_12 + R(2.0) * m->alpha_22 * d);
-    real qq = m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(12.0) * m->alpha_04 * q * q;
-    *out_0 = dd;
-    *out_1 = dq;
-    *out_2 = qq;
-}
-
-/* Return i_d, i_q in A, eqs. (id), (iq). */
-static void currents(const sensorless_energy *m, real d, real q, real *out_0, real *out_1) {
-    real qq = q * q;
-    real i_d = d * (m->gamma_d + d * (R(3.0) * m->alpha_30 + R(4.0) * m->alpha_40 * d)) + qq * (m->alpha_12 + R(2.0) *
-        m->alpha_22 * d);
-    real i_q = q * (m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(4.0) * m->alpha_04 * qq);
-    *out_0 = i_d;
-    *out_1 = i_q;
+    real qq = m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(12.0) * m->alpha_04 * q
+        * q;
+    return (tuple_rrr){dd, dq, qq};
 }
 
 /* Return the smaller eigenvalue of a symmetric 2x2 matrix. */
@@ -215,14 +181,26 @@ static real min_eigenvalue(real dd, real dq, real qq) {
     return R(0.5) * (dd + qq) - SQRT(R(0.25) * square(dd - qq) + dq * dq);
 }
 
+/* Return i_d, i_q in A, eqs. (id), (iq). */
+static tuple_rr currents(const sensorless_energy *m, real d, real q) {
+    real qq = q * q;
+    real i_d = d * (m->gamma_d + d * (R(3.0) * m->alpha_30 + R(4.0) * m->alpha_40 * d)) + qq *
+        (m->alpha_12 + R(2.0) * m->alpha_22 * d);
+    real i_q = q * (m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(4.0) * m->alpha_04
+        * qq);
+    return (tuple_rr){i_d, i_q};
+}
+
 /* Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps
  * over a gap. */
 static int32_t convex_between(const sensorless_energy *m, real d, real q, real n_d, real n_q) {
-    static const real k_of[3] = {R(0.25), R(0.5), R(0.75)};
-    for (int32_t at = 0; at < 3; at++) {
-        const real k = k_of[at];
-        real dd, dq, qq;
-        hessian(m, d + k * (n_d - d), q + k * (n_q - q), &dd, &dq, &qq);
+    for (int32_t at_k = 0; at_k < 3; at_k++) {
+        static const real k_of[3] = {R(0.25), R(0.5), R(0.75)};
+        real k = k_of[at_k];
+        const tuple_rrr got_1 = hessian(m, d + k * (n_d - d), q + k * (n_q - q));
+        real dd = got_1._0;
+        real dq = got_1._1;
+        real qq = got_1._2;
         if (!(min_eigenvalue(dd, dq, qq) > R(0.0))) {
             return 0;
         }
@@ -234,29 +212,34 @@ static int32_t convex_between(const sensorless_energy *m, real d, real q, real n
  *
  * Returns phi_d, phi_q, status.  Full steps wherever they reduce the residual (so the rate is
  * quadratic), halved otherwise; OUTSIDE when no step inside the convex region reduces it. */
-static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, real q, real *out_0, real *out_1,
-    int32_t *out_2) {
-    real dd, dq, qq;
-    hessian(m, d, q, &dd, &dq, &qq);
+static tuple_rri flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, real q) {
+    real n_d = R(0.0);
+    real n_q = R(0.0);
+    real trial = R(0.0);
+    const tuple_rrr got_1 = hessian(m, d, q);
+    real dd = got_1._0;
+    real dq = got_1._1;
+    real qq = got_1._2;
     /* also catches NaN */
     if (!(min_eigenvalue(dd, dq, qq) > R(0.0))) {
         d = R(0.0);
         q = R(0.0);
-        hessian(m, d, q, &dd, &dq, &qq);
+        const tuple_rrr got_2 = hessian(m, d, q);
+        dd = got_2._0;
+        dq = got_2._1;
+        qq = got_2._2;
     }
-    real c_d, c_q;
-    currents(m, d, q, &c_d, &c_q);
+    const tuple_rr got_3 = currents(m, d, q);
+    real c_d = got_3._0;
+    real c_q = got_3._1;
     real r_d = i_d - c_d;
     real r_q = i_q - c_q;
-    real residual = length(r_d, r_q);
-    real goal = TOLERANCE * (length(i_d, i_q) + magnitude(m->gamma_d * d) + magnitude(m->gamma_q * q)) + NEARLY_NOTHING;
+    real residual = HYPOT(r_d, r_q);
+    real goal = TOLERANCE * (HYPOT(i_d, i_q) + FABS(m->gamma_d * d) + FABS(m->gamma_q * q)) +
+        EITHER(1e-290, 1e-37);
     for (int32_t round = 0; round < NEWTON_STEPS; round++) {
-        real n_d, n_q, trial;
         if (residual <= goal) {
-            *out_0 = d;
-            *out_1 = q;
-            *out_2 = SOLVED;
-            return;
+            return (tuple_rri){d, q, SOLVED};
         }
         real det = dd * qq - dq * dq;
         real s_d = (qq * r_d - dq * r_q) / det;
@@ -265,73 +248,77 @@ static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, 
         for (;;) {
             n_d = d + t * s_d;
             n_q = q + t * s_q;
-            hessian(m, n_d, n_q, &dd, &dq, &qq);
-            currents(m, n_d, n_q, &c_d, &c_q);
+            const tuple_rrr got_4 = hessian(m, n_d, n_q);
+            dd = got_4._0;
+            dq = got_4._1;
+            qq = got_4._2;
+            const tuple_rr got_5 = currents(m, n_d, n_q);
+            c_d = got_5._0;
+            c_q = got_5._1;
             r_d = i_d - c_d;
             r_q = i_q - c_q;
-            trial = length(r_d, r_q);
-            if (trial < residual && convex_between(m, d, q, n_d, n_q) && min_eigenvalue(dd, dq, qq) > R(0.0)) {
+            trial = HYPOT(r_d, r_q);
+            if (trial < residual && convex_between(m, d, q, n_d, n_q) && min_eigenvalue(dd, dq, qq)
+                > R(0.0)) {
                 break;
             }
             /* stalled at rounding level */
             if (trial <= R(16.0) * goal && trial >= residual) {
-                *out_0 = d;
-                *out_1 = q;
-                *out_2 = SOLVED;
-                return;
+                return (tuple_rri){d, q, SOLVED};
             }
             t *= R(0.5);
             if (t < R(1e-09)) {
-                *out_0 = d;
-                *out_1 = q;
-                *out_2 = QUARTIC_OUTSIDE;
-                return;
+                return (tuple_rri){d, q, OUTSIDE};
             }
         }
         d = n_d;
         q = n_q;
         residual = trial;
     }
-    *out_0 = d;
-    *out_1 = q;
-    *out_2 = QUARTIC_OUTSIDE;
+    return (tuple_rri){d, q, OUTSIDE};
 }
 
 /* Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the
  * ripple is there. */
 static real polarity_rise(const sensorless_energy *energy, real bias) {
-    int32_t unused_i;
-    real d_plus, q_plus;
-    flux_newton(energy, bias, R(0.0), R(0.0), R(0.0), &d_plus, &q_plus, &unused_i);
-    real d_minus, q_minus;
-    flux_newton(energy, -bias, R(0.0), R(0.0), R(0.0), &d_minus, &q_minus, &unused_i);
-    real got_1, got_2, got_3;
-    hessian(energy, d_plus, q_plus, &got_1, &got_2, &got_3);
-    real got_4, got_5, got_6;
-    hessian(energy, d_minus, q_minus, &got_4, &got_5, &got_6);
-    return got_1 - got_4;
+    const tuple_rri got_1 = flux_newton(energy, bias, R(0.0), R(0.0), R(0.0));
+    real d_plus = got_1._0;
+    real q_plus = got_1._1;
+    const tuple_rri got_2 = flux_newton(energy, -bias, R(0.0), R(0.0), R(0.0));
+    real d_minus = got_2._0;
+    real q_minus = got_2._1;
+    return hessian(energy, d_plus, q_plus)._0 - hessian(energy, d_minus, q_minus)._0;
+}
+
+/* Return the angle brought into [-pi, pi). */
+static real wrap(real angle) {
+    return angle - R(2.0) * R(3.141592653589793) * FLOOR((angle + R(3.141592653589793)) / (R(2.0) *
+        R(3.141592653589793)));
 }
 
 /* Move on to the next measurement, y being the averaged ripple of the one that ends. */
-static void next_phase(real *state, const sensorless_belief *belief, const sensorless_tuning *tuning, real y_d,
-    real y_q) {
+static void next_phase(real *state, const sensorless_belief *belief,
+    const sensorless_tuning *tuning, real y_d, real y_q) {
     int32_t phase = (int32_t)state[PHASE];
     if (phase == ALONG_ALPHA) {
         state[M_11] = y_d;
         state[M_21] = y_q;
-        state[AXIS] = R(0.5) * PI;
-    } else if (phase == ALONG_BETA) {
-        /* here d is beta and q is minus alpha */
-        real sign = belief->energy.gamma_d >= belief->energy.gamma_q ? R(1.0) : -R(1.0);
-        state[AXIS] = R(0.5) * ATAN2(sign * (state[M_21] - y_q), sign * (state[M_11] - y_d));
-    } else if (phase == BIAS_PLUS) {
-        state[RISE] = y_d;
+        state[AXIS] = R(0.5) * R(3.141592653589793);
     } else {
-        real expected = polarity_rise(&belief->energy, tuning->bias) < R(0.0) ? -R(1.0) : R(1.0);
-        if ((state[RISE] - y_d) * expected < R(0.0)) {
-            state[AXIS] = wrap(state[AXIS] + PI);
+        /* here d is beta and q is minus alpha */
+        if (phase == ALONG_BETA) {
+            real sign = belief->energy.gamma_d >= belief->energy.gamma_q ? R(1.0) : -R(1.0);
+            state[AXIS] = R(0.5) * ATAN2(sign * (state[M_21] - y_q), sign * (state[M_11] - y_d));
+        } else if (phase == BIAS_PLUS) {
+            state[RISE] = y_d;
+        } else {
+            real expected = polarity_rise(&belief->energy, tuning->bias) < R(0.0) ? -R(1.0) :
+                R(1.0);
+            if ((state[RISE] - y_d) * expected < R(0.0)) {
+                state[AXIS] = wrap(state[AXIS] + R(3.141592653589793));
+            }
+            state[OMEGA] = R(0.0);
         }
-        state[OMEGA] = R(0.0);
     }
     state[PHASE] = (real)(phase + 1);
     state[COUNT] = R(0.0);
@@ -341,16 +328,17 @@ static void next_phase(real *state, const sensorless_belief *belief, const senso
 
 /* Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity
  * are known. */
-static sensorless_estimate start(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
-    const sensorless_tuning *tuning) {
-    real unused_r;
+static sensorless_estimate start(real *state, const sensorless_sample *sample,
+    const sensorless_belief *belief, const sensorless_tuning *tuning) {
+    real amplitude = R(0.0);
     real axis = state[AXIS];
     if (state[PHASE] == TOLD) {
         state[PHASE] = (real)TRACKING;
         return (sensorless_estimate){axis, R(0.0), axis, R(0.0), R(0.0), R(0.0), R(0.0), R(1.0)};
     }
-    real y_d, y_q;
-    demodulate(state, sample, axis, R(0.0), tuning, &unused_r, &unused_r, &y_d, &y_q);
+    const tuple_rrrr got_1 = demodulate(state, sample, axis, R(0.0), tuning);
+    real y_d = got_1._2;
+    real y_q = got_1._3;
     real bias = R(0.0);
     if (state[PHASE] == BIAS_PLUS) {
         bias = tuning->bias;
@@ -369,18 +357,26 @@ static sensorless_estimate start(real *state, const sensorless_sample *sample, c
             bias = R(0.0);
         }
     }
-    real amplitude = tuning->amplitude * tuning->peak;
-    return (sensorless_estimate){state[AXIS], R(0.0), state[AXIS], bias, R(0.0), y_d * amplitude, y_q * amplitude,
-        R(1.0)};
+    amplitude = tuning->amplitude * tuning->peak;
+    return (sensorless_estimate){state[AXIS], R(0.0), state[AXIS], bias, R(0.0), y_d * amplitude,
+        y_q * amplitude, R(1.0)};
+}
+
+/* Advance the angle to t_k with the last speed; return it.  SLOW_OMEGA is that speed without
+ * its noise. */
+static real predict(real *state, const sensorless_tuning *tuning) {
+    state[SLOW_OMEGA] += SLOW * tuning->sampling_period * tuning->kp * (state[OMEGA] -
+        state[SLOW_OMEGA]);
+    state[AXIS] += tuning->sampling_period * state[OMEGA];
+    return state[AXIS];
 }
 
 /* Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back
  * with -theta. */
-static void rotate(real x, real y, real angle, real *out_0, real *out_1) {
+static tuple_rr rotate(real x, real y, real angle) {
     real c = COS(angle);
     real s = SIN(angle);
-    *out_0 = c * x - s * y;
-    *out_1 = s * x + c * y;
+    return (tuple_rr){c * x - s * y, s * x + c * y};
 }
 
 /* Return phi_d, phi_q (Wb) at a current (A) of the rotor frame, the last one where the belief
@@ -388,50 +384,55 @@ static void rotate(real x, real y, real angle, real *out_0, real *out_1) {
  *
  * state[OUTSIDE] says which of both; a second try from zero flux catches a start that had gone
  * astray. */
-static void believed_flux(real *state, const sensorless_energy *energy, real i_d, real i_q, real *out_0,
-    real *out_1) {
-    real d, q;
-    int32_t status;
-    flux_newton(energy, i_d, i_q, state[FLUX_D], state[FLUX_Q], &d, &q, &status);
+static tuple_rr believed_flux(real *state, const sensorless_energy *energy, real i_d, real i_q) {
+    const tuple_rri got_1 = flux_newton(energy, i_d, i_q, state[FLUX_D], state[FLUX_Q]);
+    real d = got_1._0;
+    real q = got_1._1;
+    int32_t status = got_1._2;
     if (status != SOLVED) {
-        flux_newton(energy, i_d, i_q, R(0.0), R(0.0), &d, &q, &status);
+        const tuple_rri got_2 = flux_newton(energy, i_d, i_q, R(0.0), R(0.0));
+        d = got_2._0;
+        q = got_2._1;
+        status = got_2._2;
     }
-    state[OUTSIDE] = status == SOLVED ? R(0.0) : R(1.0);
+    state[DEMODULATION_OUTSIDE] = status == SOLVED ? R(0.0) : R(1.0);
     if (status == SOLVED) {
         state[FLUX_D] = d;
         state[FLUX_Q] = q;
     }
-    *out_0 = state[FLUX_D];
-    *out_1 = state[FLUX_Q];
+    return (tuple_rr){state[FLUX_D], state[FLUX_Q]};
 }
 
 /* Return Gamma_dd, Gamma_dq, Gamma_qq (1/H) there. */
-static void believed_hessian(real *state, const sensorless_energy *energy, real i_d, real i_q, real *out_0,
-    real *out_1, real *out_2) {
-    real d, q;
-    believed_flux(state, energy, i_d, i_q, &d, &q);
-    hessian(energy, d, q, out_0, out_1, out_2);
+static tuple_rrr believed_hessian(real *state, const sensorless_energy *energy, real i_d, real i_q)
+    {
+    const tuple_rr got_1 = believed_flux(state, energy, i_d, i_q);
+    real d = got_1._0;
+    real q = got_1._1;
+    return hessian(energy, d, q);
 }
 
 /* Return the ripple (y_d, y_q) in 1/H per unit flux ripple along the estimated d axis, at error
  * e (rad). */
-static void ripple(real dd, real dq, real qq, real e, real *out_0, real *out_1) {
+static tuple_rr ripple(real dd, real dq, real qq, real e) {
     real c = COS(e);
     real s = SIN(e);
     real r_d = dd * c - dq * s;
     real r_q = dq * c - qq * s;
-    *out_0 = c * r_d - s * r_q;
-    *out_1 = s * r_d + c * r_q;
+    return (tuple_rr){c * r_d - s * r_q, s * r_d + c * r_q};
 }
 
 /* Return S(e) in 1/H for the mean current (A) of the estimated frame. */
-static void believed_ripple(real *state, real mean_d, real mean_q, real e, const sensorless_belief *belief,
-    const sensorless_tuning *tuning, real *out_0, real *out_1) {
+static tuple_rr believed_ripple(real *state, real mean_d, real mean_q, real e,
+    const sensorless_belief *belief, const sensorless_tuning *tuning) {
     const sensorless_energy *m = &belief->energy;
-    real i_d, i_q;
-    rotate(mean_d, mean_q, -e, &i_d, &i_q);
-    real dd, dq, qq;
-    believed_hessian(state, m, i_d, i_q, &dd, &dq, &qq);
+    const tuple_rr got_1 = rotate(mean_d, mean_q, -e);
+    real i_d = got_1._0;
+    real i_q = got_1._1;
+    const tuple_rrr got_2 = believed_hessian(state, m, i_d, i_q);
+    real dd = got_2._0;
+    real dq = got_2._1;
+    real qq = got_2._2;
     real c = tuning->lag * belief->resistance * belief->resistance;
     /* Gamma^2 */
     real s_dd = dd * dd + dq * dq;
@@ -440,16 +441,17 @@ static void believed_ripple(real *state, real mean_d, real mean_q, real e, const
     real r_dd = dd - c * (s_dd * dd + s_dq * dq);
     real r_dq = dq - c * (s_dd * dq + s_dq * qq);
     real r_qq = qq - c * (s_dq * dq + s_qq * qq);
-    real y_d, y_q;
-    ripple(r_dd, r_dq, r_qq, e, &y_d, &y_q);
+    const tuple_rr got_3 = ripple(r_dd, r_dq, r_qq, e);
+    real y_d = got_3._0;
+    real y_q = got_3._1;
     c = COS(e);
     real s = SIN(e);
     real w = tuning->lag * belief->resistance * state[SLOW_OMEGA] * (dd + qq);
     /* Gamma J times the injection */
-    real t_d, t_q;
-    rotate(dd * s + dq * c, dq * s + qq * c, e, &t_d, &t_q);
-    *out_0 = y_d - w * t_d;
-    *out_1 = y_q - w * t_q;
+    const tuple_rr got_4 = rotate(dd * s + dq * c, dq * s + qq * c, e);
+    real t_d = got_4._0;
+    real t_q = got_4._1;
+    return (tuple_rr){y_d - w * t_d, y_q - w * t_q};
 }
 
 /* Return a Gauss-Newton step (rad): its numerator over the slope's square (1/H^2), less of it
@@ -467,26 +469,55 @@ static real damped(real step, real power, const sensorless_energy *energy) {
 /* Return the Gauss-Newton step (rad) from e = 0 towards the minimum of |y - S(e)|. */
 static real believed_error(real *state, real mean_d, real mean_q, real y_d, real y_q,
     const sensorless_belief *belief, const sensorless_tuning *tuning) {
-    real a_d, a_q;
-    believed_ripple(state, mean_d, mean_q, -DELTA, belief, tuning, &a_d, &a_q);
-    real b_d, b_q;
-    believed_ripple(state, mean_d, mean_q, DELTA, belief, tuning, &b_d, &b_q);
-    real s_d, s_q;
-    believed_ripple(state, mean_d, mean_q, R(0.0), belief, tuning, &s_d, &s_q);
+    const tuple_rr got_1 = believed_ripple(state, mean_d, mean_q, -DELTA, belief, tuning);
+    real a_d = got_1._0;
+    real a_q = got_1._1;
+    const tuple_rr got_2 = believed_ripple(state, mean_d, mean_q, DELTA, belief, tuning);
+    real b_d = got_2._0;
+    real b_q = got_2._1;
+    const tuple_rr got_3 = believed_ripple(state, mean_d, mean_q, R(0.0), belief, tuning);
+    real s_d = got_3._0;
+    real s_q = got_3._1;
     real g_d = (b_d - a_d) / (R(2.0) * DELTA);
     real g_q = (b_q - a_q) / (R(2.0) * DELTA);
     return damped(g_d * (y_d - s_d) + g_q * (y_q - s_q), g_d * g_d + g_q * g_q, &belief->energy);
 }
 
+/* Type-2 phase-locked loop: proportional and integral action on the error signal (rad). */
+static void correct(real *state, real error, const sensorless_tuning *tuning) {
+    error = smaller(larger(error, -LARGEST_ERROR), LARGEST_ERROR);
+    state[AXIS] += tuning->sampling_period * tuning->kp * error;
+    state[OMEGA] += tuning->sampling_period * tuning->ki * error;
+}
+
+/* Return what Estimate.tracking says: TRACKED, or UNCERTAIN while the belief has no answer. */
+static real trust(real *state) {
+    return state[DEMODULATION_OUTSIDE] != R(0.0) ? UNCERTAIN : TRACKED;
+}
+
+/* Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the
+ * ripple y (1/H) seen.
+ *
+ * injection: how much of it is wanted, 0 to 1. */
+static sensorless_estimate tracked(real *state, real theta, real y_d, real y_q,
+    const sensorless_tuning *tuning, real injection) {
+    real size = tuning->amplitude * tuning->peak;
+    return (sensorless_estimate){theta, state[OMEGA], state[AXIS], R(0.0), trust(state), y_d * size,
+        y_q * size, injection};
+}
+
 /* Take one sample; see the module's text. */
-static sensorless_estimate step(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
-    const sensorless_tuning *tuning) {
+static sensorless_estimate step(real *state, const sensorless_sample *sample,
+    const sensorless_belief *belief, const sensorless_tuning *tuning) {
     if (state[PHASE] != TRACKING) {
         return start(state, sample, belief, tuning);
     }
     real axis = predict(state, tuning);
-    real mean_d, mean_q, y_d, y_q;
-    demodulate(state, sample, axis, state[OMEGA], tuning, &mean_d, &mean_q, &y_d, &y_q);
+    const tuple_rrrr got_1 = demodulate(state, sample, axis, state[OMEGA], tuning);
+    real mean_d = got_1._0;
+    real mean_q = got_1._1;
+    real y_d = got_1._2;
+    real y_q = got_1._3;
     correct(state, believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning), tuning);
     return tracked(state, state[AXIS], y_d, y_q, tuning, R(1.0));
 }

@@ -1,310 +1,460 @@
-"""Kernels in C: the statements of each function, translated as they stand in Python, comments
-included.
+"""Kernels in C: each function translated for the kinds of values it is handed, callees first.
 
-Numbers, tuples, loops and calls are all that kernels use; what else turns up ends in an
-AssertionError that names it.
+As a compiler for numba does, one function is written for each list of kinds.  What kernels do not
+use is not translated: an AssertionError names it.  Order and rounding of the arithmetic stay as
+they are in Python, and so do the comments at the end of its lines.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Iterator
+import inspect
+import io
+import re
+import textwrap
+import tokenize
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cache
+from types import ModuleType
+from typing import Any
 
-from estimators.c.collect import Function, Program
-from estimators.c.expressions import INT, REAL, REALS, STRUCTURES, Expressions, Text, as_real
-from estimators.c.layout import folded, places_of, together
+from estimators.c.expressions import Expressions, Text, bound, literal
+from estimators.c.kinds import (
+    INT,
+    NOTHING,
+    REAL,
+    Absent,
+    Kind,
+    Lane,
+    Record,
+    Rows,
+    Several,
+    declared,
+    joined,
+    passed,
+    structure,
+)
+from estimators.c.layout import folded, with_declarations
+from model import energy, quartic
 
-STEP_TYPES = (REALS, "Sample", "Belief", "Tuning")
-Kinds = str | tuple[str, ...]
-
-
-def translated(program: Program, step: str) -> list[str]:
-    """Return every function of a program in C, callees first."""
-    given: dict[str, list[str]] = {step: list(STEP_TYPES)}
-    returns: dict[str, Kinds] = {name: _shape(program, name) for name in program.functions}
-    texts, before = dict.fromkeys(program.functions, ""), {"": ""}
-    while texts != before:
-        # until types have come down from the step, and kinds of results up to it
-        before = dict(texts)
-        for name, function in reversed(program.functions.items()):
-            texts[name] = _Writer(program, function, given, returns).text()
-    return [texts[name] for name in program.functions]
-
-
-def _shape(program: Program, name: str) -> Kinds:
-    """Return what a function returns, as far as its tree says."""
-    for node in ast.walk(program.functions[name].tree):
-        if isinstance(node, ast.Return) and node.value is not None:
-            if isinstance(node.value, ast.Tuple):
-                return tuple(REAL for _ in node.value.elts)
-            if isinstance(node.value, ast.Call):
-                called = ast.unparse(node.value.func)
-                return _shape(program, called) if called in program.functions else _single(called)
-            return REAL
-    return "void"
-
-
-def _single(called: str) -> str:
-    return called if called in STRUCTURES else REAL
-
-
-def declared(kind: str, name: str) -> str:
-    """Return a declaration of a parameter or variable."""
-    if kind == "Estimate":
-        return f"{STRUCTURES[kind][0]} {name}"
-    if kind in STRUCTURES:
-        return f"const {STRUCTURES[kind][0]} *{name}"
-    return f"{kind}{name}" if kind.endswith("*") else f"{kind} {name}"
+CALL = re.compile(r"\b[a-z]\w*\(")  # of a function: macros are in capitals
+SILENT = re.compile(r"# (fmt|type|noqa)\b")  # comments for tools
+HELPERS = """\
+static inline real smaller(real a, real b) { return b < a ? b : a; }
+static inline real larger(real a, real b) { return b > a ? b : a; }
+static inline int32_t smaller_whole(int32_t a, int32_t b) { return b < a ? b : a; }
+static inline int32_t larger_whole(int32_t a, int32_t b) { return b > a ? b : a; }
+static inline real square(real x) { return x * x; }
+static inline real cube(real x) { return x * x * x; }
+static inline real fourth(real x) { return x * x * (x * x); }"""
+OF_TWO = ("atan2", "copysign", "fmod", "hypot")
+WORDS = re.findall(  # of C, and of ours
+    r"\w+",
+    "long short double register signed static auto const switch union volatile "
+    "real smaller larger square cube fourth modulo",
+)
 
 
-class _Writer:
+@dataclass
+class Written:
+    """A function in C: its name, what it returns, its text."""
+
+    name: str
+    kind: Kind
+    text: str
+
+
+@dataclass
+class Program:
+    """All that has been translated so far."""
+
+    records: dict[type, Record]  # named tuples by their class
+    bare: bool = False  # names as they are in Python, or the module's name before them
+    chosen: Callable[[Any], Any] = lambda function: function  # what stands for a kernel
+    functions: dict[Any, Written] = field(default_factory=dict)
+    constants: dict[str, Any] = field(default_factory=dict)  # values by their names in C
+    tuples: dict[str, str] = field(default_factory=dict)  # type definitions by name
+    names: dict[str, Any] = field(default_factory=dict)
+
+    def translate(self, function: Any, kinds: tuple[Kind, ...]) -> Written:
+        """Return a kernel in C for these kinds of arguments; it and all it calls are added."""
+        plain = self.plain(function)
+        key = plain, kinds
+        if key not in self.functions:
+            name = self._named(plain, key)
+            written = Function(self, plain, kinds, name).written()
+            self.functions[key] = written
+        return self.functions[key]
+
+    def plain(self, function: Any) -> Callable[..., Any]:
+        """Return the Python function that a kernel is compiled from."""
+        chosen = self.chosen(function)
+        return getattr(chosen, "py_func", chosen)
+
+    def _named(self, plain: Callable[..., Any], key: Any) -> str:
+        """Return a name of its own: numbered where it is written for other kinds, too."""
+        bare = plain.__name__ if self.bare else f"{tail(plain.__module__)}_{plain.__name__}"
+        name, count = bare, 1
+        while self.names.setdefault(name, key) != key:
+            count += 1
+            name = f"{bare}_{count}"
+        return name
+
+    def constant(self, module: str, name: str, value: Any) -> Text:
+        """Return a module's constant by the name it has in C."""
+        whole = f"{tail(module)}_{name}".upper()
+        called = name if self.bare and self.constants.get(name, value) == value else whole
+        assert isinstance(value, (tuple, int, float)), f"{module}.{name} is {value!r}"
+        self.constants[called] = value
+        if isinstance(value, tuple):
+            return Text(called, Rows((len(value),)))
+        return Text(called, INT if isinstance(value, int) else REAL)
+
+    def several(self, parts: tuple[Kind, ...]) -> Several:
+        """Return the kind of a tuple; its type is defined."""
+        kind = Several(parts)
+        for part in parts:
+            if isinstance(part, Several):
+                self.several(part.parts)
+        self.tuples.setdefault(kind.name, structure(kind))
+        return kind
+
+    def text(self) -> str:
+        """Return everything as C: types, constants and functions."""
+        whole = [(v, k) for k, v in self.constants.items() if isinstance(v, int)]
+        numbers = {k: int(v) for v, k in sorted(whole)}
+        lines = ["enum {", *(f"    {k} = {v}," for k, v in numbers.items()), "};"] * bool(numbers)
+        rest = {k: v for k, v in self.constants.items() if k not in numbers}
+        parts = ["\n".join(self.tuples.values()), "\n".join(lines)]
+        parts += ["\n".join(_defined(k, v) for k, v in rest.items())]
+        return "\n\n".join(filter(None, [*parts, *(f.text for f in self.functions.values())]))
+
+
+def _defined(name: str, value: Any) -> str:
+    """Return the definition of a constant."""
+    if isinstance(value, tuple):
+        numbers = ", ".join(literal(float(v)) for v in value)
+        return "\n".join(folded(f"static const {REAL} {name}[{len(value)}] = {{{numbers}}};"))
+    return f"#define {name} {literal(value)}"
+
+
+def macros(names: Iterable[str]) -> str:
+    """Return literals and functions of the mathematical library in either width, by one name."""
+    wide = ["#define R(x) x", "#define EITHER(wide, narrow) wide"]
+    narrow = ["#define R(x) x##f", "#define EITHER(wide, narrow) R(narrow)"]
+    for name in names:
+        given = "(x, y)" if name in OF_TWO else "(x)"
+        wide.append(f"#define {name.upper()}{given} {name}{given}")
+        narrow.append(f"#define {name.upper()}{given} {name}f{given}")
+    return "\n".join(["#ifdef SENSORLESS_FLOAT64", *wide, "#else", *narrow, "#endif"])
+
+
+def tail(module: str) -> str:
+    """Return the last part of a module's name."""
+    return module.rpartition(".")[2]
+
+
+def of_quartic(function: Any) -> Any:
+    """Return a kernel, the quartic's where the energy may be one of two kinds."""
+    plain = getattr(function, "py_func", function)
+    return (
+        getattr(quartic, plain.__name__, function)
+        if plain.__module__ == energy.__name__
+        else function
+    )
+
+
+class Function:
     """Writes one function."""
 
     def __init__(
-        self,
-        program: Program,
-        function: Function,
-        given: dict[str, list[str]],
-        returns: dict[str, Kinds],
+        self, program: Program, plain: Callable[..., Any], kinds: tuple[Kind, ...], name: str
     ) -> None:
-        self.program, self.function, self.given, self.returns = program, function, given, returns
-        self.names = [a.arg for a in function.tree.args.args]
-        kinds = given.get(function.name, [REAL] * len(self.names))
-        self.types: dict[str, str] = dict(zip(self.names, kinds, strict=True))
-        self.blocks = places_of(function.tree)
-        self.at: tuple[int, ...] = ()
-        self.done: set[str] = set(self.names)
-        self.lengths: dict[str, int] = {}
+        self.program, self.plain, self.name = program, plain, name
+        source = textwrap.dedent(inspect.getsource(plain))
+        self.comments, tree = comments(source), ast.parse(source).body[0]
+        assert isinstance(tree, ast.FunctionDef)
+        _Renamed().visit(tree)
+        self.tree, self.parameters = tree, [a.arg for a in tree.args.args]
+        self.kinds = dict(zip(self.parameters, kinds, strict=True))
+        self.locals: dict[str, Kind] = {}
+        self.now: dict[
+            str, str
+        ] = {}  # what a name is called at present, where it was of another kind before
+        self.read: set[str] = set()
+        self.used: set[str] | None = None  # what an earlier pass has read
+        self.fresh = 0
+        self.result: Kind = NOTHING
 
-    def text(self) -> str:
-        """Return the function."""
-        self._lines(self.function.tree.body, ())  # once for the types of its variables
-        self.done, self.unused = set(self.names), set[str]()
-        body = list(self._lines(self._body(), ()))
-        body = body[:-1] if body[-1].strip() == "return;" else body
-        kind = self.returns[self.function.name]
-        parameters = [declared(self.types[n], n) for n in self.names]
-        if isinstance(kind, tuple):
-            parameters += [f"{k} *out_{n}" for n, k in enumerate(kind)]
-        used = {n.id for n in ast.walk(self.function.tree) if isinstance(n, ast.Name)}
-        idle = [f"    (void){n};" for n in self.names if n not in used]
-        result = "void" if isinstance(kind, tuple) else STRUCTURES.get(kind, (kind,))[0]
-        head = f"static {result} {self.function.name}({', '.join(parameters)}) {{"
-        spare = [f"    {k} unused_{'i' if k == INT else 'r'};" for k in sorted(self.unused)]
-        return "\n".join([self._said(), *folded(head), *spare, *idle, *body, "}"])
-
-    def _body(self) -> list[ast.stmt]:
-        body = self.function.tree.body
-        return body[1:] if ast.get_docstring(self.function.tree) else body
+    def written(self) -> Written:
+        """Return the function: a first pass finds the kinds of its variables and which are read."""
+        body = self.tree.body[1:] if ast.get_docstring(self.tree) else self.tree.body
+        lines, self.used = self._block(body), None
+        while self.read != self.used:  # what only dropped assignments read is not used, either
+            self.used, self.read, self.fresh, self.now = self.read, set[str](), 0, {}
+            lines = self._block(body)
+        while lines and lines[-1] == "return;":
+            lines.pop()
+        given = [
+            declared(k, n) for n, k in self.kinds.items() if n in self.parameters and passed(k)
+        ]
+        kind = self.result
+        head = f"static {declared(kind, '').strip()} {self.name}({', '.join(given) or 'void'}) {{"
+        named = [n for n in self.parameters if passed(self.kinds[n])]
+        idle = [f"(void){n};" for n in named if n not in self.used]
+        own = {n: k for n, k in self.locals.items() if n in self.used and passed(k)}
+        every = [*idle, *with_declarations(lines, own)]
+        inside = [part for line in every for part in folded(f"    {line}")]
+        return Written(self.name, kind, "\n".join([self._said(), *folded(head), *inside, "}"]))
 
     def _said(self) -> str:
-        text = ast.get_docstring(self.function.tree) or ""
-        return (
-            "/* "
-            + "\n * ".join(line.rstrip() for line in text.splitlines()).replace("\n * \n", "\n *\n")
-            + " */"
-        )
+        text = ast.get_docstring(self.tree) or self.name
+        return "/* " + "\n".join(f" * {x}".rstrip() for x in text.splitlines())[3:] + " */"
 
-    def _lines(self, statements: Iterable[ast.stmt], block: tuple[int, ...]) -> list[str]:
-        """Return the lines of a block."""
+    def named(self, name: str) -> Text:
+        """Return a variable or a constant."""
+        if name in self.kinds or name in self.locals:
+            called = self.now.get(name, name)
+            self.read.add(called)
+            return Text(called, self.kinds.get(called) or self.locals[called])
+        value = self.plain.__globals__[name]
+        module = home_of(self.plain, name)
+        return self.program.constant(module, name, value)
+
+    def found(self, node: ast.expr) -> Any:
+        """Return the object that a name or a module's attribute is; None where it is a variable."""
+        if isinstance(node, ast.Name):
+            return (
+                None
+                if node.id in self.kinds or node.id in self.locals
+                else self.plain.__globals__.get(node.id)
+            )
+        if isinstance(node, ast.Attribute):
+            owner = self.found(node.value)
+            return getattr(owner, node.attr) if isinstance(owner, ModuleType) else None
+        return None
+
+    def set_kind(self, name: str, kind: Kind) -> str:
+        """Note the kind of a variable; return its name, a new one where its kind was another."""
+        if name in self.parameters and name not in self.locals:
+            assert self.kinds[name] == kind or {self.kinds[name], kind} == {REAL, INT}, (
+                f"{self.name}: {name}"
+            )
+            return name
+        called = self.now.get(name, name)
+        known = self.locals.get(called, kind)
+        if known != kind and {known, kind} != {REAL, INT}:
+            called = self.now[name] = f"{called}_{len(self.now) + 2}"
+        self.locals[called] = joined(self.locals.get(called, kind), kind)
+        return called
+
+    def _block(self, statements: list[ast.stmt]) -> list[str]:
         lines: list[str] = []
-        for name, where in self.blocks.items():
-            here = where.block == block and not where.at_once
-            if here and name not in self.done and name in self.types:
-                lines.append(f"{declared(self.types[name], name)};")
-                self.done.add(name)
         for statement in statements:
-            self.at = block
-            e = Expressions(self.program, self.function, self.types, self.returns)
-            e.arguments = self._heard
-            written = list(getattr(self, f"_{type(statement).__name__.lower()}")(statement, e))
-            comment = self.function.comments.get(statement.lineno)
-            if comment:
-                lines.append(f"/* {comment} */")
+            e = Expressions(self)
+            method = getattr(self, f"_{type(statement).__name__.lower()}", None)
+            assert method is not None, (
+                f"{ast.unparse(statement)}: {type(statement).__name__} has no translation"
+            )
+            written = method(statement, e)
+            if written is None:  # nothing after it is reached
+                return lines
+            said = self.comments.get(statement.lineno)
+            lines += [f"/* {said} */"] if said and written else []
             lines += [*e.before, *written]
-        return [f"    {part}" for line in together(lines) for part in folded(line)]
-
-    def _heard(self, name: str, arguments: list[Text]) -> None:
-        """Take the types of a call's arguments for the parameters of the function called."""
-        known = self.given.setdefault(name, [str(a.type) for a in arguments])
-        for n, a in enumerate(arguments):
-            if a.type != known[n]:
-                known[n] = REAL if {a.type, known[n]} <= {REAL, INT} else str(a.type)
-
-    def _inner(self, statement: ast.stmt, statements: list[ast.stmt], which: int) -> list[str]:
-        at = self.at
-        lines = self._lines(statements, (*at, statement.lineno, which))
-        self.at = at
+            if isinstance(statement, ast.Return):
+                break
         return lines
 
-    def _expr(self, node: ast.Expr, e: Expressions) -> Iterator[str]:
-        if not isinstance(node.value, ast.Constant):
-            yield f"{e.write(node.value).text};"
+    def _inner(self, statements: list[ast.stmt]) -> list[str]:
+        return [f"    {line}" for line in self._block(statements)]
 
-    def _pass(self, node: ast.Pass, e: Expressions) -> Iterator[str]:
-        yield ";"
+    def _expr(self, node: ast.Expr, e: Expressions) -> list[str]:
+        return [] if isinstance(node.value, ast.Constant) else [f"{e.write(node.value).text};"]
 
-    def _break(self, node: ast.Break, e: Expressions) -> Iterator[str]:
-        yield "break;"
+    def _pass(self, node: ast.Pass, e: Expressions) -> list[str]:
+        return []
 
-    def _return(self, node: ast.Return, e: Expressions) -> Iterator[str]:
-        assert node.value is not None
-        kinds = self.returns[self.function.name]
-        if not isinstance(kinds, tuple):
-            found = e.write(node.value)
-            self.returns[self.function.name] = found.type
-            yield f"return {found.text};"
-            return
-        if isinstance(node.value, ast.Call):
-            yield e.write(node.value).text.format(", ".join(f"out_{n}" for n in range(len(kinds))))
-            self.returns[self.function.name] = self.returns[ast.unparse(node.value.func)]
-        else:
-            assert isinstance(node.value, ast.Tuple)
-            found_kinds = []
-            for n, value in enumerate(node.value.elts):
-                found = e.write(value)
-                found_kinds.append(str(found.type))
-                yield f"*out_{n} = {found.text};"
-            self.returns[self.function.name] = tuple(found_kinds)
-        yield "return;"
+    def _break(self, node: ast.Break, e: Expressions) -> list[str]:
+        return ["break;"]
 
-    def _if(self, node: ast.If, e: Expressions) -> Iterator[str]:
-        yield f"if ({e.write(node.test).text}) {{"
-        yield from self._inner(node, node.body, 0)
-        rest = node.orelse
-        while len(rest) == 1 and isinstance(rest[0], ast.If):
-            yield f"}} else if ({e.write(rest[0].test).text}) {{"
-            if comment := self.function.comments.get(rest[0].lineno):
-                yield f"    /* {comment} */"
-            yield from self._inner(rest[0], rest[0].body, 0)
-            rest = rest[0].orelse
+    def _return(self, node: ast.Return, e: Expressions) -> list[str]:
+        if node.value is None:
+            return ["return;"]
+        value = e.write(node.value)
+        self.result = value.kind if self.result == NOTHING else joined(self.result, value.kind)
+        if isinstance(self.result, Several):
+            self.program.several(self.result.parts)
+        return [f"return {e.as_kind(value, self.result)};"]
+
+    def _if(self, node: ast.If, e: Expressions) -> list[str]:
+        test = e.write(node.test)
+        if test.always is not None:
+            return self._block(node.body if test.always else node.orelse)
+        lines = [f"if ({test.text}) {{", *self._inner(node.body)]
+        rest = self._block(node.orelse)
+        if rest and rest[0].startswith("if (") and "}" not in rest[1:-1]:  # else if
+            return [*lines, f"}} else {rest[0]}", *rest[1:]]
         if rest:
-            yield "} else {"
-            yield from self._inner(node, rest, 1)
-        yield "}"
+            lines += ["} else {", *(f"    {line}" for line in rest)]
+        return [*lines, "}"]
 
-    def _while(self, node: ast.While, e: Expressions) -> Iterator[str]:
-        endless = isinstance(node.test, ast.Constant) and node.test.value
-        yield "for (;;) {" if endless else f"while ({e.write(node.test).text}) {{"
-        yield from self._inner(node, node.body, 0)
-        yield "}"
+    def _while(self, node: ast.While, e: Expressions) -> list[str]:
+        test = e.write(node.test)
+        assert not e.before
+        head = "for (;;) {" if test.text == "1" else f"while ({test.text}) {{"
+        return [head, *self._inner(node.body), "}"]
 
-    def _for(self, node: ast.For, e: Expressions) -> Iterator[str]:
+    def _for(self, node: ast.For, e: Expressions) -> list[str]:
         assert isinstance(node.target, ast.Name)
         name = "round" if node.target.id == "_" else node.target.id
-        self.done.add(name)
         if isinstance(node.iter, ast.Tuple):
-            values = ", ".join(e.write(v).text for v in node.iter.elts)
-            self.types[name] = REAL
-            yield f"static const {REAL} {name}_of[{len(node.iter.elts)}] = {{{values}}};"
-            yield f"for (int32_t at = 0; at < {len(node.iter.elts)}; at++) {{"
-            yield f"    const {REAL} {name} = {name}_of[at];"
-        else:
-            assert isinstance(node.iter, ast.Call)
-            bounds = [e.inside(a, 6) for a in node.iter.args]
-            self.types[name] = INT
-            begin, end = ("0", bounds[0]) if len(bounds) == 1 else bounds
-            yield f"for (int32_t {name} = {begin}; {name} < {end}; {name}++) {{"
-        yield from self._inner(node, node.body, 0)
-        yield "}"
+            values = [e.write(v) for v in node.iter.elts]
+            numbers = ", ".join(v.text for v in values)
+            self.set_kind(name, REAL)
+            self.read.add(name)
+            count = f"at_{name}"
+            return [
+                f"for (int32_t {count} = 0; {count} < {len(values)}; {count}++) {{",
+                f"    static const {REAL} {name}_of[{len(values)}] = {{{numbers}}};",
+                f"    {name} = {name}_of[{count}];",
+                *self._inner(node.body),
+                "}",
+            ]
+        assert isinstance(node.iter, ast.Call)
+        assert ast.unparse(node.iter.func) == "range"
+        if ast.unparse(node.iter.args[-1]) in ("w.psi_alpha.size", "n") and self._lanes(
+            node.iter.args[-1]
+        ):
+            self.kinds[name] = Lane()  # the only lane
+            return self._block(node.body)
+        bounds = [bound(e.write(a), 6) for a in node.iter.args]
+        begin, end = ("0", bounds[0]) if len(bounds) == 1 else bounds
+        hidden = self.locals.pop(name, None)
+        self.kinds[name] = INT
+        body = self._inner(node.body)
+        del self.kinds[name]
+        if hidden is not None:  # a variable of the same name outside
+            self.locals[name] = hidden
+        return [f"for (int32_t {name} = {begin}; {name} < {end}; {name}++) {{", *body, "}"]
 
-    def _augassign(self, node: ast.AugAssign, e: Expressions) -> Iterator[str]:
+    def _lanes(self, node: ast.expr) -> bool:
+        """Return whether this is the number of lanes."""
+        if isinstance(node, ast.Name):
+            return any(
+                isinstance(s, ast.Assign) and _sets_lanes(s, node.id)
+                for s in ast.walk(self.tree)
+                if s is not node
+            )
+        return True
+
+    def _augassign(self, node: ast.AugAssign, e: Expressions) -> list[str]:
         sign = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}[type(node.op)]
-        yield f"{e.write(node.target).text} {sign}= {e.write(node.value).text};"
+        value, target = e.write(node.value), e.write(node.target)
+        return [f"{target.text} {sign}= {e.as_kind(value, target.kind)};"]
 
-    def _assign(self, node: ast.Assign, e: Expressions) -> Iterator[str]:
-        target, value = node.targets[0], node.value
-        if isinstance(target, ast.Tuple) and isinstance(value, ast.Call):
-            yield from self._results(target, value, e)
-        elif isinstance(target, ast.Tuple):
-            if isinstance(value, ast.IfExp):  # (a, b) if c else (d, e)
-                yes, no = value.body, value.orelse
-                assert isinstance(yes, ast.Tuple)
-                assert isinstance(no, ast.Tuple)
-                value = ast.Tuple(
-                    [ast.IfExp(value.test, a, b) for a, b in zip(yes.elts, no.elts, strict=True)]
-                )
-            assert isinstance(value, ast.Tuple)
-            yield from self._parallel(target.elts, value.elts, e)
-        else:
-            for each in node.targets:
-                yield self._set(
-                    each,
-                    e.write(value) if not isinstance(value, ast.Tuple) else self._array(value, e),
-                    e,
-                )
-
-    def _array(self, value: ast.Tuple, e: Expressions) -> Text:
-        return Text(f"{{{', '.join(e.write(v).text for v in value.elts)}}}", f"[{len(value.elts)}]")
+    def _assign(self, node: ast.Assign, e: Expressions) -> list[str]:
+        if len(node.targets) > 1:
+            value = e.write(node.value)
+            return [line for target in node.targets for line in self._set(target, value, e)]
+        target = node.targets[0]
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            return self._parallel(target.elts, node.value.elts, e)
+        return self._set(target, e.write(node.value), e)
 
     def _parallel(
         self, targets: list[ast.expr], values: list[ast.expr], e: Expressions
-    ) -> Iterator[str]:
-        """Assign several at once; by way of new variables where a later value reads an earlier
-        target."""
-        texts = [self._array(v, e) if isinstance(v, ast.Tuple) else e.write(v) for v in values]
-        clash = any(_touched(targets[n]) & _read(v) for k, v in enumerate(values) for n in range(k))
+    ) -> list[str]:
+        """Assign several at once: by new variables where a later value reads an earlier target."""
+        texts = [e.write(v) for v in values]
+        touched = [
+            {ast.unparse(n) for n in ast.walk(t) if isinstance(n, (ast.Name, ast.Subscript))}
+            for t in targets
+        ]
+        reads = [{ast.unparse(n) for n in ast.walk(v)} for v in values]
+        clash = (
+            any(_own(targets[n]) & reads[k] for k in range(len(values)) for n in range(k))
+            and touched
+        )
         if clash:
-            kept = []
-            for text in texts:
-                e.fresh += 1
-                yield f"const {text.type} got_{e.fresh} = {text.text};"
-                kept.append(Text(f"got_{e.fresh}", text.type))
-            texts = kept
-            yield from (self._set(t, text, e) for t, text in zip(targets, texts, strict=True))
-        else:
-            for t, text in zip(targets, texts, strict=True):
-                yield self._set(t, text, e)
+            texts = [e.kept(text) for text in texts]
+        return [
+            line
+            for target, text in zip(targets, texts, strict=True)
+            for line in self._set(target, text, e)
+        ]
 
-    def _set(self, target: ast.expr, value: Text, e: Expressions) -> str:
-        """Return one assignment, a declaration where the variable is new."""
+    def _set(self, target: ast.expr, value: Text, e: Expressions) -> list[str]:
+        """Return the assignment of a value to a target; to a tuple's parts one by one."""
+        if isinstance(target, ast.Tuple):
+            assert isinstance(value.kind, Several)
+            held = value if value.text.isidentifier() else e.kept(value)
+            parts = [Text(f"{held.text}._{k}", kind) for k, kind in enumerate(value.kind.parts)]
+            return [
+                line
+                for t, part in zip(target.elts, parts, strict=True)
+                for line in self._set(t, part, e)
+            ]
         if not isinstance(target, ast.Name):
-            return f"{e.write(target).text} = {as_real(value) or value.text};"
-        name, kind = target.id, str(value.type)
-        if kind.startswith("["):
-            self.types[name] = REALS
-            self.done.add(name)
-            return f"const {REAL} {name}{kind} = {value.text};"
-        if kind == "Energy":
-            self.types[name] = kind
-            self.done.add(name)
-            return f"{declared(kind, name)} = &{value.text};"
-        known = self.types.get(name, kind)
-        self.types[name] = REAL if REAL in (known, kind) else known
-        if name in self.done:
-            return f"{name} = {value.text};"
-        self.done.add(name)
-        return f"{declared(self.types[name], name)} = {value.text};"
-
-    def _results(self, target: ast.Tuple, call: ast.Call, e: Expressions) -> Iterator[str]:
-        """Write a call with several results."""
-        found = e.write(call)
-        places, after = [], []
-        for each, kind in zip(target.elts, found.type, strict=True):
-            if isinstance(each, ast.Name) and each.id == "_":
-                self.unused.add(kind) if hasattr(self, "unused") else None
-                places.append(f"&unused_{'i' if kind == INT else 'r'}")
-            elif isinstance(each, ast.Name):
-                self.types.setdefault(each.id, kind)
-                if each.id not in self.done:
-                    self.done.add(each.id)
-                    e.before.append(f"{declared(kind, each.id)};")
-                places.append(f"&{each.id}")
-            else:
-                name = e.temporary(kind)
-                places.append(f"&{name}")
-                after.append(f"{e.write(each).text} = {name};")
-        yield found.text.format(", ".join(places))
-        yield from after
+            place = e.write(target)
+            return [f"{place.text} = {e.as_kind(value, place.kind)};"]
+        if target.id == "_":
+            return []
+        if isinstance(value.kind, (Absent, Lane)):
+            self.kinds[target.id] = value.kind
+            return []
+        name = self.set_kind(target.id, value.kind)
+        if self.used is not None and name not in self.used and name not in self.parameters:
+            return [f"(void)({value.text});"] if CALL.search(value.text) else []
+        return [f"{name} = {e.as_kind(value, self.kinds.get(name) or self.locals[name])};"]
 
 
-def _touched(target: ast.expr) -> set[str]:
-    return {
-        n.id
-        for n in ast.walk(target)
-        if isinstance(n, ast.Name) and not (isinstance(target, ast.Subscript) and n is target.slice)
-    }
+class _Renamed(ast.NodeTransformer):
+    """Gives variables that C has words for another name."""
+
+    def visit_Name(self, node: ast.Name) -> ast.Name:
+        """Rename a variable."""
+        node.id = f"{node.id}_" if node.id in WORDS else node.id
+        return node
+
+    def visit_arg(self, node: ast.arg) -> ast.arg:
+        """Rename a parameter."""
+        node.arg = f"{node.arg}_" if node.arg in WORDS else node.arg
+        return node
 
 
-def _read(value: ast.expr) -> set[str]:
-    return {n.id for n in ast.walk(value) if isinstance(n, ast.Name)}
+def _own(target: ast.expr) -> set[str]:
+    """Return what an assignment changes, as text."""
+    return {ast.unparse(target)}
+
+
+def _sets_lanes(statement: ast.Assign, name: str) -> bool:
+    """Return whether an assignment gives a name the number of lanes."""
+    target, value = statement.targets[0], statement.value
+    if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+        pairs = list(zip(target.elts, value.elts, strict=True))
+    else:
+        pairs = [(target, value)]
+    return any(ast.unparse(t) == name and ast.unparse(v) == "w.psi_alpha.size" for t, v in pairs)
+
+
+def home_of(user: Callable[..., Any], name: str) -> str:
+    """Return the module that defines a constant which a function names."""
+    module = inspect.getmodule(user)
+    return _imported(module).get(name, user.__module__) if module else user.__module__
+
+
+def comments(source: str) -> dict[int, str]:
+    """Return comments of a source by their line, those for tools left out."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    found = {t.start[0]: t.string for t in tokens if t.type == tokenize.COMMENT}
+    return {line: text.lstrip("# ") for line, text in found.items() if not SILENT.match(text)}
+
+
+@cache
+def _imported(module: ModuleType) -> dict[str, str]:
+    """Return from which modules a module imports names."""
+    tree = ast.parse(inspect.getsource(module))
+    places = [n for n in tree.body if isinstance(n, ast.ImportFrom) and n.module]
+    return {a.asname or a.name: str(n.module) for n in places for a in n.names}

@@ -30,8 +30,8 @@ static drive_real sampled(const sensorless_drive *drive, drive_real chance) {
     if (w->jitter == R(0.0)) {
         return w->sample;
     }
-    late = drive_most(late, SENSING_SOONEST * drive->period);
-    return drive_least(late, SENSING_LATEST * drive->period) - w->delay;
+    late = larger(late, SENSING_SOONEST * drive->period);
+    return smaller(late, SENSING_LATEST * drive->period) - w->delay;
 }
 
 static int32_t sound(const drive_plant *w) {
@@ -65,7 +65,7 @@ int32_t sensorless_drive_init(sensorless_drive *drive, const sensorless_drive_pa
     w->link = w->supply;
     w->off_c = R(1.0);
     drive->timing.period = drive->period;
-    drive->timing.longest = drive_least(R(0.5) * drive->period, is->drive_longest_step);
+    drive->timing.longest = smaller(R(0.5) * drive->period, is->drive_longest_step);
     drive->timing.max_edge_delay = commutation_latest(w);
     drive->timing.first = w->jitter > R(0.0) ? R(-1.0) : w->sample;
     drive->timing.last = w->jitter > R(0.0) ? R(1.0) : w->sample;
@@ -123,7 +123,7 @@ static void write_part(drive_room *room, const drive_real *duty, drive_real peri
 /* What is at the terminals when the step ends: the next segment's start, which no duty changes, on a copy. */
 void sensorless_drive_look(const sensorless_drive *drive, sensorless_drive_output *out) {
     drive_plant now = drive->plant, *w = &now;
-    const drive_rr rotor = loop_rotor(w);
+    const tuple_rr rotor = loop_rotor(w);
     const drive_real c = COS(rotor._0), s = SIN(rotor._0);
     const drive_applied_torque still = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};
     const drive_rotor_trajectory trajectory = {c, s, R(0.0), R(0.0), rotor._1, R(0.0), R(0.0), rotor._1, still};
@@ -184,10 +184,10 @@ static drive_applied_torque applied_in(sensorless_drive *drive, const sensorless
 static void begin(sensorless_drive *drive, const sensorless_drive_input *in, sensorless_drive_output *out) {
     drive_room *room = &drive->room;
     const loop_rig rig = {drive->rotor};
-    drive_rr motion, angle;
+    tuple_rr motion, angle;
     for (int32_t leg = 0; leg < 3; leg++) {
         room->before[leg] = drive->duty[leg];
-        drive->duty[leg] = drive_least(drive_most(in->duty[leg], R(0.0)), R(1.0));
+        drive->duty[leg] = smaller(larger(in->duty[leg], R(0.0)), R(1.0));
     }
     drive->applied = applied_in(drive, in);
     motion = loop_at_sample(&drive->plant, rig, drive->applied);
@@ -235,9 +235,9 @@ int32_t sensorless_drive_part(sensorless_drive *drive, const sensorless_drive_in
     const int32_t plain = timing.first == R(0.0) && timing.last == R(0.0), last = part + 1 == parts;
     const drive_real length = drive->period / (drive_real)parts, from = (drive_real)part * length;
     drive_real looks[2], seen[4] = {R(0.0)}, surge, beyond = last ? R(2.0) * drive->period : from + length;
-    const drive_rr nothing = {R(0.0), R(0.0)};
+    const tuple_rr nothing = {R(0.0), R(0.0)};
     drive_rotor_trajectory trajectory;
-    drive_rr rotor;
+    tuple_rr rotor;
     if (parts > 1 && timing.max_edge_delay > length) {
         return -2;
     }
@@ -301,7 +301,7 @@ int32_t sensorless_drive_step(sensorless_drive *drive, const sensorless_drive_in
 }
 
 void sensorless_drive_duties(drive_real u_alpha, drive_real u_beta, drive_real u_dc, drive_real duty[3]) {
-    const drive_rrr found = edges_duties(u_alpha, u_beta, u_dc);
+    const tuple_rrr found = edges_duties(u_alpha, u_beta, u_dc);
     duty[0] = found._0;
     duty[1] = found._1;
     duty[2] = found._2;

@@ -3,10 +3,10 @@ a period."""
 
 from __future__ import annotations
 
+from estimators.c.kinds import INT, LANE, REAL, Kind, Record, Rows, declared
 from model.effects.card import REPEATED
 from model.inverter_table import MOST_POINTS
 from model.spline import SplineEnergy
-from sandbox.export.kinds import INT, LANE, REAL, Kind, Record, Rows, declared
 from sandbox.plant import batch, ports
 from sandbox.plant.period import AppliedTorque, RotorTrajectory, Timing
 
@@ -72,8 +72,10 @@ def _field(name: str, kind: Kind, record: Record) -> str:
     """Return a field's declaration: rows are arrays, of the only lane plain numbers."""
     if isinstance(kind, Rows) and record.pointed:
         size = kind.size
-        return f"{kind.of} {name}" if kind.shape == (LANE,) else f"{kind.of} {name}[{size}]"
-    return declared(kind, name)
+        text = f"{kind.of} {name}" if kind.shape == (LANE,) else f"{kind.of} {name}[{size}]"
+    else:
+        text = declared(kind, name)
+    return f"drive_{text}" if text.startswith(f"{REAL} ") else text
 
 
 SAID = {**batch.STATES, **batch.SCRATCH, **batch.PLANT, **batch.FIXED}

@@ -13,15 +13,15 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from estimators.c.expressions import MATHS, literal
+from estimators.c.kinds import INT, LANE, REAL, Absent, Kind, Record, Rows
+from estimators.c.translate import HELPERS, Program, macros
 from model.effects import library
 from model.parameters import Converter, Drive, Motor
 from model.spline import SplineEnergy
 from sandbox.drive import loop, sensing
 from sandbox.drive.closed import longest_step
 from sandbox.export import records
-from sandbox.export.expressions import MATHS
-from sandbox.export.kernels import Program, literal
-from sandbox.export.kinds import INT, LANE, REAL, Absent, Kind, Record, Rows
 from sandbox.plant import additions, commutation, edges, fixed, sampling, sets
 from sandbox.plant.compose import further_field
 from sandbox.plant.period import at_start, travel
@@ -147,13 +147,15 @@ def source_of(drive: Drive, values: Mapping[str, float], top_speed: float) -> So
         map=", drive_flux_map" if energy else "",
         travel_looking=looking,
     )
-    head = HEAD.substitute(header=HEADER, motor=drive.name, macros=_macros())
+    head = HEAD.substitute(
+        header=HEADER, motor=drive.name, macros=macros(sorted({*MATHS, "fabs"})), maths=HELPERS
+    )
     constants = [
         *_bounds(name, numbers),
         *(_map(energy) if energy else []),
         *_table(drive.converter),
     ]
-    whole = "\n\n".join([head, program.text(), *constants, text])
+    whole = "\n\n".join([head, program.text() + "\n", *constants, text])
     return Source(_header(drive, numbers, name), whole, tuple(numbers), name)
 
 
@@ -167,27 +169,13 @@ HEAD = Template("""\
 
 $macros
 
-static inline drive_real drive_least(drive_real a, drive_real b) { return b < a ? b : a; }
-static inline drive_real drive_most(drive_real a, drive_real b) { return b > a ? b : a; }
-static inline int32_t drive_least_whole(int32_t a, int32_t b) { return b < a ? b : a; }
-static inline int32_t drive_most_whole(int32_t a, int32_t b) { return b > a ? b : a; }
-static inline drive_real drive_square(drive_real x) { return x * x; }
-static inline drive_real drive_modulo(drive_real x, drive_real y) { /* has the sign of y */
-    const drive_real rest = FMOD(x, y);
+typedef drive_real real;
+
+$maths
+static inline real modulo(real x, real y) { /* has the sign of y */
+    const real rest = FMOD(x, y);
     return rest != R(0.0) && (rest < R(0.0)) != (y < R(0.0)) ? rest + y : rest;
 }""")
-
-
-def _macros() -> str:
-    """Return the functions of the mathematical library by names that are the same in double and
-    float."""
-    of_two, names = ("atan2", "copysign", "fmod", "hypot"), sorted({*MATHS, "fabs"})
-    wide, narrow = ["#define R(x) x"], ["#define R(x) x##f"]
-    for name in names:
-        given = "(x, y)" if name in of_two else "(x)"
-        wide.append(f"#define {name.upper()}{given} {name}{given}")
-        narrow.append(f"#define {name.upper()}{given} {name}f{given}")
-    return "\n".join(["#ifdef SENSORLESS_FLOAT64", *wide, "#else", *narrow, "#endif"])
 
 
 def _template(name: str) -> Template:
@@ -318,7 +306,7 @@ def _further(motor: Motor, card: Any) -> list[str]:
         ]
         lines += ["        at++;", "    }"]
     ports = sorted({at.port for at in card.part(2).at})
-    return [*lines, *(f"    w->more_{p} = drive_most_whole(w->more_{p}, at);" for p in ports), "}"]
+    return [*lines, *(f"    w->more_{p} = larger_whole(w->more_{p}, at);" for p in ports), "}"]
 
 
 def _moved(names: tuple[str, ...], neutral: Mapping[str, float]) -> str:
@@ -391,7 +379,7 @@ def _table(converter: Converter) -> list[str]:
 
 
 def _header(drive: Drive, numbers: list[Number], name: str) -> str:
-    lines = [f"    {REAL} {n.field}; /* {n.unit or '1'}: {n.said} */" for n in numbers]
+    lines = [f"    drive_real {n.field}; /* {n.unit or '1'}: {n.said} */" for n in numbers]
     return _template("drive.h").substitute(
         version=version("sensorless-sandbox"),
         motor=drive.name,

@@ -13,11 +13,9 @@ import pytest
 
 from estimators.c import generate
 from estimators.c.build import STRICT, build, compiler
-from estimators.c.collect import collect
 from estimators.c.counting import operations
 from estimators.c.golden import read_golden
 from estimators.c.target import TOLERANCE_DEG
-from estimators.c.translate import translated
 from estimators.registry import load_estimator
 from experiments import releases
 from model.frames import rotate, wrapped
@@ -157,9 +155,7 @@ def step(state, sample, belief, tuning):
 
 def test_operations_are_counted():
     golden = read_golden()
-    found = operations(
-        collect(step), (golden.belief, golden.tuning), np.ones(1), golden.samples[20:30]
-    )
+    found = operations(step, (golden.belief, golden.tuning), np.ones(1), golden.samples[20:30])
     assert found.mean == {
         "mul": 5.0,
         "add": 3.0,
@@ -179,7 +175,7 @@ def unknown(state, sample, belief, tuning):
 
 def test_what_is_not_translated_is_named():
     with pytest.raises(AssertionError, match=r"\[state\[0\]\]: List has no translation"):
-        translated(collect(unknown), "unknown")
+        generate.translated(unknown, 1)
 
 
 @needs_compiler

@@ -9,10 +9,10 @@ import pytest
 
 from estimators.c.build import STRICT, compiler
 from model.effects import library
-from model.errors import BadInput
 from sandbox import export_estimator, load_motor
 from sandbox.export.source import HEADER, SOURCE
 from sandbox.public.exports.drive import LOOP, export_drive
+from tests.balance import on_a_map
 from tests.sandbox.export.driven import (
     CURRENT,
     READ,
@@ -136,10 +136,7 @@ def test_an_inverter_by_its_table(drive, tmp_path):
 
 
 def test_a_flux_map(tmp_path):
-    try:
-        mapped = quiet(load_motor("baldor_pmsyrm"))
-    except BadInput:
-        pytest.skip("the map is not at hand")
+    mapped = quiet(on_a_map())
     effects = {"dead_time.time": 1e-6, "iron_loss.core_resistance": 800.0}
     assert max(compared(mapped, Exported(mapped, tmp_path), "free", effects)) < GOAL
 

@@ -1,5 +1,4 @@
-"""Kinds of values in the plant's kernels, and how C holds them: numbers, records, tuples, rows of
-numbers.
+"""Kinds of values in kernels, and how C holds them: numbers, records, tuples, rows of numbers.
 
 A batch has one lane here: a row of one number is a plain field of the record, and the lane's index
 is left out.
@@ -10,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import prod
 
-REAL, INT, NOTHING = "drive_real", "int32_t", "void"
+REAL, INT, NOTHING = "real", "int32_t", "void"
 LANE = "lane"  # of a shape: the place of the only lane, which is not indexed
 
 
@@ -50,11 +49,13 @@ class Rows:
 
 @dataclass(frozen=True)
 class Record:
-    """A structure: behind a pointer where it is a batch, by value where it is a named tuple."""
+    """A structure: behind a pointer where it is a batch or only read, else by value."""
 
     name: str
     fields: tuple[tuple[str, Kind], ...]
     pointed: bool = False
+    fixed: bool = False  # only read
+    defaults: tuple[float, ...] = ()  # of the last fields
 
     def field(self, name: str) -> Kind:
         """Return the kind of a field."""
@@ -70,7 +71,7 @@ class Several:
     @property
     def name(self) -> str:
         """How C calls it: by its parts."""
-        return "drive_" + "".join(_letter(part) for part in self.parts)
+        return "tuple_" + "".join(_letter(part) for part in self.parts)
 
 
 Kind = str | Absent | Lane | Rows | Record | Several
@@ -78,7 +79,7 @@ Kind = str | Absent | Lane | Rows | Record | Several
 
 def _letter(kind: Kind) -> str:
     if isinstance(kind, Several):
-        return f"_{kind.name.removeprefix('drive_')}_"
+        return f"_{kind.name.removeprefix('tuple_')}_"
     return {REAL: "r", INT: "i"}[str(kind)]
 
 
@@ -87,8 +88,23 @@ def declared(kind: Kind, name: str) -> str:
     if isinstance(kind, Rows):
         return f"{'const ' if kind.fixed else ''}{kind.of} *{name}"
     if isinstance(kind, Record):
-        return f"{kind.name} *{name}" if kind.pointed else f"{kind.name} {name}"
+        of = f"{'const ' if kind.fixed else ''}{kind.name}"
+        return f"{of} *{name}" if kind.pointed else f"{of} {name}"
     return f"{kind.name if isinstance(kind, Several) else kind} {name}"
+
+
+def zero(kind: Kind) -> str:
+    """Return what a variable begins with."""
+    if isinstance(kind, Rows) or (isinstance(kind, Record) and kind.pointed):
+        return "0"
+    if isinstance(kind, (Record, Several)):
+        return "{0}"
+    return "0" if kind == INT else "R(0.0)"
+
+
+def passed(kind: Kind) -> bool:
+    """Return whether C knows values of a kind: what is absent, and the only lane, are left out."""
+    return not isinstance(kind, (Absent, Lane))
 
 
 def structure(kind: Several) -> str:
@@ -101,5 +117,7 @@ def joined(a: Kind, b: Kind) -> Kind:
     """Return the kind of a variable that is given values of both."""
     if a == b:
         return a
+    if isinstance(a, Several) and isinstance(b, Several):
+        return Several(tuple(joined(x, y) for x, y in zip(a.parts, b.parts, strict=True)))
     assert {a, b} == {REAL, INT}, f"a variable is both {a} and {b}"
     return REAL
