@@ -20,9 +20,9 @@ from typing import Any
 
 from sandbox.engine.processes import spread
 from sandbox.gap.report.answers import answer
-from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.diagnosis_json import document
 from sandbox.output.files import plain
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 
@@ -31,8 +31,8 @@ def one(folder: Path) -> dict[str, Any]:
     """Return the diagnosis of a campaign folder, written beside the others."""
     path = RESULTS / folder.parent.name / f"{folder.name}.json"
     if not path.exists():
-        a = answer(read_campaign(folder), workers=1)
-        found = plain(contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike))
+        a = answer(read_folder(folder), workers=1)
+        found = plain(document(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike))
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(found, indent=1) + "\n")
     answered: dict[str, Any] = json.loads(path.read_text())

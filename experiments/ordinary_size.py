@@ -40,7 +40,7 @@ from sandbox.gap.posterior.linear_model import LinearModel, linear_model
 from sandbox.gap.settings import USUAL
 from sandbox.output.files import write_json
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.replay.replay import prepare
 from sandbox.withheld.making.make import SEAL
 
@@ -64,7 +64,7 @@ def traces(
 ) -> Iterator[dict[str, Any]]:
     """Give what every effect but the true ones comes out at on its own, as a share of its wide
     prior."""
-    campaign = read_campaign(path)
+    campaign = read_folder(path)
     drive, weights = campaign.drive, weights_of(len(campaign.recordings))
     nominal = Point(prepare(campaign), complete(drive.motor, drive.converter))
     null = fit(nominal, (), weights)

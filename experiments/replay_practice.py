@@ -30,7 +30,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.output.files import write_json
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import Campaign, read_campaign
+from sandbox.recordings.campaign import Campaign, read_folder
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.replay import (
     Prepared,
@@ -120,7 +120,7 @@ def campaigns(folder: Path) -> list[dict[str, Any]]:
         name = path.name.removesuffix(".truth.toml")
         truth, campaign = (
             tomllib.loads(path.read_text(encoding="utf-8")),
-            read_campaign(folder / name),
+            read_folder(folder / name),
         )
         values = true_set(truth, campaign.drive.motor)
         stated, true = missed(prepare(campaign), {}), missed(prepare(campaign, values), values)
@@ -152,7 +152,7 @@ def main(folder: Path) -> None:
     found = campaigns(folder / "practice")
     content = {"date": str(datetime.date.today()), "unit": "noise floors (rms)", "campaigns": found}
     write_json(RESULTS, "replay_practice", content)
-    prepared = prepare(read_campaign(folder / "practice" / "p01"))
+    prepared = prepare(read_folder(folder / "practice" / "p01"))
     drive, error = prepared.campaign.drive, halving_error(prepared)
     print(
         f"{prepared.steps} plant step a sampling period; halving it moves readings by "

@@ -26,10 +26,10 @@ from typing import Any
 from experiments.second_bench_scores import UNKNOWN, page
 from experiments.testbench.make import make
 from experiments.testbench.seal import unpack
-from sandbox.gap.diagnose import Diagnosis, diagnose
+from sandbox.gap.diagnose import Diagnosis, diagnosis_of
 from sandbox.gap.excerpts import excerpted
 from sandbox.gap.report.ranking import ranking
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.withheld.baselines.methods import BASELINES
 from sandbox.withheld.scoring.running import code_digest
 
@@ -71,7 +71,7 @@ def one_row(folder: Path, name: str, kind: str, truth: dict[str, Any]) -> dict[s
     that is looked at afterwards."""
     began = time.process_time()
     try:
-        found: dict[str, Any] = answered(diagnose(excerpted(read_campaign(folder)), workers=1))
+        found: dict[str, Any] = answered(diagnosis_of(excerpted(read_folder(folder)), workers=1))
     except Exception as error:  # whatever it is, it counts as wrong
         found = {"failed": repr(error)}
     cpu = time.process_time() - began

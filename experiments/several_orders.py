@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 
 from experiments.drawing import RESULTS
 from model.effects.library import load_effect
-from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
+from sandbox.gap.diagnose import Diagnosis, diagnosis_of, verdict
 from sandbox.recordings.campaign import Campaign
 from sandbox.withheld.making.case_list import Case
 from sandbox.withheld.making.draw import Drawn, draw
@@ -123,7 +123,7 @@ def by_order(values: Mapping[str, float]) -> list[tuple[float, str]]:
 def row(name: str) -> str:
     """Return the table's row of a case."""
     campaign, own = recorded(name)
-    d: Diagnosis = diagnose(
+    d: Diagnosis = diagnosis_of(
         campaign, workers=1, report=lambda words: print(f"{name}: {words}", flush=True)
     )
     found = {k: e.value for k, e in d.parameters[0].items()}

@@ -33,7 +33,7 @@ from sandbox.gap.evidence.noise import floor_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import Campaign, read_campaign
+from sandbox.recordings.campaign import Campaign, read_folder
 from sandbox.replay.replay import prepare
 from sandbox.withheld.making.case_list import Case, Maps, cases
 from sandbox.withheld.making.draw import draw
@@ -80,7 +80,7 @@ def rows_of(case: Case, seed: int, folder: Path) -> Iterator[Row]:
     """Yield the rows of a diagnosed campaign."""
     report = json.loads((folder / "diagnoses" / f"{case.name}.json").read_text(encoding="utf-8"))
     stated = {e["name"]: e["share"] for e in report["effects"] if e["share"] is not None}
-    whole = gap_of(read_campaign(folder / "campaigns" / case.name))
+    whole = gap_of(read_folder(folder / "campaigns" / case.name))
     nothing = gap_of(campaign_of(draw(case, seed, case.names)))
     for effect in sorted({*case.names, *stated}):
         share = stated.get(effect, {"value": 0.0, "ci95": [0.0, 0.0], "alone": 0.0})

@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Any
 
 from experiments.truths import truths_of
-from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
+from sandbox.gap.diagnose import Diagnosis, diagnosis_of, verdict
 from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.output.files import write_json
 from sandbox.output.tables import print_table
-from sandbox.recordings.campaign import Campaign, read_campaign
+from sandbox.recordings.campaign import Campaign, read_folder
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 CAMPAIGNS = ("p01", "p04", "p12")  # no gap, one effect, two effects
@@ -77,7 +77,7 @@ def main(folder: Path) -> None:
                     name,
                     truths[name],
                     share,
-                    diagnose(misstated(read_campaign(folder / name), share), workers=1),
+                    diagnosis_of(misstated(read_folder(folder / name), share), workers=1),
                 )
             )
             write_json(RESULTS, "stated_noise", {"rows": rows})

@@ -28,7 +28,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import decompose
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.replay.replay import prepare
 
 SHOWN = 6  # orders listed
@@ -128,7 +128,7 @@ def of_residual() -> dict[int, float]:
     """Return the shares of the residual's excess in the largest orders, before anything is
     fitted."""
     with tempfile.TemporaryDirectory() as folder:
-        campaign = read_campaign(thor_with_map(Path(folder)))
+        campaign = read_folder(thor_with_map(Path(folder)))
         start = Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
     shares: dict[int, float] = {}
     for n, share in decompose(start, shown(start)).electrical.items():

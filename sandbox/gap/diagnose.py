@@ -1,6 +1,6 @@
 """A campaign diagnosed: where the gap lies, which effect causes it, how far it shrinks.
 
-    diagnosis = diagnose("campaign-folder")
+    diagnosis = diagnosis_of("campaign-folder")
     diagnosis.best.effects, diagnosis.best.probability
 
 Only the campaign folder is read; everything follows from it and the nominal model in it.
@@ -38,7 +38,7 @@ from sandbox.gap.unstated.drifting import Drifting, drifting
 from sandbox.gap.unstated.pwm_counts import Counted
 from sandbox.gap.unstated.unstated import Unstated
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_folder
 from sandbox.replay.map_error import same_map
 from sandbox.replay.memory import USUAL, spare
 from sandbox.replay.replay import prepare
@@ -50,7 +50,7 @@ NINE_IN_TEN = 600  # simulations within which nine in ten diagnoses end: what a 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """All that a diagnosis found; `sandbox.gap.report.diagnosis_json.contract` puts it into
+    """All that a diagnosis found; `sandbox.gap.report.diagnosis_json.document` puts it into
     `diagnosis.json`.
 
     nominal, before, after: the campaign at the nominal model, after refitting ordinary deviations
@@ -101,7 +101,7 @@ class Diagnosis:
         return tuple(out)
 
 
-def diagnose(
+def diagnosis_of(
     campaign: str | Path | Campaign,
     *,
     exclude: Sequence[str] = (),
@@ -119,7 +119,7 @@ def diagnose(
     """
     began = time.perf_counter()
     report("reading")
-    own = begun(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
+    own = begun(campaign if isinstance(campaign, Campaign) else read_folder(campaign))
     spent: list[float] = []
     with counted(spent.append):
         d = _diagnosed(own, exclude, rivals, workers, memory, report)

@@ -130,7 +130,7 @@ def refitted(m: Motion) -> Refitted:
     return Refitted(None, found, {}, ci95, units, {}, said)
 
 
-def contract(m: Motion) -> dict[str, Any]:
+def document(m: Motion) -> dict[str, Any]:
     """Return what `diagnosis.json` holds beyond its header; `motion` is more than other campaigns'
     have."""
     s = m.best.shaft

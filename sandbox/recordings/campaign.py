@@ -138,7 +138,7 @@ class CampaignRecording:
     Of a part of a longer recording: of: its file; starts_at: s from its beginning to the first row
     here; settling: the rows before that, which a replay goes through first and which are no part of
     its residual.
-    source: the log's own columns by contract name, of what the log holds; empty where the log has
+    source: the log's own columns by standard name, of what the log holds; empty where the log has
     our names.
     made: of what its angle was made, None where it was read.
     """
@@ -269,7 +269,7 @@ class Campaign:
     uncertainty: Mapping[str, float]
     background: Mapping[str, float]
     rated_from_data: bool
-    # what `sandbox.recordings.importing` noticed; empty from `read_campaign`
+    # what `sandbox.recordings.importing` noticed; empty from `read_folder`
     findings: tuple[Finding, ...] = ()
     limits: Limits = NO_LIMITS
     excerpts: Excerpts | None = None
@@ -304,7 +304,7 @@ class Campaign:
         return together({r.file: r.to_pandas() for r in self.recordings})
 
 
-def read_campaign(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaign:
+def read_folder(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaign:
     """Read a campaign folder; BadInput names the file, column, row or key that is wrong.
 
     `rotors` limits the tables read (identification needs the locked ones only).

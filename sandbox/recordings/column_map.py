@@ -1,7 +1,7 @@
-"""The column map: names, units, scales and other kinds of signals, turned into the contract's
+"""The column map: names, units, scales and other kinds of signals, turned into standard
 columns.
 
-A `[columns]` table holds one entry a contract name, e.g.
+A `[columns]` table holds one entry a standard name, e.g.
 `theta = {column = "Pos", unit = "deg", mechanical = true}`; IMPORTING.md beside this file tells the
 whole.
 """
@@ -60,7 +60,7 @@ MOST_LISTED = 12  # columns named where one is missing
 
 @dataclass(frozen=True)
 class Column:
-    """How one contract column is read: from a named column or a constant value, unit, then scale
+    """How one standard column is read: from a named column or a constant value, unit, then scale
     and offset.
 
     others: names that may stand for the column's, and the last parts of names that are paths; with
@@ -94,7 +94,7 @@ class Column:
 
 
 def parse_columns(data: Mapping[str, Any], source: str) -> dict[str, Column]:
-    """Return the [columns] table by contract name; BadInput names the key that is wrong."""
+    """Return the [columns] table by standard name; BadInput names the key that is wrong."""
     try:
         table = table_of(data, "columns")
         return {name: _parse(name, entry) for name, entry in table.items()}
@@ -161,8 +161,8 @@ def _factor(name: str, unit: str, where: str) -> tuple[float, float]:
     return units[unit]
 
 
-class Contract(NamedTuple):
-    """The contract's columns of a table, what was changed or lost on the way, and of what the angle
+class StandardColumns(NamedTuple):
+    """The standard columns of a table, what was changed or lost on the way, and of what the angle
     was made."""
 
     values: dict[str, Array]
@@ -170,7 +170,7 @@ class Contract(NamedTuple):
     made: Made | None
 
 
-def contract(
+def standard_columns(
     file: str,
     table: Table,
     columns: Mapping[str, Column],
@@ -179,8 +179,8 @@ def contract(
     *,
     locked: bool = False,
     period: float = 0.0,
-) -> Contract:
-    """Return the contract's columns of a table.
+) -> StandardColumns:
+    """Return the standard columns of a table.
 
     Names that [columns] does not mention are taken where the table has them; `link` (V) stands in
     for an absent u_dc, speed, Hall states or counted steps for an absent angle; one that is locked
@@ -216,13 +216,13 @@ def contract(
             'steps = {column = "tachometer"}'
         )
     kept = {n: found[n] for n in ("t", "theta", "u_dc", *OPTIONAL) if n in found}
-    return Contract({**kept, **voltages, **currents}, notes, made)
+    return StandardColumns({**kept, **voltages, **currents}, notes, made)
 
 
 def measured(
     file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float
 ) -> tuple[dict[str, Array], list[Finding]]:
-    """Return the contract's columns that a table has, in their units, and what was changed on the
+    """Return the standard columns that a table has, in their units, and what was changed on the
     way."""
     notes = [Finding(file, column, None, text) for column, text in table.notes]
     length = max((len(v) for v in table.columns.values()), default=0)
@@ -253,7 +253,7 @@ def stamps_of(file: str, table: Table, columns: Mapping[str, Column]) -> Array |
 
 
 def _entry(table: Table, mapped: Mapping[str, Column], name: str) -> Column | None:
-    """Return how a contract column is read, by the map or by a name of ours; None where a table
+    """Return how a standard column is read, by the map or by a name of ours; None where a table
     lacks it."""
     ours = name in OURS and (name in table.columns or name in table.also)
     return mapped.get(name) or (Column(name, name) if ours else None)
@@ -281,14 +281,14 @@ def available(table: Table, columns: Mapping[str, Column]) -> dict[str, Column]:
 
 
 def source_columns(table: Table, columns: Mapping[str, Column]) -> dict[str, str]:
-    """Return the table's own columns by contract name, without constants that stand in."""
+    """Return the table's own columns by standard name, without constants that stand in."""
     mapped = available(table, columns)
     ours = {n: n for n in KIND if n not in mapped and table.key(n) is not None}
     return ours | {n: c.column for n, c in mapped.items() if c.value is None}
 
 
 def source_units(table: Table, columns: Mapping[str, Column]) -> dict[str, str]:
-    """Return the units in which a table's columns are read, by contract name, where map or table
+    """Return the units in which a table's columns are read, by standard name, where map or table
     state one."""
     mapped, out = available(table, columns), {}
     for name, own in source_columns(table, columns).items():
@@ -338,7 +338,7 @@ def _values(
     notes: list[Finding],
     turns: Array | None,
 ) -> Array:
-    """Return one column in the contract's unit: unwrapped, times unit, scale and pole pairs, plus
+    """Return one column in the standard unit: unwrapped, times unit, scale and pole pairs, plus
     offset.
 
     turns: electrical, from row to row by the log's speed, by which an angle is unwrapped.

@@ -37,12 +37,12 @@ from sandbox.recordings.checks.plausibility import check
 from sandbox.recordings.column_map import (
     OURS,
     Column,
-    contract,
     has_voltages,
     lacks_voltages,
     parse_columns,
     source_columns,
     stamps_of,
+    standard_columns,
 )
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.copies import counted_once
@@ -258,7 +258,7 @@ def _logs(
     source: Source,
     findings: list[Finding],
 ) -> list[tuple[str, dict[str, Array], Made | None]]:
-    """Return the logs that one table holds one after another: name, the contract's columns, of what
+    """Return the logs that one table holds one after another: name, the standard columns, of what
     the angle was made.
 
     An angle is followed from row to row, so each log is read by itself.  What is said of all is
@@ -269,7 +269,7 @@ def _logs(
     out, said = [], set[str]()
     for name, first, part in parts:
         try:
-            values, notes, made = contract(
+            values, notes, made = standard_columns(
                 name, part, source.mapped, source.pole_pairs, link, locked=locked, period=period
             )
         except BadInput as error:

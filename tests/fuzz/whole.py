@@ -22,7 +22,7 @@ from sandbox.output.provenance import made_by
 from sandbox.public.campaigns.diagnosed import earlier_answer
 from sandbox.public.motor import audit
 from sandbox.public.verifying import verify
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
 from sandbox.sweep import store
@@ -128,7 +128,7 @@ def make_foreign(suffix):
         make_campaign(folder)
         text = (folder / "campaign.toml").read_text()
         pairs = load_drive("ipm_exchanged").motor.pole_pairs
-        for r in read_campaign(folder).recordings:
+        for r in read_folder(folder).recordings:
             columns = {
                 "Time": 1e3 * r.t,
                 "Ua": r.u_alpha,
@@ -347,7 +347,7 @@ def of_text(change):
 
 def read_both(folder):
     """Read a campaign by either door."""
-    read_campaign(folder)
+    read_folder(folder)
     read_recordings(folder)
 
 

@@ -312,7 +312,7 @@ def power(rivals: Rivals, tried: Tried) -> float:
 
 
 def as_json(n: Next | None) -> Mapping[str, object] | None:
-    """Return the contract's `next_recording`."""
+    """Return `next_recording` of `diagnosis.json`."""
     if n is None:
         return None
     return {

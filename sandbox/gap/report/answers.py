@@ -14,7 +14,7 @@ import numpy as np
 from model.effects import library
 from model.errors import BadInput
 from model.mapped import MappedMotor
-from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
+from sandbox.gap.diagnose import Diagnosis, diagnosis_of, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.curves import CurveFound, curves_found
@@ -62,7 +62,7 @@ class Answers:
 
     @property
     def verdict(self) -> str:
-        """Return the contract's verdict."""
+        """Return the verdict."""
         return verdict(self.diagnosis)
 
     @property
@@ -96,7 +96,7 @@ def answer(
     """
     for name in exclude:
         library.load_effect(name)
-    d = diagnose(
+    d = diagnosis_of(
         campaign, exclude=exclude, rivals=rivals, workers=workers, memory=memory, report=report
     )
     report("where it lies")

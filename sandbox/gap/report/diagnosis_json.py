@@ -1,4 +1,4 @@
-"""`diagnosis.json`: the contract that scripts rely on (its keys: `sandbox/output/schemas`)."""
+"""`diagnosis.json`: what scripts rely on (its keys: `sandbox/output/schemas`)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from sandbox.gap.report.which import badge
 from sandbox.recordings.campaign import Excerpts
 
 
-def contract(
+def document(
     d: Diagnosis,
     where: Sequence[Finding],
     position: PositionError | None,
@@ -33,8 +33,7 @@ def contract(
     alike: Alike | None = None,
     whole: Ranking | None = None,
 ) -> dict[str, Any]:
-    """Return what `diagnosis.json` holds beyond its header; alike and gap.remains are more than the
-    contract.
+    """Return what `diagnosis.json` holds beyond its header.
 
     whole: the list of all effects; worked out here where it is not given.
     """

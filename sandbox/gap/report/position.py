@@ -42,8 +42,7 @@ class PositionError:
     """Rms position error (deg electrical) over the turning recordings with injection, and what it
     was taken from.
 
-    believing_after: on recorded currents with a belief that has the diagnosed motor (not part of
-    the contract).
+    believing_after: on recorded currents with a belief that has the diagnosed motor.
     """
 
     recorded: float
@@ -54,7 +53,7 @@ class PositionError:
     files: tuple[str, ...]
 
     def as_json(self) -> dict[str, float]:
-        """Return the contract's three numbers."""
+        """Return three numbers of `diagnosis.json`."""
         keys = ("recorded", "simulated_before", "simulated_after")
         return {key: getattr(self, key) for key in keys}
 

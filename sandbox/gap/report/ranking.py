@@ -117,7 +117,7 @@ def beside_unknown(part: OpenPart, name: str) -> dict[str, Any]:
 
 
 def parameter(e: Estimate) -> dict[str, Any]:
-    """Return one parameter as the contract has it."""
+    """Return one parameter as `diagnosis.json` has it."""
     return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} | (
         {"at_bound": True} if e.at_bound else {}
     )

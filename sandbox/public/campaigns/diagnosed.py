@@ -61,10 +61,10 @@ class DiagnosisResult(Result):
     def as_json(self) -> dict[str, Any]:
         """Return what `diagnosis.json` holds beyond its header."""
         from sandbox.gap.planning.bench_table import NAME
-        from sandbox.gap.report.diagnosis_json import contract
+        from sandbox.gap.report.diagnosis_json import document
 
         a = self.answers
-        told = contract(
+        told = document(
             a.diagnosis, a.where, a.position, a.following, a.remains, a.alike, a.ranking
         )
         if self.table is not None and told["next_recording"] is not None:

@@ -91,15 +91,15 @@ def _columns(file: str, table: Table) -> str:
     lines, guessed, step = [f"# Columns of {shown(file)}:"], list[str](), "1e-4"
     for name, x in list(table.columns.items())[:MOST_COLUMNS]:
         plain = name.rpartition(".")[2].lower().replace("_", "").replace(" ", "")
-        contract = next((c for c, names in GUESSES.items() if plain in names), None)
+        standard = next((c for c, names in GUESSES.items() if plain in names), None)
         finite = x[np.isfinite(x)]
         reach = f"{finite.min():.6g} to {finite.max():.6g}" if finite.size else "no number"
         steps = np.diff(finite)
         rising = ", rising" if steps.size and np.all(steps > 0.0) else ""
         lines.append(f"#   {shown(name)}: {reach}{rising}")
-        if contract and not any(line.startswith(f"{contract} =") for line in guessed):
-            hint = f"  # {HINTS[contract]}" if contract in HINTS else ""
-            guessed.append(f"{contract} = {{column = {json.dumps(name)}}}{hint}")
-        if contract == "t" and steps.size:
+        if standard and not any(line.startswith(f"{standard} =") for line in guessed):
+            hint = f"  # {HINTS[standard]}" if standard in HINTS else ""
+            guessed.append(f"{standard} = {{column = {json.dumps(name)}}}{hint}")
+        if standard == "t" and steps.size:
             step = f"{SECONDS.get(table.units.get(name, 's'), 1.0) * np.median(steps):.6g}"
     return "\n".join([*lines, "", "[columns]", *guessed]) + "\n" + TAIL % step

@@ -41,9 +41,9 @@ class MotionResult(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `diagnosis.json` holds beyond its header."""
-        from sandbox.motion.telling import contract
+        from sandbox.motion.telling import document
 
-        return contract(self.motion)
+        return document(self.motion)
 
     def columns(self) -> dict[str, Column]:
         """Return one row a parameter of the best set: name, value, 95 % interval, unit."""

@@ -20,7 +20,7 @@ from sandbox.recordings.checks.balance import PHASES, VOLTAGES, Columns, Complex
 
 THIRD = 2.0 * math.pi / 3.0
 SQRT3 = math.sqrt(3.0)
-Source = Mapping[str, str]  # contract name -> the log's column, of what the log holds
+Source = Mapping[str, str]  # standard name -> the log's column, of what the log holds
 OURS: Source = {n: n for n in ("t", "theta", "u_dc", *PHASES, *VOLTAGES)}
 DUTIES = ("d_a", "d_b", "d_c")
 ANGLE, CURRENT, VOLTAGE, MOTOR = "angle", "current", "voltage", "motor"
@@ -37,7 +37,7 @@ CONVENTIONS = (
 class Change:
     """What undoes one mistake.
 
-    part: of what; column: the contract's column whose value is shown, empty for the motor; guess
+    part: of what; column: the standard column whose value is shown, empty for the motor; guess
     and remedy: words;
     signal: what makes a recording's current or voltage vector of its columns; scale: of that
     vector; turn: factor of the angle; values: factors of resistance, half sum and half difference
@@ -104,7 +104,7 @@ def of_base(part: str, scale: float, drive: Drive, source: Source) -> Change:
 
 
 def source_of(r: CampaignRecording) -> Source:
-    """Return the log's columns by contract name; our own names where nothing was mapped."""
+    """Return the log's columns by standard name; our own names where nothing was mapped."""
     return r.source or OURS
 
 
@@ -211,7 +211,7 @@ def _of_currents(source: Source) -> Iterator[Change]:
 
 
 def _column(name: str, usual: str) -> str:
-    """Return the contract's column of which a value can be shown."""
+    """Return the standard column of which a value can be shown."""
     return name if name in (*PHASES, *VOLTAGES) else usual
 
 

@@ -118,7 +118,7 @@ class Reading:
 
     @property
     def column(self) -> str:
-        """The contract's column whose value is shown, empty for the motor's values."""
+        """The standard column whose value is shown, empty for the motor's values."""
         return "theta" if self.zero or not self.changes else self.changes[0].column
 
     @property

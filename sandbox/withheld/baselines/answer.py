@@ -1,4 +1,4 @@
-"""What a simple method answers, in the contract of `diagnosis.json`."""
+"""What a simple method answers, in the form of `diagnosis.json`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ REMAINS = 1.05  # times the floor: more than this is left unexplained
 
 @dataclass(frozen=True)
 class Answer:
-    """A diagnosis in the contract of `diagnosis.json`."""
+    """A diagnosis in the form of `diagnosis.json`."""
 
     json: dict[str, Any]
 

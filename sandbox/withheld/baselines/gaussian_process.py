@@ -28,7 +28,7 @@ from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.normal import Point, counted, normal
 from sandbox.gap.evidence.priors import Coordinate, ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.withheld.baselines import discrepancy_process as gp
 from sandbox.withheld.baselines import refit as fit
 from sandbox.withheld.baselines.answer import Answer, answer
@@ -109,7 +109,7 @@ class Search:
 
 def by_gaussian_process(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     """Answer by the effects that have most evidence beside a Gaussian process."""
-    started, campaign, spent = time.perf_counter(), read_campaign(folder), list[float]()
+    started, campaign, spent = time.perf_counter(), read_folder(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
         search = Search(process_of(null.point, exclude), lambda: sum(spent) > MAX_SIMULATIONS)

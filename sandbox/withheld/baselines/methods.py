@@ -1,4 +1,4 @@
-"""What a careful user would try without the project's diagnosis; each answers in the same contract.
+"""What a careful user would try without the project's diagnosis; each answers in the same form.
 
 - `refit`: refit the ordinary deviations unbounded, name the one that left its stated uncertainty
   furthest;
@@ -27,7 +27,7 @@ from model.errors import BadInput
 from sandbox.gap.evidence.normal import Point, counted
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.withheld.baselines import refit as fit
 from sandbox.withheld.baselines.answer import Answer, answer
 from sandbox.withheld.baselines.gaussian_process import by_gaussian_process
@@ -46,7 +46,7 @@ FREE = 4  # rounds of Gauss-Newton without priors
 def by_refit(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     """Refit the ordinary deviations without priors or bounds, name the furthest off (the effect it
     belongs to)."""
-    started, campaign = time.perf_counter(), read_campaign(folder)
+    started, campaign = time.perf_counter(), read_folder(folder)
     null, raw = fit.nuisances(campaign)
     stated = ordinary(campaign)
     # without bounds first, then without priors
@@ -78,7 +78,7 @@ def by_bic(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     All are screened by the equations of the ordinary fit; the best few are fitted, and one that
     cannot be is skipped.
     """
-    started, campaign, spent = time.perf_counter(), read_campaign(folder), list[float]()
+    started, campaign, spent = time.perf_counter(), read_folder(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
         found = [Visited((), null, null.cost)]

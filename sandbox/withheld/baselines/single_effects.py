@@ -30,7 +30,7 @@ from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, counted, normal
 from sandbox.gap.evidence.priors import Coordinate, ordinary
 from sandbox.gap.posterior.candidates import candidates
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.withheld.baselines import refit as fit
 from sandbox.withheld.baselines.answer import Answer, answer
 from sandbox.withheld.baselines.screening import columns
@@ -57,7 +57,7 @@ class Equations(NamedTuple):
 
 def by_single_effects(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     """Answer by a sum of single effects at the fit of ordinary deviations."""
-    started, campaign, spent = time.perf_counter(), read_campaign(folder), list[float]()
+    started, campaign, spent = time.perf_counter(), read_folder(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
         usual = ordinary(campaign)

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from sandbox.gap.evidence.normal import Point, counted
 from sandbox.gap.evidence.priors import Coordinate, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.withheld.baselines import refit as fit
 from sandbox.withheld.baselines.answer import Answer, answer
 from sandbox.withheld.baselines.refit import ROUNDS, UNFITTED, Refit
@@ -53,7 +53,7 @@ class Visited(NamedTuple):
 
 def by_stepwise(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     """Answer by the set of effects that no added and no dropped effect betters."""
-    started, campaign, spent = time.perf_counter(), read_campaign(folder), list[float]()
+    started, campaign, spent = time.perf_counter(), read_folder(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
         search = Search(exclude, lambda: sum(spent) > MAX_SIMULATIONS)

@@ -24,7 +24,7 @@ from model.effects.library import effect_names
 from model.energy import flux_newton
 from model.parameters import Motor
 from sandbox.gap.evidence.priors import ordinary as stated
-from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_folder
 from sandbox.replay.inputs import noise_floor
 from sandbox.replay.replay import prepare
 from sandbox.withheld.baselines.answer import Answer, answer
@@ -189,7 +189,7 @@ def mechanical(
 
 def by_voltage(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     """Answer by the effect whose columns explain most of what ordinary deviations leave."""
-    started, campaign = time.perf_counter(), read_campaign(folder)
+    started, campaign = time.perf_counter(), read_folder(folder)
     prepared = prepare(campaign, steps=1)
     blocks: list[tuple[Complex, Columns, float, float | None]] = []
     for r, inputs in zip(campaign.recordings, prepared.recordings, strict=True):

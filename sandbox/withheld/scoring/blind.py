@@ -20,13 +20,13 @@ from model.effects import library
 from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
 from sandbox.engine.processes import Cluster
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.location.where import where
 from sandbox.gap.report.answers import next_recording
-from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.diagnosis_json import document
 from sandbox.gap.report.ranking import ranking
 from sandbox.output.files import plain
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.withheld.making.make import CAMPAIGNS, HASH, SEAL
 from sandbox.withheld.scoring.documents import check_report, check_truth
 from sandbox.withheld.scoring.recommended import recommended
@@ -41,9 +41,9 @@ LEAST_LEFT_OUT = 1.0  # size from which on an effect is left out of the library
 def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
     """Diagnose a campaign with the project's own diagnosis; what effects do to the position error
     is not scored."""
-    d = diagnose(read_campaign(folder), exclude=exclude, workers=1)
+    d = diagnosis_of(read_folder(folder), exclude=exclude, workers=1)
     whole = ranking(d, position=False)
-    return SimpleNamespace(json=plain(contract(d, where(d), None, next_recording(d), whole=whole)))
+    return SimpleNamespace(json=plain(document(d, where(d), None, next_recording(d), whole=whole)))
 
 
 def score(

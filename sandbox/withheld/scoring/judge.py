@@ -124,7 +124,7 @@ def alike(one: frozenset[str], other: frozenset[str]) -> bool:
 
 
 def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Judgement:
-    """Judge one diagnosis (the JSON contract, or {"failed": why}) against one entry of the seal."""
+    """Judge one diagnosis (`diagnosis.json`, or {"failed": why}) against one entry of the seal."""
     true = frozenset(truth["effects"])
     beyond = (truth.get("outside_subsystem") or "machine") if UNKNOWN in true else None
     head = (name, truth["kind"], truth["family"], tuple(truth["effects"]), tuple(truth["sizes"]))

@@ -17,7 +17,7 @@ import numpy as np
 from model.errors import BadInput, unknown
 from sandbox.gap.planning.menu import Entry
 from sandbox.gap.planning.within import allowed
-from sandbox.recordings.campaign import Campaign, read_campaign
+from sandbox.recordings.campaign import Campaign, read_folder
 from sandbox.recordings.writing import map_read, write_campaign
 from sandbox.withheld.making.case_list import Maps, cases
 from sandbox.withheld.making.cycles import CURRENT, Cycle, cycle
@@ -47,7 +47,7 @@ def entry_of(campaign: Campaign, name: str, seconds: float) -> Entry:
 
 def grow(folder: Path, new: Path, entry: tuple[str, float], drawn: Drawn) -> Path:
     """Write a campaign with one more recording, made on its true bench, into a new folder."""
-    campaign = read_campaign(folder)
+    campaign = read_folder(folder)
     wanted = entry_of(campaign, *entry)
     rng = np.random.default_rng([drawn.seed, 4])
     share = wanted.link if wanted.link != 1.0 else None

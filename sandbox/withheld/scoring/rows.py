@@ -71,7 +71,7 @@ class Row:
 def row(
     method: str, part: str, campaign: str, truth: Mapping[str, Any], report: Mapping[str, Any]
 ) -> Row:
-    """Return the row of one report (the diagnosis contract with `code` and `made`) beside its entry
+    """Return the row of one report (as `diagnosis.json`, with `code` and `made`) beside its entry
     of the seal."""
     code, made = str(report.get("code", "unknown")), str(report.get("made", ""))
     kept = {k: truth[k] for k in TRUTH if truth.get(k) is not None}

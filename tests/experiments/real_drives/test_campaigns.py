@@ -6,7 +6,7 @@ import pytest
 from experiments.real_drives import laas
 from experiments.real_drives.campaigns import real_drives, residual_of_motion
 from model.errors import BadInput
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.writing import write_campaign
 from tests.data import real_data
 
@@ -27,7 +27,7 @@ def test_laas_keeps_what_is_on_file(drive, tmp_path):
     alpha, beta = r.current
     i_q = np.cos(r.theta) * beta - np.sin(r.theta) * alpha
     assert i_q[0] == pytest.approx(raw.current[0])
-    again = read_campaign(write_campaign(tmp_path / "c", drive.campaign))
+    again = read_folder(write_campaign(tmp_path / "c", drive.campaign))
     assert len(again.recordings) == 3  # the ramps turn by 13 rad between two rows
     # the mean over a turning millisecond: 1 V, 0.61 rad: sin(0.305) / 0.305 = 0.985
     assert np.median(np.hypot(r.u_alpha, r.u_beta)) == pytest.approx(0.985, abs=0.001)

@@ -14,7 +14,7 @@ from model.levels import NoStaircase
 from sandbox.drive.record import COUNTS, bench_of, campaign_of, injection_axis
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.staircase import levels_of
 from sandbox.recordings.writing import write_campaign
@@ -48,7 +48,7 @@ def test_written_read_and_replayed_at_the_noise_floor(plant, rotor, effects, tmp
     without: far off."""
     scenario, done = run(rotor, plant, effects)
     write_campaign(tmp_path / "c", campaign_of(DRIVE, scenario, done.recording, "c"))
-    campaign = read_campaign(tmp_path / "c")
+    campaign = read_folder(tmp_path / "c")
     assert campaign.drive.converter == DRIVE.converter
     prepared = prepare(campaign, effects)
     found = residuals(prepared, replay(prepared, [effects, {}]))[0]
@@ -170,7 +170,7 @@ def test_a_drive_that_modulates_is_replayed_as_it_does(tmp_path):
     scenario = Scenario("run", (Segment(0.1), Segment(0.4, 0.5, 0.05, ramp=0.2)), rotor="driven")
     done = simulate(drive, scenario, load_estimator("qnull"), seed=3)
     write_campaign(tmp_path / "c", campaign_of(drive, scenario, done.recording, "c"))
-    prepared = prepare(read_campaign(tmp_path / "c"))
+    prepared = prepare(read_folder(tmp_path / "c"))
     found = residuals(prepared, replay(prepared, [{}]))[0]
     assert found.rms()[0] == pytest.approx(1.0, abs=0.04)
 

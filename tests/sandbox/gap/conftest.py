@@ -10,7 +10,7 @@ from model.drive_files import load_drive
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.report.answers import answer
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_folder
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare
 from sandbox.switched.advance import replay as switched
@@ -105,7 +105,7 @@ def small_answers(small_folder):
     """Its diagnosis; delays, which so little data cannot tell from each other, left out: words and
     files are tested."""
     return answer(
-        read_campaign(small_folder), exclude=("pwm_delay", "current_sampling", "current_filter")
+        read_folder(small_folder), exclude=("pwm_delay", "current_sampling", "current_filter")
     )
 
 
@@ -119,7 +119,7 @@ def quiet_folder(tmp_path_factory):
 @pytest.fixture(scope="session")
 def quiet_answers(quiet_folder):
     """Its diagnosis."""
-    return answer(read_campaign(quiet_folder))
+    return answer(read_folder(quiet_folder))
 
 
 def with_added(campaign, size=0.05):
@@ -150,5 +150,5 @@ def with_a_stranger(small_answers):
 
 def start(folder):
     """Return a campaign's nominal point, not fitted."""
-    campaign = read_campaign(folder)
+    campaign = read_folder(folder)
     return Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))

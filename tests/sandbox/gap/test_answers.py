@@ -42,14 +42,14 @@ from sandbox.gap.report.answers import (
     where_text,
     which_text,
 )
-from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.diagnosis_json import document
 from sandbox.gap.report.position import carrier_at, errors
 from sandbox.gap.words import quantity, times
 from sandbox.output.files import plain
 from sandbox.output.trace import read_trace
 from sandbox.public.campaigns.diagnosed import DiagnosisResult, diagnose
 from sandbox.public.campaigns.replayed import replay
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.injection import carrier
 from tests.data import recordings_folder
 from tests.sandbox.gap.conftest import DEAD_TIME
@@ -57,7 +57,7 @@ from tests.schemas import misfits
 
 
 def content_of(a):
-    return plain(contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike))
+    return plain(document(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike))
 
 
 def test_where_names_the_inverter_in_a_plain_sentence(small_answers):
@@ -429,7 +429,7 @@ def test_trace_holds_recorded_and_both_simulations(quiet_folder, quiet_answers, 
     write_traces(tmp_path / "d.rrd", quiet_answers)
     found = read_trace(tmp_path / "d.rrd")
     t, values = found["driven_fast/current_d"]
-    r = read_campaign(quiet_folder).recordings[0]
+    r = read_folder(quiet_folder).recordings[0]
     assert np.allclose(t, r.t, atol=1e-8)
     assert values.shape == (len(r.t), 3)
     i_alpha, i_beta = r.current
@@ -458,11 +458,11 @@ def test_bad_calls_get_one_sentence(quiet_folder, tmp_path, capsys, call, part):
 
 
 def test_linear_nominal_model(quiet_folder):
-    own = linear(read_campaign(quiet_folder))
+    own = linear(read_folder(quiet_folder))
     assert [getattr(own.drive.motor, f"alpha_{k}") for k in ("30", "12", "40", "22", "04")] == 5 * [
         0.0
     ]
-    assert read_campaign(quiet_folder).drive.motor.alpha_30 != 0.0
+    assert read_folder(quiet_folder).drive.motor.alpha_30 != 0.0
 
 
 def test_estimator_outside_the_loop_is_the_one_inside():
@@ -521,7 +521,7 @@ def test_quantities_are_written_as_people_do(e, text):
 def test_linear_model_as_nominal_is_found_to_lack_saturation():
     """The project's first story as a gap: three recordings of a saturated motor, the linear model
     as nominal."""
-    campaign = read_campaign(recordings_folder() / "practice" / "p01")
+    campaign = read_folder(recordings_folder() / "practice" / "p01")
     some = tuple(campaign[f] for f in ("locked_d", "locked_q_inject_q", "run_slow"))
     found = answer(linear(dataclasses.replace(campaign, recordings=some)))
     print(which_text(found), far_text(found))

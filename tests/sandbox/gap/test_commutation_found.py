@@ -7,7 +7,7 @@ sure and wrong.
 
 import pytest
 
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, TURNING, small_campaign
 
 
@@ -20,7 +20,7 @@ def test_dead_time_by_switches_diodes_and_capacitance(capacitance):
     rated current; 1 nF: at a third of it.  J scatters by 0.8 % (`test_five_at_once`); five
     deviations are allowed."""
     put_in = {"dead_time.time": DEAD_TIME, "dead_time.capacitance": capacitance}
-    d = diagnose(small_campaign(put_in, CASES + TURNING), workers=1)
+    d = diagnosis_of(small_campaign(put_in, CASES + TURNING), workers=1)
     assert d.best.effects == ("dead_time",)
     assert d.best.probability > 0.9
     assert d.size.before > 9.0

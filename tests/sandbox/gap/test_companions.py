@@ -4,7 +4,7 @@ them alone."""
 import pytest
 
 from model.effects import library
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.evidence.priors import of_effect
 from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
 
@@ -41,7 +41,7 @@ def test_an_effect_is_named_without_a_false_companion(name, size):
     that are looked at, widened by 1.22: 0.05 / 3 to both sides), with an interval that a bound does
     not cut to nothing."""
     effect = name.partition(".")[0]
-    d = diagnose(small_campaign({name: size}, CASES), exclude=OTHERS, workers=1)
+    d = diagnosis_of(small_campaign({name: size}, CASES), exclude=OTHERS, workers=1)
     assert d.best.effects == (effect,)
     assert d.best.probability > 0.9
     found = d.parameters[0][name]

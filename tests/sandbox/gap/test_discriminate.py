@@ -37,7 +37,7 @@ from sandbox.gap.posterior.evaluated import evaluate
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.settings import USUAL
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording, read_folder
 from sandbox.replay.replay import prepare, replay
 from tests.sandbox.gap.conftest import DRIVE, start
 
@@ -110,7 +110,7 @@ def test_the_link_is_as_tight_as_control_allows(small_folder):
     motor = drive.motor
     for entry in menu(drive):
         columns = recording_of(
-            read_campaign(small_folder), entry, lambda torque: np.zeros(len(torque))
+            read_folder(small_folder), entry, lambda torque: np.zeros(len(torque))
         ).recordings[0]
         used = np.hypot(columns.u_alpha, columns.u_beta).max() / (
             entry.link * drive.converter.voltage_limit
@@ -130,7 +130,7 @@ def test_the_link_is_as_tight_as_control_allows(small_folder):
 def test_a_bench_can_play_what_is_recommended(small_folder, tmp_path):
     """Every experiment's table keeps the limits; its voltages, played to the motor, make the
     currents asked for."""
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     drive = replace(campaign.drive, converter=replace(campaign.drive.converter, current_noise=1e-3))
     rated = drive.motor.rated_current
     for entry in menu(drive, 0.25):
@@ -169,7 +169,7 @@ def test_no_table_goes_beyond_a_benchs_limits(small_folder):
     """A bench of 40 % of rated current and 30 % of rated speed, on half the link: what the motor
     then does, with the ripple of an injection and a free rotor's own speed, stays within; without
     limits the same menu goes beyond all."""
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     drive, motor = campaign.drive, campaign.drive.motor
     bench = Limits(
         0.4 * motor.rated_current, 0.3 * motor.rated_speed_rpm, 0.5 * drive.converter.dc_bus_voltage
@@ -203,7 +203,7 @@ def test_an_injections_ripple_counts(small_folder, name):
     """The table's voltages, played to the exact plant, keep the current's limit where the setpoints
     alone would not tell; 0.8 of rated current leaves room for the ripple of 0.2
     (`injection_defaults`)."""
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     drive, most = campaign.drive, 0.8 * campaign.drive.motor.rated_current
     found = bench_table(
         replace(campaign, limits=Limits(most)), Next(name, "", 0.5, (("a",), ()), 20.0, 0.97), drive
@@ -217,7 +217,7 @@ def test_an_injections_ripple_counts(small_folder, name):
 def test_the_page_on_recording_names_experiments_of_the_menu(small_folder):
     """And those it recommends for a kind of bench need no other kind of rotor than the bench
     has."""
-    known = {e.name: e.rotor for e in menu(read_campaign(small_folder).drive)}
+    known = {e.name: e.rotor for e in menu(read_folder(small_folder).drive)}
     text = PAGE.read_text(encoding="utf-8")
     named = set(re.findall(r"`((?:locked|driven|free)_\w+)`", text))
     assert len(named) >= 4
@@ -237,7 +237,7 @@ def test_a_bench_does_what_it_can(small_folder):
     """Kinds of rotor it cannot have are left out; limits too low for any current leave no
     experiment; a free rotor without a stated limit stays near its rated speed however long it is
     accelerated."""
-    drive = read_campaign(small_folder).drive
+    drive = read_folder(small_folder).drive
     assert {e.link for e in allowed(drive, Limits(fixed_link=True))} == {1.0}
     assert {e.link for e in allowed(drive, NO_LIMITS)} != {1.0}
     assert {e.rotor for e in allowed(drive, Limits(can=("locked", "free")))} == {"locked", "free"}

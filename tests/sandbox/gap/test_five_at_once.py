@@ -4,7 +4,7 @@ out."""
 import pytest
 
 from experiments.shares_truth import gap_of
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.report.ranking import ranking
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, SIXTH, TURNING, small_campaign
 
@@ -28,7 +28,7 @@ def recorded(without=""):
 @pytest.fixture(scope="module")
 def found():
     """The diagnosis with every effect of the library a candidate, and its list."""
-    d = diagnose(recorded(), workers=1)
+    d = diagnosis_of(recorded(), workers=1)
     return d, ranking(d, position=False)
 
 

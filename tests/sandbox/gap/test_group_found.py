@@ -4,7 +4,7 @@ bench."""
 import pytest
 
 from model.effects import library
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.report.ranking import ranking
 from tests.sandbox.gap.conftest import CASES, small_campaign
 
@@ -18,7 +18,7 @@ def test_a_short_filter_and_late_sampling_are_a_group():
     in issue 19), each of them is not;
     what parts them is what their cards say: a link nearly used up."""
     own = small_campaign({"current_filter.time_constant": 5e-6}, CASES[2:])
-    d = diagnose(own, exclude=sorted(set(library.effect_names()) - ALIKE - OTHERS), workers=1)
+    d = diagnosis_of(own, exclude=sorted(set(library.effect_names()) - ALIKE - OTHERS), workers=1)
     found = ranking(d, position=False).as_json()
     (group,) = found["groups"]
     assert set(group["effects"]) == ALIKE

@@ -8,7 +8,7 @@ twice the rotor's angle is added to its readings; or it has cores that remember,
 import pytest
 
 from model.effects import library
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.report.ranking import SLIGHT, ranking
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, small_campaign, with_added
 
@@ -30,7 +30,9 @@ def diagnosed(effects):
 
 def of_campaign(own):
     """Return the diagnosis of a campaign, few effects candidates."""
-    return diagnose(own, exclude=[e for e in library.effect_names() if e not in LEFT], workers=1)
+    return diagnosis_of(
+        own, exclude=[e for e in library.effect_names() if e not in LEFT], workers=1
+    )
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.location.curves import curves_found
 from sandbox.gap.report.simulator import refitted
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, TURNING, small_campaign
@@ -24,7 +24,7 @@ def found():
         DRIVE, converter=dataclasses.replace(DRIVE.converter, inverter_table=TABLE)
     )
     recorded = small_campaign({}, CASES + TURNING, drive=legs)
-    return diagnose(dataclasses.replace(recorded, drive=DRIVE), workers=1)
+    return diagnosis_of(dataclasses.replace(recorded, drive=DRIVE), workers=1)
 
 
 def test_the_curve_is_the_answer(found):
@@ -63,7 +63,7 @@ def test_the_simulator_that_is_written_loses_as_much(found):
 
 def test_a_form_that_is_right_is_named_in_its_place():
     """Dead time explains its own curve: nobody asks for another one."""
-    d = diagnose(small_campaign({"dead_time.time": DEAD_TIME}, CASES + TURNING), workers=1)
+    d = diagnosis_of(small_campaign({"dead_time.time": DEAD_TIME}, CASES + TURNING), workers=1)
     assert d.best.effects == ("dead_time",)
     assert not curves_found(d.best.evaluated)
     assert all("leg_voltage" not in h.effects or h.probability < 0.01 for h in d.hypotheses)

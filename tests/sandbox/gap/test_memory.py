@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.evidence.fit import coordinates_of, fit
 from sandbox.gap.evidence.normal import Point, counted, normal
 from sandbox.gap.posterior.holdout import weights_of
@@ -163,7 +163,7 @@ def test_too_little_memory_is_refused_before_anything_runs(small_folder):
     with pytest.raises(
         BadInput, match=r"--memory 0\.5 GB is too little .* of 4800 samples; give 0\.8 or more"
     ):
-        diagnose(small_folder, memory=0.5, report=said.append)
+        diagnosis_of(small_folder, memory=0.5, report=said.append)
     assert said == ["reading"]
 
 

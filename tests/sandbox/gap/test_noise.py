@@ -12,10 +12,10 @@ from scipy.stats import chi2
 
 from model.errors import BadInput, PhysicsError
 from sandbox.cli import main
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.evidence.noise import floor_of, noise_caution, noise_of, seen
 from sandbox.gap.two_sensors import two_sensors
-from sandbox.recordings.campaign import CampaignRecording, read_campaign
+from sandbox.recordings.campaign import CampaignRecording, read_folder
 from sandbox.replay.inputs import noise_floor
 
 
@@ -42,14 +42,14 @@ def test_noise_seen_is_that_put_in(small_folder):
     35/18 / 400) = 0.10 of the square (fourth moment of (1, -2, 1)-filtered noise), so 0.13 low in
     the square, 0.065 low in the root.
     """
-    campaign, rng = read_campaign(small_folder), np.random.default_rng(0)
+    campaign, rng = read_folder(small_folder), np.random.default_rng(0)
     noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
     true = np.hypot(0.02, noise_floor(campaign.drive.converter))
     assert seen(noisy) == pytest.approx(0.935 * true, rel=0.03)
 
 
 def test_stated_noise_far_from_the_sensors_is_told(small_folder):
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     floor = noise_floor(campaign.drive.converter)
     own = dataclasses.replace(
         campaign.drive.converter, current_noise=noise_of(campaign).seen, current_resolution=0.0
@@ -70,7 +70,7 @@ def test_stated_noise_far_from_the_sensors_is_told(small_folder):
 
 
 def test_the_sum_of_two_sensors_tells_nothing_of_noise(small_folder):
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     two = tuple(
         dataclasses.replace(r, columns={**r.columns, "i_c": -r.columns["i_a"] - r.columns["i_b"]})
         for r in campaign.recordings
@@ -81,7 +81,7 @@ def test_the_sum_of_two_sensors_tells_nothing_of_noise(small_folder):
 def test_rounding_to_float32_is_no_noise(small_folder):
     """Without counts each reading is rounded to 24 bits; the sum's rest is rounding, below all
     stated noise.  What neighbouring readings show is told: 10 mA beside the bench's own 4 mA."""
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     rng = np.random.default_rng(1)
     two = []
     for r in campaign.recordings:
@@ -129,7 +129,7 @@ def test_coarse_counts_at_rest_are_cautioned_not_refused(small_folder):
     Stated in mA instead (a count of 5 A), readings a hundredth of that apart tell the slip, and it
     is refused.
     """
-    counts = with_counts(read_campaign(small_folder), 6e-3, 50e-3)
+    counts = with_counts(read_folder(small_folder), 6e-3, 50e-3)
     assert np.ptp(counts.recordings[0].i_a) == 0.0
     found = noise_caution(counts)
     assert "a count of 0.05 A hides the noise" in found
@@ -145,11 +145,11 @@ def test_coarse_counts_at_rest_are_cautioned_not_refused(small_folder):
 
 
 def test_a_nominal_model_without_finite_currents_is_refused(small_folder):
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     motor = dataclasses.replace(campaign.drive.motor, alpha_40=-1e3)
     broken = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, motor=motor))
     with pytest.raises(PhysicsError, match="nominal model predicts no finite currents"):
-        diagnose(broken, workers=1)
+        diagnosis_of(broken, workers=1)
 
 
 def slips(text):
@@ -192,7 +192,7 @@ def test_the_floor_is_what_stated_and_seen_noise_agree_on(small_folder, wrong):
     """A stated floor that is wrong by up to a fifth moves the floor by less than 1.5 %, which is
     what the seen one errs (VOTE); a right one by less than what the seen one errs, too.  20 mA of
     white noise are the truth."""
-    campaign, rng = read_campaign(small_folder), np.random.default_rng(0)
+    campaign, rng = read_folder(small_folder), np.random.default_rng(0)
     noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
     true = np.hypot(0.02, noise_floor(campaign.drive.converter))
     assert floor_of(noisy, wrong * true) == pytest.approx(true, rel=0.02)
@@ -276,7 +276,7 @@ def test_few_readings_of_two_sensors_say_nothing():
 def test_noise_that_cannot_be_seen_is_the_stated_one(small_folder):
     """Ten times the noise is no vote; nor is the sum of two sensors' readings, the third made of
     theirs, where too few blocks of locked rotors are left."""
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     both = [
         dataclasses.replace(r, columns={**r.columns, "i_c": -r.i_a - r.i_b})
         for r in campaign.recordings

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.withheld.making.case_list import Case
 from sandbox.withheld.making.draw import draw
 from sandbox.withheld.making.make import campaign_of
@@ -17,7 +17,7 @@ def test_a_shaft_is_named_without_something_unknown():
     chosen = [r for r in whole.recordings if r.rotor == "free"] + [
         r for r in whole.recordings if r.rotor == "locked"
     ][:2]
-    d = diagnose(replace(whole, recordings=tuple(chosen)), workers=1)
+    d = diagnosis_of(replace(whole, recordings=tuple(chosen)), workers=1)
     assert d.best.effects == ("shaft_compliance",)
     assert d.best.probability > 0.9  # the prior gives 0.15 to one effect more
     assert sum(h.probability for h in d.hypotheses if "unknown" in h.effects) < 0.05

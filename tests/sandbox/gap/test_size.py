@@ -14,7 +14,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.report.answers import far_text
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.sizes import BLOCKS, SCATTER, fit_with, size_at
 
@@ -85,7 +85,7 @@ def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_fold
     """One recording's currents are a fifth too large, so the fit to all is wrong.  From there the
     fit to the others ends where it does from the nominal model: a step that gains less than
     TOLERANCE ends either."""
-    own, effects = read_campaign(small_folder), ("dead_time",)
+    own, effects = read_folder(small_folder), ("dead_time",)
     first, others = own.recordings[0], weights_of(len(own.recordings), (0,))
     wrong = {k: (1.2 * x if k in ("i_a", "i_b", "i_c") else x) for k, x in first.columns.items()}
     spoilt = replace(own, recordings=(replace(first, columns=wrong), *own.recordings[1:]))

@@ -6,14 +6,14 @@ import pytest
 
 from experiments.stated_noise import misstated, unknown_of
 from model.effects import library
-from sandbox.gap.diagnose import diagnose, verdict
+from sandbox.gap.diagnose import diagnosis_of, verdict
 from sandbox.gap.evidence import noise
 from sandbox.gap.evidence.noise import Noise, noise_of, parting
 from sandbox.gap.evidence.priors import ordinary
 from sandbox.gap.report.answers import caveats
-from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.diagnosis_json import document
 from sandbox.output.files import plain
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from tests.schemas import misfits
 
 CANDIDATES = {"dead_time", "stator_resistance", "encoder_offset"}
@@ -24,10 +24,12 @@ def test_a_fifth_of_stated_noise_changes_no_answer(small_folder):
     """A fifth is more than ten errors of the vote, so the stated value weighs exp(-74) at most:
     with 0.8 and 1.2 times the noise the floor is the same to rounding, the one that readings show,
     and with it all that follows; `unknown` to what fits that end within the same tolerance leave.
-    What is overruled is said, and stands in the contract."""
-    campaign = read_campaign(small_folder)
+    What is overruled is said, and stands in `diagnosis.json`."""
+    campaign = read_folder(small_folder)
     others = sorted(set(library.effect_names()) - CANDIDATES)
-    low, high = (diagnose(misstated(campaign, x), exclude=others, workers=1) for x in (0.8, 1.2))
+    low, high = (
+        diagnosis_of(misstated(campaign, x), exclude=others, workers=1) for x in (0.8, 1.2)
+    )
     shown = noise_of(campaign).seen
     assert (low.noise.used, high.noise.used) == (pytest.approx(shown), pytest.approx(shown))
     assert low.best.effects == high.best.effects == ("dead_time",)
@@ -35,7 +37,7 @@ def test_a_fifth_of_stated_noise_changes_no_answer(small_folder):
     assert unknown_of(low) == pytest.approx(unknown_of(high), abs=1e-4)
     for d, share in ((low, 0.8), (high, 1.2)):
         assert "follows the readings more than the file" in d.caution
-        c = plain(contract(d, (), None))
+        c = plain(document(d, (), None))
         assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **c}) == []
         own = c["gap"]["noise"]
         assert own["stated"] == pytest.approx(share * noise_of(campaign).stated)
@@ -47,8 +49,8 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
     """Every effect of the library a candidate: without a gap none is found, nor `unknown` (0.05 is
     what a list that holds 95 % may leave out); an offset of one phase, ten times what is usual, is
     found by each."""
-    quiet = read_campaign(quiet_folder)
-    found = diagnose(misstated(quiet, share), workers=1)
+    quiet = read_folder(quiet_folder)
+    found = diagnosis_of(misstated(quiet, share), workers=1)
     assert verdict(found) == "no_gap"
     assert unknown_of(found) < 0.1
     offset = 10.0 * next(
@@ -61,7 +63,7 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
             for r in quiet.recordings
         ),
     )
-    got = diagnose(
+    got = diagnosis_of(
         misstated(moved, share), exclude=sorted(set(library.effect_names()) - SMALL), workers=1
     )
     assert got.best.effects == ("current_offset",)
@@ -93,7 +95,7 @@ def test_a_stated_noise_that_is_overruled_or_stands_against_the_readings_is_told
 
 def test_counts_that_hide_noise_are_not_said_to_be_overruled(small_folder, monkeypatch):
     """The sentence on counts names the floor that is used."""
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     own = dataclasses.replace(campaign.drive.converter, current_noise=1e-4, current_resolution=0.1)
     coarse = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=own))
     monkeypatch.setattr(noise, "counted", lambda campaign: True)

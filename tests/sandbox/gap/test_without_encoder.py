@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sandbox.gap.diagnose import diagnose, out_of_sight, verdict
+from sandbox.gap.diagnose import diagnosis_of, out_of_sight, verdict
 from sandbox.gap.report.which import which_text
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
@@ -41,7 +41,7 @@ def test_a_weak_magnet_is_found_and_nothing_false_is_sure(tmp_path):
     """20 % of the flux, back within 0.5 %; what an encoder does is no candidate."""
     campaign = without_angle(tmp_path / "log")
     assert set(out_of_sight(campaign)) >= {"encoder_offset", "encoder_eccentricity"}
-    d = diagnose(campaign, exclude=("pwm_delay", "current_sampling", "current_filter"))
+    d = diagnosis_of(campaign, exclude=("pwm_delay", "current_sampling", "current_filter"))
     assert d.best.effects == ("magnet_flux",)
     assert verdict(d) in ("explained", "ambiguous")
     sure = set.intersection(*(set(h.effects) for h in d.ambiguity_set))

@@ -9,7 +9,7 @@ import pytest
 
 from sandbox.motion.checked import shaft_contradicted
 from sandbox.motion.load_side import load_contradicted
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 from tests.data import recordings_folder
 
@@ -18,7 +18,7 @@ INERTIA, FRICTION, DRY = 2e-4, 1e-4, 0.01
 
 @functools.cache
 def bench(name):
-    return read_campaign(recordings_folder() / "practice" / name)
+    return read_folder(recordings_folder() / "practice" / name)
 
 
 def of_load(factor, name="p06", **motor):

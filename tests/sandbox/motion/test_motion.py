@@ -17,7 +17,7 @@ from model.errors import BadInput
 from sandbox import diagnose
 from sandbox.cli import main
 from sandbox.motion.judging import judge
-from sandbox.motion.telling import contract, parameters, refitted, sentences, todo, verdict
+from sandbox.motion.telling import document, parameters, refitted, sentences, todo, verdict
 from sandbox.motion.torques import numbers
 from sandbox.recordings.angle.changes import at_changes
 from sandbox.recordings.angle.commutation import STEP, between
@@ -171,14 +171,14 @@ def test_each_named_effect_says_what_to_do(planted):
     )
     assert all(f"sin({n} x" in said["cogging_torque"] for n in ORDERS)
     assert f"set inertia = {quantity(s.value('inertia'), 'kg m^2', 3)}" in said["inertia"]
-    assert {e["name"]: e["do"] for e in contract(planted)["effects"] if e["do"]} == said
+    assert {e["name"]: e["do"] for e in document(planted)["effects"] if e["do"]} == said
     assert next(t for head, t in sentences(planted) if head == "Do?").endswith(
         next(iter(said.values()))
     )
     own = dataclasses.replace(planted.campaign, torque_constant=None, stated={"inertia": 2e-4})
     of_torque = dataclasses.replace(planted, campaign=own)
     assert "on q" not in todo(of_torque)["coulomb_friction"]
-    assert all(row["current"] is None for row in contract(of_torque)["motion"]["orders"])
+    assert all(row["current"] is None for row in document(of_torque)["motion"]["orders"])
 
 
 @pytest.mark.parametrize("motor", ["", "[motor]\n", "[motor]\ninertia = 2e-4\n"])
@@ -205,7 +205,7 @@ def test_a_recorded_torque_needs_no_motor_and_is_told_as_no_current(tmp_path, mo
 
 
 def test_the_gap_is_closed_on_runs_held_out_and_shared(planted):
-    answer = contract(planted)
+    answer = document(planted)
     assert [r["held_out"] for r in answer["gap"]["recordings"]] == [False, False, True]
     assert answer["gap"]["closed"] > 0.95
     assert sum(planted.shares.values()) == pytest.approx(1.0)
@@ -234,7 +234,7 @@ def test_one_way_motion_cannot_tell_friction_from_an_offset():
     found = judge(campaign(shaft(0, one_way, dry=0.008), shaft(1, one_way, dry=0.008)))
     assert "coulomb_friction" in found.cannot
     assert not any("coulomb_friction" in w.effects for w in found.weighed)
-    assert contract(found)["next_recording"]["description"] == "record the same backwards"
+    assert document(found)["next_recording"]["description"] == "record the same backwards"
 
 
 def test_an_inertia_that_is_not_stated_is_estimated():
@@ -290,10 +290,10 @@ import json, sys
 from model.effects.adopt import adopt
 adopt(sys.argv[1])
 from sandbox.motion.judging import judge
-from sandbox.motion.telling import contract, refitted
+from sandbox.motion.telling import document, refitted
 from tests.sandbox.motion.shafts import both_ways, campaign, shaft
 found = judge(campaign(*(shaft(k, both_ways, dry=0.008, fan=4e-4, seconds=4.0) for k in range(2))))
-told = contract(found)
+told = document(found)
 print(json.dumps([told["hypotheses"][0], told["where"], found.cannot, refitted(found).effects]))
 """
 BENT = """

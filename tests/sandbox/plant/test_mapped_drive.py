@@ -16,7 +16,7 @@ from sandbox.drive.record import campaign_of
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.evaluation.compare import compare
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.writing import write_campaign
 from tests.data import real_data
 
@@ -99,7 +99,7 @@ def test_simulate_with_effects_and_record(mapped, tmp_path):
     assert (
         main([*call, "--record", str(tmp_path / "c"), "--out", str(tmp_path / "o"), "--quiet"]) == 0
     )
-    nominal = read_campaign(tmp_path / "c").drive.motor
+    nominal = read_folder(tmp_path / "c").drive.motor
     # the map goes along: without it a fault-free drive would look faulty
     assert isinstance(nominal, MappedMotor)
     assert nominal.map_hash == mapped.motor.map_hash
@@ -159,7 +159,7 @@ def test_a_campaign_holds_the_numbers_of_its_nominal_motor(tmp_path):
     written = write_campaign(
         tmp_path / "c", campaign_of(other, Scenario("x", (Segment(0.02),)), run.recording, "c")
     )
-    assert type(read_campaign(written).drive.motor) is Motor
+    assert type(read_folder(written).drive.motor) is Motor
     assert isinstance(other.motor, MappedMotor)
     assert without_map(load_drive("ipm").motor) == load_drive("ipm").motor
 

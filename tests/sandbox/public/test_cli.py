@@ -142,7 +142,7 @@ def test_names_with_markup_are_names(short, tmp_path, capsys):
 
 @pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_simulate_with_effects_on_both_plants_records_a_campaign(short, tmp_path, plant):
-    from sandbox.recordings.campaign import read_campaign
+    from sandbox.recordings.campaign import read_folder
 
     out, folder = tmp_path / "out", tmp_path / "recorded"
     call = ["simulate", "--scenario", str(short), "--no-trace", "--plant", plant, "--out", str(out)]
@@ -151,7 +151,7 @@ def test_simulate_with_effects_on_both_plants_records_a_campaign(short, tmp_path
     found = content(out, "simulate")
     assert found["plant"] == plant
     assert found["effects"] == {"encoder_offset.offset": 0.05, "current_offset.offset_a": 0.2}
-    campaign = read_campaign(folder)
+    campaign = read_folder(folder)
     recording = campaign.recordings[0]
     assert recording.rotor == "locked"
     half = 0.5 * 2 * np.pi * campaign.drive.motor.pole_pairs / 4096

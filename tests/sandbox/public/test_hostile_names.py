@@ -16,7 +16,7 @@ from model.drive_files import MOTORS, load_drive
 from model.errors import LONGEST_SENTENCE, BadInput, PhysicsError, sentence, shown, unknown
 from model.names import LONGEST, check_file, check_name, fitting, html_text
 from sandbox.cli import main
-from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_folder
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
@@ -114,7 +114,7 @@ def folder(tmp_path):
 
 
 @pytest.mark.parametrize("kind", HOSTILE)
-@pytest.mark.parametrize("read", [read_campaign, read_recordings])
+@pytest.mark.parametrize("read", [read_folder, read_recordings])
 def test_a_recording_stays_inside_its_campaign(kind, read, folder):
     """The file named is there, outside: it is refused all the same."""
     (folder.parent.parent / "out").write_bytes((folder / "run.parquet").read_bytes())
@@ -125,7 +125,7 @@ def test_a_recording_stays_inside_its_campaign(kind, read, folder):
         read(folder)
     toml.write_text(text.replace('"bench"', json.dumps(HOSTILE[kind], ensure_ascii=False)))
     with pytest.raises(BadInput, match=r"\[campaign\] name = "):
-        read_campaign(folder)
+        read_folder(folder)
 
 
 def test_a_recording_from_python_cannot_leave_its_folder(tmp_path):

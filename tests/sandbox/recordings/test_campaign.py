@@ -9,7 +9,7 @@ from model.drive_files import load_drive, load_limits
 from model.errors import BadInput
 from model.parameters import Limits
 from sandbox.cli import main
-from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording, read_folder
 from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
 
@@ -44,7 +44,7 @@ def _edit(folder, old, new):
 
 def test_what_is_written_is_read_again(tmp_path):
     wanted = _campaign()
-    found = read_campaign(write_campaign(tmp_path / "c", wanted))
+    found = read_folder(write_campaign(tmp_path / "c", wanted))
     assert dataclasses.replace(found.drive.motor, name="ipm") == wanted.drive.motor
     assert found.drive.converter == wanted.drive.converter
     assert found.drive.injection == wanted.drive.injection
@@ -57,10 +57,10 @@ def test_what_is_written_is_read_again(tmp_path):
 def test_a_benchs_limits_are_read_and_written(tmp_path):
     bare = write_campaign(tmp_path / "bare", _campaign())
     assert "limits" not in (bare / "campaign.toml").read_text()
-    assert read_campaign(bare).limits == NO_LIMITS
+    assert read_folder(bare).limits == NO_LIMITS
     stated = Limits(current=3, voltage=60.0, can=("locked", "driven"))
     folder = write_campaign(tmp_path / "c", dataclasses.replace(_campaign(), limits=stated))
-    assert read_campaign(folder).limits == stated
+    assert read_folder(folder).limits == stated
     assert load_limits(folder / "campaign.toml") == stated  # what `sensorless plan --motor` reads
     for old, new, message in (
         ("current = 3", "current = 0", r"campaign.toml: \[limits\] current = 0.0 is out of range"),
@@ -84,7 +84,7 @@ def test_a_benchs_limits_are_read_and_written(tmp_path):
         text = (folder / "campaign.toml").read_text()
         _edit(folder, old, new)
         with pytest.raises(BadInput, match=message):
-            read_campaign(folder)
+            read_folder(folder)
         with pytest.raises(BadInput, match=message):
             load_limits(folder / "campaign.toml")
         (folder / "campaign.toml").write_text(text)
@@ -95,7 +95,7 @@ def test_words_of_a_provenance_survive(tmp_path):
     drive = dataclasses.replace(
         wanted.drive, provenance={"a b, c": 'said "so"', "plain-key_1": "x"}
     )
-    found = read_campaign(write_campaign(tmp_path / "c", dataclasses.replace(wanted, drive=drive)))
+    found = read_folder(write_campaign(tmp_path / "c", dataclasses.replace(wanted, drive=drive)))
     assert found.drive.provenance == drive.provenance
 
 
@@ -129,7 +129,7 @@ def test_a_gap_in_time_names_its_row(tmp_path):
     t = np.arange(N) * 250e-6
     t[20:] += 250e-6
     with pytest.raises(BadInput, match=r"locked_d.parquet: t steps by 0.0005 s from row 19 to 20"):
-        read_campaign(write_campaign(tmp_path / "c", _campaign(_columns(t=t))))
+        read_folder(write_campaign(tmp_path / "c", _campaign(_columns(t=t))))
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_a_wrong_file_names_its_key(tmp_path, old, new, message):
     folder = write_campaign(tmp_path / "c", _campaign())
     _edit(folder, old, new)
     with pytest.raises(BadInput, match=message):
-        read_campaign(folder)
+        read_folder(folder)
 
 
 @pytest.mark.parametrize("name", ['["a"]', "3", "true", "1979-05-27"])
@@ -184,19 +184,19 @@ def test_a_name_that_is_no_text_is_refused_in_one_sentence(tmp_path, capsys, tab
 
 def test_a_folder_that_is_none_is_named(tmp_path):
     with pytest.raises(BadInput, match="is not a folder"):
-        read_campaign(tmp_path / "nothing")
+        read_folder(tmp_path / "nothing")
     (tmp_path / "empty").mkdir()
     with pytest.raises(BadInput, match="does not exist"):
-        read_campaign(tmp_path / "empty")
+        read_folder(tmp_path / "empty")
 
 
 def test_a_bench_campaign_without_ratings_is_read_and_copied(tmp_path):
-    campaign = read_campaign(recordings_folder() / "practice" / "p01", rotors=("locked",))
+    campaign = read_folder(recordings_folder() / "practice" / "p01", rotors=("locked",))
     motor = campaign.drive.motor
     assert campaign.rated_from_data
     assert len(campaign.recordings) == 5
     assert motor.resistance == 12.15
     assert 1.92 < motor.rated_current < 2.7
-    again = read_campaign(write_campaign(tmp_path / "copy", campaign))
+    again = read_folder(write_campaign(tmp_path / "copy", campaign))
     assert again.drive.motor == motor
     assert again.rated_from_data

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.checks.balance import PHASES
 from sandbox.recordings.checks.changes import changes
 from sandbox.recordings.checks.mistakes import contradictions, conventions_off
@@ -24,7 +24,7 @@ TWO = {"theta": "Pos", "i_a": "I_U", "i_b": "I_V", "u_alpha": "Ua", "u_beta": "U
 def bench(file="coast_down"):
     """A turning recording of the bench with its drive: fast without much current, or slow under
     load."""
-    campaign = read_campaign(recordings_folder() / "practice" / "p06")
+    campaign = read_folder(recordings_folder() / "practice" / "p06")
     r = campaign[file]
     columns = {n: x[:3000] for n, x in r.columns.items()}
     return dataclasses.replace(r, columns=columns), campaign.drive

@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.checks.balance import balance
 from sandbox.recordings.checks.shifts import curves, shifted
 from sandbox.recordings.conventions import link_exponent, with_link
@@ -159,7 +159,7 @@ def test_the_energy_of_every_shift_is_that_of_the_balance(names, rows):
 @pytest.mark.parametrize("names", [("u_alpha", "u_beta"), ("i_a", "i_b", "i_c"), ("theta",)])
 def test_columns_that_stand_many_rows_off_are_named(names, rows):
     """Further than any drive is late; told before any other cause, with the direction."""
-    campaign = read_campaign(recordings_folder() / "practice" / "p06")
+    campaign = read_folder(recordings_folder() / "practice" / "p06")
     few = [campaign[n] for n in ("run_slow", "run_fast", "coast_down")]
     pad = abs(rows) + 1
     wrong = []

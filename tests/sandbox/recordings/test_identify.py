@@ -13,7 +13,7 @@ from model.errors import BadInput
 from model.levels import NAMES, UNITS
 from model.parameters import Drive
 from sandbox.drive.locked_test import LockedBench, paper_campaign, staircase
-from sandbox.recordings.campaign import CampaignRecording, read_campaign
+from sandbox.recordings.campaign import CampaignRecording, read_folder
 from sandbox.recordings.identify import identify
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.staircase import _rest_of_transient
@@ -246,9 +246,7 @@ def test_a_staircase_starts_settled_at_its_first_level():
 
 
 def test_reading_only_locked_tables(good, tmp_path):
-    assert (
-        len(read_campaign(write_campaign(tmp_path / "c", good), rotors=("free",)).recordings) == 0
-    )
+    assert len(read_folder(write_campaign(tmp_path / "c", good), rotors=("free",)).recordings) == 0
 
 
 def test_a_gap_cuts_the_recording_at_its_row(good, tmp_path):

@@ -17,7 +17,7 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox.cli import main
 from sandbox.drive.locked_test import LockedBench, paper_campaign
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.column_map import KIND
 from sandbox.recordings.importing import how_to_map, read_recordings, regular, source_of
 from sandbox.recordings.writing import write_campaign
@@ -102,7 +102,7 @@ def _write(kind, path, columns):
     ],
 )
 def test_every_format_gives_the_same_campaign(folder, tmp_path, kind, suffix):
-    own = read_campaign(folder)
+    own = read_folder(folder)
     for r in own.recordings:
         _write(kind, tmp_path / r.file.replace(".parquet", suffix), _foreign(r))
     text = (
@@ -121,7 +121,7 @@ def test_every_format_gives_the_same_campaign(folder, tmp_path, kind, suffix):
 
 
 def test_a_folder_of_the_format_is_read_as_before(folder):
-    assert read_recordings(folder).recordings[0].file == read_campaign(folder).recordings[0].file
+    assert read_recordings(folder).recordings[0].file == read_folder(folder).recordings[0].file
     assert len(read_recordings(folder / "locked_d.parquet").recordings) == 1
 
 
@@ -393,7 +393,7 @@ def test_mdf_channels_of_one_raster(tmp_path):
 
 
 def test_identify_takes_a_column_map(folder, tmp_path):
-    for r in read_campaign(folder).recordings:
+    for r in read_folder(folder).recordings:
         _write("csv", tmp_path / r.file.replace(".parquet", ".csv"), _foreign(r))
     (tmp_path / "columns.toml").write_text(MAP + _tables(folder, ".csv"))
     call = [

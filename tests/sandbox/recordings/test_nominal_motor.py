@@ -11,7 +11,7 @@ from model.energy import flux_from_current
 from model.fluxmap import FluxMap, write_map
 from model.ratings import largest_torque
 from sandbox.recordings import importing
-from sandbox.recordings.campaign import REQUIRED, Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import REQUIRED, Campaign, CampaignRecording, read_folder
 from sandbox.recordings.writing import StatedMap, write_campaign
 
 
@@ -34,7 +34,7 @@ def test_a_map_without_rated_values_gets_the_torque_of_its_own_magnet(tmp_path, 
     run = CampaignRecording("run.parquet", "locked", "d", columns)
     own = Campaign("bench", load_drive("ipm_exchanged"), (run,), {}, {}, True)
     folder = write_campaign(tmp_path / "c", own, stated)
-    found = read_campaign(folder)
+    found = read_folder(folder)
     i_rated = 2.0 * 2.0 / 3.0  # of phase a alone, amplitude-invariant
     assert found.drive.motor.rated_current == pytest.approx(i_rated)
     wanted = largest_torque(dataclasses.replace(motor, rated_current=i_rated))
@@ -64,7 +64,7 @@ def test_an_inertia_that_nobody_stated_is_said_to_stand_in(tmp_path):
     own = stated_alone(tmp_path, "rated_current = 5.0\n")
     assert own.stand_ins == ("rated_torque", "rated_speed_rpm", "inertia")
     assert own.drive.provenance["inertia"] == "not stated; stands in: any, as no rotor is free"
-    again = read_campaign(write_campaign(tmp_path / "copy", own))
+    again = read_folder(write_campaign(tmp_path / "copy", own))
     assert again.stand_ins == own.stand_ins
     assert dataclasses.replace(again.drive.motor, name=own.drive.motor.name) == own.drive.motor
     assert again.drive.motor.rated_current == 5.0  # stated, and still so

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from model.drive_files import load_drive
 from model.energy import flux_from_current
 from model.errors import BadInput
-from sandbox.recordings.campaign import CampaignRecording, read_campaign
+from sandbox.recordings.campaign import CampaignRecording, read_folder
 from sandbox.recordings.checks.balance import PHASES, balance
 from sandbox.recordings.checks.mistakes import contradictions
 from sandbox.recordings.checks.plausibility import check
@@ -27,7 +27,7 @@ U = ("u_alpha", "u_beta")
 @functools.cache
 def _bench(name):
     """A locked, a slow and a fast recording of a practice campaign."""
-    campaign = read_campaign(recordings_folder() / "practice" / name)
+    campaign = read_folder(recordings_folder() / "practice" / name)
     kept = tuple(campaign[f] for f in ("locked_d", "run_slow", "coast_down"))
     return dataclasses.replace(campaign, recordings=kept)
 

@@ -13,7 +13,7 @@ import pytest
 
 from sandbox import check
 from sandbox.cli import main
-from sandbox.recordings.campaign import EXAMPLE, read_campaign
+from sandbox.recordings.campaign import EXAMPLE, read_folder
 from sandbox.recordings.checks.balance import PHASES, percent
 from sandbox.recordings.preflight import REFUSED, noticed, pace, quantum, ratings
 from sandbox.recordings.writing import write_campaign
@@ -27,7 +27,7 @@ KEPT = ("locked_d", "run_slow", "coast_down")
 @functools.cache
 def bench(name="p05"):
     """Three recordings of a practice campaign."""
-    campaign = read_campaign(recordings_folder() / "practice" / name)
+    campaign = read_folder(recordings_folder() / "practice" / name)
     cut = [
         dataclasses.replace(
             campaign[f], columns={n: x[:5000] for n, x in campaign[f].columns.items()}
@@ -151,7 +151,7 @@ def test_clean_campaigns_pass_without_a_word():
 def test_the_sample_campaign_passes_without_a_word():
     """One of its rotors is driven at 360 rad/s, which moves the injected 500 Hz by 57 Hz unless one
     turns with it."""
-    campaign = read_campaign(EXAMPLE)
+    campaign = read_folder(EXAMPLE)
     assert findings(campaign) == []
     none = [
         dataclasses.replace(r, columns={**r.columns, **dict.fromkeys(U, 0.0 * r.t)})
@@ -191,7 +191,7 @@ def test_two_mistakes_are_told_at_once():
 
 def test_what_stops_a_campaign_comes_first_without_hints_that_follow_from_it():
     """Currents in mA have steps of mA, too: correcting current_resolution would be wrong."""
-    campaign = read_campaign(EXAMPLE)
+    campaign = read_folder(EXAMPLE)
     recordings = all_of(scaled(PHASES, 1e3))(campaign)
     told = noticed(dataclasses.replace(campaign, recordings=recordings))
     assert told[0].level == REFUSED

@@ -20,7 +20,7 @@ from model.errors import BadInput
 from model.given import read_toml
 from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings import foreign, importing
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.checks import balance
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats import matrices
@@ -124,7 +124,7 @@ def _long_campaign(folder, rows):
 
 
 @pytest.mark.parametrize(
-    ("reading", "columns"), [(read_campaign, 11.5), (importing.read_recordings, 19.0)]
+    ("reading", "columns"), [(read_folder, 11.5), (importing.read_recordings, 19.0)]
 )
 def test_a_long_recording_is_read_once_and_checked_in_its_place(
     tmp_path, monkeypatch, reading, columns

@@ -19,7 +19,7 @@ from model.errors import BadInput
 from sandbox.plant import additions as add
 from sandbox.plant.ports import NUMBERS
 from sandbox.plant.sets import batch_of, complete, features_of
-from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_folder
 from sandbox.replay.replay import (
     halving_error,
     plan,
@@ -396,7 +396,7 @@ ORDINARY |= {"bench.load_torque_offset": 1e-3, "bench.common_offset": 1e-3}
 def practice(name):
     """Return a practice campaign, its true set, and the names of its effects."""
     folder = recordings_folder() / "practice"
-    recorded = read_campaign(folder / name)
+    recorded = read_folder(folder / name)
     truth = tomllib.loads((folder / f"{name}.truth.toml").read_text())
     motor, true = recorded.drive.motor, truth["true_motor"]
     values = {TRUE[k]: v for k, v in true.items() if k in TRUE} | {
@@ -447,7 +447,7 @@ def fitted(recorded, values, rounds):
 def test_p01_is_met_to_its_noise_floor():
     """No effect, no deviation, nothing fitted: every recording at the stated noise, and the free
     rotor's motion too."""
-    recorded = read_campaign(recordings_folder() / "practice" / "p01")
+    recorded = read_folder(recordings_folder() / "practice" / "p01")
     prepared = prepare(recorded)
     assert prepared.steps == 1
     assert max(halving_error(prepared)) < 2e-3

@@ -8,7 +8,7 @@ import pytest
 from model.errors import BadInput
 from model.parameters import Converter
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay
 from tests.sandbox.switched.other_recordings import (
@@ -63,7 +63,7 @@ def test_measured_link(name, tmp_path):
     divide, columns, says = CONVENTIONS[name]
     link = waves()
     campaign = recorded(plant(), says, link=link, divide=divide(link), columns=columns)
-    read = read_campaign(write_campaign(tmp_path / "told", campaign))
+    read = read_folder(write_campaign(tmp_path / "told", campaign))
     assert read.drive.converter.command == "volts"  # in which everything behind the door works
     # two readings stand for the link in between: of a sine of 27 V at 300 Hz (2 pi f T)^2/12 = 1.9
     # % is missed

@@ -1,4 +1,4 @@
-"""The simple methods answer in the diagnosis' contract, and find what is plain to see."""
+"""The simple methods answer in the form of a diagnosis, and find what is plain to see."""
 
 import math
 
@@ -10,7 +10,7 @@ from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.evidence.normal import turns
 from sandbox.gap.evidence.priors import ordinary
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.writing import write_campaign
 from sandbox.withheld.baselines import refit as fit
 from sandbox.withheld.baselines.methods import BASELINES, REFINED
@@ -185,7 +185,7 @@ def test_priors_are_the_campaigns_own(tmp_path):
     """Means, deviations and bounds of the diagnosis' ordinary deviations, and one angle for each
     recording."""
     folder, _ = recorded(tmp_path)
-    campaign = read_campaign(folder)
+    campaign = read_folder(folder)
     null, _ = fit.nuisances(campaign)
     own = [*ordinary(campaign), *turns(null.point.prepared)]
     assert null.normal.coordinates == tuple(own)

@@ -39,7 +39,7 @@ def test_make_and_score(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(scorer, "where", lambda found: ())
     monkeypatch.setattr(scorer, "next_recording", lambda found: None)
     monkeypatch.setattr(scorer, "ranking", lambda found, position: None)
-    monkeypatch.setattr(scorer, "contract", lambda *parts, whole: Nothing.json)
+    monkeypatch.setattr(scorer, "document", lambda *parts, whole: Nothing.json)
     assert main(["withheld", "score", str(folder), "--jobs", "1"]) == 0
     content = json.loads((folder / "withheld.json").read_text())
     assert content["command"] == "withheld"

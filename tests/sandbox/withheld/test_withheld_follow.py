@@ -9,7 +9,7 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.gap.planning.menu import menu
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.withheld.making.case_list import Case, cases
@@ -32,9 +32,9 @@ def folder(tmp_path_factory):
 def test_every_entry_can_be_recorded_and_replayed_at_the_truth(name, folder, tmp_path):
     """Floor 1 within what encoder counts cost (free rotors: 1.2 as in test_withheld_make), also on
     a lower link."""
-    grown = read_campaign(grow(folder, tmp_path / "w000", (name, 0.5), DRAWN))
+    grown = read_folder(grow(folder, tmp_path / "w000", (name, 0.5), DRAWN))
     assert [r.file for r in grown.recordings[:-1]] == [
-        r.file for r in read_campaign(folder).recordings
+        r.file for r in read_folder(folder).recordings
     ]
     added, entry = grown.recordings[-1], entry_of(grown, name, 0.5)
     assert len(added.t) == round(0.5 / DRAWN.true.converter.sampling_period)

@@ -18,7 +18,7 @@ from sandbox.gap.evidence.fit import coordinates_of
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.evidence.priors import ordinary
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.withheld.making import make as maker
 from sandbox.withheld.making.case_list import PAIR_SIZES, SHARES, Case, cases
@@ -215,7 +215,7 @@ def test_a_campaign_says_nothing_of_its_truth(tmp_path, monkeypatch):
         assert toml["campaign"] == {"name": name}
         assert set(toml["uncertainty"]) == set(DRAWN)
         assert set(toml["motor"]) == {*DRAWN, "pole_pairs"}
-        campaign = read_campaign(tmp_path / "campaigns" / name)
+        campaign = read_folder(tmp_path / "campaigns" / name)
         assert {r.file.removesuffix(".parquet") for r in campaign.recordings} == FILES
         assert campaign.rated_from_data
         for r in campaign.recordings:

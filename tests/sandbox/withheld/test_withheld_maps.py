@@ -14,7 +14,7 @@ from model.errors import BadInput
 from model.mapped import ALPHAS, MappedMotor
 from model.spline import currents
 from sandbox.cli import main
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.writing import map_read, write_campaign
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.withheld.making import make as maker
@@ -67,9 +67,7 @@ def truth(drawn, campaign):
 
 def written(drawn, folder, share=SHORT):
     """Return a drawn campaign as its folder says it."""
-    return read_campaign(
-        write_campaign(folder, campaign_of(drawn, share), stated_map(drawn.stated))
-    )
+    return read_folder(write_campaign(folder, campaign_of(drawn, share), stated_map(drawn.stated)))
 
 
 def on_maps(listed):
@@ -267,10 +265,10 @@ def test_a_mixed_check_from_the_command_line_states_maps_and_seals_the_share(
             assert not {"magnet_flux", "inductance_d", *ALPHAS} & set(stated["motor"])
             own = drawn_again(content, name)
             assert own.as_json()["family"] == family
-            campaign = read_campaign(folder / "campaigns" / name)
+            campaign = read_folder(folder / "campaigns" / name)
             again = write_campaign(tmp_path / "again", campaign, map_read(campaign.drive.motor))
             assert (again / FILE).read_bytes() == (folder / "campaigns" / name / FILE).read_bytes()
-            assert read_campaign(again).drive.motor == campaign.drive.motor
+            assert read_folder(again).drive.motor == campaign.drive.motor
             (tmp_path / "again").rename(tmp_path / name)
     capsys.readouterr()
     assert main([*call, "--maps", "0"]) == 2

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from sandbox.gap import diagnose as module
-from sandbox.gap.diagnose import _foretelling, diagnose
+from sandbox.gap.diagnose import _foretelling, diagnosis_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 
 
@@ -16,7 +16,9 @@ def test_shuffled_and_renamed_recordings_give_the_same_digits(small_answers):
     own = first.campaign.recordings
     names = {r.file: f"z{k}.parquet" for k, r in enumerate(reversed(own))}
     turned = tuple(dataclasses.replace(r, file=names[r.file]) for r in own[::-1])
-    again = diagnose(dataclasses.replace(first.campaign, recordings=turned), exclude=first.excluded)
+    again = diagnosis_of(
+        dataclasses.replace(first.campaign, recordings=turned), exclude=first.excluded
+    )
     assert [(h.effects, h.probability) for h in again.hypotheses] == [
         (h.effects, h.probability) for h in first.hypotheses
     ]

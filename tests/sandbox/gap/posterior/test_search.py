@@ -21,7 +21,7 @@ from sandbox.gap.posterior.linear_model import linear_model, no_weights
 from sandbox.gap.posterior.search import Problem, Search, left_by, log_posterior
 from sandbox.gap.settings import USUAL
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import read_folder
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.conftest import start
 
@@ -166,7 +166,7 @@ def test_far_from_the_floor_a_set_whose_fit_is_worse_is_not_taken(far):
 def test_a_set_that_excerpts_name_near_the_floor_is_fitted_whole(small_folder):
     """Before all candidates are linearised at its point, once: a whole fit from there gains less
     than a step's end."""
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     whole, part = (
         point_of(campaign),
         point_of(dataclasses.replace(campaign, recordings=campaign.recordings[::2])),
@@ -194,7 +194,7 @@ def test_excerpts_only_say_where_the_search_begins(small_folder):
 
     Both fits end where a step gains less than 0.2 of the objective, 0.45 standard deviations away
     at most: they are apart by 0.46 halves of 95 %."""
-    campaign = read_campaign(small_folder)
+    campaign = read_folder(small_folder)
     whole, part = (
         point_of(campaign),
         point_of(dataclasses.replace(campaign, recordings=campaign.recordings[::2])),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.unstated.drifting import drifting, steadied
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import Residual
@@ -121,13 +121,13 @@ def test_an_effect_beside_them_is_named_alone():
         dataclasses.replace(r, columns={**r.columns, "i_a": r.i_a + off.get(r.file, 0.0)})
         for r in plain.recordings
     )
-    found = diagnose(dataclasses.replace(plain, recordings=moved), exclude=DELAYS)
+    found = diagnosis_of(dataclasses.replace(plain, recordings=moved), exclude=DELAYS)
     assert found.best.effects == ("dead_time",)
     assert found.best.probability > 0.9
     for file, x in off.items():
         error = found.drifting.errors[file]
         assert found.drifting.offsets[file] == pytest.approx((x, 0.0, 0.0), abs=4.0 * error)
         assert error < 5e-4
-    none = diagnose(plain, exclude=DELAYS)
+    none = diagnosis_of(plain, exclude=DELAYS)
     assert none.drifting is None
     assert none.best.effects == ("dead_time",)

@@ -7,7 +7,7 @@ import pytest
 
 import sandbox
 from model.drive_files import load_drive
-from sandbox.gap.diagnose import diagnose
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.evidence.fit import fit, rms_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.posterior.holdout import weights_of
@@ -64,7 +64,7 @@ def test_foretold_is_what_a_replay_with_counts_adds(counts):
 def test_counts_are_found_and_nothing_else(counts):
     """On the switched bench, whose equations are its own: the number itself, and J at the noise (14
     400 readings)."""
-    d = diagnose(small(counts), exclude=DELAYS, workers=1)
+    d = diagnosis_of(small(counts), exclude=DELAYS, workers=1)
     assert (d.counted.value, d.counted.low, d.counted.high) == (counts, counts, counts)
     assert d.counted.clock == pytest.approx(2.0 * counts * 4000.0)
     assert d.best.effects == ()
@@ -113,7 +113,7 @@ def test_offsets_that_drift_and_counts_are_both_stated():
 
 
 def test_without_rounding_none_are_found():
-    d = diagnose(small(None, MORE), exclude=DELAYS, workers=1)
+    d = diagnosis_of(small(None, MORE), exclude=DELAYS, workers=1)
     assert d.counted is None
     assert d.best.effects == ("dead_time",)
 
