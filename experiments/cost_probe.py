@@ -36,7 +36,11 @@ simulate = anywhere("simulate", "sandbox.drive.simulate", "sandbox.simulate")
 scenario = ("sandbox.drive.scenario", "sandbox.scenario")
 Scenario, Segment = anywhere("Scenario", *scenario), anywhere("Segment", *scenario)
 typical, effect_names = (anywhere(n, "model.effects.library") for n in ("typical", "effect_names"))
-read_campaign = anywhere("read_campaign", "sandbox.recordings.campaign", "sandbox.campaign")
+campaigns = ("sandbox.recordings.campaign", "sandbox.campaign")
+try:
+    read_folder = anywhere("read_folder", *campaigns)
+except ImportError:
+    read_folder = anywhere("read_campaign", *campaigns)
 prepare, replay = (anywhere(n, "sandbox.replay.replay") for n in ("prepare", "replay"))
 CURVE = "leg_voltage"  # which older checkouts lack
 STEPS = Scenario("steps", (Segment(0.5), Segment(1.5, load=1.2, ramp=0.1)), rotor="locked")
@@ -72,7 +76,7 @@ def every(motor: str) -> dict[str, float]:
 def replayed(folder: str, effect: str) -> float:
     """Return nanoseconds a period and set for SETS sets of one effect ('' for none) on a
     campaign."""
-    campaign = read_campaign(folder)
+    campaign = read_folder(folder)
     prepared = prepare(campaign)
     sizes = typical(effect, campaign.drive.motor, campaign.drive.converter) if effect else {}
     first = next(iter(sizes), "stator_resistance.resistance")
@@ -99,7 +103,7 @@ def main() -> None:
         found = []
         spent = timed(lambda: found.append(diagnose(folder, workers=1)))  # noqa: B023
         spent = timed(lambda: found.append(diagnose(folder, workers=1)))  # noqa: B023  the first one compiled
-        samples = sum(len(r.columns["t"]) for r in read_campaign(folder).recordings)
+        samples = sum(len(r.columns["t"]) for r in read_folder(folder).recordings)
         out[f"diagnosis of {name} (CPU s)"] = spent
         out[f"replay, a diagnosis' mean, {name} (ns a period and simulation)"] = (
             1e9 * spent / found[-1].simulations / samples
