@@ -35,7 +35,7 @@ def test_make_and_score(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(
         running, "spread", lambda task, work, jobs, lost, cluster: map(task, work)
     )  # sees the diagnosis below
-    monkeypatch.setattr(scorer, "diagnose", lambda campaign, **how: None)
+    monkeypatch.setattr(scorer, "diagnosis_of", lambda campaign, **how: None)
     monkeypatch.setattr(scorer, "where", lambda found: ())
     monkeypatch.setattr(scorer, "next_recording", lambda found: None)
     monkeypatch.setattr(scorer, "ranking", lambda found, position: None)
