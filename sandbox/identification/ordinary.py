@@ -12,8 +12,9 @@ it out),
 Beside the motor the voltage that each leg loses and the offsets of two sensors are fitted.
 Deviations are those of blocks of time (the "sandwich" of White, Econometrica 48 (1980) 817, with
 blocks as its independent pieces): what the model lacks is alike over many samples, so single
-samples would promise too much.  A parameter that the recordings leave open by more than
-MAX_DEVIATION of itself is not told: its start stands, and a sentence says why.
+samples would promise too much.  All four are free together, from a wide prior about the nominal
+ones: what the data do not tell apart is in each other's interval.  A parameter that they leave open
+by more than MAX_DEVIATION of itself is not told: its nominal value stands, and a sentence says why.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
-from model.effects.library import true_motor
+from model.effects.library import parameters, true_motor
 from model.errors import BadInput, PhysicsError
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
@@ -49,12 +51,17 @@ OFFSETS = ("current_offset.offset_a", "current_offset.offset_b")
 OFFSET_OF, ANGLE = "encoder_offset.offset", "angles."
 # relative standard deviation: beyond it an interval holds a half and twice the value
 MAX_DEVIATION = 0.3
+ALIKE = 0.7  # correlation: half of what is open of a parameter is another one's
 BLOCKS = 40  # blocks of time that all recordings are cut into, for the scatter of what they say
 MAX_SAMPLES = 60_000  # samples used: at 10 kHz six seconds of motion
+LOGARITHMS = ("inductance_d", "inductance_q")  # R and flux in shares of their start: linear ones
+EXPLAINED = 1.5  # of the noise's square: what is left of a fit that needs no other start
 STEPS, ENOUGH = 12, 1e-3  # of Gauss and Newton; in standard deviations
 SHARE = 1e-3  # of a parameter: the step of its slope
 # priors, one standard deviation: of rated current; of the link, as voltage or as time
 OFFSET, DROP = 0.01, 0.02
+# prior of R and flux, one standard deviation over nominal: data that say anything outdo it
+OPEN = 10.0
 FARTHEST = math.log(3.0)  # of a parameter in one step
 CHANGES = 5.0  # noises: the least rms change of a current that tells an inductance
 # logarithm of the factor from the start within which one is looked for; inductances: inside a
@@ -102,30 +109,31 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
     """
     used = _shortened(campaign)
     begin, why = linear(used)
-    known = [n for n in NAMES if n not in why]
-    if not known:
+    if set(why) == set(NAMES):
         raise BadInput(
             f"{campaign.name}: {'; '.join(why.values())}: nothing to identify; record "
             "steps of the current"
         )
     nominal = {n: float(getattr(campaign.drive.motor, n)) for n in NAMES}
     starts = [
-        _Search(prepare(_begun_at(used, x)), known, x, workers)
+        _Search(prepare(_begun_at(used, x)), NAMES, x, nominal, workers)
         for x in (begin, nominal)
         if min(x.values()) > 0
     ]
-    x = _of_both(min(starts, key=lambda s: s.square_at_start()), known)
+    x = _best_of(sorted(starts, key=lambda s: s.square_at_start()))
     names = x.names
     inner, scatter = x.information()
     covariance: Array = np.asarray(np.linalg.inv(inner), dtype=np.float64)
     sandwich = covariance @ scatter @ covariance
-    deviation = np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich)))
-    estimated, untold = [], dict(why)
-    for k, name in enumerate(known):  # in logarithms: relative
+    deviation = x.relative(np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich))))
+    estimated, untold = [], {}
+    for k, name in enumerate(NAMES):
         if deviation[k] < MAX_DEVIATION and not x.at_bound(k):
             estimated.append(name)
         else:
-            untold[name] = _why_open(name, k, names, covariance, float(deviation[k]))
+            untold[name] = why.get(name) or _why_open(
+                name, k, names, covariance, float(deviation[k])
+            )
     values = x.values()
     prepared, shown = x.prepared, x.residual_rms()
     count = sum(len(r.t) for r in used.recordings)
@@ -133,10 +141,10 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
     return OrdinaryFit(
         motor,
         {n: values[n] for n in estimated},
-        {n: float(deviation[known.index(n)]) * values[n] for n in estimated},
+        {n: float(deviation[NAMES.index(n)]) * values[n] for n in estimated},
         untold,
         begin,
-        {n: values[n] for n in names[len(known) :]},
+        {n: values[n] for n in names[len(NAMES) :]},
         prepared.noise_std * math.sqrt(x.square()),
         x.square(),
         shown,
@@ -145,16 +153,26 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
     )
 
 
-def _of_both(start: _Search, known: Sequence[str]) -> _Search:
+def _best_of(starts: Sequence[_Search]) -> _Search:
+    """Return the fit from the first start that noise explains, else the best of them."""
+    fits = []
+    for start in starts:
+        fits.append(_of_both(start))
+        if fits[-1].square() < EXPLAINED:
+            break
+    return min(fits, key=lambda s: s.square())
+
+
+def _of_both(start: _Search) -> _Search:
     """Return the fit with both ways to lose voltage, from the better one of the fits with either:
     where the current goes through zero they differ, and a fit of both may stick at the wrong
     one."""
     zeros = list(
         dict.fromkeys(ANGLE + r.angle_name for r in start.prepared.recordings if r.zero > 0.0)
     )
-    either = [start.beside([*known, one, *OFFSETS, *zeros]).found() for one in LOST]
+    either = [start.beside([*NAMES, one, *OFFSETS, *zeros]).found() for one in LOST]
     best = min(either, key=lambda s: s.square())
-    return best.beside([*known, *LOST, *OFFSETS, *zeros]).found()
+    return best.beside([*NAMES, *LOST, *OFFSETS, *zeros]).found()
 
 
 def _begun_at(campaign: Campaign, begin: Mapping[str, float]) -> Campaign:
@@ -211,6 +229,8 @@ def linear(campaign: Campaign) -> tuple[dict[str, float], dict[str, str]]:
     keep = [k for k, n in enumerate(NAMES) if n not in why] + [4]
     scale = np.sqrt(np.mean(a**2, axis=0))
     keep = [k for k in keep if scale[k] > 0.0]
+    held = [k for k in range(4) if k not in keep]
+    b = b - a[:, held] @ np.array([float(getattr(drive.motor, NAMES[k])) for k in held])
     found = np.linalg.lstsq(a[:, keep] / scale[keep], b, rcond=1e-6)[0] / scale[keep]
     estimated = dict(zip(keep, found, strict=True))
     out = {}
@@ -279,19 +299,18 @@ def _why_open(name: str, k: int, names: Sequence[str], covariance: Array, deviat
     size = np.sqrt(np.diag(covariance))
     alike = np.abs(covariance[k]) / (size[k] * size)
     alike[k] = 0.0
-    other = int(np.argmax(alike))
     spread = f"its standard deviation is {100.0 * deviation:.2g} % of it"
     if deviation < MAX_DEVIATION:
         return (
             "it goes to the bound of what is looked for; the model is another one "
             "(saturation? units?)"
         )
-    if alike[other] > 0.9:
-        words = dict.fromkeys(LOST, "the voltage that the inverter loses")
-        second = words.get(names[other], names[other])
+    words = dict.fromkeys(LOST, "the voltage that the inverter loses")
+    others = dict.fromkeys(words.get(n, n) for n, a in zip(names, alike, strict=True) if a > ALIKE)
+    if others:
         return (
-            f"{spread}, since {second} looks alike on these data; record at several currents "
-            "and both signs"
+            f"{spread}, since {' and '.join(others)} look{'s' * (len(others) == 1)} alike on these "
+            "data; record several currents of both signs at several speeds"
         )
     return (
         f"{spread}; record larger steps of it"
@@ -300,39 +319,55 @@ def _why_open(name: str, k: int, names: Sequence[str], covariance: Array, deviat
     )
 
 
+def _bounds(name: str) -> tuple[float, float]:
+    """Return between which places a parameter or nuisance is looked for."""
+    if name.startswith(ANGLE):
+        return -math.inf, math.inf
+    if name not in NAMES:
+        return parameters()[name].low, parameters()[name].high
+    wide = WIDE[name]
+    return (-wide, wide) if name in LOGARITHMS else (math.exp(-wide), math.exp(wide))
+
+
 class _Search:
-    """Gauss and Newton on the replayed currents: positions of parameters (logarithms) and of
-    nuisances (as they are).
+    """Gauss and Newton on the replayed currents: places of parameters (R and flux in shares of
+    their start, inductances as logarithms) and of nuisances (as they are).
 
     Slopes are differences of replays that run together.
     """
 
     def __init__(
-        self, prepared: Prepared, names: Sequence[str], begin: Mapping[str, float], workers: int
+        self,
+        prepared: Prepared,
+        names: Sequence[str],
+        begin: Mapping[str, float],
+        nominal: Mapping[str, float],
+        workers: int,
     ) -> None:
         self.prepared, self.names, self.workers = prepared, list(names), workers
         drive = prepared.campaign.drive
-        self.motor, self.origin = drive.motor, begin
-        self.logs = np.array([n in NAMES for n in names])
-        self.begin = np.array([math.log(begin[n]) if n in NAMES else 0.0 for n in names])
-        self.x = self.begin.copy()
+        self.motor, self.origin, self.nominal = drive.motor, begin, nominal
+        self.own = np.array([n in NAMES for n in names])
+        self.logs = np.array([n in LOGARITHMS for n in names])
+        self.unit = np.array([begin[n] if n in NAMES else 1.0 for n in names])
+        self.x = np.where(self.own & ~self.logs, 1.0, 0.0)
         converter = drive.converter
         own = {THRESHOLD: DROP * converter.dc_bus_voltage, DEAD: DROP * converter.update_period}
         own |= dict.fromkeys(OFFSETS, OFFSET * drive.motor.rated_current)
         own |= {ANGLE + r.angle_name: r.zero for r in prepared.recordings}
-        self.prior = np.array([own.get(n, math.inf) for n in names])
-        self.step = np.where(self.logs, SHARE, [SHARE * own.get(n, 1.0) for n in names])
-        wide = [WIDE[n] if n in NAMES else math.inf for n in names]
-        lowest = [
-            -w if n in NAMES else (0.0 if n in LOST else -math.inf)
-            for n, w in zip(names, wide, strict=True)
-        ]
-        self.least, self.most = self.begin + np.array(lowest), self.begin + np.array(wide)
+        self.step = np.array([SHARE * own.get(n, 1.0) for n in names])
+        stated = {n: max(nominal[n], 1e-9) / begin[n] for n in NAMES}  # in shares of the start
+        own |= {n: WIDE[n] if n in LOGARITHMS else OPEN * stated[n] for n in NAMES}
+        self.prior = np.array([own[n] for n in names])
+        centre = {n: math.log(x) if n in LOGARITHMS else x for n, x in stated.items()}
+        self.centre = np.array([centre.get(n, 0.0) for n in names])
+        bounds = [_bounds(n) for n in names]
+        self.least, self.most = np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds])
         self.r = np.empty(0)
 
     def beside(self, names: Sequence[str]) -> _Search:
         """Return a search of other parameters that begins where this one stands."""
-        other = _Search(self.prepared, names, self.origin, self.workers)
+        other = _Search(self.prepared, names, self.origin, self.nominal, self.workers)
         here = dict(zip(self.names, self.x, strict=True))
         other.x = np.array([here.get(n, v) for n, v in zip(other.names, other.x, strict=True)])
         return other
@@ -340,10 +375,15 @@ class _Search:
     def values(self, x: Array | None = None) -> dict[str, float]:
         """Return parameters and nuisances at a place."""
         at = self.x if x is None else x
-        return {
-            n: float(math.exp(v) if log else v)
-            for n, v, log in zip(self.names, at, self.logs, strict=True)
-        }
+        values = self.unit * np.where(self.logs, np.exp(np.where(self.logs, at, 0.0)), at)
+        return dict(zip(self.names, map(float, values), strict=True))
+
+    def relative(self, deviation: Array) -> Array:
+        """Return standard deviations of places as those of values over the values; of nuisances as
+        they are."""
+        return np.where(
+            self.own & ~self.logs, deviation / np.where(self.x > 0.0, self.x, 1.0), deviation
+        )
 
     def as_set(self, x: Array, angle: str) -> dict[str, float]:
         """Return a place as the replay takes it for the recordings of one angle."""
@@ -373,28 +413,30 @@ class _Search:
 
     def cost(self, r: Array, x: Array) -> float:
         """Return half the squares, those of nuisances' priors with them."""
-        return 0.5 * float(r @ r + np.sum((x / self.prior)[~self.logs] ** 2))
+        return 0.5 * float(r @ r + np.sum(((x - self.centre) / self.prior) ** 2))
 
     def slopes(self) -> Array:
         """Return slopes (n, p) at the place, and keep the residual there."""
-        at = [self.x, *(self.x + self.step[k] * np.eye(len(self.x))[k] for k in range(len(self.x)))]
-        every = self.residuals(at)
+        step = np.where(self.x + self.step > self.most, -self.step, self.step)
+        every = self.residuals([self.x, *(self.x + np.diag(step))])
         self.r = every[:, 0]
-        return np.asarray((every[:, 1:] - every[:, :1]) / self.step)
+        return np.asarray((every[:, 1:] - every[:, :1]) / step)
 
     def found(self) -> _Search:
         """Go to the place of the least squares; PhysicsError where none is found."""
         for _ in range(STEPS):
             j = self.slopes()
             weight = 1.0 / self.prior**2
-            inner = j.T @ j + np.diag(weight) + 1e-9 * np.diag(np.sum(j**2, axis=0))
-            down = -(j.T @ self.r + weight * self.x)
-            move = np.clip(np.linalg.lstsq(inner, down, rcond=None)[0], -FARTHEST, FARTHEST)
-            if not np.all(np.isfinite(move)):
+            # seconds beside volts are no small direction
+            size = np.sqrt(np.sum(j**2, axis=0) + weight)
+            inner = (j.T @ j + np.diag(weight)) / np.outer(size, size) + 1e-9 * np.eye(len(size))
+            down = -(j.T @ self.r + weight * (self.x - self.centre)) / size
+            if not (np.all(np.isfinite(inner)) and np.all(np.isfinite(down))):
                 raise PhysicsError(
                     "these recordings and the nominal motor go nowhere together; check "
                     "[motor] and units"
                 )
+            move = self.linear_step(inner, down, size)
             before, share = self.cost(self.r, self.x), 1.0
             while share > 1e-3:
                 place = self.bounded(self.x + share * move)
@@ -410,6 +452,16 @@ class _Search:
                 break
         self.j = self.slopes()
         return self
+
+    def linear_step(self, inner: Array, down: Array, size: Array) -> Array:
+        """Return the step that solves the linear problem inside the bounds, logarithms by FARTHEST
+        at most.  Steps are scaled by size: a step cut at a bound afterwards would go elsewhere."""
+        root = np.linalg.cholesky(inner)
+        farthest = np.where(self.logs, FARTHEST, np.inf)
+        low = size * np.maximum(self.least - self.x, -farthest)
+        high = size * np.minimum(self.most - self.x, farthest)
+        solved = lsq_linear(root.T, np.linalg.solve(root, down), (low, high))
+        return np.asarray(solved.x / size)
 
     def bounded(self, x: Array) -> Array:
         """Return a place inside the bounds."""

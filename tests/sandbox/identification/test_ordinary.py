@@ -101,6 +101,33 @@ def test_planted_values_come_back(name, scenario, tmp_path):
         }
 
 
+SWEEP = Scenario(
+    "sweep",
+    (Segment(0.05), Segment(0.5, load=0.9, speed=0.05, ramp=0.45)),
+    rotor="driven",
+    start_up=False,
+)
+
+
+@pytest.mark.parametrize("name", ["spm", "small"])
+@pytest.mark.parametrize("begin", [0.0, 0.8], ids=["one-way sweep", "its end at one speed"])
+def test_what_a_sweep_hardly_tells_apart_is_free_together(name, begin, tmp_path):
+    """Speed grows with the load, so back-EMF and R i do: the truth lies within four deviations, or
+    the parameter is not told.  A wrong nominal motor (WRONG) must not hold any of them."""
+    if name == "small":
+        (tmp_path / "small.toml").write_text(SMALL)
+        name = tmp_path / "small.toml"
+    campaign, true = recorded(name, SWEEP, tmp_path / "record")
+    (r,) = campaign.recordings
+    first = int(begin * len(r.t))
+    part = dataclasses.replace(r, columns={n: x[first:] for n, x in r.columns.items()}, settling={})
+    found = fit_ordinary(dataclasses.replace(campaign, recordings=(part,)))
+    assert found.misfit < 1.2
+    for n, value in found.values.items():
+        assert value == pytest.approx(getattr(true, n), abs=4.0 * found.deviations[n])
+    assert "inductance_q" in found.values or "alike" in found.untold["inductance_q"]
+
+
 def test_an_axis_without_current_is_not_told(tmp_path):
     one = dataclasses.replace(
         STEP, segments=(Segment(0.02), Segment(0.1, current_d=0.4), Segment(0.1, current_d=-0.3))
