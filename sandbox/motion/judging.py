@@ -44,6 +44,7 @@ from sandbox.motion.torques import (
     users,
 )
 from sandbox.motion.windows import SAMPLES, STEP, averages, white
+from sandbox.recordings.motion_axis import LINEAR
 from sandbox.recordings.motion_log import MotionCampaign
 
 Array = NDArray[np.float64]
@@ -54,6 +55,7 @@ LARGEST = 1e12  # rad/s^2, N m, ...: beyond it a unit is wrong
 SURE, DOUBTFUL = 1.3, 3.0
 WRONG = "a unit or a sign is wrong, angle and current are stamped apart, or something else acts"
 BY_STATES = "states that stand a little off their places repeat as it does; log an encoder's angle"
+OF_LINEAR = "of a linear axis it is not looked for: its period is no part of a turn"
 HELD_OUT = 0.3  # of each recording, its end, where there are fewer than three
 
 
@@ -120,10 +122,9 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
                 "of t, theta and i_q"
             )
     turned = max(float(np.ptp(a.angle)) for a in parts)
-    if turned < 0.05:
-        raise BadInput(
-            f"{campaign.name}: the rotor turns by {turned:.2g} rad at most; record it turning"
-        )
+    if turned < campaign.axis.least:
+        moved = f"{campaign.axis.moves} by {turned:.2g} {campaign.axis.unit('rad')} at most"
+        raise BadInput(f"{campaign.name}: {moved}; record it moving")
     nominal = Nominal(
         campaign.inertia,
         campaign.viscous_friction,
@@ -134,6 +135,8 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     cannot = _cannot(plain, nominal, exclude)
     if any(r.sixth for r in campaign.recordings):
         cannot[COGGING.effect] = BY_STATES
+    if campaign.axis is LINEAR:
+        cannot[COGGING.effect] = OF_LINEAR
     able = [e for e in numbers() if e not in cannot and e not in exclude]
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     design = plain

@@ -18,8 +18,14 @@ from sandbox.motion.shaft import STUDENT
 from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, numbers, users
 from sandbox.output.document import answer, bullets, figure, prose, table
 from sandbox.output.refitted import Refitted
+from sandbox.recordings.motion_axis import LINEAR
 
 UNKNOWN = "unknown"
+OF_LINEAR = {
+    DRY.effect: "add {:.4g} N to the force's reference in the direction of motion",
+    VISCOUS.effect: "set viscous_friction = {:.4g} (N s/m) in the motor's file",
+    INERTIA.effect: "set mass = {:.4g} (kg) in the motor's file and the speed control",
+}
 PAIRS = 100  # of the stand-in for a motor: its torque constant alone is asked for
 TITLES = {
     "no_gap": "No gap",
@@ -60,12 +66,34 @@ def _hypotheses(m: Motion) -> list[tuple[list[str], float, Weighed]]:
     return sorted(rows, key=lambda r: -r[1])
 
 
+def ranked(m: Motion) -> list[str]:
+    """Return the effects of the best set, the largest share of the gap first."""
+    return sorted(m.best.effects, key=lambda e: -m.shares.get(e, 0.0))
+
+
+def values(m: Motion) -> dict[str, dict[str, Any]]:
+    """Return the fitted values of the shaft itself, effects or not: inertia, viscous friction and
+    the constant torque along the motion beside the recorded one, each with 95 % interval and unit.
+
+    Viscous friction is not there where none is stated and none found.
+    """
+    s, unit = m.best.shaft, m.campaign.axis.unit
+    sizes = {INERTIA.size: INERTIA.unit, VISCOUS.size: VISCOUS.unit, "offset": DRY.unit}
+    names = {INERTIA.size: "inertia", VISCOUS.size: "viscous_friction", "offset": "offset"}
+    return {
+        names[size]: {"value": s.value(size), "ci95": list(s.ci95(size)), "unit": unit(of)}
+        for size, of in sizes.items()
+        if size != VISCOUS.size or s.value(size)
+    }
+
+
 def parameters(m: Motion, w: Weighed) -> dict[str, dict[str, Any]]:
     """Return the library's parameters of a set's effects, each with value, 95 % interval and
     unit."""
-    s, units = w.shaft, {name: p.unit for name, p in library_parameters().items()}
+    s, unit = w.shaft, m.campaign.axis.unit
+    units = {name: p.unit for name, p in library_parameters().items()}
     out: dict[str, dict[str, Any]] = {
-        n.parameter: {"value": s.value(n.size), "ci95": list(s.ci95(n.size)), "unit": n.unit}
+        n.parameter: {"value": s.value(n.size), "ci95": list(s.ci95(n.size)), "unit": unit(n.unit)}
         for n in (DRY, VISCOUS, INERTIA, LAG, *users())
         if n.effect in w.effects
     }
@@ -122,11 +150,13 @@ def refitted(m: Motion) -> Refitted:
             name = card.public(k, key)
             found[name], ci95[name] = row[key]["value"], (row[key]["ci95"][0], row[key]["ci95"][1])
     found[INERTIA.parameter], ci95[INERTIA.parameter] = s.value(INERTIA.size), s.ci95(INERTIA.size)
-    units = {name: p.unit for name, p in library_parameters().items()}
+    units = {name: m.campaign.axis.unit(p.unit) for name, p in library_parameters().items()}
     said = (
         f"Fitted to the motion of '{m.campaign.name}' by diagnose: the shaft alone, no "
         "voltages were recorded"
     )
+    if m.campaign.axis is LINEAR:
+        said += "; of a linear axis, which the simulator turns: m, N, kg stand for rad, N m, kg m^2"
     return Refitted(None, found, {}, ci95, units, {}, said)
 
 
@@ -173,7 +203,8 @@ def document(m: Motion) -> dict[str, Any]:
                 "do": todo(m).get(e),
             }
             for e in sorted(
-                (e for e in numbers() if m.looked_for(e)), key=m.inclusion, reverse=True
+                (e for e in numbers() if m.looked_for(e)),
+                key=lambda e: (-m.shares.get(e, 0.0), -m.inclusion(e)),
             )
         ],
         "unknown": {"probability": m.unknown, "share": None, "where": "torque"},
@@ -183,11 +214,10 @@ def document(m: Motion) -> dict[str, Any]:
         "motion": {
             "electrical": m.campaign.why,
             "torque_constant": m.campaign.torque_constant,
-            "inertia": {
-                "value": s.value(INERTIA.size),
-                "ci95": list(s.ci95(INERTIA.size)),
-                "unit": INERTIA.unit,
-            },
+            "axis": m.campaign.axis.name,
+            "inertia": values(m)["inertia"],
+            "viscous_friction": values(m).get("viscous_friction"),
+            "offset": values(m)["offset"],
             "stated_inertia": m.campaign.inertia,
             "dry_friction_width": s.terms.dry,
             "orders": orders(m, m.best),
@@ -208,7 +238,7 @@ def where(m: Motion) -> list[dict[str, Any]]:
     rows, known = [], numbers()
     for e, share in sorted(m.shares.items(), key=lambda x: -x[1]):
         order = orders(m, m.best)[0]["order"] if e == COGGING.effect else None
-        text = f"{known[e].shows} ({round(100.0 * share)} % of the gap)"
+        text = m.campaign.axis.words(f"{known[e].shows} ({_share(share)})")
         rows.append(
             {
                 "subsystem": known[e].card.subsystem,
@@ -220,6 +250,11 @@ def where(m: Motion) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _share(share: float) -> str:
+    """Return a share of the gap in words."""
+    return f"{round(100.0 * share)} % of the gap"
 
 
 def following(m: Motion) -> dict[str, Any] | None:
@@ -238,7 +273,9 @@ def following(m: Motion) -> dict[str, Any] | None:
 
 def todo(m: Motion) -> dict[str, str]:
     """Return what to do about each effect of the best set, the largest share of the gap first, by
-    its card."""
+    its card; of a linear axis, of which no card speaks, the value to set."""
+    if m.campaign.axis is LINEAR:
+        return {e: OF_LINEAR[e].format(*_of(m, e)) for e in ranked(m) if e in OF_LINEAR}
     # stands in for what a motion does not say and no card of the shaft asks for
     drive = load_drive("ipm_exchanged")
     # a torque was recorded: which current makes it is unknown
@@ -254,28 +291,35 @@ def todo(m: Motion) -> dict[str, str]:
         * 30.0
         / math.pi,
     )
-    ranked = sorted(m.best.effects, key=lambda e: -m.shares.get(e, 0.0))
-    return what_to_do(ranked, found, motor, drive.converter)
+    return what_to_do(ranked(m), found, motor, drive.converter)
+
+
+def _of(m: Motion, effect: str) -> list[float]:
+    """Return the values of an effect's parameters."""
+    found = parameters(m, m.best).items()
+    return [v["value"] for k, v in found if k.startswith(f"{effect}.")]
 
 
 def sentences(m: Motion) -> list[tuple[str, str]]:
     """Return the answers, each with its question."""
     w, p = m.best, parameters(m, m.best)
-    named = " + ".join(e.replace("_", " ") for e in w.effects) or "no effect"
+    words, of_effect = m.campaign.axis.words, {e: f"{e.replace('_', ' ')}" for e in w.effects}
+    named = [f"{of_effect[e]} ({_share(m.shares.get(e, 0.0))})" for e in ranked(m)]
     left = m.unknown > 0.5
-    sizes = "; ".join(
-        f"{title_of(k)} {v['value']:.4g} {v['unit']}".rstrip() + _interval(v) for k, v in p.items()
-    )
+    order = sorted(p, key=lambda k: ranked(m).index(k.partition(".")[0]))
+    sizes = "; ".join(f"{words(title_of(k))} {_value(p[k])}" for k in order)
     out = [
         ("Where?", "; ".join(r["text"] for r in where(m)[:3]) or "nowhere above the noise"),
         (
             "Which?",
-            f"{named}{' and something unknown' if left else ''} (set {100.0 * w.probability:.0f} % "
-            f"probable among mechanical effects). {sizes}",
+            f"{' + '.join(named) or 'no effect'}{' and something unknown' if left else ''}: set "
+            f"{100.0 * w.probability:.0f} % probable among mechanical effects. {sizes}".rstrip(),
         ),
+        ("Motor?", _motor(m)),
         (
             "How far?",
-            f"residual torque: {m.before:.3g} times the noise floor (rms of the noise alone) "
+            words("residual torque: ")
+            + f"{m.before:.3g} times the noise floor (rms of the noise alone) "
             f"before, {m.after:.3g} after, on rows held out",
         ),
         ("Electrical?", m.campaign.why),
@@ -283,9 +327,30 @@ def sentences(m: Motion) -> list[tuple[str, str]]:
     out += [("Do?", f"{e.replace('_', ' ')}: {text}") for e, text in todo(m).items()]
     if m.cannot:
         out.append(
-            ("Not told?", "; ".join(f"{e.replace('_', ' ')}: {why}" for e, why in m.cannot.items()))
+            (
+                "Not told?",
+                "; ".join(f"{e.replace('_', ' ')}: {words(why)}" for e, why in m.cannot.items()),
+            )
         )
     return out
+
+
+def _motor(m: Motion) -> str:
+    """Return the fitted values of the shaft itself beside the stated ones, and whose units."""
+    c, found = m.campaign, values(m)
+    stated = {"inertia": c.inertia, "viscous_friction": c.viscous_friction or None}
+    out = []
+    for name, said in stated.items():
+        if name in found:
+            beside = f"stated {said:.4g}" if said is not None else "none stated"
+            out.append(f"{name.replace('_', ' ')} {_value(found[name])} ({beside})")
+    push = f"constant torque along the motion beside the recorded one {_value(found['offset'])}"
+    of = f"values are those of {c.axis.what}"
+    return c.axis.words("; ".join([*out, f"{push} (a load, or the current's offset)"])) + f"; {of}"
+
+
+def _value(v: dict[str, Any]) -> str:
+    return f"{v['value']:.4g} {v['unit']}".rstrip() + _interval(v)
 
 
 def _interval(v: dict[str, Any]) -> str:
@@ -319,8 +384,8 @@ def page(m: Motion, title: str, picture: str) -> Iterator[str]:
         )
     yield "<h2>Residual of each recording</h2>" + figure(
         picture,
-        "Torque left unexplained, in noise floors (1: rms of the noise alone). After: "
-        "with the effects named above.",
+        f"{m.campaign.axis.torque.capitalize()} left unexplained, in noise floors (1: rms of the "
+        "noise alone). After: with the effects named above.",
     )
     if m.campaign.findings:
         yield "<h2>Notes</h2>" + bullets(f.text for f in m.campaign.findings)

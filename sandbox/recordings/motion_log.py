@@ -40,6 +40,7 @@ from sandbox.recordings.column_map import (
 from sandbox.recordings.copies import copied, copy_finding, own_rows
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.importing import Source, unchecked
+from sandbox.recordings.motion_axis import ROTARY, Axis, axis_of, shafts_keys
 from sandbox.recordings.stamps import rows_of, segment_name
 
 Array = NDArray[np.float64]
@@ -90,7 +91,8 @@ class MotionCampaign:
     deviations: relative, of what is stated; current_noise: A rms, None: from the recordings; count:
     rad mechanical of an encoder's count, 0 where unknown; why: why only the motion is judged, one
     sentence; stated: numbers of [motor];
-    mapped, units: how columns are read.
+    mapped, units: how columns are read; axis: of a shaft, or linear: then m, N and kg stand for
+    rad, N m and kg m^2.
     """
 
     name: str
@@ -106,6 +108,7 @@ class MotionCampaign:
     stated: Mapping[str, float] = field(default_factory=dict)
     mapped: Mapping[str, Column] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    axis: Axis = ROTARY
 
 
 def motion_only(source: Source) -> str | None:
@@ -163,6 +166,8 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
         return by_changes(motion_of(unchecked(source), why))
     motor, drive = table_of(source.data, "motor"), table_of(source.data, "drive")
     pairs = _stated(motor, "pole_pairs", source.name, 1.0, 100.0)
+    axis = axis_of(motor, source.name)
+    motor = shafts_keys(motor)
     constant = _stated(motor, "torque_constant", source.name, 1e-9, 1e5)
     flux = _stated(motor, "magnet_flux", source.name, 1e-9, 1e2)
     if constant is None and flux is not None and pairs is not None:
@@ -203,6 +208,7 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
             {k: v for k, x in motor.items() if (v := finite(x)) is not None},
             source.mapped,
             source_units(source.table(source.entries[0][0]), source.mapped),
+            axis,
         )
     )
 

@@ -85,7 +85,7 @@ class MotionResult(Result):
         picture = dots_svg(
             [r[0] for r in shown],
             {"before": [r[1] for r in shown], "after": [r[2] for r in shown]},
-            "residual torque (noise floors)",
+            f"residual {m.campaign.axis.torque} (noise floors)",
         )
         title = f"{m.campaign.name}: what the motion says"
         write_page(Path(path), title, page(m, title, picture))
@@ -108,9 +108,8 @@ class MotionResult(Result):
             [f + (" (held out)" if h else ""), f"{b:.2f}", f"{a:.2f}"]
             for f, b, a, h in m.by_recording[:20]
         ]
-        print_table(
-            "residual torque over its noise floor (rms)", ["recording", "before", "after"], table
-        )
+        head = f"residual {m.campaign.axis.torque} over its noise floor (rms)"
+        print_table(head, ["recording", "before", "after"], table)
         for finding in m.campaign.findings:
             print_prose(f"note: {finding.text}")
 
