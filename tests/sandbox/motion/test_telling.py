@@ -7,7 +7,7 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.motion.judging import judge
-from sandbox.motion.telling import contract, sentences
+from sandbox.motion.telling import document, sentences
 from sandbox.recordings.motion_axis import LINEAR, ROTARY, axis_of, shafts_keys
 from tests.sandbox.motion.shafts import INERTIA, shaft
 from tests.sandbox.motion.test_motion import both_ways, campaign
@@ -27,7 +27,7 @@ def said(motion):
 
 def test_the_shaft_s_own_values_are_told_with_intervals(judged):
     """Planted; the recorded torque lacks 2 mN m that act."""
-    own = contract(judged)["motion"]
+    own = document(judged)["motion"]
     for name, true in (("inertia", INERTIA), ("viscous_friction", 6e-4), ("offset", -OFFSET)):
         low, high = own[name]["ci95"]
         assert low < own[name]["value"] < high
@@ -38,7 +38,7 @@ def test_the_shaft_s_own_values_are_told_with_intervals(judged):
 
 
 def test_effects_stand_by_their_share_which_is_told(judged):
-    found = contract(judged)
+    found = document(judged)
     shares = [e["share"]["value"] for e in found["effects"]]
     assert shares == sorted(shares, reverse=True)
     first = found["effects"][0]
@@ -49,8 +49,8 @@ def test_effects_stand_by_their_share_which_is_told(judged):
 
 def test_a_linear_axis_is_told_in_its_units(judged):
     motion = dataclasses.replace(judged, campaign=dataclasses.replace(judged.campaign, axis=LINEAR))
-    assert contract(motion)["motion"]["axis"] == "linear"
-    assert contract(motion)["motion"]["inertia"]["unit"] == "kg"
+    assert document(motion)["motion"]["axis"] == "linear"
+    assert document(motion)["motion"]["inertia"]["unit"] == "kg"
     texts = " ".join(text for _, text in sentences(motion))
     assert " kg [" in texts
     assert "values are those of a linear axis" in texts
