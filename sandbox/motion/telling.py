@@ -79,7 +79,7 @@ def values(m: Motion) -> dict[str, dict[str, Any]]:
     """
     s, unit = m.best.shaft, m.campaign.axis.unit
     sizes = {INERTIA.size: INERTIA.unit, VISCOUS.size: VISCOUS.unit, "offset": DRY.unit}
-    names = {INERTIA.size: "inertia", VISCOUS.size: "viscous_friction", "offset": "offset"}
+    names = {INERTIA.size: INERTIA.effect, VISCOUS.size: VISCOUS.effect, "offset": "offset"}
     return {
         names[size]: {"value": s.value(size), "ci95": list(s.ci95(size)), "unit": unit(of)}
         for size, of in sizes.items()
@@ -215,9 +215,7 @@ def document(m: Motion) -> dict[str, Any]:
             "electrical": m.campaign.why,
             "torque_constant": m.campaign.torque_constant,
             "axis": m.campaign.axis.name,
-            "inertia": values(m)["inertia"],
-            "viscous_friction": values(m).get("viscous_friction"),
-            "offset": values(m)["offset"],
+            **{VISCOUS.effect: None, **values(m)},
             "stated_inertia": m.campaign.inertia,
             "dry_friction_width": s.terms.dry,
             "orders": orders(m, m.best),
@@ -338,7 +336,7 @@ def sentences(m: Motion) -> list[tuple[str, str]]:
 def _motor(m: Motion) -> str:
     """Return the fitted values of the shaft itself beside the stated ones, and whose units."""
     c, found = m.campaign, values(m)
-    stated = {"inertia": c.inertia, "viscous_friction": c.viscous_friction or None}
+    stated = {INERTIA.effect: c.inertia, VISCOUS.effect: c.viscous_friction or None}
     out = []
     for name, said in stated.items():
         if name in found:

@@ -88,7 +88,8 @@ def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, floa
             verb, them = ("is", "it") if len(sure) == 1 else ("are", "them")
             first = f"{capital(_with_shares(sure, shares))} {verb} in every likely set"
             return f"{first}. Not sure beside {them}: {_disputed(d, sure, chances)}."
-        return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ', shares)}."
+        listed = _listed(d.ambiguity_set, "; or ", shares)
+        return f"These recordings cannot tell apart: {listed}.{_of_the_first(best, shares)}"
     if len(best.effects) > FEW:
         return (
             f"{len(best.effects)} effects at once, {likely(best.probability)}. "
@@ -106,14 +107,22 @@ def by_share(effects: Sequence[str], shares: Mapping[str, float]) -> list[str]:
     return sorted(effects, key=lambda e: (e == UNKNOWN, -shares.get(e, 0.0)))
 
 
-def _with_shares(effects: Sequence[str], shares: Mapping[str, float], fewest: int = 2) -> str:
-    """Return a few effects, the largest share of the gap first, each with its share from so many
-    on."""
-    if len(effects) < fewest or not any(shares.get(e, 0.0) for e in effects):
+def _with_shares(effects: Sequence[str], shares: Mapping[str, float]) -> str:
+    """Return a few effects, the largest share of the gap first, each with it where it is known."""
+    if not any(shares.get(e, 0.0) for e in effects):
         return names(effects)
     return " + ".join(
         f"{words(e)} ({tenths(shares.get(e, 0.0))} of the gap)" for e in by_share(effects, shares)
     )
+
+
+def _of_the_first(best: Hypothesis, shares: Mapping[str, float]) -> str:
+    """Return the shares of the gap of the first of several hypotheses, a blank before; empty where
+    it names no effect."""
+    told = [
+        f"{words(e)} {tenths(shares[e])}" for e in by_share(_named(best), shares) if e in shares
+    ]
+    return f" Of the gap the first explains: {', '.join(told)}." if told else ""
 
 
 def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
@@ -146,7 +155,7 @@ def _outside(d: Diagnosis, shares: Mapping[str, float]) -> str:
         besides = f"Something outside the library is at work, {chance}"
         return (
             f"{besides}; beside it, and less surely the more there is of it: "
-            f"{_with_shares(named, shares, 1)}."
+            f"{_with_shares(named, shares)}."
         )
     outside = f"that something outside the library is at work is {chance}"
     if _hardly_open(d):

@@ -162,6 +162,10 @@ def test_shares_stand_beside_something_outside_too():
     assert found.startswith(
         "These recordings cannot tell apart: device drop + dead time + current filter (50 %); or"
     )
+    assert found.endswith(" Of the gap the first explains: device drop 60.0 %, dead time 30.0 %.")
+    assert which_text(diagnosis((A, 0.97)), {"dead_time": 0.7}).startswith(
+        "Dead time (70.0 % of the gap), 97 % probable:"
+    )
 
 
 def test_effects_of_every_likely_set_are_told_as_sure():
@@ -180,7 +184,7 @@ def test_effects_of_every_likely_set_are_told_as_sure():
     )
     assert answers.next_text(a).startswith("Nothing is needed to name magnet flux and dead time.")
     alone = which_text(diagnosis((A, 0.9), (AU, 0.1)), {"dead_time": 0.9})
-    assert alone.startswith("Dead time is in every likely set. Not sure beside it: something")
+    assert alone.startswith("Dead time (90.0 % of the gap) is in every likely set. Not sure")
 
 
 def test_an_odd_phase_outside_leads_to_exchanging_sensors():

@@ -9,8 +9,7 @@ from model.errors import BadInput
 from sandbox.motion.judging import judge
 from sandbox.motion.telling import document, sentences
 from sandbox.recordings.motion_axis import LINEAR, ROTARY, axis_of, shafts_keys
-from tests.sandbox.motion.shafts import INERTIA, shaft
-from tests.sandbox.motion.test_motion import both_ways, campaign
+from tests.sandbox.motion.shafts import INERTIA, both_ways, campaign, shaft
 
 OFFSET = -2e-3  # N m, of the recorded torque
 
