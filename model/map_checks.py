@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 # least, so half of that, on a logarithmic scale, is what a measured torque may differ by without a
 # word: losses, drift of the magnets.
 TORQUE_OFF = 1.5**0.25
+FEW, WILD = 0.05, 10.0  # of the points; times the median distance from the line: a wild torque
+REWEIGHTED, NAMED = 30, 3  # steps to the line of least absolute deviations; points in a sentence
 SAME_FACTOR = 1.05  # a factor nearer than that to one of a convention is taken for it
 LOOSE = 0.3  # of the torque's own rms: what a line through the fluxes' torque may leave
 # times beyond the slopes of a map's nearest steps: a fit's inductance there is the fit's own
@@ -57,18 +59,67 @@ NO_TORQUE = TorqueLine(math.nan, math.nan)
 
 def torque_line(p: MapPoints) -> TorqueLine:
     """Return how a map's column of torque lies over the torque of its fluxes (an offset is
-    friction's)."""
+    friction's), single wild points left out."""
     if p.torque is None:
         return NO_TORQUE
-    good = np.isfinite(p.torque)
-    own = 1.5 * (p.psi_d * p.i_q - p.psi_q * p.i_d)[good]
-    stated_torque = p.torque[good]
+    good = np.isfinite(p.torque) & ~wild_torques(p)
+    own, stated_torque = _own_torque(p)[good], p.torque[good]
     if len(stated_torque) < 3 or not np.std(own) > 0.0 or not np.std(stated_torque) > 0.0:
         return NO_TORQUE
     slope, offset = np.polyfit(own, stated_torque, 1)
     return TorqueLine(
         float(slope), float(np.std(stated_torque - slope * own - offset) / np.std(stated_torque))
     )
+
+
+def _own_torque(p: MapPoints) -> Array:
+    """Return the torque (N m) of a map's fluxes for one pole pair."""
+    return np.asarray(1.5 * (p.psi_d * p.i_q - p.psi_q * p.i_d))
+
+
+def wild_torques(p: MapPoints) -> NDArray[np.bool_]:
+    """Return which points' torque lies far from the line of all others; none where there are more
+    than FEW of them: then it is the line that is in doubt.
+
+    The line is that of least absolute deviations, which single points do not turn.
+    """
+    wild = np.zeros(len(p.i_d), dtype=bool)
+    if p.torque is None:
+        return wild
+    good = np.isfinite(p.torque)
+    x, y = _own_torque(p)[good], p.torque[good]
+    if len(x) < 3 or not np.std(x) > 0.0:
+        return wild
+    columns, weight = np.column_stack([x, np.ones(len(x))]), np.ones(len(x))
+    for _ in range(REWEIGHTED):
+        line = np.linalg.lstsq(columns * weight[:, None], y * weight, rcond=None)[0]
+        off = np.abs(y - columns @ line)
+        weight = 1.0 / np.sqrt(np.maximum(off, 1e-6 * np.max(np.abs(y)) + 1e-300))
+    far = off > max(LOOSE * float(np.std(columns @ line)), WILD * float(np.median(off)))
+    if np.count_nonzero(far) <= max(1.0, FEW * len(x)):
+        wild[good] = far
+    return wild
+
+
+def wild_notes(p: MapPoints, name: str) -> list[str]:
+    """Return a sentence on the points whose torque is left out as wild, with their currents as the
+    simulator takes them."""
+    wild = wild_torques(p)
+    if p.torque is None or not np.any(wild):
+        return []
+    good = np.isfinite(p.torque) & ~wild
+    slope, offset = np.polyfit(_own_torque(p)[good], p.torque[good], 1)
+    shown = [
+        f"{p.torque[k]:.4g} N m at i_d = {p.i_d[k]:.4g} A, i_q = {p.i_q[k]:.4g} A, where the "
+        f"fluxes give {slope * _own_torque(p)[k] + offset:.4g}"
+        for k in np.flatnonzero(wild)[:NAMED]
+    ]
+    count = int(np.count_nonzero(wild))
+    more = f" (and {count - NAMED} more)" if count > NAMED else ""
+    return [
+        f"{name}: the column of torque has wild points: {'; '.join(shown)}{more}; correct them or "
+        "leave their cells empty"
+    ]
 
 
 def torque_notes(line: TorqueLine, pole_pairs: int, name: str) -> list[str]:

@@ -32,7 +32,14 @@ from model.kernels.folders import cache_home
 from model.kernels.kept import note_damage
 from model.kernels.kept import read as read_kept
 from model.kernels.kept import write as write_kept
-from model.map_checks import TorqueLine, cell_notes, slope_notes, torque_line, torque_notes
+from model.map_checks import (
+    TorqueLine,
+    cell_notes,
+    slope_notes,
+    torque_line,
+    torque_notes,
+    wild_notes,
+)
 from model.map_energy import energy_file, energy_in, with_stiffness
 from model.map_fit import choose_for_points
 from model.map_names import STATED
@@ -314,7 +321,10 @@ def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | 
             "Wb), signs and magnet axis"
         ) from None
     found = _checked(FittedMap(spline, flux, choice, torque_line(points), ()), path)
-    crowded = cell_notes(points, given, path.name) if given else []
+    crowded = [
+        *wild_notes(points, path.name),
+        *(cell_notes(points, given, path.name) if given else []),
+    ]
     return found._replace(notes=(*crowded, *slope_notes(whole, points, path.name)))
 
 

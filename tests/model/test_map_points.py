@@ -10,9 +10,9 @@ from scipy.io import savemat
 
 from model.drive_files import load_drive
 from model.errors import BadInput
-from model.map_checks import torque_line, torque_notes
+from model.map_checks import torque_line, torque_notes, wild_notes, wild_torques
 from model.map_fit import held_out
-from model.map_points import read_points
+from model.map_points import MapPoints, read_points
 from model.map_quality import asymmetry, best_angle, quality
 from model.mapped import map_quality
 from model.ratings import cautions
@@ -281,6 +281,23 @@ def test_a_torque_that_contradicts_the_fluxes_is_told(
     assert "does not follow its fluxes" in " ".join(
         torque_notes(torque_line(read_points(tmp_path / "m.npz")), 4, "m")
     )
+
+
+@pytest.mark.parametrize("wild", [0, 3])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_single_wild_torques_are_named_and_hide_nothing(wild, noise):
+    """The line stays the planted one, pole pairs 4, and each wild point is named by its
+    currents."""
+    d, q, psi_d, psi_q = (x.ravel() for x in planted((9, 11)))
+    t = 6.0 * (psi_d * q - psi_q * d) + noise * np.random.default_rng(1).standard_normal(len(d))
+    rows = np.array([12, 50, 77])[:wild]
+    t[rows] += np.array([50.0, -30.0, 900.0])[:wild] * np.std(t)
+    p = MapPoints("m", d, q, psi_d, psi_q, (), t)
+    assert list(np.flatnonzero(wild_torques(p))) == list(rows)
+    assert torque_notes(torque_line(p), 4, "m.csv") == []
+    notes = wild_notes(p, "m.csv")
+    assert len(notes) == (wild > 0)
+    assert all(f"i_d = {d[k]:.4g} A, i_q = {q[k]:.4g} A" in notes[0] for k in rows)
 
 
 @pytest.mark.parametrize("name", ["brusa_hsm1", "thor_fea", "baldor_pmsyrm"])
