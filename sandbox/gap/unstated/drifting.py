@@ -9,6 +9,10 @@ number a sensor and turning recording, about the
 recordings' median, which stays as the campaign's own offset.  A sensor that reads one half of a
 wave too small has a constant, too, which grows with the current; its even harmonics tell it.  What
 locked rotors read says nothing of an offset and stays.
+
+Three readings of a star sum to zero, while one sensor of three that is off has a sum.  What all
+three have in common, a third of the sum, is therefore nobody's current, and no effect has it; it is
+taken off every recording, with a locked rotor as well.
 """
 
 from __future__ import annotations
@@ -42,18 +46,35 @@ NONE = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Drifting:
-    """By turning recording how far (A) the offset of each sensor lies beside the median, and its
-    standard error (A)."""
+    """By recording what (A) was taken off each sensor: how far its offset lies beside the median of
+    turning recordings, with what all sensors have in common; and its standard error (A)."""
 
     offsets: Mapping[str, tuple[float, float, float]]
     errors: Mapping[str, float]
+    common: float = 0.0
 
     @property
     def text(self) -> str:
-        """Return it as a sentence, with what to do."""
-        sizes = np.array(list(self.offsets.values()))
+        """Return it as sentences, with what to do."""
+        return " ".join(filter(None, (self._text_of_sum(), self._text_of_differences())))
+
+    def _text_of_sum(self) -> str:
+        if not self.common:
+            return ""
+        return (
+            f"The three current readings have a mean sum of {quantity(3.0 * self.common, 'A')}, "
+            "which currents of a star cannot have: an offset of their sensors. A third of it, "
+            f"{quantity(self.common, 'A')}, was taken off each reading before anything else; add "
+            "it to the offsets that are named."
+        )
+
+    def _text_of_differences(self) -> str:
+        sizes = np.array(list(self.offsets.values())) - self.common
         sensor = int(np.argmax(np.ptp(sizes, axis=0)))
-        ranked = sorted(((x[sensor], file) for file, x in self.offsets.items()), key=lambda x: x[0])
+        if not np.ptp(sizes[:, sensor]) > 0.0:
+            return ""
+        named = [(x[sensor], file) for file, x in zip(self.offsets, sizes, strict=True)]
+        ranked = sorted(named, key=lambda x: x[0])
         shown = ranked if len(ranked) <= NAMED else [ranked[0], ranked[-1]]
         said = ", ".join(f"{quantity(x, 'A')} in {file}" for x, file in shown)
         within = quantity(2.0 * max(self.errors.values()), "A")
@@ -63,6 +84,13 @@ class Drifting:
             "off before anything else; measure offsets at rest before each recording."
         )
 
+    def differs(self, file: str) -> tuple[float, float, float]:
+        """Return what was taken off a recording beside what all sensors have in common (A)."""
+        if file not in self.offsets:
+            return NONE
+        a, b, c = self.offsets[file]
+        return a - self.common, b - self.common, c - self.common
+
     def and_then(self, new: Drifting) -> Drifting:
         """Return both together: what is found beside what was taken off already."""
         files = {**self.offsets, **new.offsets}
@@ -70,7 +98,9 @@ class Drifting:
             f: np.add(self.offsets.get(f, NONE), new.offsets.get(f, NONE)).tolist() for f in files
         }
         return Drifting(
-            {f: (a, b, c) for f, (a, b, c) in both.items()}, {**self.errors, **new.errors}
+            {f: (a, b, c) for f, (a, b, c) in both.items()},
+            {**self.errors, **new.errors},
+            self.common + new.common,
         )
 
     def as_json(self) -> list[dict[str, Any]]:
@@ -88,9 +118,9 @@ class Drifting:
 def drifting(
     point: Point, shown: Sequence[Residual], known: Drifting | None = None
 ) -> Drifting | None:
-    """Return what the offsets of a campaign's recordings differ by; None where they do not differ
-    by more than is ordinary.  shown: the residuals at a point; known: what was taken off already:
-    the answer is what to take off beside it, however small."""
+    """Return what the offsets of a campaign's recordings differ by and what all sensors have in
+    common; None where neither is more than ordinary.  shown: the residuals at a point; known: what
+    was taken off already: the answer is what to take off beside it, however small."""
     turns: dict[str, list[Array]] = {}
     for r, x in zip(point.prepared.recordings, shown, strict=True):
         if r.rotor != "locked":
@@ -98,7 +128,7 @@ def drifting(
                 _by_turn(r.motion.angle, x.current[:, :, 0])
             )
     own = {file: np.array(x) for file, x in turns.items() if len(x) >= FEWEST}
-    if len(own) < 2:
+    if not own:
         return None
     floor = point.prepared.noise_std
     means = np.array([floor * x[:, 0].mean(axis=0) for x in own.values()])
@@ -106,20 +136,36 @@ def drifting(
         [floor * x[:, 0].std(axis=0, ddof=1).max() / math.sqrt(len(x)) for x in own.values()]
     )
     even = np.array([floor**2 * np.sum(x[:, 1:].mean(axis=0) ** 2) / 2.0 for x in own.values()])
-    gone = np.array([known.offsets.get(file, NONE) if known else NONE for file in own])
-    beside = means + gone - np.median(means + gone, axis=0) - gone
-    size = np.max(np.abs(beside), axis=1)
-    common = BENCH["bench.common_offset"].ordinary
-    usual = (
-        0.0 if common is None else deviation_of(point.prepared.campaign, common, 0.0) / common.share
-    )
-    far = (size > (0.0 if known else ORDINARY * usual)) & (size > SURE * errors)
-    if not np.any(far) or float(even.sum()) > EVEN * float(np.sum(beside**2)):
+    gone = np.array([known.differs(file) if known else NONE for file in own])
+    middle = np.median(means + gone, axis=0)
+    beside = means + gone - middle - gone
+    usual = _usual(point.prepared.campaign)
+    least = 0.0 if known else ORDINARY * usual
+    largest = np.max(np.abs(beside), axis=1)
+    if not np.any((largest > least) & (largest > SURE * errors)):
+        beside = np.zeros_like(beside)
+    common = float(np.median(means.mean(axis=1)))
+    if not abs(common) > max(least / math.sqrt(3.0), SURE * float(np.max(errors))):
+        common = 0.0
+    size = float(np.sum((beside + common) ** 2))
+    if size == 0.0 or float(even.sum()) > EVEN * size:
         return None
     offsets = {
-        file: (float(a), float(b), float(c)) for file, (a, b, c) in zip(own, beside, strict=True)
+        file: (float(a), float(b), float(c))
+        for file, (a, b, c) in zip(own, beside + common, strict=True)
     }
-    return Drifting(offsets, dict(zip(own, errors.tolist(), strict=True)))
+    scatter = dict(zip(own, errors.tolist(), strict=True))
+    if common:  # what stands still has it, too
+        for r in point.prepared.campaign.recordings:
+            offsets.setdefault(r.origin, (common, common, common))
+            scatter.setdefault(r.origin, float(np.max(errors)))
+    return Drifting(offsets, scatter, common)
+
+
+def _usual(campaign: Campaign) -> float:
+    """Return the ordinary standard deviation (A) of one sensor's offset."""
+    ordinary = BENCH["bench.common_offset"].ordinary
+    return 0.0 if ordinary is None else deviation_of(campaign, ordinary, 0.0) / ordinary.share
 
 
 def steadied(campaign: Campaign, found: Drifting) -> Campaign:

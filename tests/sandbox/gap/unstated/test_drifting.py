@@ -100,6 +100,27 @@ def test_a_half_wave_has_a_fifth_of_even_harmonics():
     assert 0.5 * second**2 / np.mean(wave) ** 2 == pytest.approx(2.0 / 9.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("files", [1, 2])
+def test_a_sum_of_three_readings_is_taken_off_every_recording(files):
+    """Sensor a alone reads 30 mA more: a third of it is in all three, the rest is the effect's
+    (20, -10, -10 mA), which stays."""
+    point, shown = at((0.02,) * files)
+    off = [dataclasses.replace(x, current=x.current + 0.01 / FLOOR) for x in shown]
+    still = dataclasses.replace(point.prepared.campaign.recordings[0], file="still", rotor="locked")
+    campaign = dataclasses.replace(
+        point.prepared.campaign, recordings=(*point.prepared.campaign.recordings, still)
+    )
+    point.prepared.campaign = campaign
+    found = drifting(point, off)
+    assert found.common == pytest.approx(0.01, abs=5 * FLOOR / np.sqrt(N))
+    assert set(found.offsets) == {"still", *(x.file for x in shown)}
+    assert all(x == (found.common,) * 3 for x in found.offsets.values())
+    assert found.text.startswith("The three current readings have a mean sum of 30 mA")
+    assert "differ" not in found.text
+    again = [dataclasses.replace(x, current=x.current - found.common / FLOOR) for x in off]
+    assert drifting(point, again) is None
+
+
 def test_noise_alone_says_nothing():
     assert not any(drifting(*at((0.0, 0.0, 0.0), seed=k)) for k in range(50))
 
