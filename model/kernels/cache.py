@@ -49,6 +49,10 @@ class KernelCache(Cache):
         """The folder of the entries."""
         return str(self._folder)
 
+    def holds_any(self) -> bool:
+        """Return whether machine code of this state of the sources is kept, for any signature."""
+        return bool(self._index())
+
     def flush(self) -> None:
         """Forget the entries."""
         self._write_index({})

@@ -2,11 +2,10 @@
 the cache.
 
 It goes to the logger `sensorless`, which Python prints to stderr unless it is told otherwise.  It
-is said once compiling has taken SHORT, with what is known: the processor's time that it took on
-this machine when the same program was called with the same command, which other programs hardly
-change, as they do the time on the clock.  Where they take much, it is said what that comes to with
-what compiling gets of the processor just now.  Less is compiled, and it is over sooner, where some
-of it is in the cache.
+is said once compiling has taken SHORT, with what is known: the processor's time that the functions
+of the same command took on this machine, as far as the cache does not hold them.  Other programs
+hardly change it, as they do the time on the clock.  Where they take much, it is said what that
+comes to with what compiling gets of the processor just now.
 """
 
 from __future__ import annotations
@@ -22,24 +21,31 @@ from typing import Any
 
 from numba.core import event
 
+from model.kernels.cache import KernelCache
 from model.kernels.sources import ROOMS
 
 SHORT = 2.0  # s: less is not worth a word
 BUSY = 1.5  # times the processor's time on the clock, from which that is said, too
-KEPT = 0.9  # of what it took before: a shorter time may be of a part
+KEPT = 0.9  # of what it took before: a shorter time may be of one signature of several
 LOGGER = logging.getLogger("sensorless")
 
 
 class Watch(event.Listener):
-    """Hears of every function that numba compiles; nested ones are part of the outermost."""
+    """Hears of every function that numba compiles.
+
+    Each is kept with its own time, without that of functions compiled inside it, and by what was
+    called: a run that finds a part in the cache says nothing of the rest.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.call = " ".join([Path(sys.argv[0]).name, *sys.argv[1:2]])
         self.heard = self.said = False
         self.seconds = 0.0  # on the clock, in which at least one thread compiled
-        self.processor = 0.0  # s of the processor, of the threads that compiled
-        # of a thread: level of nested functions, its processor's time where they began
+        # s of the processor of each function, by its module and name
+        self.processor: dict[str, float] = {}
+        # of a thread: for each level of nested functions, its processor's time where it began, and
+        # what of it went into functions inside
         self.own = threading.local()
         self.lock = threading.Lock()
         # threads that compile; since when, by both clocks
@@ -50,11 +56,10 @@ class Watch(event.Listener):
         function = event.data["dispatcher"].py_func
         if function.__module__.partition(".")[0] not in ROOMS:
             return
-        level, now = getattr(self.own, "level", 0), time.perf_counter()
-        self.own.level = level + 1
+        stack, now = self._stack(), time.perf_counter()
+        stack.append([time.thread_time(), 0.0])
         with self.lock:
-            if level == 0:
-                self.own.since = time.thread_time()
+            if len(stack) == 1:
                 if not self.active:
                     self.begun, self.used = now, time.process_time()
                 self.active += 1
@@ -68,7 +73,7 @@ class Watch(event.Listener):
 
     def sentence(self, now: float) -> str:
         """Return what is said at an instant (s) while something is compiled."""
-        expected = self.known().get(self.call, 0.0)
+        expected = sum(s for name, s in self.known().get(self.call, {}).items() if not kept(name))
         if expected <= 2.0 * SHORT:
             return (
                 "compiling once, half a minute to some minutes (the next time it is known how long)"
@@ -81,36 +86,59 @@ class Watch(event.Listener):
 
     def on_end(self, event: Any) -> None:
         """Add up the time."""
-        level, now = getattr(self.own, "level", 0), time.perf_counter()
-        if level and event.data["dispatcher"].py_func.__module__.partition(".")[0] in ROOMS:
-            self.own.level = level - 1
-            with self.lock:
-                if level == 1:
-                    self.active -= 1
-                    self.processor += time.thread_time() - self.own.since
-                if level == 1 and not self.active:
-                    self.seconds += now - self.begun
+        stack, now = self._stack(), time.perf_counter()
+        function = event.data["dispatcher"].py_func
+        if not stack or function.__module__.partition(".")[0] not in ROOMS:
+            return
+        since, inside = stack.pop()
+        took, name = time.thread_time() - since, f"{function.__module__}:{function.__qualname__}"
+        if stack:
+            stack[-1][1] += took
+        with self.lock:
+            self.processor[name] = self.processor.get(name, 0.0) + took - inside
+            if not stack:
+                self.active -= 1
+                self.seconds += 0.0 if self.active else now - self.begun
 
-    def known(self) -> dict[str, float]:
-        """Return the processor's seconds of earlier times by what was called."""
+    def _stack(self) -> list[list[float]]:
+        """Return the levels of functions that this thread compiles."""
+        if not hasattr(self.own, "stack"):
+            self.own.stack = []
+        found: list[list[float]] = self.own.stack
+        return found
+
+    def known(self) -> dict[str, dict[str, float]]:
+        """Return the processor's seconds of each function at earlier times, by what was called."""
         try:
             found = json.loads(self.path.read_text(encoding="utf-8"))
-            return {str(name): float(seconds) for name, seconds in found.items()}
+            return {
+                str(call): {str(name): float(seconds) for name, seconds in of.items()}
+                for call, of in found.items()
+            }
         except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
             return {}
 
     def remember(self) -> None:
         """Keep what it took for the next time."""
         try:
-            before = self.known()
-            took = max(self.processor, KEPT * before.get(self.call, 0.0))
-            self.path.write_text(json.dumps(before | {self.call: round(took, 1)}), encoding="utf-8")
+            known = self.known()
+            own = known.setdefault(self.call, {})
+            for name, took in self.processor.items():
+                own[name] = round(max(took, KEPT * own.get(name, 0.0)), 3)
+            self.path.write_text(json.dumps(known), encoding="utf-8")
         except OSError:
             return  # a read-only home
 
 
+def kept(name: str) -> bool:
+    """Return whether the cache holds a function (`module:name`), False where that is not known."""
+    module, _, of_module = name.partition(":")
+    cache = getattr(getattr(sys.modules.get(module), of_module, None), "_cache", None)
+    return isinstance(cache, KernelCache) and cache.holds_any()
+
+
 def watch(folder: Path) -> Watch:
     """Begin to listen; what compiling took is kept in a folder."""
-    own = Watch(folder / "compile-processor-seconds.json")
+    own = Watch(folder / "compile-seconds-of-functions.json")
     event.register("numba:compile", own)
     return own

@@ -48,7 +48,7 @@ def test_an_entry_in_another_s_place_is_made_anew(tmp_path, capsys):
 
 @pytest.mark.parametrize("text", ['{"x": 1' + "0" * 400 + "}", "[" * 100_000])
 def test_seconds_of_compiling_that_cannot_be_read_are_forgotten(tmp_path, text):
-    path = tmp_path / "compile-processor-seconds.json"
+    path = tmp_path / "compile-seconds-of-functions.json"
     path.write_text(text)
     assert Watch(path).known() == {}
 

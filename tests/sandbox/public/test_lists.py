@@ -122,9 +122,9 @@ def test_compiling_is_said_once_it_has_taken_two_seconds(
     busy machine both."""
     # a call with --quiet before may have left it higher
     caplog.set_level(logging.WARNING, "sensorless")
-    watch = Watch(tmp_path / "compile-processor-seconds.json")
+    watch = Watch(tmp_path / "compile-seconds-of-functions.json")
     if known is not None:
-        watch.path.write_text(json.dumps({watch.call: known}))
+        watch.path.write_text(json.dumps({watch.call: {"model.gone:f": known}}))
     Clocks(monkeypatch, [0.0, 1.0, 1.0, 1.5, 2.5, 4.0], share)
     monkeypatch.setattr(notice.atexit, "register", lambda _: None)
     compiled = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=load_drive)})
@@ -143,18 +143,55 @@ def test_what_is_kept_is_the_processors_time(tmp_path, monkeypatch):
     compiled = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=load_drive)})
     kept = []
     for seconds in (10.0, 1.0, 20.0):
-        watch = Watch(tmp_path / "compile-processor-seconds.json")
+        watch = Watch(tmp_path / "compile-seconds-of-functions.json")
         Clocks(monkeypatch, [0.0, seconds], 0.2)
         watch.on_start(compiled)
         watch.on_end(compiled)
         watch.remember()
-        kept.append(watch.known()[watch.call])
+        kept.append(sum(watch.known()[watch.call].values()))
     assert kept == [2.0, 1.8, 4.0]
+
+
+def test_a_run_that_compiles_a_part_hides_nothing_of_the_whole(tmp_path, monkeypatch):
+    """Ten seconds, four of them of a function inside; later that one alone: still ten in all."""
+    monkeypatch.setattr(notice.atexit, "register", lambda _: None)
+    path = tmp_path / "kept.json"
+    outer, inner = (
+        SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=f)})
+        for f in (load_drive, notice.watch)
+    )
+    whole = Watch(path)
+    Clocks(monkeypatch, [0.0, 3.0, 7.0, 10.0])
+    for happens, compiled in (
+        (whole.on_start, outer),
+        (whole.on_start, inner),
+        (whole.on_end, inner),
+        (whole.on_end, outer),
+    ):
+        happens(compiled)
+    whole.remember()
+    assert sorted(whole.known()[whole.call].values()) == [4.0, 6.0]
+    part = Watch(path)
+    Clocks(monkeypatch, [0.0, 4.0])
+    part.on_start(inner)
+    part.on_end(inner)
+    part.remember()
+    assert sum(part.known()[part.call].values()) == 10.0
+
+
+def test_what_the_cache_holds_is_not_announced(tmp_path):
+    """In an empty cache nothing is held; once compiled, it is."""
+    code = "from model.energy import Energy, hessian\nfrom model.kernels.notice import kept\n"
+    code += "print(kept('model.energy:hessian'), kept('model.nowhere:f'))\n"
+    code += "hessian(Energy(1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.1, 0.2)\n"
+    code += "print(kept('model.energy:hessian'))\n"
+    done = python(code, tmp_path, SENSORLESS_CACHE=str(tmp_path / "cache"))
+    assert done.stdout.split() == ["False", "False", "True"]
 
 
 def test_time_in_which_two_threads_compile_counts_once(tmp_path, monkeypatch):
     """From 0 to 3 s and from 1 to 4 s (one waits for the other): 4 s, not 6."""
-    watch = Watch(tmp_path / "compile-processor-seconds.json")
+    watch = Watch(tmp_path / "compile-seconds-of-functions.json")
     clock = iter([0.0, 1.0, 3.0, 4.0])
     monkeypatch.setattr(notice.time, "perf_counter", lambda: next(clock))
     monkeypatch.setattr(notice.atexit, "register", lambda _: None)
@@ -188,8 +225,8 @@ def test_compiling_is_said_only_when_it_happens(tmp_path):
     assert len(lines) <= 1
     assert all(line.startswith(f"compiling once, {UNKNOWN}") for line in lines)
     assert second.stderr == ""
-    known = json.loads((tmp_path / "cache" / "compile-processor-seconds.json").read_text())
-    assert all(0.0 < seconds < 60.0 for seconds in known.values())
+    known = json.loads((tmp_path / "cache" / "compile-seconds-of-functions.json").read_text())
+    assert all(0.0 < sum(of.values()) < 60.0 for of in known.values())
 
 
 def test_a_motor_and_a_scenario_have_cards(capsys):
