@@ -12,7 +12,7 @@ from model.errors import BadInput
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.planning import next_recording as following
 from sandbox.gap.planning.next_recording import Tried, power
-from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.recordings.campaign import Campaign
 from tests.sandbox.gap.conftest import DRIVE
 from tests.sandbox.gap.entries import named
 
@@ -155,46 +155,6 @@ def test_surprise_by_hand(monkeypatch):
     assert wide == pytest.approx(0.5 * (math.log(10.0 / 8.0 * 7.0 / 4.0) - 0.2 - 3.0 / 7.0))
 
 
-def test_a_foretold_recording_holds_what_a_truth_reads(monkeypatch):
-    """Its currents, phase by phase, at the values that a fit has."""
-    read = np.arange(24.0).reshape(8, 3, 1)
-    columns = {k: np.zeros(8) for k in ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta")}
-    columns |= {"t": np.arange(8.0), "u_dc": np.full(8, 400.0)}
-    planned = Campaign(
-        "x", DRIVE, (CampaignRecording("r.parquet", "locked", "none", columns),), {}, {}, False
-    )
-    monkeypatch.setattr(following, "shaft", lambda *_: None)
-    monkeypatch.setattr(following, "recording_of", lambda *_: planned)
-    monkeypatch.setattr(following, "prepare", lambda found, truth, steps: steps)
-    monkeypatch.setattr(
-        following, "replay", lambda steps, sets: SimpleNamespace(currents=[steps * read])
-    )
-    values = {"dead_time.time": 1e-6, "inertia.factor": math.nan}
-    a = SimpleNamespace(fit=SimpleNamespace(point=SimpleNamespace(values=values)))
-    found, truth = following.simulate_experiment(planned, None, a)
-    assert truth == {"dead_time.time": 1e-6}
-    assert np.array([found.recordings[0][f"i_{p}"] for p in "abc"]) == pytest.approx(
-        read[:, :, 0].T
-    )
-
-
-@pytest.mark.parametrize(("rotor", "off"), [("driven", 0.1), ("locked", 0.0)])
-def test_an_encoder_reads_its_own_turn(monkeypatch, rotor, off):
-    """A tenth of its angle too much, that is of the electrical one over 6 pole pairs."""
-
-    def eccentric(batch, turn, out):
-        out[:, 0] += 0.6 * turn
-
-    monkeypatch.setattr(following, "readings_off", eccentric)
-    columns = {k: np.zeros(8) for k in ("u_alpha", "u_beta", "i_a", "i_b", "i_c")}
-    columns |= {"t": np.arange(8.0), "theta": np.linspace(1.0, 2.0, 8), "u_dc": np.full(8, 400.0)}
-    planned = Campaign(
-        "x", DRIVE, (CampaignRecording("r.parquet", rotor, "none", columns),), {}, {}, False
-    )
-    (r,) = following.encoded(planned, {}).recordings
-    assert r.theta == pytest.approx((1.0 + off) * columns["theta"])
-
-
 @pytest.mark.parametrize(
     ("worst", "kept"), [(1.0, True), (math.inf, False), (math.nan, False), (BadInput("no"), False)]
 )
@@ -260,11 +220,6 @@ def recommending(monkeypatch):
     return recommend, asked
 
 
-@pytest.mark.parametrize(("chance", "found"), [(0.49, False), (0.51, True)])
-def test_a_recording_is_recommended_from_an_even_chance_on(recommending, chance, found):
-    assert (recommending[0]({("x", 0.5): chance}) is not None) == found
-
-
 @pytest.mark.parametrize(("chance", "menus"), [(0.96, [0.5]), (0.94, [0.5, 1.0, 2.0])])
 def test_twice_and_four_times_as_long_is_tried_where_nothing_is_sure(recommending, chance, menus):
     """Powers are told here, so all lengths promise what the first has: 2 x and 4 x of it."""
@@ -288,12 +243,6 @@ def test_the_longest_that_is_sure_ends_it(recommending):
     assert recommending[1].menus == [0.5, 1.0]
 
 
-@pytest.mark.parametrize(("chance", "entry"), [(0.955, "small"), (0.945, "big")])
-def test_of_what_is_sure_the_least_gap_is_taken(recommending, chance, entry):
-    powers = {("big", 0.5): 0.96, ("small", 0.5): chance}
-    assert recommending[0](powers, missed={"big": 9.0, "small": 2.0}).entry == entry
-
-
 def test_of_equal_chances_the_shorter_is_taken(recommending):
     assert recommending[0]({("x", 0.5): 0.8, ("x", 1.0): 0.8}).seconds == 0.5
 
@@ -307,7 +256,3 @@ def test_four_rivals_are_looked_at_on_three_entries(recommending, count, looked_
     )
     assert len(found.separates) == looked_at
     assert asked.tried == [(n, 2) for n in "abcde"] + [(n, looked_at) for n in "edc"]
-
-
-def test_one_hypothesis_needs_no_recording(recommending):
-    assert recommending[0]({("x", 0.5): 0.99}, rivals=1) is None
