@@ -1,10 +1,10 @@
 """The plant's ports from the effects' cards: Python source that adds up what all effects do at each
 port.
 
-`python -m sandbox.plant.compose` writes `sandbox/plant/ports.py` for the library; a test keeps it up
-to date.  To compose it at import would cost next to nothing (0.5 ms, measured); it is committed
-because the hash that tells compiled kernels apart follows imports, and through this file they lead to
-every equation (`model.kernels.sources`); the type checker and a reader follow them, too.
+`python -m sandbox.plant.compose` writes `sandbox/plant/ports.py` for the library; a test keeps it
+up to date.  To compose it at import would cost next to nothing (0.5 ms, measured).  It is committed
+because the hash that tells compiled kernels apart follows imports (`model.kernels.sources`), and
+through this file they lead to every equation; type checker and readers follow them, too.
 """
 
 from __future__ import annotations
