@@ -179,6 +179,11 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
     )
 
 
+def hash_of(spline: SplineEnergy) -> str:
+    """Return what tells a map's energy from another."""
+    return hashlib.sha256(spline.cells.tobytes() + repr(spline[1:]).encode()).hexdigest()[:16]
+
+
 def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Path) -> MappedMotor:
     """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in`
     sees), its file named from `folder` or in a data set. BadInput where its points make no
@@ -202,10 +207,9 @@ def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Pa
             "has; write the units into its header, e.g. psi_d [mWb]"
         ) from None
     own = {name: getattr(motor, name) for name in Motor.__dataclass_fields__}
-    digest = hashlib.sha256(spline.cells.tobytes() + repr(spline[1:]).encode()).hexdigest()[:16]
     notes = (*torque_notes(found.torque, motor.pole_pairs, path.name), *found.notes)
     return MappedMotor(
-        **own, map_hash=digest, origin=MapFile(path, dict(table), notes), spline=spline
+        **own, map_hash=hash_of(spline), origin=MapFile(path, dict(table), notes), spline=spline
     )
 
 
@@ -378,9 +382,8 @@ def corrected(motor: MappedMotor, energy: SplineEnergy) -> tuple[MappedMotor, by
     )
     e = with_stiffness(energy)
     body = energy_file(e, motor.magnet_flux, choice, points.i_d, points.i_q)
-    digest = hashlib.sha256(e.cells.tobytes() + repr(e[1:]).encode()).hexdigest()[:16]
     stiff = {"inductance_d": 1.0 / e.gamma_d, "inductance_q": 1.0 / e.gamma_q}
-    return replace(motor, **stiff, map_hash=digest, spline=e), body  # type: ignore[arg-type]
+    return replace(motor, **stiff, map_hash=hash_of(e), spline=e), body  # type: ignore[arg-type]
 
 
 def held_by_data(

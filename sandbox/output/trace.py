@@ -1,4 +1,4 @@
-"""Traces for the viewer, one rerun recording (`.rrd`) each: write, lay out, read. Only this module
+"""Traces for the viewer, one rerun recording (`.rrd`) each: write and lay out. Only this module
 imports rerun."""
 
 from __future__ import annotations
@@ -253,37 +253,3 @@ def tabbed(views: Sequence[View], name: str) -> View:
 def _nanoseconds(t: Array) -> NDArray[np.timedelta64]:
     """Return seconds as integer nanoseconds; rerun truncates floats."""
     return np.rint(t * 1e9).astype("timedelta64[ns]")
-
-
-def read_trace(path: Path) -> dict[str, tuple[Array, Array]]:
-    """Read the scalars of a trace: entity path -> (times (n,) in s, values (n, k))."""
-    from rerun.chunk import RrdReader
-
-    parts: dict[str, list[tuple[NDArray[np.int64], Array]]] = {}
-    for chunk in RrdReader(path).stream():
-        batch = chunk.to_record_batch()
-        if chunk.is_static or "Scalars:scalars" not in batch.schema.names:
-            continue
-        times = batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(np.int64)
-        flat = batch.column("Scalars:scalars").flatten().to_numpy(zero_copy_only=False)
-        entity = str(chunk.entity_path).lstrip("/")
-        parts.setdefault(entity, []).append((times, flat.reshape(times.size, -1)))
-    found = {}
-    for entity, pieces in parts.items():
-        times, values = (np.concatenate(column) for column in zip(*pieces, strict=True))
-        order = np.argsort(times, kind="stable")
-        found[entity] = (times[order] / 1e9, values[order])
-    return found
-
-
-def read_properties(path: Path) -> dict[str, str]:
-    """Read how a trace was made, as text."""
-    from rerun.chunk import RrdReader
-
-    found: dict[str, str] = {}
-    for chunk in RrdReader(path).stream():
-        if str(chunk.entity_path).endswith("__properties/made"):
-            batch = chunk.to_record_batch()
-            names = [name for name in batch.schema.names if not name.startswith("rerun")]
-            found |= {name: batch.column(name)[0].as_py()[0] for name in names}
-    return found

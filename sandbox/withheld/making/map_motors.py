@@ -18,7 +18,6 @@ gives the same map when it is read.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -28,7 +27,7 @@ from numpy.typing import NDArray
 
 from model.datasets import VARIABLE, locate
 from model.energy import currents, flux_from_current, hessian
-from model.mapped import ALPHAS, MappedMotor
+from model.mapped import ALPHAS, MappedMotor, hash_of
 from model.parameters import Motor
 from model.spline import DEGREE, SplineEnergy
 from model.spline_energy import FLOOR, MARGIN
@@ -76,8 +75,7 @@ def changed(motor: Motor, values: Mapping[str, float]) -> Motor:
     own = motor.spline
     terms |= {(2, 0): 0.5 * (gamma["d"] - own.gamma_d), (0, 2): 0.5 * (gamma["q"] - own.gamma_q)}
     spline = with_terms(own, terms)._replace(gamma_d=gamma["d"], gamma_q=gamma["q"])
-    digest = hashlib.sha256(spline.cells.tobytes() + repr(spline[1:]).encode()).hexdigest()[:16]
-    return dataclasses.replace(motor, **new, spline=spline, map_hash=digest, origin=None)
+    return dataclasses.replace(motor, **new, spline=spline, map_hash=hash_of(spline), origin=None)
 
 
 def with_terms(m: SplineEnergy, terms: Mapping[tuple[int, int], float]) -> SplineEnergy:

@@ -46,7 +46,6 @@ from sandbox.gap.report.diagnosis_json import document
 from sandbox.gap.report.position import carrier_at, errors
 from sandbox.gap.words import quantity, times
 from sandbox.output.files import plain
-from sandbox.output.trace import read_trace
 from sandbox.public.campaigns.diagnosed import DiagnosisResult, diagnose
 from sandbox.public.campaigns.replayed import replay
 from sandbox.recordings.campaign import read_folder
@@ -54,6 +53,7 @@ from sandbox.recordings.injection import carrier
 from tests.data import recordings_folder
 from tests.sandbox.gap.conftest import DEAD_TIME
 from tests.schemas import misfits
+from tests.traces import read_trace
 
 
 def content_of(a):

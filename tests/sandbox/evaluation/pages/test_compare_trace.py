@@ -14,6 +14,7 @@ from sandbox import view
 from sandbox.evaluation.pages import compare_trace
 from sandbox.evaluation.pages.compare_tables import comparison_text
 from sandbox.output import trace
+from tests.traces import read_properties, read_trace
 
 SAMPLES = 800
 RATE = 4000.0
@@ -98,7 +99,7 @@ def written(tmp_path_factory):
 
 def test_error_and_angles_are_the_recorded_samples(written):
     comparison, path = written
-    found = trace.read_trace(path)
+    found = read_trace(path)
     for run in comparison.runs:
         times, error = found[f"{run.name}/error"]
         np.testing.assert_array_equal(error[:, 0], np.rad2deg(run.recording.error))
@@ -111,14 +112,14 @@ def test_error_and_angles_are_the_recorded_samples(written):
 
 def test_currents_are_means_without_the_injected_ripple(written):
     comparison, path = written
-    _, current = trace.read_trace(path)[f"{comparison.runs[0].name}/current_q"]
+    _, current = read_trace(path)[f"{comparison.runs[0].name}/current_q"]
     assert current.shape == (SAMPLES // compare_trace.SLOW, 1)
     np.testing.assert_allclose(current, 1.2, atol=1e-12)
 
 
 def test_slow_channels_are_recorded_samples(written):
     comparison, path = written
-    found, run = trace.read_trace(path), comparison.runs[1]
+    found, run = read_trace(path), comparison.runs[1]
     np.testing.assert_array_equal(
         found[f"{run.name}/ripple_q"][1][:, 0], run.recording.ripple_q[:: compare_trace.SLOW]
     )
@@ -131,7 +132,7 @@ def test_slow_channels_are_recorded_samples(written):
 
 
 def test_prediction_is_there_only_where_theory_is(written):
-    found = trace.read_trace(written[1])
+    found = read_trace(written[1])
     assert "qnull/closed/saturated/predicted" not in found
     times, values = found["qnull/closed/linear/predicted"]
     np.testing.assert_allclose(times[:2], [0.05, 0.09])
@@ -139,7 +140,7 @@ def test_prediction_is_there_only_where_theory_is(written):
 
 
 def test_properties_say_how_it_was_made(written):
-    made = trace.read_properties(written[1])
+    made = read_properties(written[1])
     expected = {
         "motor": "ipm_exchanged",
         "scenario": "staircase",
@@ -154,7 +155,7 @@ def test_a_property_may_change_its_type_between_traces(tmp_path):
     for seed in (7, "none", 2.5):
         comparison.properties = {"seed": seed}
         compare_trace.write_trace(tmp_path / "comparison.rrd", comparison)
-        assert trace.read_properties(tmp_path / "comparison.rrd")["seed"] == str(seed)
+        assert read_properties(tmp_path / "comparison.rrd")["seed"] == str(seed)
 
 
 def test_rerun_verifies_the_file(written):
@@ -175,7 +176,7 @@ def test_a_real_comparison_survives_the_round_trip(small_comparison, tmp_path):
     """The numbers of the run are found again in the file: mean error of each row from the trace
     alone."""
     compare_trace.write_trace(tmp_path / "real.rrd", small_comparison)
-    found = trace.read_trace(tmp_path / "real.rrd")
+    found = read_trace(tmp_path / "real.rrd")
     for run in small_comparison.runs:
         t, error = found[f"{run.name}/error"]
         for row in run.rows:
@@ -188,16 +189,16 @@ def test_long_runs_are_thinned_and_say_so(tmp_path, monkeypatch):
     comparison, path = _comparison(), tmp_path / "long.rrd"
     compare_trace.write_trace(path, comparison)
     run = comparison.runs[0]
-    found = trace.read_trace(path)[f"{run.name}/error"][1]
+    found = read_trace(path)[f"{run.name}/error"][1]
     np.testing.assert_array_equal(found[:, 0], np.rad2deg(run.recording.error)[::3])
-    assert trace.read_properties(path)["sample_stride"] == "3"
+    assert read_properties(path)["sample_stride"] == "3"
 
 
 def test_chunks_are_joined_in_order(tmp_path, monkeypatch):
     monkeypatch.setattr(trace, "CHUNK", 100)
     comparison = _comparison()
     compare_trace.write_trace(tmp_path / "chunks.rrd", comparison)
-    error = trace.read_trace(tmp_path / "chunks.rrd")["qnull/closed/saturated/error"][1]
+    error = read_trace(tmp_path / "chunks.rrd")["qnull/closed/saturated/error"][1]
     np.testing.assert_array_equal(error[:, 0], np.rad2deg(comparison.runs[0].recording.error))
 
 
