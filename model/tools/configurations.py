@@ -14,33 +14,17 @@ themselves.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
-from xml.etree import ElementTree
+from typing import NamedTuple
 
 from model.errors import BadInput
 from model.given import given_bytes
+from model.tools.written_numbers import NUMBER, numbers_of
 
 MAX_BYTES = 4_000_000  # bytes of a configuration
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-DEFINED = re.compile(rf"^\s*#\s*define\s+MCCONF_(\w+)\s+\(?({NUMBER})f?\)?", re.MULTILINE)
-ASSIGNED = re.compile(
-    r"^\s*(?:conf\s+set\s+)?([A-Za-z_][\w.\[\]]*)\s*[=: "
-    rf"\t]\s*({NUMBER})\s*f?\s*[;,]?\s*(?:(?://|#).*)?$",
-    re.MULTILINE,
-)
-SIMPLE = re.compile(r"BLDCMotor\s*\w*\s*(?:=\s*BLDCMotor\s*)?\(([^()]+)\)")
-SIMPLE_NAMES = tuple(
-    f"bldcmotor.{n}" for n in ("pole_pairs", "phase_resistance", "kv", "phase_inductance")
-)
-CONSTANT = re.compile(
-    rf"^\s*(?:#\s*define\s+(\w+)\s+|const\w*[\w ]*?\s(\w+)\s*=\s*)\(?({NUMBER})f?\)?", re.MULTILINE
-)
-COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
 AXIS = re.compile(r"(?:^|\.)(axis\d+)\.")
 OF_ODRIVE = ("phase_resistance", "phase_inductance", "torque_constant")
 VECTOR = 1.0 / (2.0 * math.pi)
@@ -75,7 +59,7 @@ def read_configuration(path: Path) -> Configuration:
     known tools, or of two motors."""
     remedy = "give a configuration of VESC, ODrive, moteus or SimpleFOC, or KEY=VALUE"
     text = given_bytes(path, MAX_BYTES, remedy).decode("utf-8-sig", errors="replace")
-    numbers = _one_axis(path.name, _numbers(text))
+    numbers = _one_axis(path.name, numbers_of(text, path.name))
     for program in PROGRAMS:
         if any(_last(numbers, key) is not None for key in program.known_by):
             told = {k: t for k, t in program.convert(numbers).items() if t and t.value > 0.0}
@@ -108,57 +92,6 @@ def _one_axis(file: str, numbers: dict[str, float]) -> dict[str, float]:
         for n, v in numbers.items()
         if kept is None or not (m := AXIS.search(n)) or m[1] == kept
     }
-
-
-def _numbers(text: str) -> dict[str, float]:
-    """Return a configuration's numbers by their lower-case name, dots between levels."""
-    head = text.lstrip()[:1]
-    if head == "<" and "<!DOCTYPE" not in text and "<!ENTITY" not in text:
-        try:
-            root = ElementTree.fromstring(text)
-        except (ElementTree.ParseError, ValueError) as error:
-            raise BadInput(
-                f"a configuration that is no whole XML ({error}); export it again"
-            ) from None
-        return {e.tag.lower(): x for e in root.iter() if (x := _float(e.text)) is not None}
-    if head == "{":
-        try:
-            return dict(_flat(json.loads(text), ""))
-        except (ValueError, RecursionError) as error:
-            raise BadInput(
-                f"a configuration that is no whole JSON ({error}); export it again"
-            ) from None
-    text = COMMENT.sub(" ", text)
-    out = {m[1].lower(): float(m[2]) for m in ASSIGNED.finditer(text)}
-    out |= {m[1].lower(): float(m[2]) for m in DEFINED.finditer(text)}
-    if found := SIMPLE.search(text):
-        constants = {m[1] or m[2]: float(m[3]) for m in CONSTANT.finditer(text)}
-        given = [
-            constants.get(x.strip(), _float(x.strip().rstrip("f"))) for x in found[1].split(",")
-        ]
-        out |= {n: x for n, x in zip(SIMPLE_NAMES, given, strict=False) if x is not None}
-    return out
-
-
-def _flat(tree: Any, above: str) -> list[tuple[str, float]]:
-    out: list[tuple[str, float]] = []
-    for key, value in tree.items() if isinstance(tree, dict) else ():
-        name = f"{above}.{key}".strip(".").lower()
-        if isinstance(value, dict):
-            out += _flat(value, name)
-        elif (x := _float(value)) is not None:
-            out.append((name, x))
-    return out
-
-
-def _float(value: Any) -> float | None:
-    if isinstance(value, bool):
-        return None
-    try:
-        x = float(value)
-    except (TypeError, ValueError):
-        return None
-    return x if math.isfinite(x) else None
 
 
 def _last(numbers: Mapping[str, float], *names: str) -> float | None:
@@ -219,14 +152,18 @@ def _odrive(n: Mapping[str, float]) -> dict[str, Told | None]:
         "inductance": _told(n, "phase_inductance", "H"),
         "torque_constant": _told(n, "torque_constant", "Nm/A"),
         "rated_current": _told(n, "current_soft_max current_lim", "A"),
-        "rated_speed_rpm": _told(
-            n,
-            "config.vel_limit controller.config.vel_limit",
-            "rpm",
-            60.0,
-            "turns/s: a limit, perhaps below the rating",
-        ),
+        "rated_speed_rpm": _odrive_speed(n),
     }
+
+
+def _odrive_speed(n: Mapping[str, float]) -> Told | None:
+    """Return the limit of speed: turns/s, before firmware 0.5, which has no torque constant,
+    counts/s of the encoder."""
+    said, turn = "turns/s: a limit, perhaps below the rating", 1.0
+    if _last(n, "torque_constant") is None and (turn := _last(n, "encoder.config.cpr") or 0.0):
+        said = f"counts/s of an encoder of {turn:.6g}: a limit, perhaps below the rating"
+    names = "config.vel_limit controller.config.vel_limit"
+    return _told(n, names, "rpm", 60.0 / turn, said) if turn else None
 
 
 def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
@@ -272,6 +209,8 @@ def _simplefoc(n: Mapping[str, float]) -> dict[str, Told | None]:
         "resistance": _told(n, "motor.phase_resistance bldcmotor.phase_resistance", "ohm"),
         "kv": _told(n, "motor.kv_rating bldcmotor.kv", "rpm/V"),
         "inductance": _told(n, "motor.phase_inductance bldcmotor.phase_inductance", "H"),
+        "inductance_d": _told(n, "motor.axis_inductance.d", "H"),
+        "inductance_q": _told(n, "motor.axis_inductance.q", "H"),
         "rated_current": _told(n, "motor.current_limit", "A"),
         "dc_bus_voltage": _told(n, "driver.voltage_power_supply", "V"),
         "pwm_frequency": _told(n, "driver.pwm_frequency", "Hz"),
