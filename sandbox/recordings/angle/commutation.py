@@ -79,7 +79,8 @@ def states_angle(
 def _sectors(file: str, said: str, code: Array) -> Array:
     """Return whole sixths of a turn (n,), unwrapped, of Hall codes; a disturbed reading repeats the
     one before."""
-    order = APART_60 if np.isin(code, (0, 7)).mean() > RARE else APART_120
+    # which two states never occur: 0 and 7, or 2 and 5
+    order = APART_60 if np.isin(code, (0, 7)).mean() > np.isin(code, (2, 5)).mean() else APART_120
     place = np.full(8, -1)
     place[list(order)] = np.arange(6)
     inside = (code >= 0) & (code <= 7)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from model.errors import BadInput
-from sandbox.recordings.checks.plausibility import runs
+from sandbox.recordings.checks.plausibility import BEFORE, angle_step, runs
 from sandbox.recordings.findings import Doubt, Finding, Refused
 from sandbox.recordings.motion_log import OR_SPEED, MotionCampaign, MotionRecording
 
@@ -46,17 +46,16 @@ def _stuck(r: MotionRecording, campaign: MotionCampaign) -> None:
     torque could."""
     if np.ptp(r.angle) < STANDS:
         return
-    step, h = np.diff(r.angle), np.diff(r.t)
-    able = float(np.max(np.abs(r.torque)))
+    h, able = np.diff(r.t), float(np.max(np.abs(r.torque)))
+    count = max(campaign.count, angle_step(r.angle))
     for begin, end in runs(r.angle):
         went = (
             abs(float(np.sum(r.beside["speed"][begin : end - 1] * h[begin : end - 1])))
             if "speed" in r.beside
             else 0.0
         )
-        stop = abs(float(step[begin - 1] / h[begin - 1] ** 2)) if begin else 0.0
-        needed = stop * (campaign.inertia or 0.0)
-        if went > MISSED + 2.0 * campaign.count or needed > STOPPED * able > 0.0:
+        needed = _speed_before(r, begin, count) / h[begin - 1] * (campaign.inertia or 0.0)
+        if went > MISSED + 2.0 * count or needed > STOPPED * able > 0.0:
             why = (
                 f"the log's speed makes {went:.3g} rad of it"
                 if went > MISSED
@@ -69,6 +68,14 @@ def _stuck(r: MotionRecording, campaign: MotionCampaign) -> None:
                 "leave the recording out"
             )
             raise Refused(Finding(r.file, "theta", begin, text))
+
+
+def _speed_before(r: MotionRecording, row: int, count: float) -> float:
+    """Return how fast (rad/s) an angle moves at least in the BEFORE rows before one, whose readings
+    step by count."""
+    first = max(row - BEFORE, 0)
+    moved = abs(float(r.angle[row] - r.angle[first])) - count
+    return max(moved, 0.0) / float(r.t[row] - r.t[first]) if row else 0.0
 
 
 def _load(r: MotionRecording) -> list[Finding]:

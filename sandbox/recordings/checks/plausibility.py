@@ -23,6 +23,7 @@ from sandbox.recordings.staircase import LARGEST_TURN, check_sensors, rest_of_su
 
 Array = NDArray[np.float64]
 LONG = 32  # samples without any change, of a signal that should move
+FINEST, WHOLE = 3e-3, 0.95  # of the largest change; of the rows: steps of an angle
 BEFORE = 16  # samples over which it is seen moving
 HEXAGON = 2.0 / 3.0  # of u_dc: largest phase voltage an inverter can give
 UNITS_OFF = ((1e-3, "k"), (1e3, "m"))  # u_dc / nominal, prefix that explains it
@@ -176,6 +177,29 @@ def runs(x: Array) -> list[tuple[int, int]]:
     return [(int(bounds[k]), int(bounds[k + 1])) for k in long]
 
 
+def angle_step(theta: Array) -> float:
+    """Return the step (in its unit) in which an angle moves from row to row, 0 where none shows.
+
+    All changes are multiples of it, not nearly all the same one, as at one speed without any
+    rounding.
+    """
+    moved = np.abs(np.diff(theta))
+    least = FINEST * float(np.max(moved, initial=0.0))
+    some = moved[moved > least]
+    if not some.size:
+        return 0.0
+    step = float(np.min(some))
+    for most in (1, 3, 10, math.inf):  # rounding of the log itself spoils one change alone
+        times = np.round(moved / step)
+        own = (times > 0) & (times <= most)
+        step = float(np.sum(moved[own] * times[own]) / np.sum(times[own] ** 2))
+    times = np.round(moved / step)
+    if np.mean(np.abs(moved - times * step) < 0.1 * step) < WHOLE:
+        return 0.0
+    shares = np.unique(times, return_counts=True)[1] / len(times)
+    return step if np.max(shares) < WHOLE else 0.0
+
+
 def voltage_limit(r: CampaignRecording) -> list[Finding]:
     """Return a finding where commands leave the circle u_dc / sqrt(3); BadInput beyond u_dc
     itself."""
@@ -223,7 +247,8 @@ def angle(r: CampaignRecording, drive: Drive) -> list[Finding]:
             )
         ]
     counts = drive.converter.encoder_counts
-    count = math.tau * drive.motor.pole_pairs / counts if counts else 1e-3
+    stated = math.tau * drive.motor.pole_pairs / counts if counts else 1e-3
+    count = max(stated, angle_step(theta))
     if r.made is None:
         _stuck_encoder(r, count)
     step = np.diff(theta)

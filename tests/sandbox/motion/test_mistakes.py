@@ -105,6 +105,26 @@ def test_a_stated_inertia_in_another_unit_is_named(tmp_path, factor, words):
     )
 
 
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_coarse_encoder_that_creeps_to_a_stop_is_not_stuck(tmp_path, frozen):
+    """256 counts a turn: near a stop each count lasts for many rows; one that freezes at 40 rad/s
+    is stuck.  The speed is 20 (1 - cos 3t), or 0 in every other period."""
+    step = math.tau / 256
+
+    def halting(c):
+        w, p = 20.0 * (1.0 - np.cos(3.0 * c["t"])), (3.0 * c["t"]) // math.tau % 2
+        speed, rise = w * (p == 0), 60.0 * np.sin(3.0 * c["t"]) * (p == 0)
+        angle = np.cumsum(speed) * 2e-3
+        k = int(np.argmax(speed))
+        angle[k : k + 60] = angle[k] if frozen else angle[k : k + 60]
+        torque = INERTIA * rise + DRY * np.tanh(speed / 0.2) + VISCOUS * speed
+        turns = step * np.floor(angle / step) / math.tau
+        return {**c, "angle": turns, "iq": torque / CONSTANT}
+
+    told = " ".join(text for _, text in checked(tmp_path, halting))
+    assert ("the encoder is stuck" in told) == frozen
+
+
 def test_a_load_is_no_mistake_of_units(tmp_path):
     """Eight times the stated inertia may be a load: said, not refused."""
     motor = MOTOR.replace(f"inertia = {INERTIA}", f"inertia = {INERTIA / 8.0}")

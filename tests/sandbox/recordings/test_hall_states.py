@@ -70,6 +70,16 @@ def test_a_disturbed_reading_repeats_the_one_before():
     np.testing.assert_allclose(states_angle("f", {"hall": codes}, {})[0], angle)
 
 
+@pytest.mark.parametrize("order", [APART_120, APART_60])
+def test_many_disturbed_readings_are_blamed_themselves(order):
+    """Two in a hundred rows, from row 7 on: not the sensors' places, 60 or 120 degrees apart."""
+    codes = np.tile(np.repeat(order, 100), 4).astype(float)
+    bad = 0.0 if order is APART_120 else 5.0
+    codes[7::50] = bad
+    with pytest.raises(BadInput, match=f"row 7 of column 'hall' is {bad:g}, no state"):
+        states_angle("f", {"hall": codes}, {})
+
+
 def test_signals_of_the_drives_frame_need_more_than_states(tmp_path):
     columns, theta = turning(SWING)
     own = {n: columns[n] for n in ("t", "u_dc", "i_a", "i_b")} | {

@@ -15,7 +15,7 @@ from model.errors import BadInput
 from sandbox.recordings.campaign import CampaignRecording, read_folder
 from sandbox.recordings.checks.balance import PHASES, balance
 from sandbox.recordings.checks.mistakes import contradictions
-from sandbox.recordings.checks.plausibility import check
+from sandbox.recordings.checks.plausibility import angle, angle_step, check
 from sandbox.recordings.importing import read_recordings
 from tests.data import recordings_folder
 
@@ -200,6 +200,31 @@ def test_a_mistake_in_one_recording_is_named(name, file, change, message):
         new = _changed([wrong], lambda r: change(r, bench.drive.motor.pole_pairs))[0]
     with pytest.raises(BadInput, match=message):
         check([new if r is wrong else r for r in bench.recordings], bench.drive)
+
+
+@pytest.mark.parametrize("counts", [256, 4096, 1 << 16])
+def test_the_step_of_an_encoder_shows_in_the_changes_of_its_angle(counts):
+    """A speed from rest, written with eight digits; an even speed without steps has none, nor has
+    one with a lost row."""
+    t = np.arange(4000) * 2.5e-4
+    true = 40.0 * (1.0 - np.cos(3.0 * t))
+    step = 12.0 * math.pi / counts
+    read = np.array([float(f"{x:.8g}") for x in step * np.floor(true / step)])
+    assert angle_step(read) == pytest.approx(step, rel=1e-3)
+    assert angle_step(true) == 0.0
+    assert angle_step(np.delete(70.0 * t, 2000)) == 0.0
+
+
+def test_steps_of_an_encoder_that_nobody_states_are_no_lost_rows():
+    """512 counts a turn, a slow rotor: many rows do not move; a row that is lost at speed is
+    told."""
+    campaign = _bench("p01")
+    r = campaign["run_slow"]
+    step = math.tau * campaign.drive.motor.pole_pairs / 512
+    converter = dataclasses.replace(campaign.drive.converter, encoder_counts=None)
+    drive = dataclasses.replace(campaign.drive, converter=converter)
+    coarse = dataclasses.replace(r, columns={**r.columns, "theta": step * np.floor(r.theta / step)})
+    assert angle(coarse, drive) == []
 
 
 def _without_row(r, row):
