@@ -437,6 +437,8 @@ def test_trace_holds_recorded_and_both_simulations(quiet_folder, quiet_answers, 
     i_d = np.cos(r.theta) * i_alpha + np.sin(r.theta) * i_beta
     assert np.allclose(values[:, 0], i_d, atol=5e-3)
     assert {"driven_fast/residual_q", "driven_fast/angle"} <= set(found)
+    # before and after
+    assert np.allclose(values[:, :1] - values[:, 1:], found["driven_fast/residual_d"][1], atol=1e-6)
 
 
 @pytest.mark.parametrize(
