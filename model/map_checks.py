@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 # word: losses, drift of the magnets.
 TORQUE_OFF = 1.5**0.25
 FEW, WILD = 0.05, 10.0  # of the points; times the median distance from the line: a wild torque
+# a wild flux: the smaller over the larger distance; least, of its span (measured maps have 0.03)
+ALIKE, LEAST_WILD = 0.7, 0.04
 REWEIGHTED, NAMED = 30, 3  # steps to the line of least absolute deviations; points in a sentence
 SAME_FACTOR = 1.05  # a factor nearer than that to one of a convention is taken for it
 LOOSE = 0.3  # of the torque's own rms: what a line through the fluxes' torque may leave
@@ -154,6 +156,48 @@ def torque_notes(line: TorqueLine, pole_pairs: int, name: str) -> list[str]:
             "i_d) ", "i_d): ", 1
         )
     ]
+
+
+def wild_flux_notes(p: MapPoints, name: str) -> list[str]:
+    """Return a sentence where single points of a grid stand off the cubics through two neighbours
+    on each side, by the same along both axes: a knee of saturation bends along one, a wild point is
+    off whichever way it is come to.  The two outermost lines have no such neighbours.
+    """
+    grid = p.grid()
+    if grid is None or min(grid.psi_d.shape) < 5:
+        return []
+    out = []
+    inside = slice(2, -2)
+    for label, psi in (("psi_d", grid.psi_d), ("psi_q", grid.psi_q)):
+        along_d = _off_neighbours(grid.i_d, psi)[:, inside]
+        along_q = _off_neighbours(grid.i_q, psi.T).T[inside]
+        both = np.where(along_d * along_q > 0.0, np.minimum(abs(along_d), abs(along_q)), 0.0)
+        alike = both > ALIKE * np.maximum(abs(along_d), abs(along_q))
+        usual = float(np.median(np.maximum(abs(along_d), abs(along_q))))
+        wild = alike & (both > max(WILD * usual, LEAST_WILD * float(np.ptp(psi))))
+        rows = [(int(j) + 2, int(k) + 2) for j, k in np.argwhere(wild)]
+        if not 0 < len(rows) <= max(1, FEW * psi.size):
+            continue
+        told = [
+            f"{psi[j, k]:.4g} Wb at i_d = {grid.i_d[j]:.4g} A, i_q = {grid.i_q[k]:.4g} A, where "
+            f"its neighbours give {psi[j, k] - along_d[j - 2, k - 2]:.4g}"
+            for j, k in rows[:NAMED]
+        ]
+        more = f", and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
+        remedy = "correct them or leave their cells empty"
+        out.append(f"{name}: {label} has wild points: {'; '.join(told)}{more}; {remedy}")
+    return out
+
+
+def _off_neighbours(x: Array, values: Array) -> Array:
+    """Return by how much values (n, m) at x (n,) are off the cubic through two neighbours on each
+    side, (n - 4, m)."""
+    out = []
+    for k in range(2, len(x) - 2):
+        near = [k - 2, k - 1, k + 1, k + 2]
+        weights = [math.prod((x[k] - x[j]) / (x[i] - x[j]) for j in near if j != i) for i in near]
+        out.append(values[k] - np.tensordot(weights, values[near], 1))
+    return np.array(out)
 
 
 def cell_notes(p: MapPoints, choice: Choice, name: str) -> list[str]:

@@ -28,7 +28,7 @@ NAMES = {  # accepted spellings of each quantity, in order of preference
 }
 OF_BOTH = ("i_d", "i_q", "psi_d", "psi_q")
 CURRENT = "(?:stator|phase)?(?:current|curr?|is?)"
-FLUX = "(?:stator)?(?:flux(?:linkages?)?|linkages?|psis?|f|phi|lambdas?|lam)"
+FLUX = "(?:stator)?(?:flux(?:linkages?)?|linkageflux(?:es)?|linkages?|psis?|f|phi|lambdas?|lam)"
 MORE = "(?:vec|vector|map|grid|index|mean|av|avg|average|axis|peak|pk|amp|data|table|dq|lut|rms|dqh|linkages?)*"  # noqa: E501
 D, Q = "(?:direct|d)(?:axis|ax)?", "(?:quadrature|q)(?:axis|ax)?"
 PATTERNS = {  # of a name without blanks, units and signs between its letters, lower case
@@ -48,7 +48,7 @@ PATTERNS = {  # of a name without blanks, units and signs between its letters, l
         "(?:stator|phase|line|motor)?(?:current|i|is)(?:phase|line)?(?:amplitude|magnitude|peak|pk|abs|amp|rms|max)*"
     ),
     "advance": re.compile(
-        "(?:phase|current|lead)?(?:advance|beta|gamma|lead)(?:angle)?|current(?:phase)?angle"
+        "(?:phase|current|lead)?(?:advance|beta|gamma|lead)(?:angle)?|current(?:phase(?:angle)?|angle)"
     ),
 }
 STATED = (*OF_BOTH, "torque", "current", "advance")  # keys of [flux_map] that name an array
@@ -102,7 +102,9 @@ def columns_of(
 def _plain(name: str) -> str:
     """Return a name's letters and digits, without the unit behind it."""
     last = name.rpartition(".")[2]  # of a structure's field
-    bare = re.sub(r"[\[(].*?[\])]", "", last).strip()
+    bare = re.sub(
+        r"[\[(](?![dq](?:[ -]?axis)?[\])]).*?[\])]", "", last, flags=re.IGNORECASE
+    ).strip()
     plain = UNIT_BEHIND.sub("", bare).lower()
     for letter, word in GREEK.items():
         plain = plain.replace(letter, word)

@@ -38,6 +38,7 @@ from model.map_checks import (
     slope_notes,
     torque_line,
     torque_notes,
+    wild_flux_notes,
     wild_notes,
 )
 from model.map_energy import energy_file, energy_in, with_stiffness
@@ -145,6 +146,9 @@ class MappedMotor(Motor):
         """The motor linearised at zero current: what a campaign's nominal model can say of it."""
         own = {name: getattr(self, name) for name in Motor.__dataclass_fields__}
         return Motor(**own)
+
+
+FROM_ZERO = 0.05  # of a map's range of a current: as far as a fit may be carried to zero
 
 
 def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
@@ -308,6 +312,13 @@ def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | 
     own = None if given else energy_in(path, points)
     if own is not None:
         return _checked(FittedMap(*own, torque_line(points), ()), path)
+    nearest = float(points.i_d[np.argmin(np.abs(points.i_d))])
+    one_sided = np.all(points.i_d > 0.0) or np.all(points.i_d < 0.0)
+    if one_sided and abs(nearest) > FROM_ZERO * np.ptp(points.i_d):  # i_q is mirrored
+        raise BadInput(
+            f"{path.name}: the map ends at i_d = {nearest:.4g} A; it must hold i_d = 0, where the "
+            "magnet's flux and the inductances are taken: add points up to there"
+        )
     grid = points.grid()
     if grid is not None:
         check_physical(grid)
@@ -327,6 +338,7 @@ def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | 
     found = _checked(FittedMap(spline, flux, choice, torque_line(points), ()), path)
     crowded = [
         *wild_notes(points, path.name),
+        *wild_flux_notes(points, path.name),
         *(cell_notes(points, given, path.name) if given else []),
     ]
     return found._replace(notes=(*crowded, *slope_notes(whole, points, path.name)))

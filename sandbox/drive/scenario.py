@@ -266,6 +266,19 @@ def scenario_of(data: dict[str, Any], name: str) -> Scenario:
         )
     if "segments" in head:
         raise unknown("key in [scenario]", "segments", ("settle", "rotor", "reference"))
+    if "like" in head:
+        head, rows = _like(head, rows)
     segments = tuple(build(Segment, dict(r), "segment") for r in rows)
     scenario: Scenario = build(Scenario, {"name": name, **head, "segments": segments}, "scenario")
     return scenario
+
+
+def _like(head: dict[str, Any], rows: list[Any]) -> tuple[dict[str, Any], list[Any]]:
+    """Return [scenario] and [[segment]] of a file that changes one of ours: its keys in their
+    place, its segments instead of all."""
+    name = head["like"]
+    if name not in scenario_names():
+        raise unknown("scenario in like", str(name), scenario_names())
+    base = read_toml(SCENARIOS / f"{name}.toml")
+    kept = {k: v for k, v in base["scenario"].items() if k != "name"}
+    return {**kept, **{k: v for k, v in head.items() if k != "like"}}, rows or base["segment"]

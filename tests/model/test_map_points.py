@@ -10,7 +10,13 @@ from scipy.io import savemat
 
 from model.drive_files import load_drive
 from model.errors import BadInput
-from model.map_checks import torque_line, torque_notes, wild_notes, wild_torques
+from model.map_checks import (
+    torque_line,
+    torque_notes,
+    wild_flux_notes,
+    wild_notes,
+    wild_torques,
+)
 from model.map_fit import held_out
 from model.map_points import MapPoints, read_points
 from model.map_quality import asymmetry, best_angle, quality
@@ -283,6 +289,18 @@ def test_a_torque_that_contradicts_the_fluxes_is_told(
     )
 
 
+@pytest.mark.parametrize("off", [0.0, 0.06, -0.1, 3.0])
+def test_a_wild_flux_is_named_by_its_currents(off):
+    """Of the flux's span; noise of a thousandth of it names no other point."""
+    d, q, psi_d, psi_q = (x.ravel() for x in planted((9, 11)))
+    span = np.ptp(psi_d)
+    noisy = psi_d + 1e-3 * span * np.random.default_rng(2).standard_normal(len(d))
+    noisy[40] += off * span
+    notes = wild_flux_notes(MapPoints("m", d, q, noisy, psi_q, ()), "m.csv")
+    assert len(notes) == (off != 0.0)
+    assert all(f"i_d = {d[40]:.4g} A, i_q = {q[40]:.4g} A" in n and "; i" not in n for n in notes)
+
+
 @pytest.mark.parametrize("wild", [0, 3])
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_single_wild_torques_are_named_and_hide_nothing(wild, noise):
@@ -325,6 +343,8 @@ def test_published_maps_do_not_contradict_themselves(name):
         "Id_rms~,Iq_rms~,flux_d,flux_q,torque",
         "Id (RMS)~,Iq (RMS)~,flux_d,flux_q,torque",
         "Id (Peak),Iq (Peak),Flux Linkage D,Flux Linkage Q,Torque",
+        "Current_D (A),Current_Q (A),Linkage Flux D (Wb),Linkage Flux Q (Wb),Torque",
+        "Id,Iq,Flux Linkage (d-axis),Flux Linkage (q-axis),Torque",
         "i_d/A,i_q/A,ψ_d/mWb*,ψ_q/mWb*,T/Nm",  # a quantity over its unit, ISO 80000-1
     ],
 )
@@ -445,3 +465,15 @@ def test_a_workbook_is_read_as_a_text(tmp_path):
         book.active.append([float(x) for x in row])
     book.save(tmp_path / "m.xlsx")
     np.testing.assert_allclose(read_points(tmp_path / "m.xlsx").psi_d, psi_d, atol=1e-9)
+
+
+def test_a_map_without_zero_current_on_d_is_told(tmp_path):
+    d, q, psi_d, psi_q = planted()
+    keep = d[:, 0] < -1.0
+    body = dict(zip(("i_d", "i_q", "psi_d", "psi_q"), (d, q, psi_d, psi_q), strict=True))
+    np.savez(tmp_path / "m.npz", **{name: x[keep] for name, x in body.items()})
+    (tmp_path / "mine.toml").write_text(TOML.replace("FILE", "m.npz"))
+    with pytest.raises(
+        BadInput, match=r"m\.npz: the map ends at i_d = -\S+ A; it must hold i_d = 0"
+    ):
+        load_drive(tmp_path / "mine.toml")

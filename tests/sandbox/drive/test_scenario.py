@@ -150,3 +150,17 @@ def test_any_segment_is_taken_or_refused(values):
         assert str(error)
     else:
         assert segment.duration > 0
+
+
+def test_a_file_may_change_one_of_ours(tmp_path):
+    """Its keys in their place; its segments instead of all; an unknown name is told."""
+    path = tmp_path / "mine.toml"
+    path.write_text('[scenario]\nlike = "staircase"\nstart_up = false\n')
+    ours, mine = load_scenario("staircase"), load_scenario(path)
+    changed = dataclasses.replace(ours, name="mine", start_up=False)
+    assert mine == changed
+    path.write_text(path.read_text() + "[[segment]]\nduration = 0.5\n")
+    assert load_scenario(path).duration == 0.5
+    path.write_text('[scenario]\nlike = "stairs"\n')
+    with pytest.raises(BadInput, match="unknown scenario in like 'stairs'; did you mean"):
+        load_scenario(path)
