@@ -27,6 +27,7 @@ from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.importing import how_to_map
+from sandbox.recordings.nominal_motor import RATED
 from sandbox.recordings.preflight import NOTE, REFUSED, SUSPICIOUS, Noticed, noticed, tried
 
 if TYPE_CHECKING:
@@ -220,7 +221,7 @@ def check(
             replace(n, finding=replace(n.finding, text=how_to_map(n.finding.text))) for n in found
         ]
     if not any(n.level == REFUSED for n in found):
-        found += _of_identify(read)
+        found += [*_of_stand_ins(read), *_of_identify(read)]
     if any(n.level == REFUSED for n in found) or not effects:
         return CheckResult(
             read.name, tuple(found), None, "the recordings cannot be replayed as they are" * effects
@@ -256,6 +257,24 @@ def _of_identify(campaign: Campaign) -> list[Noticed]:
         text = f"identify would refuse these recordings: {error}"
         return [Noticed(NOTE, Finding(campaign.name, "", None, text))]
     return []
+
+
+def _of_stand_ins(campaign: Campaign) -> list[Noticed]:
+    """Return which ratings [motor] does not state, and what stands in for them."""
+    motor, own = campaign.drive.motor, campaign.drive.provenance
+    said = [
+        f"{k} = {getattr(motor, k):.3g} ({own[k].rpartition(': ')[2]})"
+        for k in RATED
+        if k in campaign.stand_ins
+    ]
+    if not said:
+        return []
+    text = (
+        f"{campaign.name}: [motor] does not state {', '.join(k.partition(' ')[0] for k in said)}; "
+        f"{'these values stand' if len(said) > 1 else 'this value stands'} in: {', '.join(said)}. "
+        "Typical sizes of effects are shares of them"
+    )
+    return [Noticed(NOTE, Finding(campaign.name, "", None, text))]
 
 
 def _of_no_size(campaign: Campaign) -> dict[str, str]:

@@ -128,7 +128,8 @@ def voltages_held(source: Source) -> tuple[str, ...]:
 
 def angles(drive: Drive, source: Source) -> Iterator[Change]:
     """Yield the mistakes of the angle: unit, mechanical, poles, sense."""
-    if "theta" not in source:  # a constant stands in
+    if "theta" not in source:  # a constant stands in, or an angle made of a speed
+        yield from _speeds(float(drive.motor.pole_pairs), source)
         return
     pairs, degree = float(drive.motor.pole_pairs), math.pi / 180.0
     units = {
@@ -162,6 +163,33 @@ def angles(drive: Drive, source: Source) -> Iterator[Change]:
                 " and ".join([*([remedy] if remedy else []), *advice]),
                 turn=sense * turn,
             )
+
+
+def _speeds(pairs: float, source: Source) -> Iterator[Change]:
+    """Yield the mistakes of a speed of which the angle is made: unit, mechanical, sense."""
+    if "speed" not in source:
+        return
+    rpm = math.tau / 60.0
+    units = {
+        rpm: ("in rpm, not in rad/s", 'map it with unit = "rpm"'),
+        1.0 / rpm: ("in rad/s, not in rpm", 'map it with unit = "rad/s"'),
+        math.tau: ("in turns a second, not in rad/s", 'map it with unit = "Hz"'),
+        1.0 / math.tau: ("in rad/s, not in turns a second", 'map it with unit = "rad/s"'),
+        60.0: ("in turns a second, not in rpm", 'map it with unit = "Hz"'),
+        1.0 / 60.0: ("in rpm, not in turns a second", 'map it with unit = "rpm"'),
+    }
+    shaft = {1.0: ("", "")}
+    if pairs > 1.0:
+        shaft[pairs] = ("mechanical", "map it with mechanical = true")
+        shaft[1.0 / pairs] = ("electrical, not mechanical", "map it without mechanical = true")
+    for (size, own), (times, of) in itertools.product(
+        [(1.0, ("", "")), *units.items()], shaft.items()
+    ):
+        for sense in (1.0, -1.0):
+            parts = [own, of, *([("counted backwards", "map it with scale = -1")] * (sense < 0.0))]
+            guess, remedy = (" and ".join(filter(None, x)) for x in zip(*parts, strict=True))
+            if guess:
+                yield Change(ANGLE, "theta", guess, remedy, turn=sense * size * times)
 
 
 def of_angle(change: Change | None, zero: float) -> tuple[str, str]:

@@ -130,8 +130,11 @@ class Reading:
     def words(self, source: Source) -> tuple[str, str]:
         """Return what was read wrongly, and what to do."""
         turn = [c for c in self.changes if c.part == ANGLE]
-        angle, advice = of_angle(turn[0] if turn else None, self.zero)
-        guesses = ([f"{source.get('theta', 'theta')} is {angle}"] if angle else []) + [
+        # the zero of an angle that is made of a speed is nobody's reading
+        zero = self.zero if "theta" in source or "speed" not in source else 0.0
+        angle, advice = of_angle(turn[0] if turn else None, zero)
+        name = source.get("theta", source.get("speed", "theta"))
+        guesses = ([f"{name} is {angle}"] if angle else []) + [
             c.guess for c in self.changes if c.part != ANGLE
         ]
         remedies = ([advice] if advice else []) + [
@@ -465,8 +468,9 @@ def _pairs(table: Sequence[Change]) -> Iterator[tuple[Change, ...]]:
 
 def _zero(parts: Sequence[Products], own: Sequence[Change]) -> float:
     """Return the zero of the angle (rad) that leaves least of all recordings; 0 where that is none
-    to speak of."""
-    if all("theta" in source_of(p.recording) for p in parts):
+    to speak of.  An angle that was made has its own already, but not at another speed."""
+    made = any(c.part == ANGLE for c in own)
+    if all("theta" in source_of(p.recording) or made for p in parts):
         total = sum(p.shares(own, ZEROS) for p in parts)
         best = float(ZEROS[int(np.argmin(total))])
         near = round(best / (math.pi / 6.0)) * math.pi / 6.0

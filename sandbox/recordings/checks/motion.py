@@ -61,12 +61,17 @@ def _stuck(r: MotionRecording, campaign: MotionCampaign) -> None:
                 if went > MISSED
                 else f"to stop so would take {needed:.3g} N m"
             )
-            name = r.source.get("theta", "theta")
+            name = r.source.get("theta", r.source.get("speed", "theta"))
+            at = f"{r.file}: row {begin} of column '{name}' and {end - begin - 1} rows after it are"
             text = (
-                f"{r.file}: row {begin} of column '{name}' and {end - begin - 1} rows after it are "
-                f"the same though {why}; the encoder is stuck, or the log repeats it: repair it or "
-                "leave the recording out"
+                f"{at} the same though {why}; the encoder is stuck, or the log repeats it: repair "
+                "it or leave the recording out"
             )
+            if "theta" not in r.source and "speed" in r.source:
+                text = (
+                    f"{at} zero though {why}; no speed was measured there: cut the log there, or "
+                    "record the speed throughout"
+                )
             raise Refused(Finding(r.file, "theta", begin, text))
 
 

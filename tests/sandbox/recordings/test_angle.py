@@ -58,6 +58,28 @@ def test_a_zero_stays_open_by_what_the_inductance_may_be_off(tmp_path, share):
     assert 0.6 * left < moved < 1.1 * left
 
 
+@pytest.mark.parametrize(
+    ("unit", "scale", "words"),
+    [
+        ("rpm", RPM / DRIVE.motor.pole_pairs, "erpm is mechanical: map it with mechanical = true"),
+        ("rpm", 1.0, 'erpm is in rad/s, not in rpm: map it with unit = "rad/s"'),
+        ("rpm", -RPM, "erpm is counted backwards: map it with scale = -1"),
+        (
+            "rad/s",
+            1.0 / math.tau,
+            'erpm is in turns a second, not in rad/s: map it with unit = "Hz"',
+        ),
+    ],
+)
+def test_a_speed_in_another_unit_is_named(tmp_path, unit, scale, words):
+    """The angle made of it turns otherwise than the voltages do."""
+    columns, _ = turning(SWING)
+    mapping = f'[columns]\nspeed = {{column="erpm", unit="{unit}"}}'
+    path = written(tmp_path, {**columns, "erpm": scale * SWING}, mapping, rotor="driven")
+    found = sandbox.check(tmp_path, columns=path, effects=False)
+    assert words in " ".join(found.mistakes)
+
+
 def test_a_speed_that_is_a_little_off_is_followed(tmp_path):
     """0.2 % of 150 rad in 0.5 s are 0.3 rad."""
     columns, theta = turning(SWING)

@@ -305,3 +305,23 @@ def test_stated_ratings_that_do_not_go_together_are_told_and_stand_ins_are_not()
     assert any("inertia in kg cm^2" in f.text for f in ratings(wrong))
     assert ratings(dataclasses.replace(wrong, stand_ins=("rated_torque", "rated_speed_rpm"))) == []
     assert ratings(dataclasses.replace(c, stand_ins=())) == []
+
+
+def test_ratings_that_stand_in_are_a_note():
+    """What is stated is not told; a note is no mistake."""
+    c = bench()
+    stated = check(dataclasses.replace(c, stand_ins=()), effects=False)
+    assert not any("does not state" in n.finding.text for n in stated.noticed)
+    own = {
+        **c.drive.provenance,
+        "rated_current": "not stated; stands in: largest of the recordings",
+    }
+    drive = dataclasses.replace(c.drive, provenance=own)
+    open_ = check(dataclasses.replace(c, drive=drive, stand_ins=("rated_current",)), effects=False)
+    (told,) = [n for n in open_.noticed if "[motor] does not state" in n.finding.text]
+    assert told.level == "note"
+    assert (
+        "does not state rated_current; this value stands in: rated_current = " in told.finding.text
+    )
+    assert "(largest of the recordings)" in told.finding.text
+    assert open_.mistakes == stated.mistakes
