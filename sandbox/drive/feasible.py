@@ -228,9 +228,8 @@ def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = Fal
     except PhysicsError as error:
         if not isinstance(motor.energy, Energy):
             raise PhysicsError(
-                f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}; a scenario with "
-                "start_up = false begins with the angle known, and needs no such current: a file "
-                'with [scenario], like = "creep_reversal" (or another) and start_up = false'
+                f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}; or begin with "
+                'the angle known: a scenario of [scenario], like = "staircase", start_up = false'
             ) from None
         ends = [boundary_on_ray(motor.energy, sign * tuning.bias, 0.0)[0] for sign in (-1.0, 1.0)]
         end = min(ends, key=abs)

@@ -63,8 +63,8 @@ def _lines(title: str, text: str) -> Iterator[Callable[[str], None]]:
 @contextmanager
 def _effort_lines(title: str) -> Iterator[tuple[Callable[[str], None], Callable[[float], None]]]:
     """Give the functions of `effort_bar` where there is no terminal."""
-    stage, done = [title], [0.0]
-    with _lines(title, title) as say:
+    stage, done = ["reading"], [0.0]
+    with _lines(title, stage[0]) as say:
 
         def tell() -> None:
             say(f"{stage[0]}, {done[0]:,.0f} simulations")

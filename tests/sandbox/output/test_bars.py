@@ -102,6 +102,10 @@ def test_a_step_that_takes_long_is_told_meanwhile(monkeypatch):
     with progress_bar("planning", False):
         assert out.written.wait(60.0)  # however slow the machine is
     assert out.getvalue().startswith("planning: 0 %, 0 s")
+    out.written.clear()
+    with effort_bar("diagnosing", False, 1.0):
+        assert out.written.wait(60.0)
+    assert "diagnosing: reading, 0 s" in out.getvalue()
 
 
 def test_a_bar_without_a_fraction_shows_no_share(monkeypatch):
