@@ -204,7 +204,7 @@ def document(m: Motion) -> dict[str, Any]:
             }
             for e in sorted(
                 (e for e in numbers() if m.looked_for(e)),
-                key=lambda e: (-m.shares.get(e, 0.0), -m.inclusion(e)),
+                key=lambda e: (-round(m.inclusion(e), 3), -m.shares.get(e, 0.0)),
             )
         ],
         "unknown": {"probability": m.unknown, "share": None, "where": "torque"},
