@@ -68,6 +68,19 @@ class Basis(NamedTuple):
         )
         return np.stack([a_1[:, u] * b[:, v], a[:, u] * b_1[:, v]], axis=2)
 
+    def places(self, axis: int) -> Array:
+        """Return fluxes (Wb) of an axis, two in each cell, that tell all energies apart."""
+        knots, per = self._axis(axis)
+        low, high = knots[DEGREE], knots[-DEGREE - 1]
+        return np.linspace(low, high, 2 * round((high - low) * per) + 2 * DEGREE + 1)
+
+    def sizes(self, flux: Array, energy: Array) -> Array:
+        """Return the sizes (size, k) in J of all energies whose sums come nearest to energies
+        (n, k) in J at fluxes (n, 2) in Wb."""
+        a, b = (self._along(axis, flux[:, axis], 0) for axis in (0, 1))
+        rows = (a[:, :, None] * b[:, None, :]).reshape(len(flux), self.size)
+        return np.asarray(np.linalg.lstsq(rows, energy, rcond=None)[0])
+
     def there(self, flux: Array) -> NDArray[np.int64]:
         """Return the energies that are not zero all around fluxes (n, 2): those of their cells."""
         n, m = self.of.cells.shape[:2]

@@ -51,3 +51,15 @@ def test_energies_that_are_there_are_those_that_move_a_current():
     assert not np.any(moves & ~found)
     # an energy that is flat at each of the fluxes
     assert found.sum() <= moves.sum() + 4 < basis.size
+
+
+def test_energies_tell_their_sizes():
+    """A sum of all energies, known at a basis' own places, gives its sizes back."""
+    basis = Basis(refined(a_map(), 2, 1))
+    sizes = np.random.default_rng(3).normal(size=(basis.size, 1))
+    whole = basis.of._replace(cells=basis.cells(sizes.T)[0])
+    d, q = (basis.places(axis) for axis in (0, 1))
+    flux = np.array([(x, y) for x in d for y in q if y >= 0.0])
+    inside = np.nextafter(flux, 0.0)  # of the box' edge
+    own = np.array([[energy(whole, x, y)] for x, y in inside])
+    np.testing.assert_allclose(basis.sizes(inside, own), sizes, rtol=1e-6, atol=1e-8)

@@ -1,11 +1,17 @@
 """Modes of what a flux map may be off by: the few directions of its error that recordings can see.
 
-Prior: an energy of independent B-splines on the map's own cells, each cut in two along d, all of
-one size; together they move the current, at the recordings' operating points, as the map's own flux
-is off by between its points: the flux error that its fit makes at points left out of it, over the
-inductances at zero current.  Of its hundreds of directions recordings tell those whose answer in
-the readings stands above the noise; the others keep their prior, which moves nothing, and are left
-away.
+A map is off between its points, and it is another machine's, or that of another day.  Prior: the
+sum of two energies.
+
+- Between points: independent B-splines on the map's own cells, each cut in two along d, all of one
+  size; together they move the current, at the recordings' operating points, as the map's own flux
+  is off by: the flux error that its fit makes at points left out of it, over the inductances at
+  zero current.
+- As a whole (`smooth`): saturation that comes sooner or later, by the share that the campaign
+  states for the inductances.
+
+Of their hundreds of directions recordings tell those whose answer in the readings stands above the
+noise; the others keep their prior, which moves nothing, and are left away.
 """
 
 from __future__ import annotations
@@ -16,12 +22,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.effects import library
 from model.effects.library import true_motor
 from model.mapped import MappedMotor, map_quality
-from model.spline import SplineEnergy
+from model.spline import SplineEnergy, currents
 from model.spline_correction import Basis, MapError, refined
 from model.spline_energy import CHOICES
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import deviation_of
 from sandbox.gap.evidence.response import added_current, fluxes
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.map_error import rotor_currents, with_map_error
@@ -59,22 +67,50 @@ def with_modes(point: Point, size: float) -> Point:
     """
     prepared = point.prepared
     stated = prepared.campaign.drive.motor.energy
-    if not isinstance(stated, SplineEnergy) or not size > 0.0:
+    if not isinstance(stated, SplineEnergy):
         return point
     basis = Basis(refined(stated, *(FINER if stated.cells.shape[0] <= FINEST else (1, 1))))
     path, answers, chosen = _answers(point, basis)
     if not len(chosen):
         return point
-    unit = size / np.sqrt(path)
-    answers = _without(answers, basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0])
-    value, vector = np.linalg.eigh(unit**2 * answers / prepared.noise_std**2)
+    spread = np.hstack(
+        [size / np.sqrt(path) * np.eye(len(chosen)), smooth(prepared.campaign, basis)[chosen]]
+    )
+    along = spread.T @ basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0]
+    answers = _without(spread.T @ answers @ spread, along)
+    value, vector = np.linalg.eigh(answers / prepared.noise_std**2)
     told = np.flatnonzero(value > MIN_INFORMATION)[::-1][:MAX_DIRECTIONS]
     if not len(told):
         return point
     sizes = np.zeros((len(told), basis.size))
-    sizes[:, chosen] = unit * vector[:, told].T
+    sizes[:, chosen] = (spread @ vector[:, told]).T
     error = MapError(basis.of, basis.cells(sizes), np.zeros(len(told)))
     return replace(point, prepared=with_map_error(prepared, error))
+
+
+def smooth(campaign: Campaign, basis: Basis) -> Array:
+    """Return what a machine of the map's kind differs from the map by, each column (size,) in J as
+    large as is likely.
+
+    A machine with a factor c on each winding's flux at currents 1/c times as large, its magnet
+    left, has the energy H(psi/c) for H(psi): to first order in c - 1 what is added is
+    -(c - 1) psi_d i_d, and alike along q.  The part of it that is there without saturation,
+    psi_d^2/L_d, is `inductance`'s own and left away; the rest may differ over the plane of fluxes,
+    as 1, psi_d and psi_q^2 over the largest of each.
+    """
+    motor, e = campaign.drive.motor, basis.of
+    d, q = (basis.places(axis) for axis in (0, 1))
+    d, q = (x.ravel() for x in np.meshgrid(d, q[q >= 0.0], indexing="ij"))
+    read = np.array([currents(e, x, y) for x, y in zip(d, q, strict=True)])
+    factors = (np.ones(len(d)), d / np.abs(d).max(), (q / np.abs(q).max()) ** 2)
+    parts = (("d", d, read[:, 0], motor.inductance_d), ("q", q, read[:, 1], motor.inductance_q))
+    energies = []
+    for axis, flux, current, inductance in parts:
+        ordinary = library.parameters()[f"inductance.scale_{axis}"].ordinary
+        assert ordinary is not None
+        share = deviation_of(campaign, ordinary, 1.0)
+        energies += [share * f * flux * (current - flux / inductance) for f in factors]
+    return basis.sizes(np.stack([d, q], axis=1), np.stack(energies, axis=1))
 
 
 def _without(answers: Array, along: Array) -> Array:

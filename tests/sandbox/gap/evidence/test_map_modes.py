@@ -1,0 +1,55 @@
+"""What another machine of a map's kind adds to its energy: against the energy of flux scaled whole.
+
+H(psi) -> H(psi_d/c, psi_q) is exact; its difference of second order in c - 1 is the tolerance.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from model.drive_files import load_drive
+from model.mapped import MappedMotor
+from model.spline import currents
+from model.spline_correction import Basis, refined
+from sandbox.gap.evidence.map_modes import smooth
+from sandbox.recordings.campaign import Campaign
+from tests.sandbox.switched.one_cell import one_cell
+
+IPM = load_drive("ipm")
+NUMBERS = {
+    n: getattr(IPM.motor, n)
+    for n in type(IPM.motor).__dataclass_fields__
+    if not n.startswith("alpha_")
+}
+MAPPED = dataclasses.replace(
+    IPM,
+    motor=MappedMotor(
+        **NUMBERS, map_hash="of the quartic", spline=one_cell(IPM.motor.energy, -0.4, 0.4)
+    ),
+)
+SHARE = 1e-4  # c - 1: what it squared moves is below the tolerance
+FLUX = np.random.default_rng(1).uniform(-0.2, 0.2, size=(40, 2))
+
+
+@pytest.mark.parametrize(("axis", "column"), [(0, 0), (1, 3)])
+def test_a_factor_on_all_fluxes_is_inductance_and_the_first_of_an_axis(axis, column):
+    """-(c - 1) psi_d i_d: psi_d^2/L_d by inductance, whose factor c it is, the rest smooth."""
+    name = ("inductance_d", "inductance_q")[axis]
+    stated = dict.fromkeys(("inductance_d", "inductance_q"), SHARE)
+    campaign = Campaign("own", MAPPED, (), stated, {}, False)
+    motor = MAPPED.motor
+    basis = Basis(refined(motor.spline, 8, 8))
+    added = smooth(campaign, basis)
+    assert added.shape == (basis.size, 6)
+    gradients = basis.gradients(FLUX, np.arange(basis.size))
+    found = -np.einsum("nsx,s->nx", gradients, added[:, column])
+    found[:, axis] -= SHARE * 2.0 * FLUX[:, axis] / getattr(motor, name)
+    scale = np.ones(2)
+    scale[axis] = 1.0 + SHARE
+    of = np.array([currents(motor.spline, *psi) for psi in FLUX])
+    exact = np.array([currents(motor.spline, *psi) for psi in FLUX / scale]) / scale - of
+    size = np.abs(exact).max()
+    np.testing.assert_allclose(found, exact, atol=20.0 * SHARE * size)
+    saturated = np.abs(exact[:, axis] + SHARE * 2.0 * FLUX[:, axis] / getattr(motor, name)).max()
+    assert saturated > 0.05 * size  # there is something to tell beside the inductance
