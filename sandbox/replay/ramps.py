@@ -82,17 +82,16 @@ def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
     """
     n = len(theta)
     turns = np.ptp(theta) > 2.0 * math.pi * pole_pairs
-    passed = float(np.sum(np.abs(np.diff(theta)))) / count if count > 0.0 else math.inf
     reading = Reading(
         np.arange(n) / n,
         theta,
         theta / pole_pairs if turns else None,
-        min(float(n), max(passed, 2.0)),
+        independent(theta, count),
         n * max(count, 1e-6) ** 2 / 1200.0,
     )
     best = fitted = refined(reading, np.empty(0))
     worse = 0
-    enough = n * max(count, 1e-6) ** 2 / 12.0 * (1.0 + SCATTER * math.sqrt(0.8 / n))
+    enough = most_squares(n, float(n), count)
     while fitted.squares > enough and len(fitted.corners) < CORNERS and worse < 2:
         fitted = refined(reading, np.sort(np.append(fitted.corners, _next(reading, fitted))))
         better = reading.criterion(fitted) < reading.criterion(best)
@@ -108,6 +107,23 @@ def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
         reading = replace(reading, mechanical=(theta - best.sine) / pole_pairs)
         best = refined(reading, best.corners)
     return best
+
+
+def independent(theta: Array, count: float) -> float:
+    """Return how many readings are independent: no more of them than counts passed."""
+    passed = float(np.sum(np.abs(np.diff(theta)))) / count if count > 0.0 else math.inf
+    return min(float(len(theta)), max(passed, 2.0))
+
+
+def most_squares(n: int, pieces: float, count: float) -> float:
+    """Return the largest sum of n squares that rounding to counts leaves, so many of them
+    independent: the square of a uniform error scatters by sqrt(0.8) of its mean."""
+    return n * max(count, 1e-6) ** 2 / 12.0 * (1.0 + SCATTER * math.sqrt(0.8 / pieces))
+
+
+def are_ramps(fitted: Ramps, theta: Array, count: float) -> bool:
+    """Return whether ramps miss readings by no more than rounding to counts does."""
+    return fitted.squares <= most_squares(len(theta), independent(theta, count), count)
 
 
 def refined(reading: Reading, corners: Array) -> Ramps:

@@ -15,17 +15,12 @@ from numpy.typing import NDArray
 
 from model.compiled import kernel
 from sandbox.replay.free_rotor import STEP, KnownMotion, filtered, within_readings
-from sandbox.replay.ramps import ramps_of
+from sandbox.replay.ramps import are_ramps, ramps_of
 from sandbox.replay.rounded import within_counts
 
 Array = NDArray[np.float64]
 # (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
 UNEXPLAINED = tuple(10.0**k for k in range(9))
-LARGEST_MISS = (
-    # of a count over sqrt(12): a driven rotor's motion is known better than that, or it does not
-    # move along ramps
-    1.25
-)
 
 
 GAINS = np.dtype([(name, np.float64) for name in ("angle", "speed", "scale")], align=True)
@@ -84,7 +79,7 @@ def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) 
     if np.ptp(theta) == 0.0:
         return locked_motion(theta)
     ramps = within_counts(theta, ramps_of(theta, pole_pairs, count), pole_pairs, count)
-    if math.sqrt(ramps.squares / len(theta)) <= LARGEST_MISS * max(count, 1e-6) / math.sqrt(12.0):
+    if are_ramps(ramps, theta, count):
         return Motion(ramps.angle, ramps.speed / period, not ramps.sine.any())
     still = np.zeros_like(theta)
     return free_motion(theta, still, period, count, still)

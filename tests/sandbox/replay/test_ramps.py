@@ -83,6 +83,17 @@ def test_an_eccentric_encoder_is_left_out_of_the_motion():
     assert np.sqrt(np.mean(away**2)) < 2.0 * DEVIATION * math.sqrt(10.0 / N)
 
 
+@pytest.mark.parametrize("twice", [0.15, 0.3])
+def test_a_speed_that_wobbles_by_a_count_is_the_rotor_s(twice):
+    """Once and twice a turn, as a machine that is not quite true wobbles: what once a turn leaves
+    is more than rounding, so that no part of it is blamed on an eccentric encoder."""
+    turn = 2.0 * math.pi * np.arange(8000) / 571.3
+    angle = 0.3 + PAIRS * turn + COUNT * (1.1 * np.sin(turn) + twice * np.sin(2.0 * turn + 1.0))
+    motion = driven_motion(counted(angle), PAIRS, PERIOD, COUNT)
+    assert motion.eccentric
+    assert np.sqrt(np.mean((motion.angle - angle) ** 2)) < 0.5 * DEVIATION
+
+
 def test_a_corner_that_readings_cannot_show_is_not_made():
     """A step of acceleration that moves the angle by a tenth of a count's deviation until the end
     gains nothing: chi^2 = n (0.1)^2 / 5 = 5 (mean square of h^2/2 over half the recording is a
