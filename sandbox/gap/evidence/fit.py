@@ -178,6 +178,16 @@ def rms_of(f: Fit) -> float:
     )
 
 
+def most_left(f: Fit) -> float:
+    """Return the largest normalised rms of a recording, all its channels together."""
+    squares: dict[int, float] = {}
+    count: dict[int, float] = {}
+    for s in f.normal.segments:
+        squares[s.recording] = squares.get(s.recording, 0.0) + float(s.rr.sum())
+        count[s.recording] = count.get(s.recording, 0.0) + float(s.n.sum())
+    return math.sqrt(max(squares[k] / count[k] for k in squares))
+
+
 def excess_of(n: Normal, weights: Weights) -> float:
     """Return the squared residual above what noise alone makes of it, over the recordings that
     count."""

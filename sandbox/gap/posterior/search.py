@@ -28,7 +28,6 @@ from sandbox.gap.posterior.candidates import Candidate, candidates, free_forms, 
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_model
 from sandbox.gap.posterior.sets import Chosen, Set, SetPosterior, log_prior
-from sandbox.gap.posterior.unmodeled import unmodeled
 from sandbox.gap.settings import USUAL, Settings
 from sandbox.gap.unstated.unstated import NOTHING, Unstated, unstated
 from sandbox.replay.map_error import same_map
@@ -171,8 +170,7 @@ class Search:
         if self.looked:
             return None
         p = self.problem
-        outside = unmodeled(self.null, here, settings=p.settings)
-        new, again = unstated(here, p.known, outside, excerpts=excerpts), None
+        new, again = unstated(here, p.known, p.settings, excerpts=excerpts), None
         if new:
             p.report("fitting what the campaign does not state")
             again = attempted(

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.evidence.fit import Fit, most_left
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.settings import Settings
 from sandbox.gap.unstated.drifting import Drifting, drifting, steadied
 from sandbox.gap.unstated.pwm_counts import Counted, pwm_counts, with_counts
 from sandbox.recordings.campaign import Campaign
@@ -53,12 +54,14 @@ class Unstated:
 NOTHING = Unstated()
 
 
-def unstated(found: Fit, known: Unstated, unknown: float, *, excerpts: bool = False) -> Unstated:
-    """Return what a fit's residual tells that is not known yet.  Counts are looked for where
-    something outside the library is likelier than not (unknown: its probability).  Offsets are
-    looked for again beside counts, as rounding shifts the means of turns, but not in excerpts, as
-    the whole recordings have more turns."""
+def unstated(
+    found: Fit, known: Unstated, settings: Settings, *, excerpts: bool = False
+) -> Unstated:
+    """Return what a fit's residual tells that is not known yet.  Counts are looked for where one
+    recording has more than noise.  Offsets are looked for again beside
+    counts, as rounding shifts the means of turns, but not in excerpts, as the whole recordings have
+    more turns."""
     point = found.point
     drifts = None if excerpts else drifting(point, shown(point), known.drifting)
-    looked = known.counts is None and drifts is None and unknown > 0.5
+    looked = known.counts is None and drifts is None and most_left(found) > settings.gap
     return Unstated(pwm_counts(point) if looked else None, drifts)
