@@ -104,11 +104,10 @@ def smooth(campaign: Campaign, basis: Basis) -> Array:
     read = np.array([currents(e, x, y) for x, y in zip(d, q, strict=True)])
     factors = (np.ones(len(d)), d / np.abs(d).max(), (q / np.abs(q).max()) ** 2)
     parts = (("d", d, read[:, 0], motor.inductance_d), ("q", q, read[:, 1], motor.inductance_q))
+    stated = {p.ordinary.stated: p.ordinary for p in library.parameters().values() if p.ordinary}
     energies = []
     for axis, flux, current, inductance in parts:
-        ordinary = library.parameters()[f"inductance.scale_{axis}"].ordinary
-        assert ordinary is not None
-        share = deviation_of(campaign, ordinary, 1.0)
+        share = deviation_of(campaign, stated[f"inductance_{axis}"], 1.0)
         energies += [share * f * flux * (current - flux / inductance) for f in factors]
     return basis.sizes(np.stack([d, q], axis=1), np.stack(energies, axis=1))
 
