@@ -48,15 +48,19 @@ def predict(s, u_a, u_b, belief, tuning):
         s[F + k] = 0.0
     for k in range(4):
         if k == 0:
-            q_a, q_b, over = *slope(s, a + x, b, theta, u_a, u_b, belief), t / x
+            q_a, q_b = slope(s, a + x, b, theta, u_a, u_b, belief)
+            over = t / x
         elif k == 1:
-            q_a, q_b, over = *slope(s, a, b + x, theta, u_a, u_b, belief), t / x
+            q_a, q_b = slope(s, a, b + x, theta, u_a, u_b, belief)
+            over = t / x
         elif k == 2:
             s[X + 2] = omega + small
-            q_a, q_b, over = *slope(s, a, b, theta, u_a, u_b, belief), t / small
+            q_a, q_b = slope(s, a, b, theta, u_a, u_b, belief)
+            over = t / small
             s[X + 2] = omega
         else:
-            q_a, q_b, over = *slope(s, a, b, theta + y, u_a, u_b, belief), t / y
+            q_a, q_b = slope(s, a, b, theta + y, u_a, u_b, belief)
+            over = t / y
         s[F + k], s[F + 4 + k] = over * (q_a - p_a), over * (q_b - p_b)
         s[F + 5 * k] += 1.0
     s[F + 14] = t

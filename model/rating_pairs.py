@@ -172,7 +172,7 @@ class Unit:
 
 INDUCTANCES = ("inductance_d", "inductance_q")
 SMALL = "1000 times too small"
-UNITS = (
+UNITS: tuple[Unit, ...] = (
     Unit(INDUCTANCES, "in mH", 1e-3),
     Unit(INDUCTANCES, "in uH", 1e-6),
     Unit(INDUCTANCES[:1], "in mH", 1e-3),
@@ -212,13 +212,10 @@ def pairs_off(drive: Drive, beside: Callable[[Drive], bool]) -> tuple[str, ...]:
     beside: whether further tests of a drive find nothing; a unit is named only where it mends
     those, too.
     """
-    pairs, units = PAIRS, UNITS
+    of_map = isinstance(drive.motor, MappedMotor)
+    pairs, units = (PAIRS_OF_MAP, UNITS_OF_MAP) if of_map else (PAIRS, UNITS)
     if isinstance(drive.motor, MappedMotor):
-        drive, pairs, units = (
-            dataclasses.replace(drive, motor=drive.motor.linear),
-            PAIRS_OF_MAP,
-            UNITS_OF_MAP,
-        )
+        drive = dataclasses.replace(drive, motor=drive.motor.linear)
     off = [(p, x) for p in pairs if not p.low <= (x := p.size(drive)) <= p.high]
     if not off:
         return ()

@@ -160,11 +160,10 @@ class _Reading:
             if odd is not None and name not in self.odd:
                 self.odd[name] = (first + odd, column[odd].as_py().strip().strip('"'))
         self.empty += (first + np.flatnonzero(blank)).tolist()
-        for row in np.flatnonzero(blank):
-            if self._is_header(
-                [c[int(row)].as_py() for c in batch.columns[: len(self.names)]], first + int(row)
-            ):
-                self.again.append(first + int(row))
+        for row in np.flatnonzero(blank).tolist():
+            cells = [c[row].as_py() for c in batch.columns[: len(self.names)]]
+            if self._is_header(cells, first + row):
+                self.again.append(first + row)
 
     def _is_header(self, row: Sequence[str], at: int) -> bool:
         """Tell whether cells are the header's once more; BadInput where they are in another

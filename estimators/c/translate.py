@@ -16,6 +16,7 @@ import tokenize
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import import_module
 from types import ModuleType
 from typing import Any
 
@@ -36,7 +37,6 @@ from estimators.c.kinds import (
     structure,
 )
 from estimators.c.layout import folded, with_declarations
-from model import energy, quartic
 
 CALL = re.compile(r"\b[a-z]\w*\(")  # of a function: macros are in capitals
 SILENT = re.compile(r"# (fmt|type|noqa)\b")  # comments for tools
@@ -158,11 +158,9 @@ def tail(module: str) -> str:
 def of_quartic(function: Any) -> Any:
     """Return a kernel, the quartic's where the energy may be one of two kinds."""
     plain = getattr(function, "py_func", function)
-    return (
-        getattr(quartic, plain.__name__, function)
-        if plain.__module__ == energy.__name__
-        else function
-    )
+    if plain.__module__ != "model.energy":
+        return function
+    return getattr(import_module("model.quartic"), plain.__name__, function)
 
 
 class Function:

@@ -351,6 +351,7 @@ def _longest(good: NDArray[np.bool_]) -> tuple[int, int]:
     """Return [begin, end) of the longest stretch that is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
     spans = edges.reshape(-1, 2)
-    return (
-        tuple(int(x) for x in spans[np.argmax(spans[:, 1] - spans[:, 0])]) if len(spans) else (0, 0)
-    )  # type: ignore[return-value]
+    if not len(spans):
+        return 0, 0
+    first, last = spans[np.argmax(spans[:, 1] - spans[:, 0])]
+    return int(first), int(last)

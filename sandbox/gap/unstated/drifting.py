@@ -156,9 +156,9 @@ def drifting(
     }
     scatter = dict(zip(own, errors.tolist(), strict=True))
     if common:  # what stands still has it, too
-        for r in point.prepared.campaign.recordings:
-            offsets.setdefault(r.origin, (common, common, common))
-            scatter.setdefault(r.origin, float(np.max(errors)))
+        for whole in point.prepared.campaign.recordings:
+            offsets.setdefault(whole.origin, (common, common, common))
+            scatter.setdefault(whole.origin, float(np.max(errors)))
     return Drifting(offsets, scatter, common)
 
 

@@ -208,7 +208,7 @@ def _changes(sectors: Array) -> tuple[Array, Array, Array]:
     (rad)."""
     changes = np.flatnonzero(np.diff(sectors))
     edge = STEP * (0.5 * (sectors[changes] + sectors[changes + 1]) + 0.5)
-    return np.arange(len(sectors), dtype=np.float64), changes + 0.5, edge
+    return np.arange(len(sectors), dtype=np.float64), np.asarray(changes + 0.5), edge
 
 
 def between(sectors: Array) -> Array:

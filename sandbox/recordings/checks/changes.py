@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -65,6 +66,11 @@ def current_of(columns: Columns, signs: tuple[float, float] = (1.0, 1.0)) -> Com
         a, b = signs[0] * a, signs[1] * b
         c = -a - b
     return np.asarray((2.0 * a - b - c) / 3.0 + 1j * ((b - c) / SQRT3))
+
+
+def _of_link(part: float, columns: Columns) -> Complex:
+    """Return voltages (V) that are stated as so many parts of the link's."""
+    return np.asarray(part * columns["u_dc"] * voltage_of(columns))
 
 
 def voltage_of(columns: Columns) -> Complex:
@@ -346,8 +352,8 @@ def _of_voltages(source: Source) -> Iterator[Change]:
                 "u_alpha",
                 "voltages are per unit of the link",
                 remedy,
-                signal=lambda c, part=part: part * c["u_dc"] * voltage_of(c),
-            )  # type: ignore[misc]
+                signal=partial(_of_link, part),
+            )
         for factor, guess in (
             *CONVENTIONS,
             (1.0 / SQRT3, "between two phases: line for phase voltage"),
