@@ -185,7 +185,8 @@ class Search:
     def state(self, new: Unstated) -> None:
         """State in the campaign what was found, and fit ordinary deviations again."""
         self.problem = p = self.problem.stating(new)
-        self.null = fit(p.start, (), p.fitted, rough=self.rough, workers=p.workers)
+        at = new.at(self.null.point)
+        self.null = fit(at, (), p.fitted, rough=self.rough, workers=p.workers)
         self.trace = p.settings.trace_at(rms_of(self.null))
 
     def freed(self, here: Fit) -> bool:
