@@ -38,7 +38,7 @@ class Sample(NamedTuple):
         V: voltage commanded along alpha and beta for the interval that ends at t_k.
     carrier : float
         s: zero-mean primitive F of the injected waveform at t_k, the ripple of the flux (Wb) for
-            each injected volt.
+        each injected volt.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class Estimate(NamedTuple):
         A: current to hold along theta while starting up.
     tracking : float
         No unit: 0 while starting up, 1 after it, 2 where the belief has no flux at the measured
-            current.
+        current.
     ripple_d, ripple_q : float
         A: amplitude of the current's ripple along the axis and across it.
     injection : float, default 1.0

@@ -36,10 +36,10 @@ class Segment:
         speed controller.
     ramp : float, default 0.0
         s, 0 to 3600: time in which load and speed go from those of the segment before to these; at
-            most `duration`.
+        most `duration`.
     settle : float, optional
         s, shorter than `duration`: how long to wait before its position errors count; the
-            scenario's by default.
+        scenario's by default.
     score : bool, default True
         Whether its position errors count.
     current_d : float, default 0.0
@@ -109,10 +109,10 @@ class Scenario:
         One after another; at least one, at most 3600 s together.
     rotor : {'locked', 'driven', 'free'}, default 'locked'
         What is done with the rotor: it cannot turn, its speed is imposed, or it turns as the torque
-            makes it.
+        makes it.
     reference : {'current', 'speed'}, default 'current'
         What is controlled: i_d and i_q, or the speed of a free rotor (`load` is then the load's
-            torque).
+        torque).
     settle : float, default 0.0
         s, 0 to 3600: time to wait in a segment before its errors count, where the segment does not
         say it; at most half of a segment.

@@ -190,7 +190,7 @@ def protocol(
         Names of tests, see `list_tests`; all by default.
     quiet_below : float, optional
         dB: what is recommended must stay below it in the proxy for the injection's sound (test
-            `cost`).
+        `cost`).
     loss_below : float, optional
         W: likewise, of the copper loss that the injection adds.
     seed : int

@@ -455,7 +455,7 @@ def compare(
         with.
     quiet_below : float, optional
         dB: what is recommended must stay below it in the proxy for the injection's sound, see
-            `rows[...].cost`.
+        `rows[...].cost`.
     loss_below : float, optional
         W: likewise, of the copper and core loss that the injection adds.
     seed : int

@@ -31,8 +31,7 @@ def test_the_balance_closes_with_late_edges_and_a_lag():
     """One step a period leaves some (omega S)^2/24 of the largest term: 5.4e-5 at 600 rad/s with
     segments S of 60 us, seen: 2.4e-5 to 5.6e-5; the bound is twice that.  Steps of second order
     leave a sixteenth with four times as many, where edges are cut: from 16 to 64; a quarter before.
-     Of each case's own
-    largest term copper
+    Of each case's own largest term copper
     and core are a hundred bounds or more, so that neither could be left out."""
     found = row_of("ipm", "dead_time + iron_loss")
     print([f["left"] for f in found])

@@ -232,8 +232,7 @@ def diagnose(
     earlier : str or Path, optional
         Folder of an earlier diagnosis of this drive (or its diagnosis.json), to go on from once
         further recordings are in the campaign: every set of effects that it left is weighed again,
-        whatever the search
-            comes upon.
+        whatever the search comes upon.
     jobs : int, optional
         Threads; all cores by default.
     memory : float, optional

@@ -96,7 +96,7 @@ def export_drive(
         See `load_motor`; a flux map goes along as constants.
     effects : mapping, str or Path, optional
         As in `simulate`: what the drive has from the start; every effect stays a parameter that can
-            be changed.
+        be changed.
     top_speed_rpm : float, optional
         rpm, mechanical, up to which the plant's steps are short enough; default: twice rated speed.
     fmu : bool, default True
