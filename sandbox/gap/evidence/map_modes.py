@@ -89,27 +89,22 @@ def with_modes(point: Point, size: float) -> Point:
 
 
 def smooth(campaign: Campaign, basis: Basis) -> Array:
-    """Return what a machine of the map's kind differs from the map by, each column (size,) in J as
-    large as is likely.
+    """Return what a machine of the map's kind differs from the map by, each column (size, 2) in J
+    as large as is likely: along d, along q.
 
     A machine with a factor c on each winding's flux at currents 1/c times as large, its magnet
     left, has the energy H(psi/c) for H(psi): to first order in c - 1 what is added is
     -(c - 1) psi_d i_d, and alike along q.  The part of it that is there without saturation,
-    psi_d^2/L_d, is `inductance`'s own and left away; the rest may differ over the plane of fluxes,
-    as 1, psi_d and psi_q^2 over the largest of each.
+    psi_d^2/L_d, is the inductance's own and left away.
     """
     motor, e = campaign.drive.motor, basis.of
-    d, q = (basis.places(axis) for axis in (0, 1))
-    d, q = (x.ravel() for x in np.meshgrid(d, q[q >= 0.0], indexing="ij"))
-    read = np.array([currents(e, x, y) for x, y in zip(d, q, strict=True)])
-    factors = (np.ones(len(d)), d / np.abs(d).max(), (q / np.abs(q).max()) ** 2)
-    parts = (("d", d, read[:, 0], motor.inductance_d), ("q", q, read[:, 1], motor.inductance_q))
     stated = {p.ordinary.stated: p.ordinary for p in library.parameters().values() if p.ordinary}
-    energies = []
-    for axis, flux, current, inductance in parts:
-        share = deviation_of(campaign, stated[f"inductance_{axis}"], 1.0)
-        energies += [share * f * flux * (current - flux / inductance) for f in factors]
-    return basis.sizes(np.stack([d, q], axis=1), np.stack(energies, axis=1))
+    d, q = (basis.places(axis) for axis in (0, 1))
+    flux = np.stack([x.ravel() for x in np.meshgrid(d, q[q >= 0.0], indexing="ij")], axis=1)
+    read = np.array([currents(e, x, y) for x, y in flux])
+    shares = [deviation_of(campaign, stated[f"inductance_{axis}"], 1.0) for axis in "dq"]
+    inductances = np.array([motor.inductance_d, motor.inductance_q])
+    return basis.sizes(flux, np.array(shares) * flux * (read - flux / inductances))
 
 
 def _without(answers: Array, along: Array) -> Array:
