@@ -165,8 +165,7 @@ class Search:
     def restated(self, here: Fit, *, excerpts: bool) -> Fit | None:
         """Return a set fitted again to the campaign that states what its fit's residual tells; None
         where that tells nothing, or stating it leaves more: then nothing is looked for again, as
-        curves join, which
-        hide it."""
+        curves join, which hide it."""
         if self.looked:
             return None
         p = self.problem
@@ -208,8 +207,7 @@ class Search:
 
         Near the floor slopes are right, and the most probable set is taken.  Far from it they say
         little of sets far from here: the most probable ones are tried, and the first whose own
-        residual makes it more
-        probable, weighed as the one here is, is taken.
+        residual makes it more probable, weighed as the one here is, is taken.
         """
         settings, far = self.problem.settings, rms_of(here) > NEAR
         own = max(
