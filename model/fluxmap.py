@@ -28,7 +28,6 @@ MOST_VALUES = 40 * MOST_POINTS
 # A and Wb: of the largest current and flux of any machine
 SIZES = {"i": (1e-6, 1e6), "psi": (1e-9, 1e4)}
 REAL = "fiu"
-FALLS, OFF_AXIS = 0.05, 0.2  # see `check_physical`
 
 
 @dataclass(frozen=True)
@@ -119,32 +118,6 @@ def check_axis(magnet: object) -> None:
     """Raise BadInput for an axis that is none of 'd', 'q', '-d', '-q'."""
     if not isinstance(magnet, str) or magnet not in TURNS:
         raise BadInput(f"magnet axis {brief(magnet)} is not known; give one of {', '.join(TURNS)}")
-
-
-def check_physical(m: FluxMap) -> None:
-    """Raise BadInput for a map whose magnet lies on another axis, or whose flux falls while its
-    current rises.
-
-    FALLS of the flux's span are left to noise, OFF_AXIS of the largest q flux to a rig's asymmetry.
-    """
-    for name, values, along in (("d", m.psi_d, 0), ("q", m.psi_q, 1)):
-        step = np.diff(values, axis=along)
-        k = tuple(int(n) for n in np.unravel_index(np.argmin(step), step.shape))
-        if step[k] < -FALLS * np.ptp(values) or np.ptp(values) == 0.0:
-            raise BadInput(
-                f"map '{m.name}': psi_{name} changes by {step[k]:.3g} Wb from i_d = "
-                f"{m.i_d[k[0]]:.4g} A, i_q = {m.i_q[k[1]]:.4g} A to the next i_{name}, it must "
-                "rise with its current; check that point, the units, signs and axes"
-            )
-    if m.i_q[0] <= 0.0 <= m.i_q[-1]:
-        middle = np.array([np.interp(0.0, m.i_q, row) for row in m.psi_q])
-        largest = float(np.max(np.abs(m.psi_q)))
-        if abs(float(np.mean(middle))) > OFF_AXIS * largest:
-            raise BadInput(
-                f"map '{m.name}': psi_q is {float(np.mean(middle)):.3g} Wb at i_q = 0 (largest "
-                f"{largest:.3g} Wb), so the magnet is not on the d axis; name its axis: magnet = "
-                "'q', '-q' or '-d' in [flux_map]"
-            )
 
 
 def _check_size(

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.map_fit import squared_errors
 from model.map_points import MapPoints
 from model.spline import SplineEnergy, hessian
 from model.spline_energy import Choice
@@ -21,6 +22,7 @@ Array = NDArray[np.float64]
 # least, so half of that, on a logarithmic scale, is what a measured torque may differ by without a
 # word: losses, drift of the magnets.
 TORQUE_OFF = 1.5**0.25
+REMEDY = "correct them or leave their cells empty"
 FEW, WILD = 0.05, 10.0  # of the points; times the median distance from the line: a wild torque
 # a wild flux: the smaller over the larger distance; least, of its span (measured maps have 0.03)
 ALIKE, LEAST_WILD = 0.7, 0.04
@@ -112,16 +114,13 @@ def wild_notes(p: MapPoints, name: str) -> list[str]:
     good = np.isfinite(p.torque) & ~wild
     slope, offset = np.polyfit(_own_torque(p)[good], p.torque[good], 1)
     shown = [
-        f"{p.torque[k]:.4g} N m at i_d = {p.i_d[k]:.4g} A, i_q = {p.i_q[k]:.4g} A, where the "
-        f"fluxes give {slope * _own_torque(p)[k] + offset:.4g}"
+        f"{p.torque[k]:.4g} N m at {p.where(k)}, where the fluxes give "
+        f"{slope * _own_torque(p)[k] + offset:.4g}"
         for k in np.flatnonzero(wild)[:NAMED]
     ]
     count = int(np.count_nonzero(wild))
     more = f" (and {count - NAMED} more)" if count > NAMED else ""
-    return [
-        f"{name}: the column of torque has wild points: {'; '.join(shown)}{more}; correct them or "
-        "leave their cells empty"
-    ]
+    return [f"{name}: the column of torque has wild points: {'; '.join(shown)}{more}; {REMEDY}"]
 
 
 def torque_notes(line: TorqueLine, pole_pairs: int, name: str) -> list[str]:
@@ -163,8 +162,8 @@ def wild_flux_notes(p: MapPoints, name: str) -> list[str]:
     on each side, by the same along both axes: a knee of saturation bends along one, a wild point is
     off whichever way it is come to.  The two outermost lines have no such neighbours.
     """
-    grid = p.grid()
-    if grid is None or min(grid.psi_d.shape) < 5:
+    grid, order = p.grid(), p.on_grid()
+    if grid is None or order is None or min(order.shape) < 5:
         return []
     out = []
     inside = slice(2, -2)
@@ -179,14 +178,29 @@ def wild_flux_notes(p: MapPoints, name: str) -> list[str]:
         if not 0 < len(rows) <= max(1, FEW * psi.size):
             continue
         told = [
-            f"{psi[j, k]:.4g} Wb at i_d = {grid.i_d[j]:.4g} A, i_q = {grid.i_q[k]:.4g} A, where "
-            f"its neighbours give {psi[j, k] - along_d[j - 2, k - 2]:.4g}"
+            f"{psi[j, k]:.4g} Wb at {p.where(order[j, k])}, where its neighbours give "
+            f"{psi[j, k] - along_d[j - 2, k - 2]:.4g}"
             for j, k in rows[:NAMED]
         ]
         more = f", and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
-        remedy = "correct them or leave their cells empty"
-        out.append(f"{name}: {label} has wild points: {'; '.join(told)}{more}; {remedy}")
+        out.append(f"{name}: {label} has wild points: {'; '.join(told)}{more}; {REMEDY}")
     return out
+
+
+def off_fit_notes(energy: SplineEnergy, p: MapPoints, name: str) -> list[str]:
+    """Return a sentence where single points that fill no grid stand off the fit to all of them;
+    energy: of total fluxes."""
+    if p.on_grid() is not None:
+        return []
+    off = np.sqrt(squared_errors(energy, p))
+    span = math.hypot(float(np.ptp(p.psi_d)), float(np.ptp(p.psi_q)))
+    wild = np.flatnonzero(off > max(WILD * float(np.median(off)), LEAST_WILD * span))
+    if not 0 < len(wild) <= max(1, FEW * len(off)):
+        return []
+    worst = wild[np.argsort(-off[wild])]
+    told = [f"{p.where(k)}, {off[k]:.3g} Wb off the fit to all" for k in worst[:NAMED]]
+    more = f", and {len(wild) - NAMED} more" if len(wild) > NAMED else ""
+    return [f"{name}: wild points: {'; '.join(told)}{more}; {REMEDY}"]
 
 
 def _off_neighbours(x: Array, values: Array) -> Array:

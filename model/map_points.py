@@ -9,27 +9,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.arrays import read_arrays
+from model.arrays import TEXTS, read_arrays
 from model.errors import BadInput, as_toml
 from model.fluxmap import MOST_POINTS, MOST_VALUES, SIZES, TURNS, FluxMap, check_axis
 from model.map_names import NAMES, OF_BOTH, Column, columns_of
 from model.parameters import finite
+from model.text_table import lines_of_rows
 
 Array = NDArray[np.float64]
 FEWEST = 24  # points with a value
+IN_HEADER = "write their units into the file's header, e.g. i_d [mA], psi_d [mWb]"
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the points of a map stand in its file.
+
+    names: its columns by quantity; polar: whether its currents are amplitude and angle; shape: of
+    its arrays; place (n,): of each point among their values, counted from 0.
+    """
+
+    path: Path
+    names: Mapping[str, str]
+    polar: bool
+    shape: tuple[int, ...]
+    place: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class MapPoints:
     """Points of a flux map in the magnet's frame, each (n,): currents (A), fluxes (Wb), torque (N
-    m, None: not in the file); notes: what was left out."""
+    m, None: not in the file); notes: what was left out; source: None where no file was read."""
 
     name: str
     i_d: Array
@@ -38,6 +55,7 @@ class MapPoints:
     psi_q: Array
     notes: tuple[str, ...]
     torque: Array | None = None
+    source: Source | None = None
 
     def points(self) -> tuple[Array, Array, Array, Array]:
         """Return psi_d, psi_q, i_d, i_q."""
@@ -47,17 +65,46 @@ class MapPoints:
         """Return the same in a frame turned back by an angle (rad): vectors times exp(j angle)."""
         i = (self.i_d + 1j * self.i_q) * np.exp(1j * angle)
         psi = (self.psi_d + 1j * self.psi_q) * np.exp(1j * angle)
-        return MapPoints(self.name, i.real, i.imag, psi.real, psi.imag, self.notes, self.torque)
+        return replace(self, i_d=i.real, i_q=i.imag, psi_d=psi.real, psi_q=psi.imag)
 
-    def grid(self) -> FluxMap | None:
-        """Return the map on its rectangular grid, None where the points do not fill one."""
+    def some(self, chosen: NDArray[Any]) -> MapPoints:
+        """Return chosen points alone (a mask, or places)."""
+        numbers = {n: getattr(self, n)[chosen] for n in OF_BOTH}
+        torque = None if self.torque is None else self.torque[chosen]
+        s = self.source
+        source = None if s is None else replace(s, place=s.place[chosen])
+        return replace(self, torque=torque, source=source, **numbers)
+
+    def where(self, k: int) -> str:
+        """Return a point in words: its currents, and where it stands in its file."""
+        least = 1e-9 * float(np.max(np.hypot(self.i_d, self.i_q)))  # below: left by a turn
+        d, q = (0.0 if abs(x) < least else float(x) for x in (self.i_d[k], self.i_q[k]))
+        told, s = f"i_d = {d:.4g} A, i_q = {q:.4g} A", self.source
+        if s is None:
+            return told
+        at = [int(n) + 1 for n in np.unravel_index(int(s.place[k]), s.shape)]
+        if len(at) == 1 and s.path.suffix.lower() in TEXTS:
+            lines = lines_of_rows(s.path)
+            if at[0] <= len(lines):
+                return f"{told} (line {lines[at[0] - 1]})"
+        return f"{told} (row {at[0]}{f', column {at[1]}' if len(at) > 1 else ''})"
+
+    def on_grid(self) -> NDArray[np.int64] | None:
+        """Return which point stands where on the map's rectangular grid of i_d and i_q, None where
+        the points do not fill one."""
         scale = float(max(np.max(np.abs(self.i_d)), np.max(np.abs(self.i_q))))
         d, q = np.round(self.i_d / scale, 7), np.round(self.i_q / scale, 7)
         n, m = len(np.unique(d)), len(np.unique(q))
         if n * m != len(d) or min(n, m) < 3:
             return None
-        order = np.lexsort((q, d))
-        square = [x[order].reshape(n, m) for x in (self.i_d, self.i_q, self.psi_d, self.psi_q)]
+        return np.lexsort((q, d)).reshape(n, m)
+
+    def grid(self) -> FluxMap | None:
+        """Return the map on its rectangular grid, None where the points do not fill one."""
+        order = self.on_grid()
+        if order is None:
+            return None
+        square = [x[order] for x in (self.i_d, self.i_q, self.psi_d, self.psi_q)]
         return FluxMap(
             self.name, square[0].mean(axis=1), square[1].mean(axis=0), square[2], square[3]
         )
@@ -80,11 +127,12 @@ def read_points(
     columns = columns_of(known, stated or {}, path.name)
     data, _ = read_arrays(path, {c.name for group in columns.values() for c in group}, MOST_VALUES)
     notes: list[str] = []
-    i, psi = _vectors(data, columns, path.name, known, notes)
+    i, psi, shape = _vectors(data, columns, path.name, known, notes)
+    polar = all(_first(data, columns[q], "cfiu") is None for q in ("i", "i_d", "i_q"))
     torque = _first(data, columns["torque"], "fiu")
     torque = None if torque is None else _over_angles(torque)
     torques = torque.ravel().astype(float) if torque is not None and torque.size == i.size else None
-    i, psi, torques = _once(i, psi, torques, path.name, notes)
+    i, psi, torques, place = _once(i, psi, torques, path.name, notes)
     if i.size > MOST_POINTS:
         raise BadInput(
             f"{path.name}: {i.size} points; at most {MOST_POINTS} are read, keep every second line"
@@ -108,11 +156,13 @@ def read_points(
         if not low <= largest <= high:
             raise BadInput(
                 f"{path.name}: the largest of the {what} is {largest:.3g} {unit}, not in "
-                f"[{low:g}, {high:g}]"
+                f"[{low:g}, {high:g}]; {IN_HEADER}"
             )
     kept = None if torques is None else torques[good]
     turn = TURNS[magnet] * np.exp(1j * angle)
     i, psi = turn * i[good], turn * psi[good]
+    there = [(q, c) for q in OF_BOTH for c in columns[q][::-1]]
+    names = {q: c.name for q, c in there if _first(data, [c], "fiu") is not None}
     return MapPoints(
         path.stem,
         i.real.copy(),
@@ -121,6 +171,7 @@ def read_points(
         psi.imag.copy(),
         tuple(notes),
         kept,
+        Source(path, names, polar, shape, place[good]),
     )
 
 
@@ -137,15 +188,16 @@ def check_angle(angle: object) -> float:
 
 def _vectors(
     data: Any, columns: Mapping[str, list[Column]], file: str, known: list[str], notes: list[str]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return currents and fluxes as complex numbers, flat."""
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], tuple[int, ...]]:
+    """Return currents and fluxes as complex numbers, flat, and the shape that they had."""
     whole = {q: _first(data, columns[q], "c") for q in ("i", "psi")}
     if (
         whole["i"] is not None
         and whole["psi"] is not None
         and whole["i"].shape == whole["psi"].shape
     ):
-        return whole["i"].ravel().astype(complex), whole["psi"].ravel().astype(complex)
+        i, psi = whole["i"], whole["psi"]
+        return i.ravel().astype(complex), psi.ravel().astype(complex), i.shape
     parts = {q: _first(data, columns[q], "fiu") for q in OF_BOTH}
     if parts["i_d"] is None and parts["i_q"] is None:
         parts |= _from_amplitude(data, columns, notes, file)
@@ -169,7 +221,7 @@ def _vectors(
             f"{file}: currents have shapes {d.shape} and {q.shape}, fluxes "
             f"{psi_d.shape}; they must be equal"
         )
-    return _complex(d, q), _complex(psi_d, psi_q)
+    return _complex(d, q), _complex(psi_d, psi_q), d.shape
 
 
 def _missing(name: str, data: Any, columns: Sequence[Column], file: str, known: list[str]) -> str:
@@ -230,13 +282,16 @@ def _from_amplitude(
     size, ahead = _first(data, columns["current"], "fiu"), _first(data, columns["advance"], "fiu")
     if size is None or ahead is None:
         return {}
-    if float(np.nanmax(np.abs(ahead))) > math.tau:  # no unit said so
-        ahead = np.radians(ahead)
+    largest, told = float(np.nanmax(np.abs(ahead))), ""
+    if largest > math.tau:  # no unit said so
+        ahead, told = np.radians(ahead), f", in degrees, as it reaches {largest:.4g}"
     if size.ndim == ahead.ndim == 1 and size.size != ahead.size:
         size, ahead = np.meshgrid(size, ahead, indexing="ij")
     elif size.shape != ahead.shape:
         return {}
-    notes.append(f"{file}: currents from amplitude and phase advance (0: on q, 90 degrees: on -d)")
+    notes.append(
+        f"{file}: currents from amplitude and phase advance (0: on q, 90 degrees: on -d{told})"
+    )
     return {"i_d": -size * np.sin(ahead), "i_q": size * np.cos(ahead)}
 
 
@@ -251,15 +306,15 @@ def _once(
     torque: Array | None,
     file: str,
     notes: list[str],
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], Array | None]:
-    """Return each current once, with the mean of what stands at it."""
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], Array | None, NDArray[np.int64]]:
+    """Return each current once, with the mean of what stands at it, and where it stood first."""
     scale = float(np.max(np.abs(i[np.isfinite(i)]), initial=0.0)) or 1.0
     places = np.round(np.where(np.isfinite(i), i, 0.0) / scale, 7)
     _, first, of, count = np.unique(
         places, return_index=True, return_inverse=True, return_counts=True
     )
     if len(first) == len(i) or not np.all(np.isfinite(i)):
-        return i, psi, torque
+        return i, psi, torque, np.arange(len(i))
     notes.append(
         f"{file}: up to {int(count.max())} values at one current (angles of the rotor?); "
         "their mean is taken"
@@ -270,7 +325,8 @@ def _once(
 
     order = np.argsort(first)  # as in the file
     both = mean(psi.real) + 1j * mean(psi.imag)
-    return i[first][order], both[order], None if torque is None else mean(torque)[order]
+    torques = None if torque is None else mean(torque)[order]
+    return i[first][order], both[order], torques, first[order]
 
 
 def _first(data: Any, columns: Sequence[Column], kinds: str) -> Any:

@@ -26,7 +26,7 @@ from model.arrays import MOST_BYTES
 from model.datasets import dataset, fetch
 from model.energy import AnyEnergy
 from model.errors import BadInput, PhysicsError, as_toml, unknown
-from model.fluxmap import check_axis, check_physical
+from model.fluxmap import check_axis
 from model.given import given_bytes
 from model.kernels.folders import cache_home
 from model.kernels.kept import note_damage
@@ -35,6 +35,7 @@ from model.kernels.kept import write as write_kept
 from model.map_checks import (
     TorqueLine,
     cell_notes,
+    off_fit_notes,
     slope_notes,
     torque_line,
     torque_notes,
@@ -43,6 +44,7 @@ from model.map_checks import (
 )
 from model.map_energy import energy_file, energy_in, with_stiffness
 from model.map_fit import choose_for_points
+from model.map_mistakes import check_points
 from model.map_names import STATED
 from model.map_points import check_angle, read_points
 from model.map_quality import Quality, quality
@@ -77,6 +79,7 @@ FITTED_BY = (
     "map_names",
     "map_fit",
     "map_checks",
+    "map_mistakes",
     "map_energy",
     "arrays",
     "matfile",
@@ -319,9 +322,8 @@ def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | 
             f"{path.name}: the map ends at i_d = {nearest:.4g} A; it must hold i_d = 0, where the "
             "magnet's flux and the inductances are taken: add points up to there"
         )
+    check_points(points, *how[:2])
     grid = points.grid()
-    if grid is not None:
-        check_physical(grid)
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a fit without an answer is refused below
@@ -339,6 +341,7 @@ def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | 
     crowded = [
         *wild_notes(points, path.name),
         *wild_flux_notes(points, path.name),
+        *off_fit_notes(whole, points, path.name),
         *(cell_notes(points, given, path.name) if given else []),
     ]
     return found._replace(notes=(*crowded, *slope_notes(whole, points, path.name)))

@@ -197,40 +197,42 @@ UNITS: tuple[Unit, ...] = (
 FROM_MAP = (*INDUCTANCES, "magnet_flux")
 # a map is of a motor with iron
 PAIRS_OF_MAP = (*PAIRS[:2], dataclasses.replace(PAIRS[2], low=0.01), *PAIRS[3:])
+IN_HEADER = "(write it into its header, e.g. {})"
 UNITS_OF_MAP = (
-    Unit(INDUCTANCES, "in mA", 1e3, "the flux map's currents"),
-    Unit(FROM_MAP, "in mWb", 1e-3, "the flux map's fluxes"),
-    Unit(INDUCTANCES, "in kA", 1e-3, "the flux map's currents"),
+    Unit(INDUCTANCES, f"in mA {IN_HEADER.format('i_d [mA]')}", 1e3, "the flux map's currents"),
+    Unit(FROM_MAP, f"in mWb {IN_HEADER.format('psi_d [mWb]')}", 1e-3, "the flux map's fluxes"),
+    Unit(
+        ("magnet_flux",),
+        f"in mA and mWb {IN_HEADER.format('i_d [mA], psi_d [mWb]')}",
+        1e-3,
+        "the flux map's currents and fluxes",
+    ),
+    Unit(INDUCTANCES, f"in kA {IN_HEADER.format('i_d [kA]')}", 1e-3, "the flux map's currents"),
     *(u for u in UNITS if u.names[0] not in FROM_MAP),
 )
 
 
-def pairs_off(drive: Drive, beside: Callable[[Drive], bool]) -> tuple[str, ...]:
-    """Return one sentence on stated numbers that cannot belong to one motor, nothing where they
-    can.
+def pairs_off(drive: Drive) -> list[str]:
+    """Return in words the pairs of stated numbers that cannot belong to one motor."""
+    own, pairs, _ = _compared(drive)
+    return [p.said(own, x) for p in pairs if not p.low <= (x := p.size(own)) <= p.high]
 
-    beside: whether further tests of a drive find nothing; a unit is named only where it mends
-    those, too.
-    """
-    of_map = isinstance(drive.motor, MappedMotor)
-    pairs, units = (PAIRS_OF_MAP, UNITS_OF_MAP) if of_map else (PAIRS, UNITS)
+
+def mending(drive: Drive, sound: Callable[[Drive], bool]) -> list[str]:
+    """Return in words the single values in another unit that would mend all pairs; sound: whether
+    further tests of a drive find nothing."""
+    return [u.guess for u in _mending(*_compared(drive), sound)]
+
+
+def _compared(drive: Drive) -> tuple[Drive, Sequence[Pair], Sequence[Unit]]:
+    """Return the drive, pairs and units to compare; of a flux map the values at zero current."""
     if isinstance(drive.motor, MappedMotor):
-        drive = dataclasses.replace(drive, motor=drive.motor.linear)
-    off = [(p, x) for p in pairs if not p.low <= (x := p.size(drive)) <= p.high]
-    if not off:
-        return ()
-    names = [u.guess for u in _mending(drive, pairs, units, beside)]
-    said = "; ".join(p.said(drive, x) for p, x in off[:3])
-    asked = (
-        f"{', or '.join(names[:3])}?"
-        if names
-        else "one of these values is in another unit, or of another motor"
-    )
-    return (f"{said}; no motor has that: {asked}",)
+        return dataclasses.replace(drive, motor=drive.motor.linear), PAIRS_OF_MAP, UNITS_OF_MAP
+    return drive, PAIRS, UNITS
 
 
 def _mending(
-    drive: Drive, pairs: Sequence[Pair], units: Sequence[Unit], beside: Callable[[Drive], bool]
+    drive: Drive, pairs: Sequence[Pair], units: Sequence[Unit], sound: Callable[[Drive], bool]
 ) -> Iterator[Unit]:
     """Yield the units that mend all that is off."""
     for u in units:
@@ -241,7 +243,7 @@ def _mending(
             other = dataclasses.replace(drive, **{part: changed})
         except (BadInput, TypeError):
             continue
-        if all(p.low <= p.size(other) <= p.high for p in pairs) and beside(other):
+        if all(p.low <= p.size(other) <= p.high for p in pairs) and sound(other):
             yield u
 
 

@@ -4,11 +4,12 @@ anything runs."""
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from model.drive_files import ASSUMED
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
-from model.rating_pairs import link, pairs_off
+from model.rating_pairs import link, mending, pairs_off
 
 # Torque at rated current against the rated one: cross-saturation takes a few percent, reluctance at
 # most doubles it, sqrt 2 for rms and 2 for peak to peak stay below; units that are mistaken differ
@@ -21,16 +22,35 @@ VOLTAGE_HIGH, VOLTAGE_LOW = 5.0, 0.1
 UNIT_OF = {"sampling_period": "s", "dc_bus_voltage": "V"}
 
 
+class Off(NamedTuple):
+    """What does not go together, in words, and what is asked where no single unit would mend all
+    of it."""
+
+    said: str
+    asked: str
+
+
+SAID, NAMED = 2, 3  # statements, and guesses, in a sentence
+NOT_KNOWN = "one of these values is in another unit, or of another motor"
+
+
 def cautions(drive: Drive) -> tuple[str, ...]:
     """Return a sentence for each rating that does not go with the others, and what a flux map says
     against itself."""
-    simple = (*_torque(drive.motor), *_speed(drive))
-    pairs = pairs_off(drive, lambda d: not _torque(d.motor) and not _speed(d))
-    return (
-        *simple,
-        *(pairs if not simple or "?" in "".join(pairs) else ()),
-        *map_notes(drive.motor),
-    )
+    return (*_ratings(drive), *map_notes(drive.motor))
+
+
+def _ratings(drive: Drive) -> tuple[str, ...]:
+    simple, pairs = (*_torque(drive.motor), *_speed(drive)), pairs_off(drive)
+    said = [*(o.said for o in simple), *pairs]
+    if not said:
+        return ()
+    names = mending(drive, lambda d: not _torque(d.motor) and not _speed(d))
+    if names:
+        return (f"{'; '.join(said[:SAID])}; no motor has that: {', or '.join(names[:NAMED])}?",)
+    if simple:
+        return tuple(f"{o.said}{o.asked}" for o in simple)
+    return (f"{'; '.join(said[:SAID])}; no motor has that: {NOT_KNOWN}",)
 
 
 def assumed(drive: Drive) -> tuple[str, ...]:
@@ -48,7 +68,7 @@ def map_notes(motor: Motor) -> tuple[str, ...]:
     return motor.origin.notes if isinstance(motor, MappedMotor) and motor.origin else ()
 
 
-def _torque(m: Motor) -> list[str]:
+def _torque(m: Motor) -> list[Off]:
     magnet = 1.5 * m.pole_pairs * m.magnet_flux * m.rated_current
     most = largest_torque(m)
     if magnet > TORQUE_OFF * m.rated_torque:
@@ -58,11 +78,14 @@ def _torque(m: Motor) -> list[str]:
     else:
         return []
     return [
-        f"rated_current gives {_plain(found)} N m (3/2 pole_pairs x magnet_flux x "
-        f"rated_current{'' if found == magnet else ', with reluctance'}), rated_torque is "
-        f"{_plain(m.rated_torque)} N m: a factor of {_plain(off)}, where saturation and reluctance "
-        f"explain less than {TORQUE_OFF:g}; is magnet_flux in mWb, rated_torque in mN m or worked "
-        "out from kW, or rated_current in mA or rms?"
+        Off(
+            f"rated_current gives {_plain(found)} N m (3/2 pole_pairs x magnet_flux x "
+            f"rated_current{'' if found == magnet else ', with reluctance'}), rated_torque is "
+            f"{_plain(m.rated_torque)} N m: a factor of {_plain(off)}, where saturation and "
+            f"reluctance explain less than {TORQUE_OFF:g}",
+            "; is magnet_flux in mWb, rated_torque in mN m or worked out from kW, or rated_current "
+            "in mA or rms?",
+        )
     ]
 
 
@@ -80,7 +103,7 @@ def largest_torque(m: Motor) -> float:
     return 1.5 * m.pole_pairs * i * max(flux)
 
 
-def _speed(drive: Drive) -> list[str]:
+def _speed(drive: Drive) -> list[Off]:
     m, limit = drive.motor, drive.converter.voltage_limit
     back = m.rated_omega * m.magnet_flux
     loaded = m.rated_omega * math.hypot(m.magnet_flux, m.inductance_q * m.rated_current)
@@ -97,7 +120,10 @@ def _speed(drive: Drive) -> list[str]:
     )
     unit = "Hz or electrical" if high else "rad/s"
     return [
-        f"at rated_speed_rpm = {m.rated_speed_rpm:g} {said}, and {link(drive)} gives "
-        f"{_plain(limit)} V; {unusual} is not usual: is the speed in {unit}, magnet_flux in "
-        "another unit, or [drive] dc_bus_voltage another one?"
+        Off(
+            f"at rated_speed_rpm = {m.rated_speed_rpm:g} {said}, and {link(drive)} gives "
+            f"{_plain(limit)} V; {unusual} is not usual",
+            f": is the speed in {unit}, magnet_flux in another unit, or [drive] dc_bus_voltage "
+            "another one?",
+        )
     ]

@@ -132,11 +132,11 @@ def layout(file: str, head: str) -> Layout:
         return found
     separator = _separator([line for _, line in rows])
     split = [(k, cells(line, separator)) for k, line in rows[: MOST_ABOVE + TRIED]]
-    widths = [len(x) for _, x in split if _is_data(x)]
+    widths = [len(x) for _, x in split if is_data(x)]
     if not widths:  # a header alone
         return Layout(header_of(file, split[0][1]), separator, split[0][0] + 1, 0)
     usual = max(set(widths), key=widths.count)
-    first = next(j for j, (_, x) in enumerate(split) if _is_data(x) and len(x) == usual)
+    first = next(j for j, (_, x) in enumerate(split) if is_data(x) and len(x) == usual)
     at, data = split[first]
     _check_width(file, usual)
     named, below = _above(split[:first], data)
@@ -150,7 +150,7 @@ def layout(file: str, head: str) -> Layout:
 def _above(rows: Sequence[tuple[int, list[str]]], data: list[str]) -> tuple[list[str], list[str]]:
     """Return the header above a table's first row, and the row of units below it; both empty where
     there is none."""
-    texts = [x for _, x in rows if not _is_data(x)][-2:]
+    texts = [x for _, x in rows if not is_data(x)][-2:]
     fitting = [x for x in texts if len(_filled(data)) <= len(_filled(x)) <= len(data)]
     if (
         len(texts) == 2
@@ -192,7 +192,7 @@ def _separator(lines: Sequence[str]) -> str:
     scored: list[tuple[int, str]] = []
     for s in SEPARATORS:
         split = [cells(x, s) for x in some if s in x.strip()]
-        widths = [len(x) for x in split if _is_data(x)]
+        widths = [len(x) for x in split if is_data(x)]
         if widths:
             usual = max(set(widths), key=widths.count)
             scored.append((widths.count(usual) * (usual > 1), s))
@@ -203,7 +203,7 @@ def _separator(lines: Sequence[str]) -> str:
     )
 
 
-def _is_data(row: Sequence[str]) -> bool:
+def is_data(row: Sequence[str]) -> bool:
     """Tell whether most cells that are not empty are numbers."""
     filled = [c for c in row if c]
     return bool(filled) and 2 * sum(number(c) is not None for c in filled) > len(filled)

@@ -19,7 +19,17 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.number_table import Table
-from model.text_lines import HEAD, Layout, cells, encoding_of, layout, number, pieces
+from model.text_lines import (
+    HEAD,
+    Layout,
+    cells,
+    cleaned,
+    encoding_of,
+    is_data,
+    layout,
+    number,
+    pieces,
+)
 
 if TYPE_CHECKING:
     import pyarrow
@@ -59,6 +69,19 @@ def read_lines(file: str, text: TextIO, most: int) -> Table:
     reading = _Reading(file, found, most)
     columns = reading.columns(_Bytes(pieces(text, found.separator)))
     return reading.table(columns)
+
+
+def lines_of_rows(path: Path) -> list[int]:
+    """Return the lines of a text, counted from 1, in which the rows of its table stand."""
+    with path.open("rb") as file:
+        encoding = encoding_of(file.read(HEAD))
+    with path.open(encoding=encoding, errors="replace", newline="\n") as text:
+        head = text.read(HEAD)
+        found = layout(path.name, head + text.readline())
+        text.seek(0)
+        lines = list(enumerate(text, 1))[found.above :]
+    rows = [(k, cells(cleaned(x, found.separator), found.separator)) for k, x in lines]
+    return [k for k, row in rows if is_data(row)]
 
 
 class _Bytes(io.RawIOBase):

@@ -25,9 +25,15 @@ def test_motors_of_the_package_have_ratings_that_go_together(name):
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"magnet_flux": 98.1}, ["gives 1059 N m", "a factor of 1000", "mWb"]),
-        ({"rated_torque": 1060.0}, ["rated_torque is 1060 N m", "mN m"]),
-        ({"rated_current": 1200.0}, ["mA or rms"]),
+        ({"magnet_flux": 98.1}, ["gives 1059 N m", "a factor of 1000", "magnet_flux in mWb?"]),
+        (
+            {"rated_torque": 1060.0},
+            ["rated_torque is 1060 N m", "no motor has that: rated_torque in mN m?"],
+        ),
+        (
+            {"rated_current": 1200.0},
+            ["a factor of 1000", "no motor has that: rated_current in mA?"],
+        ),
         ({"rated_speed_rpm": 188.5}, ["rad/s", "less than a tenth"]),  # 1800 rpm
         ({"rated_speed_rpm": 1800.0 * 60.0}, ["more than 5 times"]),
     ],
@@ -116,8 +122,9 @@ def test_what_a_motors_file_does_not_state_is_said(tmp_path):
     ("amps", "webers", "said"),
     [
         (1.0, 1.0, None),
-        (1e3, 1.0, "the flux map's currents in mA?"),
+        (1e3, 1.0, "the flux map's currents in mA (write it into its header, e.g. i_d [mA])?"),
         (1.0, 1e3, "map.csv: its points make a magnet flux of 50 Wb, L_d = 9 H and L_q = 20 H"),
+        (1e3, 1e3, "the flux map's currents and fluxes in mA and mWb"),
         (0.7071, 1.0, None),  # rms currents: within what motors have; a column of torque tells them
     ],
 )

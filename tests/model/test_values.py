@@ -12,8 +12,10 @@ from model import mapped
 from model.drive_files import load_drive
 from model.energy import currents, flux_from_current, hessian, min_eigenvalue
 from model.errors import BadInput
-from model.fluxmap import FluxMap, _check_size, check_physical
+from model.fluxmap import _check_size
 from model.levels import Fit, require_information
+from model.map_mistakes import check_points
+from model.map_points import MapPoints
 from model.saliency import audit
 from model.spline import SplineEnergy
 from model.spline_energy import _Box
@@ -81,9 +83,10 @@ def test_a_magnet_off_the_d_axis_is_seen_where_a_map_ends_at_no_current_along_q(
     """psi_q of 0.3 Wb at i_q = 0, the map's last column, and of 0.6 Wb at most."""
     i_d, i_q = np.linspace(-2.0, 2.0, 5), np.linspace(-2.0, 0.0, 5)
     x, y = np.meshgrid(i_d, i_q, indexing="ij")
+    d, q = x.ravel(), y.ravel()
     with pytest.raises(BadInput, match="the magnet is not on the d axis"):
-        check_physical(FluxMap("mine", i_d, i_q, 0.1 * x, 0.3 + 0.1 * y))
-    check_physical(FluxMap("mine", i_d, i_q, 0.1 * x, 0.1 * y))
+        check_points(MapPoints("mine", d, q, 0.1 * d, 0.3 + 0.1 * q, ()))
+    check_points(MapPoints("mine", d, q, 0.1 * d, 0.1 * q, ()))
 
 
 def test_how_many_numbers_of_a_map_are_missing_is_told():
