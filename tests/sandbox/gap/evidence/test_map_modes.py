@@ -12,8 +12,14 @@ from model.drive_files import load_drive
 from model.mapped import MappedMotor
 from model.spline import currents
 from model.spline_correction import Basis, refined
-from sandbox.gap.evidence.map_modes import smooth
+from sandbox.gap.evidence.map_modes import map_error, smooth, with_modes
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.response import fluxes
+from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.map_error import rotor_currents
+from sandbox.replay.replay import prepare, replay
+from tests.sandbox.replay.benches import record
 from tests.sandbox.switched.one_cell import one_cell
 
 IPM = load_drive("ipm")
@@ -53,3 +59,28 @@ def test_a_factor_on_all_fluxes_is_inductance_and_what_saturation_adds(axis):
     np.testing.assert_allclose(found, exact, atol=20.0 * SHARE * size)
     saturated = np.abs(exact[:, axis] + SHARE * 2.0 * FLUX[:, axis] / getattr(motor, name)).max()
     assert saturated > 0.05 * size  # there is something to tell beside the inductance
+
+
+def test_without_points_a_map_is_off_as_a_whole_alone():
+    """A motor whose map no fit could be tried on: modes are the two smooth energies, turned, each
+    of the size that is likely; no current at no flux is among them."""
+    stated = dict.fromkeys(("inductance_d", "inductance_q"), 0.1)
+    campaign = Campaign("own", MAPPED, (record({}, "driven", 20.0),), stated, {}, False)
+    assert map_error(campaign) == 0.0
+    point = Point(prepare(campaign, steps=1), complete(MAPPED.motor, MAPPED.converter))
+    error = with_modes(point, 0.0).prepared.map_error
+    assert 1 <= len(error.x) <= 2
+    assert not error.x.any()
+    (read,) = replay(point.prepared, [{}]).currents
+    angle = point.prepared.recordings[0].motion.angle
+    met = fluxes(MAPPED.motor.energy, rotor_currents(read[:, :, 0], angle))[::20]
+    basis = Basis(error.stated)
+    gradients = basis.gradients(met, np.arange(basis.size))
+    both = np.einsum("nsx,sk->nxk", gradients, smooth(campaign, basis)).reshape(-1, 2)
+    for mode in error.modes:
+        alone = error.stated._replace(cells=np.ascontiguousarray(mode))
+        added = np.array([currents(alone, *psi) for psi in met]).ravel()
+        share, *_ = np.linalg.lstsq(both, added, rcond=None)
+        np.testing.assert_allclose(both @ share, added, atol=1e-9 * np.abs(added).max())
+        assert np.hypot(*share) == pytest.approx(1.0, rel=1e-6)
+        assert np.abs(currents(alone, 0.0, 0.0)).max() < 1e-9 * np.abs(added).max()
