@@ -66,11 +66,14 @@ WRITTEN = re.compile(r"^\s*([-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s
 
 
 class Quantity(NamedTuple):
-    """A number in SI units (rms where it says so), and how it was written."""
+    """A value in SI units (rms where it says so), how it was written, and the number and unit of
+    that."""
 
     value: float
     rms: bool
     written: str
+    number: float
+    unit: str
 
 
 def quantity_of(text: str, kind: str, what: str) -> Quantity:
@@ -96,7 +99,7 @@ def quantity_of(text: str, kind: str, what: str) -> Quantity:
     value = number * (known[plain] if plain else 1.0)
     if not math.isfinite(value):
         raise BadInput(f"{what} = {brief(text)} is no finite number")
-    return Quantity(value, rms, text.strip())
+    return Quantity(value, rms, text.strip(), number, bare)
 
 
 def _example(kind: str) -> str:

@@ -8,7 +8,7 @@ it; both are said.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,14 +16,21 @@ from model.errors import BadInput
 from model.given import is_file
 from model.parameters import Converter, Drive, Motor, build
 from model.tools.configurations import read_configuration
-from model.tools.statements import Step, key_of, steps_of
+from model.tools.quantities import quantity_of
+from model.tools.statements import STATEMENTS, Step, key_of, steps_of
 
-NEEDED = {  # what no tool or law gives: the key to give it by
-    "resistance": "resistance=0.05ohm",
-    "magnet_flux": "kv=300",
-    "inductance_d": "inductance=30uH",
-    "inductance_q": "inductance_q=30uH",
-    "rated_current": "current=20A",
+NEEDED = {  # what no tool or law gives: how it is called, and how it is given
+    "pole_pairs": ("the number of pole pairs", "pole_pairs=7"),
+    "resistance": ("resistance", "resistance=0.05ohm"),
+    "magnet_flux": ("magnet_flux", "kv=300"),
+    "inductance_d": ("inductance_d", "inductance_d=30uH"),
+    "inductance_q": ("inductance_q", "inductance_q=30uH"),
+    "rated_current": ("rated_current", "current=20A"),
+    "dc_bus_voltage": ("the link's voltage", "voltage=24V"),
+}
+BY_MAGNETS = {  # what the magnets tell, where there are some
+    "rated_torque": ("rated_torque", "torque=2Nm"),
+    "rated_speed_rpm": ("rated_speed_rpm", "speed=3000"),
 }
 RUN_UP = 0.1  # s: assumed, in which rated torque brings an unknown inertia to rated speed
 PERIOD = 5e-5  # s: assumed sampling of a drive that does not say, 20 kHz
@@ -84,16 +91,40 @@ def stated_motor(words: Sequence[str], name: str = "motor") -> StatedMotor:
             "nothing is stated; give a configuration (VESC, ODrive, moteus, SimpleFOC) "
             "or KEY=VALUE, e.g. kv=300"
         )
+    whole = {**stated, **given}
+    if not {"pole_pairs", "poles"} & set(whole):
+        for key, text in whole.items():  # what is wrong comes before what is missing
+            quantity_of(text, STATEMENTS[key].kind, key)
+        targets = {t.rpartition(".")[2] for key in whole for t in STATEMENTS[key].targets}
+        _check_whole(targets, True, program)
     steps = _without_doubles(stated, given, {**origin, **said})
-    return StatedMotor(_drive(steps, name, program), tuple(steps), program)
+    values = {s.key: s.value for s in steps}
+    _check_whole(values, values.get("magnet_flux", 1.0) > 0.0, program)
+    return StatedMotor(_drive(steps, name), tuple(steps), program)
+
+
+def _check_whole(there: Collection[str], magnets: bool, program: str) -> None:
+    """Raise BadInput that names all values which are missing."""
+    needed = NEEDED if magnets else NEEDED | BY_MAGNETS
+    missing = {key: how for key, how in needed.items() if key not in there}
+    if {"inductance_d", "inductance_q"} <= missing.keys():
+        missing["inductance_d"] = ("the inductance", "inductance=30uH")
+        del missing["inductance_q"]
+    if not missing:
+        return
+    names = [name for name, _ in missing.values()]
+    listed = f"{', '.join(names[:-1])} and {names[-1]} are" if names[1:] else f"{names[0]} is"
+    where = f" in what {program} says" if program else ""
+    if missing.keys() & BY_MAGNETS.keys():
+        where += ", and there are no magnets to tell torque and speed"
+    example = " ".join(how for _, how in missing.values())
+    raise BadInput(f"{listed} missing{where}; give {'them' if names[1:] else 'it'}, e.g. {example}")
 
 
 def _without_doubles(
     stated: dict[str, str], given: dict[str, str], origin: dict[str, str]
 ) -> list[Step]:
     """Return the conversions, those given by hand in place of a file's of the same value."""
-    if not {"pole_pairs", "poles"} & {*stated, *given}:
-        raise BadInput("pole_pairs are missing; give them, e.g. pole_pairs=7 (or poles=14)")
     count = {k: v for k, v in (given or stated).items() if k in ("pole_pairs", "poles")}
     count = count or {k: v for k, v in stated.items() if k in ("pole_pairs", "poles")}
     by_hand = steps_of({**count, **given}, origin)
@@ -107,17 +138,9 @@ def _without_doubles(
     return [*by_hand, *of_file]
 
 
-def _drive(steps: list[Step], name: str, program: str) -> Drive:
+def _drive(steps: list[Step], name: str) -> Drive:
     motor = {s.key: s.value for s in steps if s.table == "motor"}
     drive = {s.key: s.value for s in steps if s.table == "drive"}
-    for key, example in NEEDED.items():
-        if key not in motor:
-            raise BadInput(
-                f"{key} is missing{f' in what {program} says' if program else ''}; give "
-                f"it, e.g. {example}"
-            )
-    if "dc_bus_voltage" not in drive:
-        raise BadInput("the link's voltage is missing; give it, e.g. voltage=24V")
     _in_bounds(steps, motor, drive)
     _fill(steps, motor, drive)
     values = {**motor, "pole_pairs": int(motor["pole_pairs"]), "name": name}
@@ -160,11 +183,6 @@ def _fill(steps: list[Step], motor: dict[str, float], drive: dict[str, float]) -
 
     flux, pairs, current = motor["magnet_flux"], motor["pole_pairs"], motor["rated_current"]
     if "rated_torque" not in motor:
-        if not flux > 0.0:
-            raise BadInput(
-                "rated_torque is missing, and there are no magnets to tell it; give it, "
-                "e.g. torque=2Nm"
-            )
         add(
             "motor",
             "rated_torque",
@@ -172,11 +190,6 @@ def _fill(steps: list[Step], motor: dict[str, float], drive: dict[str, float]) -
             "3/2 pole_pairs magnet_flux rated_current",
         )
     if "rated_speed_rpm" not in motor:
-        if not flux > 0.0:
-            raise BadInput(
-                "rated_speed_rpm is missing, and there are no magnets to tell it; give "
-                "it, e.g. speed=3000"
-            )
         omega = FULL * drive["dc_bus_voltage"] / math.sqrt(3.0) / flux / pairs
         add(
             "motor",

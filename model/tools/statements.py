@@ -25,13 +25,30 @@ from model.tools.quantities import RPM, Quantity, quantity_of
 ROOT_3, ROOT_2 = math.sqrt(3.0), math.sqrt(2.0)
 
 
+class Given(NamedTuple):
+    """A statement in numbers: its key, the value, its unit as written or else ours ('': none), and
+    whether it is an rms value."""
+
+    key: str
+    value: float
+    unit: str
+    rms: bool
+
+
 class Step(NamedTuple):
-    """One conversion: the value of the motor's file that it gives, and it in words."""
+    """One conversion: the value of the motor's file that it gives, it in words, and the statement
+    behind it (None: worked out or assumed)."""
 
     table: str
     key: str
     value: float
     said: str
+    given: Given | None = None
+
+    @property
+    def unit(self) -> str:
+        """Its unit in the file."""
+        return UNIT_OF.get(self.key, "")
 
 
 class Statement(NamedTuple):
@@ -62,6 +79,8 @@ PLAIN = {
     "sampling_period": Statement("s", ("drive.sampling_period",)),
     "pwm_frequency": Statement("Hz", ("drive.pwm_frequency",)),
 }
+UNIT_OF = {target.rpartition(".")[2]: s.kind for s in PLAIN.values() for target in s.targets}
+UNIT_OF |= dict.fromkeys(("current_resolution", "current_noise"), "A")
 STATEMENTS = PLAIN | {
     "poles": Statement("", ("pole_pairs",), lambda p: 0.5, "half of the poles"),
     "resistance_ll": Statement(
@@ -163,7 +182,7 @@ def _pairs(stated: Mapping[str, str]) -> float:
                     "whole number of pairs"
                 )
             return pairs
-    raise BadInput("pole_pairs are missing; give them, e.g. pole_pairs=7 (or poles=14)")
+    raise BadInput("the number of pole pairs is missing; give it, e.g. pole_pairs=7 (or poles=14)")
 
 
 def _steps(key: str, s: Statement, given: Quantity, pairs: float, origin: str | None) -> list[Step]:
@@ -178,7 +197,13 @@ def _steps(key: str, s: Statement, given: Quantity, pairs: float, origin: str | 
     for target in s.targets:
         table, _, name = target.rpartition(".")
         steps.append(
-            Step(table or "motor", name, value, f"{origin or f'{key} = {given.written}'}{how}")
+            Step(
+                table or "motor",
+                name,
+                value,
+                f"{origin or f'{key} = {given.written}'}{how}",
+                Given(key, given.number, given.unit or s.kind, given.rms),
+            )
         )
     return steps
 

@@ -34,7 +34,14 @@ class ConvertedMotor(Result):
     def as_json(self) -> dict[str, Any]:
         """Return what `motor.json` holds beyond its header."""
         values = [
-            {"table": s.table, "key": s.key, "value": s.value, "from": s.said}
+            {
+                "table": s.table,
+                "key": s.key,
+                "value": s.value,
+                "unit": s.unit or None,
+                "from": s.said,
+                "stated": s.given and {**s.given._asdict(), "unit": s.given.unit or None},
+            }
             for s in self.stated.steps
         ]
         drive = self.stated.drive

@@ -136,7 +136,11 @@ def test_values_between_terminals_and_rms():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["kv=300"], "pole_pairs are missing"),
+        (
+            ["kv=300"],
+            "the number of pole pairs, resistance, the inductance, rated_current and the link.s "
+            "voltage are missing; give them, e.g. pole_pairs=7 resistance=0.05ohm inductance=30uH",
+        ),
         ([*SIMPLE], "magnet_flux is missing; give it, e.g. kv=300"),
         (["poles=7", "kv=300"], "makes 3.5 pole pairs"),
         ([*SIMPLE, "kv=300", "flux=9mWb"], "give one"),
@@ -239,3 +243,41 @@ def test_a_sketch_as_people_write_it(tmp_path):
         5.0,
     )
     assert motor.magnet_flux == pytest.approx(60 / (math.tau * math.sqrt(3) * 7 * 160))
+
+
+def test_all_missing_values_are_named_at_once(tmp_path):
+    """Of words, of a configuration, and without magnets; what is wrong comes before."""
+    (tmp_path / "moteus").write_text("motor.poles 14\nmotor.resistance_ohm 0.05\n")
+    cases = {
+        ("kv=300",): "pole_pairs=7 resistance=0.05ohm inductance=30uH current=20A voltage=24V",
+        ("p=7", "r=1", "ld=1mH"): "kv=300 inductance_q=30uH current=20A voltage=24V",
+        ("p=7", "flux=0", "r=1", "l=1mH", *REST): "torque=2Nm speed=3000",
+        (str(tmp_path / "moteus"), "l=9uH"): "kv=300 current=20A voltage=24V",
+    }
+    for words, example in cases.items():
+        with pytest.raises(BadInput, match=rf"are missing.*; give them, e\.g\. {example}$"):
+            stated_motor(words)
+        keys = {w.partition("=")[0] for w in words if "=" in w}
+        more = [w for w in example.split() if w.partition("=")[0] not in keys]
+        assert stated_motor([*words, *more]).drive.motor.rated_current > 0.0  # as the sentence says
+    with pytest.raises(BadInput, match="kv = 'fast' is no quantity"):
+        stated_motor(["kv=fast"])
+
+
+def test_numbers_and_units_stand_apart_in_the_result(tmp_path):
+    words = ["poles=14", "kv=300", "r_ll=0.1 Ω", "l=30uH", "current=20 A rms", "voltage=24V"]
+    assert main(["motor", *words, "--out", str(tmp_path), "--quiet"]) == 0
+    rows = {r["key"]: r for r in json.loads((tmp_path / "motor.json").read_text())["values"]}
+    stated = {k: tuple(r["stated"].values()) for k, r in rows.items() if r["stated"]}
+    assert stated == {
+        "pole_pairs": ("poles", 14.0, None, False),
+        "magnet_flux": ("kv", 300.0, "rpm/V", False),
+        "resistance": ("resistance_ll", 0.1, "Ω", False),
+        "inductance_d": ("inductance", 30.0, "uH", False),
+        "inductance_q": ("inductance", 30.0, "uH", False),
+        "rated_current": ("rated_current", 20.0, "A", True),
+        "dc_bus_voltage": ("dc_bus_voltage", 24.0, "V", False),
+    }
+    units = {k: r["unit"] for k, r in rows.items()}
+    assert (units["magnet_flux"], units["resistance"], units["pole_pairs"]) == ("Wb", "ohm", None)
+    assert all(units[k] for k in units if k != "pole_pairs")

@@ -169,7 +169,7 @@ def test_a_motor_from_a_data_sheet(tmp_path):
     assert sandbox.load_motor(
         found.save(tmp_path / "out") / "motor.toml"
     ).motor.resistance == pytest.approx(0.05)
-    with pytest.raises(sandbox.BadInput, match="pole_pairs are missing"):
+    with pytest.raises(sandbox.BadInput, match=r"the number of pole pairs, .* are missing"):
         sandbox.convert_motor(["kv=300"])
 
 
