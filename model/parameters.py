@@ -101,16 +101,21 @@ MEANT = {  # units of data sheets, by ours
     "Wb": {"mWb": 1e-3, "uWb": 1e-6},
     "ohm": {"mohm": 1e-3},
     "kg m^2": {"g cm^2": 1e-7, "kg cm^2": 1e-4},
+    "A peak": {"mA": 1e-3},
+    "N m": {"mN m": 1e-3},
+    "V": {"mV": 1e-3},
 }
 
 
 def _meant(value: float, stated: Mapping[str, Any]) -> str:
     """Return a question where a value would be in its range had it been written in a data sheet's
     unit."""
-    for unit, factor in MEANT.get(stated["unit"], {}).items():
-        if stated["low"] <= factor * value <= stated["high"]:
-            return f"; is it {unit}? write {factor * value:g}"
-    return ""
+    meant = [
+        f"{unit}? write {factor * value:g}"
+        for unit, factor in MEANT.get(stated["unit"], {}).items()
+        if stated["low"] <= factor * value <= stated["high"]
+    ]
+    return f"; is it {', or '.join(meant)}" if meant else ""
 
 
 NUMBER_WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)

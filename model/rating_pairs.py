@@ -182,7 +182,9 @@ UNITS: tuple[Unit, ...] = (
     Unit(("inertia",), "in kg cm^2", 1e-4),
     Unit(("inertia",), "in g cm^2", 1e-7),
     Unit(("rated_current",), "in mA", 1e-3),
+    Unit(("rated_current",), "in kA", 1e3),
     Unit(("rated_torque",), "in mN m", 1e-3),
+    Unit(("rated_torque",), "in kN m", 1e3),
     Unit(("rated_speed_rpm",), "in rad/s", 30.0 / math.pi),
     Unit(("rated_speed_rpm",), "in 1/s", 60.0),
     Unit(("dc_bus_voltage",), "in kV", 1e3),
@@ -226,9 +228,12 @@ def mending(drive: Drive, sound: Callable[[Drive], bool]) -> list[str]:
 
 def _compared(drive: Drive) -> tuple[Drive, Sequence[Pair], Sequence[Unit]]:
     """Return the drive, pairs and units to compare; of a flux map the values at zero current."""
+    electrical = Unit(("rated_speed_rpm",), "electrical", 1.0 / drive.motor.pole_pairs)
     if isinstance(drive.motor, MappedMotor):
-        return dataclasses.replace(drive, motor=drive.motor.linear), PAIRS_OF_MAP, UNITS_OF_MAP
-    return drive, PAIRS, UNITS
+        own = dataclasses.replace(drive, motor=drive.motor.linear)
+        return own, PAIRS_OF_MAP, (*UNITS_OF_MAP, electrical)
+    doubled = Unit(("magnet_flux",), "multiplied by pole_pairs", 1.0 / drive.motor.pole_pairs)
+    return drive, PAIRS, (*UNITS, electrical, doubled)
 
 
 def _mending(

@@ -94,6 +94,9 @@ def small(**values):
         ({"resistance": 3.6e-4}, "resistance 1000 times too small"),
         ({"inductance_q": 0.3}, "inductance_q in mH"),
         ({"inductance_d": 0.2}, "inductance_d in mH"),
+        ({"magnet_flux": 4 * 0.0064}, "magnet_flux multiplied by pole_pairs?"),
+        ({"rated_torque": 0.27e-3}, "rated_torque in kN m?"),
+        ({"rated_current": 7.1e-3}, "rated_current in kA?"),
     ],
 )
 def test_numbers_that_physics_binds_are_compared(values, said):
