@@ -65,7 +65,7 @@ def read_configuration(path: Path) -> Configuration:
             told = {k: t for k, t in program.convert(numbers).items() if t and t.value > 0.0}
             if told:
                 control = {k: v for k, v in program.control(numbers).items() if v is not None}
-                stated = {k: f"{t.value:.10g} {t.unit}".strip() for k, t in told.items()}
+                stated = {k: f"{t.value!r} {t.unit}".strip() for k, t in told.items()}
                 return Configuration(
                     program.name, stated, control, {k: t.origin for k, t in told.items()}
                 )

@@ -31,7 +31,7 @@ from model.kernels.kept import note_damage
 from model.kernels.kept import read as read_kept
 from model.kernels.kept import write as write_kept
 from model.parameters import OVERLOAD, Drive
-from model.saliency import tracking_sign
+from model.saliency import LEAST_SALIENCY, tracking_sign
 from sandbox.drive.control import Control
 from sandbox.recordings.injection import carrier, samples_per_period
 
@@ -47,6 +47,8 @@ AVERAGE_TIME = 0.016  # s of ripple averaged in each step of starting up
 VOLTAGE_UNCERTAINTY = 0.0025  # of the DC bus, one sigma: what a compensated inverter leaves (EKF)
 # current and tracking loop cross over this far below the injection they share the current with
 INJECTION_RATIO = 8.0
+# a file for --scenario, in words
+KNOWN_START = 'a scenario of [scenario], like = "{}", start_up = false'
 
 Complex = NDArray[np.complex128]
 # (grid, bandwidth): loop, kp, ki
@@ -89,6 +91,7 @@ class Design:
     tuning: Tuning
     loops: dict[str, Loop]
     published: bool = False  # whether the tracking loop has a firmware's gains
+    reads_ripple: bool = True  # the estimator's, or that of starting up
 
     @property
     def top_omega(self) -> float:
@@ -119,17 +122,23 @@ def extreme_inductances(m: AnyEnergy, radius: float) -> tuple[float, float]:
     return min(values), max(values)
 
 
-def design(drive: Drive, start_up: bool = True, published: bool = False) -> Design:
+def design(
+    drive: Drive, start_up: bool = True, published: bool = False, injects: bool = True
+) -> Design:
     """Return gains for a drive; without starting up the estimator is told the first position.
 
     published: whether the estimator's tracking loop takes the gains that `[injection] tracking`
     names (`Estimator.takes_published`); the speed loop is then designed around them.  What a Kalman
     filter is told (`speed_variance`) follows the designed bandwidth in any case.
+    injects: whether the estimator reads a ripple; without one, and without starting up, a motor
+    needs no saliency, and the tracking loop sees the angle's error at once (share 1).
     BadInput for a motor without magnets.
     """
     motor, converter, injection = drive.motor, drive.converter, drive.injection
     n, h = samples_per_period(injection, converter), converter.sampling_period
-    tracking_sign(motor.energy)
+    reads_ripple = injects or start_up
+    if reads_ripple:
+        check_saliency(motor.energy)
     if not motor.magnet_flux > 0.0:
         raise BadInput(
             "[motor] magnet_flux = 0: with i_d = 0 such a motor has no torque to "
@@ -138,14 +147,17 @@ def design(drive: Drive, start_up: bool = True, published: bool = False) -> Desi
     wave = carrier(injection, converter)
     power = float(np.dot(wave.primitive, wave.primitive))
     largest = OVERLOAD * motor.rated_current
-    saliency = injection.amplitude * abs(1.0 / motor.inductance_d - 1.0 / motor.inductance_q)
+    between = motor.inductance_q - motor.inductance_d
+    is_salient = abs(between) > LEAST_SALIENCY * max(motor.inductance_d, motor.inductance_q)
+    apart = abs(between) / motor.inductance_d if is_salient else 1.0
+    saliency = injection.amplitude * apart / motor.inductance_q
     plant = SampledMotor(
         n,
         h,
         motor.resistance,
         *extreme_inductances(motor.energy, largest),
         torque_gain=1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
-        share=motor.inductance_q / (motor.inductance_q - motor.inductance_d),
+        share=motor.inductance_q / between if is_salient else 1.0,
     )
     loops = _remembered(plant)
     bandwidth = loops["tracking"].bandwidth
@@ -190,7 +202,18 @@ def design(drive: Drive, start_up: bool = True, published: bool = False) -> Desi
         flux_variance,
         bandwidth**4 * angle_variance * h**2,
     )
-    return Design(control, tuning, loops, law is not None)
+    return Design(control, tuning, loops, law is not None, reads_ripple)
+
+
+def check_saliency(energy: AnyEnergy) -> None:
+    """Raise BadInput where a motor shows no ripple that tells its angle."""
+    try:
+        tracking_sign(energy)
+    except BadInput as error:
+        raise BadInput(
+            f"{error}, or an estimator that injects nothing (active_flux), at speed, with the "
+            f"angle known at the start: {KNOWN_START.format('speed_steps')}"
+        ) from None
 
 
 def _remembered(plant: SampledMotor) -> dict[str, Loop]:

@@ -13,11 +13,10 @@ import numpy as np
 from estimators.contract import RANDOM, ROTATING, Belief, Estimate, Estimator, Tuning
 from estimators.startup import polarity_rise
 from model.drive_files import motor_names
-from model.energy import Energy, boundary_on_ray, flux_from_current
+from model.energy import Energy, boundary_on_ray, flux_from_current, hessian
 from model.errors import BadInput, OwnCodeError, PhysicsError, brief, raised
 from model.parameters import OVERLOAD, Drive
-from model.saliency import tracking_sign
-from sandbox.drive.design import Design
+from sandbox.drive.design import KNOWN_START, Design, check_saliency
 from sandbox.drive.scenario import Scenario
 from sandbox.plant.gates.modulation import attainable
 from sandbox.recordings.injection import samples_per_period
@@ -154,7 +153,8 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
     """Raise where a scenario cannot be run on a drive: saliency, domain, polarity, current, speed
     or voltage."""
     motor, m, converter = drive.motor, drive.motor.energy, drive.converter
-    tracking_sign(m)
+    if gains.reads_ripple:
+        check_saliency(m)
     able = attainable(converter)
     room = able - drive.injection.amplitude
     if room <= 0.0:
@@ -229,7 +229,7 @@ def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = Fal
         if not isinstance(motor.energy, Energy):
             raise PhysicsError(
                 f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}; or begin with "
-                'the angle known: a scenario of [scenario], like = "staircase", start_up = false'
+                f"the angle known: {KNOWN_START.format('staircase')}"
             ) from None
         ends = [boundary_on_ray(motor.energy, sign * tuning.bias, 0.0)[0] for sign in (-1.0, 1.0)]
         end = min(ends, key=abs)
@@ -254,8 +254,10 @@ def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = Fal
         / tuning.amplitude
     )
     if rise < POLARITY_SIGMA * noise:
+        saturates = rise > 1e-9 * abs(float(hessian(motor.energy, 0.0, 0.0)[0]))
         raise BadInput(
             f"polarity cannot be found: at +-{tuning.bias:g} A on d the ripples differ by "
             f"{rise:.3g} 1/H, noise is {noise:.3g} 1/H; give the motor its alphas (saturation), "
-            "raise the injection, or set start_up = false"
+            f"{'raise the injection, ' if saturates else ''}or begin with the angle known: "
+            f"{KNOWN_START.format('staircase')}"
         )

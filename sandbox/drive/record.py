@@ -88,13 +88,16 @@ def injection_axis(recording: Recording) -> str:
     return "d" if float(np.mean(np.cos(off) ** 2)) >= 0.5 else "q"
 
 
-def campaign_of(drive: Drive, scenario: Scenario, recording: Recording, name: str) -> Campaign:
+def campaign_of(
+    drive: Drive, scenario: Scenario, recording: Recording, name: str, pulsates: bool = True
+) -> Campaign:
     """Return a campaign of one recording: readings, commands and the nominal model; nothing of the
     truth.
 
-    drive: the one that was run (`bench_of`).  The angle is the encoder's reading, u_dc the
-    controller's, load_torque what is asked of the load machine of a free rotor; theta_hat is the
-    estimator's.  BadInput where samples were left out (stride > 1).
+    drive: the one that was run (`bench_of`); pulsates: whether the estimator injects along an axis.
+    The angle is the encoder's reading, u_dc the controller's, load_torque what is asked of the load
+    machine of a free rotor; theta_hat is the estimator's.  BadInput where samples were left out
+    (stride > 1).
     """
     period = drive.converter.sampling_period
     if recording.t.size > 1 and abs(recording.t[1] - recording.t[0] - period) > 1e-6 * period:
@@ -107,7 +110,6 @@ def campaign_of(drive: Drive, scenario: Scenario, recording: Recording, name: st
     if scenario.rotor == "free":
         columns["load_torque"] = np.array(recording.load_torque)
     columns["theta_hat"] = np.array(recording.theta_hat)
-    one = CampaignRecording(
-        f"{scenario.name}.parquet", scenario.rotor, injection_axis(recording), columns
-    )
+    axis = injection_axis(recording) if pulsates else "none"
+    one = CampaignRecording(f"{scenario.name}.parquet", scenario.rotor, axis, columns)
     return Campaign(name, drive, (one,), UNCERTAINTY, background_of(drive), False)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.contract import Belief, Estimator
+from estimators.contract import NONE, Belief, Estimator
 from estimators.startup import start_periods
 from model.effects.library import true_motor
 from model.energy import AnyEnergy, flux_from_current, torque
@@ -156,7 +156,8 @@ def set_up(
     `simulate`."""
     plant = plant_named(plant)
     check_injection(estimator, drive)
-    gains = design(drive, scenario.start_up, estimator.takes_published)
+    injects = estimator.injection != NONE
+    gains = design(drive, scenario.start_up, estimator.takes_published, injects)
     tuning = gains.tuning
     start_time = (
         start_periods(tuning.settle, tuning.average) * tuning.period * tuning.sampling_period

@@ -284,7 +284,8 @@ def ready(
         from sandbox.drive.design import design
         from sandbox.drive.feasible import check_feasible
 
-        check_feasible(drive, scenario, design(drive, scenario.start_up))
+        # whether an estimator injects is not known before it is loaded
+        check_feasible(drive, scenario, design(drive, scenario.start_up, injects=False))
     own = [load_estimator(one) for one in asked]  # compiles
     return load_motor(motor) if drive is None else drive, own
 

@@ -396,12 +396,13 @@ def simulate(
         stride=stride,
     )
     if record is not None:
+        from estimators.contract import NONE, PWM, RANDOM
         from sandbox.drive.record import campaign_of
         from sandbox.recordings.writing import map_read, write_campaign
 
-        campaign = campaign_of(
-            drive, scene, result.runs[0].recording, fitting(Path(record).name, "campaign")
-        )
+        name = fitting(Path(record).name, "campaign")
+        pulsates = own.injection not in (NONE, PWM, RANDOM)
+        campaign = campaign_of(drive, scene, result.runs[0].recording, name, pulsates)
         write_campaign(record, campaign, map_read(drive.motor))
     return SimulationResult(result, gains, added)
 
