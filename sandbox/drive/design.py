@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, replace
 from functools import partial
 from itertools import product
@@ -30,7 +30,7 @@ from model.kernels.folders import cache_home
 from model.kernels.kept import note_damage
 from model.kernels.kept import read as read_kept
 from model.kernels.kept import write as write_kept
-from model.parameters import OVERLOAD, Drive
+from model.parameters import OVERLOAD, Drive, Motor
 from model.saliency import LEAST_SALIENCY, tracking_sign
 from sandbox.drive.control import Control
 from sandbox.recordings.injection import carrier, samples_per_period
@@ -147,18 +147,9 @@ def design(
     wave = carrier(injection, converter)
     power = float(np.dot(wave.primitive, wave.primitive))
     largest = OVERLOAD * motor.rated_current
-    between = motor.inductance_q - motor.inductance_d
-    is_salient = abs(between) > LEAST_SALIENCY * max(motor.inductance_d, motor.inductance_q)
-    apart = abs(between) / motor.inductance_d if is_salient else 1.0
+    apart = abs(motor.inductance_q / motor.inductance_d - 1.0) if is_salient(motor) else 1.0
     saliency = injection.amplitude * apart / motor.inductance_q
-    plant = SampledMotor(
-        n,
-        h,
-        motor.resistance,
-        *extreme_inductances(motor.energy, largest),
-        torque_gain=1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
-        share=motor.inductance_q / between if is_salient else 1.0,
-    )
+    plant = sampled(drive)
     loops = _remembered(plant)
     bandwidth = loops["tracking"].bandwidth
     law = PUBLISHED.get(injection.tracking) if published else None
@@ -203,6 +194,24 @@ def design(
         bandwidth**4 * angle_variance * h**2,
     )
     return Design(control, tuning, loops, law is not None, reads_ripple)
+
+
+def sampled(drive: Drive) -> SampledMotor:
+    """Return a drive's motor as its loops see it."""
+    motor, between = drive.motor, drive.motor.inductance_q - drive.motor.inductance_d
+    return SampledMotor(
+        samples_per_period(drive.injection, drive.converter),
+        drive.converter.sampling_period,
+        motor.resistance,
+        *extreme_inductances(motor.energy, OVERLOAD * motor.rated_current),
+        torque_gain=1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
+        share=motor.inductance_q / between if is_salient(motor) else 1.0,
+    )
+
+
+def is_salient(motor: Motor) -> bool:
+    """Tell whether the inductances at zero current differ enough for injection."""
+    return abs(1.0 - motor.inductance_q / motor.inductance_d) > LEAST_SALIENCY
 
 
 def check_saliency(energy: AnyEnergy) -> None:
@@ -393,6 +402,25 @@ def speed_loop(
     kp = bandwidth / torque_gain
     ki = kp * bandwidth / INTEGRAL_SPLIT
     return (kp + ki * h / (z - 1)) * inner(w) * torque_gain / (1j * w) ** 2 * estimate, kp, ki
+
+
+def swings(plant: SampledMotor, loops: Mapping[str, Loop], inductance: float, turn: float) -> bool:
+    """Tell whether the speed loop swings where the axis that is tracked turns with the q current.
+
+    inductance: H, at that current; turn: rad/A.  The speed loop then has a second path beside the
+    rotor, C F (k/(j w)^2 + turn) S, C the controller, F the current loop, S from axis to speed; it
+    is designed with the first one alone.  It swings where the whole crosses the negative real axis
+    beyond -1.
+    """
+    w = _grid(plant.h)
+    inner = _closed_current(plant, loops["current"], inductance, w)
+    tracking = Gains(loops["tracking"].kp, loops["tracking"].ki)
+    z, loop = np.exp(1j * w * plant.h), tracking_response(plant, w, tracking)
+    seen = _demodulation(plant.n, z) / (1.0 + loop) * tracking.ki * plant.h * z / (z - 1)
+    control = loops["speed"].kp + loops["speed"].ki * plant.h / (z - 1)
+    whole = control * inner * seen * (plant.torque_gain / (1j * w) ** 2 + turn)
+    across = np.flatnonzero(np.diff(np.sign(whole.imag)))
+    return bool(np.any(whole.real[across] < -1.0))
 
 
 def _tuned(loops: Sequence[Response], h: float, margin: float, highest: float) -> Loop:

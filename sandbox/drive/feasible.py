@@ -17,13 +17,14 @@ from model.energy import Energy, boundary_on_ray, flux_from_current, hessian
 from model.errors import BadInput, OwnCodeError, PhysicsError, brief, raised
 from model.parameters import OVERLOAD, Drive
 from sandbox.drive.design import KNOWN_START, Design, check_saliency
-from sandbox.drive.scenario import Scenario
+from sandbox.drive.scenario import Scenario, scenario_names
 from sandbox.plant.gates.modulation import attainable
 from sandbox.recordings.injection import samples_per_period
 
 MOST_STEPS = 4_000_000_000  # of the plant in one run: three minutes and more
 LEAST_TURN = 4  # samples of a rotating injection's turn
 # the two ripples of the polarity test must differ by this many standard deviations
+OWN_START = "start_up = false in the scenario"
 POLARITY_SIGMA = 6.0
 
 
@@ -163,7 +164,7 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
             f"of {converter.dc_bus_voltage:g} V gives; lower the injection or raise dc_bus_voltage"
         )
     if scenario.start_up:
-        check_polarity(drive, gains, room, can_carry(drive, scenario))
+        check_polarity(drive, gains, room, can_carry(drive, scenario), scenario.name)
     for s in scenario.segments:
         if math.hypot(s.load, s.current_d) > OVERLOAD:
             raise BadInput(
@@ -216,20 +217,23 @@ def other_set(drive: Drive) -> str:
     return "use another parameter set"
 
 
-def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = False) -> None:
+def check_polarity(
+    drive: Drive, gains: Design, room: float, carried: bool = False, asked: str = "staircase"
+) -> None:
     """Raise where starting up cannot tell the magnet's ends: bias outside the domain, or ripples
     too alike.
 
-    carried: the scenario could be run without starting up.
+    carried: the scenario could be run without starting up; asked: its name.
     """
     motor, tuning = drive.motor, gains.tuning
+    known = KNOWN_START.format(asked) if asked in scenario_names() else OWN_START
     try:
         flux_from_current(motor.energy, np.array([-1.0, 1.0]) * tuning.bias, 0.0)
     except PhysicsError as error:
         if not isinstance(motor.energy, Energy):
             raise PhysicsError(
                 f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}; or begin with "
-                f"the angle known: {KNOWN_START.format('staircase')}"
+                f"the angle known: {known}"
             ) from None
         ends = [boundary_on_ray(motor.energy, sign * tuning.bias, 0.0)[0] for sign in (-1.0, 1.0)]
         end = min(ends, key=abs)
@@ -259,5 +263,5 @@ def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = Fal
             f"polarity cannot be found: at +-{tuning.bias:g} A on d the ripples differ by "
             f"{rise:.3g} 1/H, noise is {noise:.3g} 1/H; give the motor its alphas (saturation), "
             f"{'raise the injection, ' if saturates else ''}or begin with the angle known: "
-            f"{KNOWN_START.format('staircase')}"
+            f"{known}"
         )

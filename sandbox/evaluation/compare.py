@@ -22,7 +22,7 @@ from sandbox.drive.scenario import Scenario
 from sandbox.drive.simulate import EXACT, MOST_SAMPLES, Simulation, plant_named, simulate
 from sandbox.evaluation.choice import ANY, Limits, best, standings
 from sandbox.evaluation.injection_cost import injection_cost
-from sandbox.evaluation.lost import why_lost
+from sandbox.evaluation.lost import why_lost, why_missed
 from sandbox.evaluation.score import Row, rows_of
 from sandbox.output.files import version
 from sandbox.plant.sets import BENCH, complete
@@ -167,7 +167,9 @@ def judged(
             part = run.recording.between(row.t_start, row.t_end)
             cost = injection_cost(drive, part, true, values, estimator.inside)
         predicted = None if effects else row.predicted_mean_deg
-        found.append(replace(row, cost=cost, predicted_mean_deg=predicted, why_lost=why))
+        missed = None if row.reference_held else why_missed(row, drive, true, estimator)
+        told = replace(row, cost=cost, predicted_mean_deg=predicted)
+        found.append(replace(told, why_lost=why, why_missed=missed))
     return tuple(found)
 
 

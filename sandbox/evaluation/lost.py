@@ -1,4 +1,4 @@
-"""Why lock was lost, in one sentence, where the motor, the load or the speed says it."""
+"""Why lock was lost, or a speed missed, in one sentence, where motor, load or speed says it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import math
 from collections.abc import Iterable
 
 from estimators.contract import Estimator
+from model.energy import flux_newton, hessian
 from model.parameters import Drive, Motor
-from model.saliency import known_null_ends, null_turned, self_consistent_angle
+from model.saliency import known_null_ends, local_angle, null_turned, self_consistent_angle
+from sandbox.drive.design import design, sampled, swings
 from sandbox.evaluation.score import WITH_THEORY, Row
 
+DIFFERENCE = 0.01  # of rated current: over which the null's turn is taken
 POINTS = 40  # currents up to the load's at which a place to stand is looked for
 SLOW = 0.1  # of rated speed: below it a back-EMF is a few per cent of the link
 # what they track is the null of the q ripple, whatever they believe
@@ -37,6 +40,28 @@ def why_lost(
             "too little to find the rotor; turn faster, or use an estimator with injection"
         )
     return None
+
+
+def why_missed(row: Row, drive: Drive, true: Motor, estimator: Estimator) -> str | None:
+    """Return why a speed that was asked for was not reached in lock, None where nothing simple says
+    it."""
+    if row.lost_lock or not row.closed_loop or estimator.name not in BY_NULL:
+        return None
+    i_q, h = row.load * true.rated_current, DIFFERENCE * true.rated_current
+    gains = design(drive, start_up=False, published=estimator.takes_published)
+    d, q, status = flux_newton(true.energy, 0.0, i_q, 0.0, 0.0)
+    if status:
+        return None
+    dd, dq, qq = hessian(true.energy, d, q)
+    before, after = (float(local_angle(true.energy, 0.0, i_q + s * h)) for s in (-1.0, 1.0))
+    turn = (after - before) / (2.0 * h)  # the axis stands at the rotor's angle less this one
+    if not swings(sampled(drive), gains.loops, float(dd / (dd * qq - dq * dq)), -turn):
+        return None
+    return (
+        f"at i_q = {i_q:.3g} A the null of the q ripple turns by {math.degrees(abs(turn)):.2g} "
+        "degrees for each ampere more, and the speed loop takes that for speed and swings; use "
+        "inversion, which does not follow the null, a larger inertia or less load"
+    )
 
 
 def _of_null(row: Row, true: Motor, i_d: float, i_q: float, rated: float) -> str | None:
@@ -84,19 +109,18 @@ def _no_null(motor: Motor, i_d: float, i_q: float) -> float | None:
 
 
 def reasons(rows: Iterable[Row]) -> list[str]:
-    """Return a sentence for each reason why rows have lost lock, with the runs it is of."""
-    return grouped(
-        (r.why_lost, f"{r.estimator}, {r.belief}, {100.0 * r.load:+.0f} % load")
-        for r in rows
-        if r.lost_lock
-    )
+    """Return a sentence for each reason why rows have lost lock or missed their speed, with the
+    runs it is of."""
+    told = [(r, f"{r.estimator}, {r.belief}, {100.0 * r.load:+.0f} % load") for r in rows]
+    lost = grouped((r.why_lost, run) for r, run in told if r.lost_lock)
+    return [*lost, *grouped(((r.why_missed, run) for r, run in told), "speed missed")]
 
 
-def grouped(told: Iterable[tuple[str | None, str]]) -> list[str]:
+def grouped(told: Iterable[tuple[str | None, str]], what: str = "lost lock") -> list[str]:
     """Return a sentence for each reason, with the runs it is of; told: reason (None: nothing
     simple) and run."""
     runs: dict[str, list[str]] = {}
     for why, run in told:
         if why:
             runs.setdefault(why, []).append(run)
-    return [f"lost lock ({'; '.join(dict.fromkeys(own))}): {why}" for why, own in runs.items()]
+    return [f"{what} ({'; '.join(dict.fromkeys(own))}): {why}" for why, own in runs.items()]

@@ -53,7 +53,8 @@ class Row:
     second half;
     predicted_mean_deg: for small ripple, see `predicted_mean`; reference_held: whether a speed
     asked for was reached, see `speed_held`; cost: of the injection, None where lock was lost or the
-    samples cannot tell; why_lost: one sentence where lock was lost and something simple says why.
+    samples cannot tell; why_lost, why_missed: one sentence where lock was lost, or a speed was not
+    reached, and something simple says why.
     """
 
     estimator: str
@@ -71,6 +72,7 @@ class Row:
     true_speed_rpm: float | None = None
     cost: InjectionCost | None = None
     why_lost: str | None = None
+    why_missed: str | None = None
 
 
 def is_lost(recording: Recording) -> bool:

@@ -3,6 +3,7 @@ small."""
 
 import dataclasses
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from model.saliency import known_null_ends, null_turned
 from sandbox import simulate
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.evaluation.compare import compare
-from sandbox.evaluation.lost import reasons, why_lost
+from sandbox.evaluation.lost import reasons, why_lost, why_missed
 from sandbox.evaluation.pages.compare_page import write_comparison
 from sandbox.evaluation.pages.protocol_cells import why_lost as protocol_reasons
 from sandbox.evaluation.pages.protocol_page import write_protocol
@@ -147,3 +148,35 @@ def test_a_turned_null_is_not_a_lost_saliency():
     assert "i_d = -0.5" in told("qnull", "linear", -0.5 / crossed.rated_current)
     assert told("qnull", "saturated") is None
     assert told("arbitrary", "linear") is told("ekf", "linear") is told("ukf", "saturated") is None
+
+
+def test_a_speed_loop_that_swings_says_so(tmp_path):
+    """SEW's measured map: from 12 % above rated load on the null turns so fast with the current
+    that the speed loop swings at 25 Hz. The sentence stands where the run swings, and nowhere
+    else."""
+    shutil.copyfile(real_data() / "sew_map" / "LUT_SEW_jax_grad.mat", tmp_path / "sew.mat")
+    (tmp_path / "sew.toml").write_text(
+        "[motor]\npole_pairs = 4\nresistance = 0.208\ninertia = 0.02\nrated_current = 8.0\n"
+        'rated_torque = 4.4\nrated_speed_rpm = 3000.0\n[flux_map]\nfile = "sew.mat"\n'
+        "angle = 0.0439\ncells = [6, 6]\nsmooth = 0.1\n"
+        "[drive]\nsampling_period = 1e-4\ndc_bus_voltage = 550.0\n"
+    )
+    loads = (0.9, 1.35)
+    scene = Scenario(
+        "steps",
+        tuple(Segment(1.2, load=x, ramp=0.4, settle=0.8) for x in loads),
+        rotor="free",
+        reference="speed",
+        start_up=False,
+    )
+    run = simulate(tmp_path / "sew.toml", scene, "qnull")
+    still, swinging = run.rows
+    assert (still.reference_held, swinging.reference_held) == (True, False)
+    assert still.error_deg.rms < 0.2 * swinging.error_deg.rms
+    drive = load_drive(tmp_path / "sew.toml")
+    for row, swings in ((still, False), (swinging, True)):
+        told = why_missed(row, drive, drive.motor, load_estimator("qnull"))
+        assert (told is not None) == swings
+    assert "takes that for speed and swings" in swinging.why_missed
+    assert reasons(run.rows) == [f"speed missed (qnull, saturated, +135 % load): {told}"]
+    assert simulate(tmp_path / "sew.toml", scene, "inversion").rows[1].reference_held
