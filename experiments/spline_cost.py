@@ -6,7 +6,6 @@ The same motor twice: as the quartic, and as the spline fitted to a flux map com
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable
 
@@ -14,12 +13,11 @@ import numba
 import numpy as np
 
 from experiments.drawing import save
-from model import energy, spline_energy
+from experiments.spline_twin import twin
+from model import energy
 from model.drive_files import load_drive
 from model.energy import AnyEnergy
-from model.fluxmap import FluxMap
-from model.mapped import ALPHAS, MappedMotor
-from model.parameters import Drive, Motor
+from model.parameters import Drive
 from sandbox.drive.scenario import load_scenario
 from sandbox.evaluation.compare import compare
 from sandbox.recordings.campaign import Campaign, CampaignRecording
@@ -71,24 +69,6 @@ def replayed(drive: Drive) -> Callable[[], float]:
         return (time.perf_counter() - t) / (n * SIDE) * 1e9
 
     return timed
-
-
-def twin(drive: Drive) -> Drive:
-    """Return the drive with its quartic replaced by the spline fitted to a map of it, up to 2.7 x
-    rated current."""
-    motor, i = drive.motor, np.linspace(-2.7, 2.7, 33) * drive.motor.rated_current
-    d, q = energy.flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
-    points = FluxMap(motor.name, i, i, d + motor.magnet_flux, q).points()
-    spline, magnet = spline_energy.centred(spline_energy.fit(*points, (14, 12), 1e-6))
-    values = {f.name: getattr(motor, f.name) for f in dataclasses.fields(Motor)} | dict.fromkeys(
-        ALPHAS, 0.0
-    )
-    values |= {
-        "inductance_d": 1 / spline.gamma_d,
-        "inductance_q": 1 / spline.gamma_q,
-        "magnet_flux": magnet,
-    }
-    return dataclasses.replace(drive, motor=MappedMotor(**values, map_hash="twin", spline=spline))
 
 
 def best(work: dict[str, Callable[[], float]], turns: int) -> dict[str, float]:

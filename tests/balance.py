@@ -13,50 +13,40 @@ if TYPE_CHECKING:
 def on_a_map() -> Drive:
     """Return a drive with a flux map, which needs no data: kernels are compiled once more for
     maps."""
-    from experiments.spline_cost import twin
+    from experiments.spline_twin import twin
     from model.drive_files import load_drive
 
     return twin(load_drive("ipm_exchanged"))
 
 
-def compile_replays(drive: Drive | None, rooms: slice) -> None:
-    """Have the replay's kernels for some of the numbers of sets that run side by side."""
+def compile_replays() -> None:
+    """Have the replay's kernels for each number of sets that run side by side, of either motor;
+    without a closed loop, which the other worker compiles."""
     from sandbox.replay.grouping import ROOMS
     from sandbox.replay.replay import replay
     from tests.sandbox.plant.stated_duties import DRIVE, duties, from_duties, turning
 
-    prepared = from_duties(drive or DRIVE, duties(4), *turning(4))
-    for count in ROOMS[rooms]:
-        replay(prepared, [{}] * count)
+    for drive in (DRIVE, on_a_map()):
+        prepared = from_duties(drive, duties(4), *turning(4))
+        for count in ROOMS:
+            replay(prepared, [{}] * count)
 
 
-def compile_loops(drive: Drive) -> None:
-    """Have the closed loops on both plants with either belief."""
+def compile_loops() -> None:
+    """Have the closed loops on both plants: a quartic's are compiled when they are imported, then
+    those of a motor with a flux map."""
+    for name in ("loop", "switched_loop"):
+        importlib.import_module(f"sandbox.drive.{name}")
     from estimators.registry import load_estimator
     from sandbox.drive.scenario import Scenario, Segment
     from sandbox.drive.simulate import simulate
 
     still = Scenario("still", (Segment(0.01),), start_up=False)
     for belief, plant in (("linear", "exact"), ("saturated", "exact"), ("saturated", "switched")):
-        simulate(drive, still, load_estimator("qnull"), belief=belief, plant=plant)
+        simulate(on_a_map(), still, load_estimator("qnull"), belief=belief, plant=plant)
 
 
-def compile_wide() -> None:
-    """Have the replays of some sets and of many, and those of a flux map."""
-    compile_replays(None, slice(1, None))
-    compile_replays(on_a_map(), slice(None))
-
-
-def compile_narrow() -> None:
-    """Have the closed loops on both plants, compiled when they are imported, and the replay of one
-    set, which shares most of its functions with them; then the loops of a motor with a flux map."""
-    for name in ("loop", "switched_loop"):
-        importlib.import_module(f"sandbox.drive.{name}")
-    compile_replays(None, slice(1))
-    compile_loops(on_a_map())
-
-
-FIRST = (compile_wide, compile_narrow)  # about as long as each other
+FIRST = (compile_replays, compile_loops)  # about as long as each other
 
 
 def compile_share(worker: int, workers: int) -> None:

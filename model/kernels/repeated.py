@@ -42,20 +42,33 @@ def get_call_type(self: Any, context: Any, args: Any, kws: Mapping[str, Any]) ->
     return found
 
 
+# types whose values hold no variables: most parts are texts, numbers and places in a file
+_bare: set[type] = set()
+
+
 def variables(self: ir.Inst, value: Any) -> list[ir.Var]:
-    """Return the variables in a part of an instruction; most parts are texts, numbers and places in
-    a file."""
+    """Return the variables in a part of an instruction."""
+    found: list[ir.Var] = []
+    _collect(value, found)
+    return found
+
+
+def _collect(value: Any, found: list[ir.Var]) -> None:
+    """Append the variables in a part of an instruction, in their order."""
     if isinstance(value, ir.Var):
-        return [value]
-    if value is None or isinstance(value, (str, int, ir.Loc)):
-        return []
+        found.append(value)
+        return
     if isinstance(value, ir.Inst):
-        return value.list_vars()
+        found.extend(value.list_vars())
+        return
     if isinstance(value, dict):
         value = value.values()
     elif not isinstance(value, (list, tuple)):
-        return []
-    return [found for part in value for found in variables(self, part)]
+        _bare.add(type(value))
+        return
+    for part in value:
+        if type(part) not in _bare:
+            _collect(part, found)
 
 
 BaseFunction.get_call_type = get_call_type  # type: ignore[method-assign]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from estimators.registry import load_estimator
-from experiments.spline_cost import twin
+from experiments.spline_twin import twin
 from model.drive_files import load_drive
 from sandbox.drive.inside import inside_of, shift_pulses
 from sandbox.drive.scenario import Scenario, Segment

@@ -107,7 +107,7 @@ def test_simulate_with_effects_and_record(mapped, tmp_path):
 
 def twin(drive):
     """The drive with its quartic replaced by the spline of a flux map computed from it."""
-    from experiments.spline_cost import twin
+    from experiments.spline_twin import twin
 
     return twin(drive)
 

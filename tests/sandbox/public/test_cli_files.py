@@ -15,6 +15,8 @@ import pytest
 from sandbox.cli import main
 from sandbox.output.files import results
 
+SHEET = ["poles=14", "kv=300", "r_ll=0.1ohm", "inductance=30uH", "current=20A", "voltage=24V"]
+
 
 def test_as_a_program(tmp_path):
     root = Path(__file__).resolve().parents[3]
@@ -64,8 +66,8 @@ def test_interrupt_leaves_nothing_half_written(sent, code, tmp_path):
         "time.sleep(600)\nPath.write_bytes = stopped\nimport sandbox.cli\nclear = "
         "sandbox.cli.discard\ndef impatient(folder):\n    os.kill(os.getpid(), "
         f"{int(signal.SIGINT)}); os.kill(os.getpid(), {int(signal.SIGTERM)})\n    "
-        "clear(folder)\nsandbox.cli.discard = impatient\nsys.argv = ['sensorless', 'audit', "
-        f"'ipm', '--out', {str(out)!r}]\nrunpy.run_module('sandbox.cli', run_name='__main__')\n"
+        "clear(folder)\nsandbox.cli.discard = impatient\nsys.argv = ['sensorless', 'motor', "
+        f"*{SHEET}, '--out', {str(out)!r}]\nrunpy.run_module('sandbox.cli', run_name='__main__')\n"
     )
     # a background shell would ignore it
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)

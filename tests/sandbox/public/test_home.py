@@ -38,7 +38,7 @@ simulate("ipm", estimater="ekf")
 
 def test_a_type_checker_reads_a_script(tmp_path):
     """A script beside an installed package: its types are found by `py.typed`, two mistakes are
-    told."""
+    told.  Without the libraries that ours uses, whose types no call of the page has."""
     (tmp_path / "mine.py").write_text(TYPED)
     for name in ("sandbox", "model", "estimators"):  # as pip would install them
         (tmp_path / "site").mkdir(exist_ok=True)
@@ -60,8 +60,7 @@ def python_with(folder: Path) -> Path:
         [sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], check=True
     )
     (place,) = (folder / "venv" / "lib").glob("python*/site-packages")
-    libraries = [p for p in sys.path if p.endswith("site-packages")]
-    (place / "more.pth").write_text("\n".join([str(folder / "site"), *libraries]))
+    (place / "more.pth").write_text(str(folder / "site"))
     return folder / "venv" / "bin" / "python"
 
 
@@ -115,7 +114,7 @@ def shell(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("kind", "how"), [(kind, how) for kind in START for how in START[kind]])
-def test_a_shell_completes(kind, how, shell, tmp_path):
+def test_a_shell_completes(kind, how, shell, tmp_path, monkeypatch, capsys):
     """A shell of its own behind a pseudo terminal: words, then a tab; the line it then has."""
     if shutil.which(kind) is None:
         pytest.skip(f"no {kind}")
@@ -123,9 +122,10 @@ def test_a_shell_completes(kind, how, shell, tmp_path):
     file.write_text(START[kind][how])
     around = {**shell, "HOME": str(tmp_path), "ZDOTDIR": str(tmp_path), "TERM": "dumb"}
     if how != "evaluated":
-        install = ["sensorless", "completion", kind, "--install"]
+        for name in ("HOME", "ZDOTDIR"):
+            monkeypatch.setenv(name, str(tmp_path))
         for _ in range(2):
-            subprocess.run(install, env=around, check=True, capture_output=True)
+            assert main(["completion", kind, "--install"]) == 0
         assert (
             file.read_text().count(
                 "completion of sensorless" if kind == "zsh" else "# Load sensorless"
@@ -134,7 +134,7 @@ def test_a_shell_completes(kind, how, shell, tmp_path):
         )
     file.write_text(file.read_text() + REPORT[kind].format(tmp_path) + f"touch {tmp_path}/ready\n")
     # all answers in one shell
-    cases = list(CASES.values())[: None if (kind, how) == ("bash", "evaluated") else 2]
+    cases = list(CASES.values())[: None if (kind, how) == ("bash", "evaluated") else 1]
     lines = typed(kind, around, tmp_path, [" ".join(words) for words, _ in cases])
     for (words, wanted), line in zip(cases, lines, strict=True):
         assert line.split()[:-1] == words[:-1]

@@ -269,7 +269,7 @@ def test_the_seal_is_the_same_with_other_blas_kernels_and_threads(tmp_path):
     found = []
     for kernels in cache_home().glob("kernels-*"):  # what is compiled, but no fit
         (tmp_path / kernels.name).symlink_to(kernels)
-    for core, threads in (("Haswell", 1), ("Haswell", 2), ("Prescott", 1)):
+    for core, threads in (("Haswell", 2), ("Prescott", 1)):
         env = os.environ | {"OPENBLAS_CORETYPE": core, "OPENBLAS_NUM_THREADS": str(threads)}
         env |= {"SENSORLESS_CACHE": str(tmp_path), "PYTHONPATH": str(ROOT)}
         done = subprocess.run(
