@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from model.effects.leg_voltage import curve
+from model.effects.leg_voltage import VOLTS, corners
 from model.inverter_table import Points
 from model.parameters import Motor
 from model.spline import SplineEnergy
@@ -122,6 +122,14 @@ class Reference:
             for k in places
         ]
 
+    @cached_property
+    def leg_curve(self) -> list[tuple[float, float]]:
+        """Volts, and the current (A) up to which they grow, of every part of a leg's curve that is
+        there."""
+        volts = [self.v[f"leg_voltage.{n}"] for n in VOLTS]
+        ends = (float(c) for c in corners(self.v, self.motor))
+        return [(u, c) for u, c in zip(volts, ends, strict=True) if u]
+
     def orders(self, effect: str, *sizes: str) -> list[tuple[float, ...]]:
         """Return order, phase (rad) and sizes of all further harmonics of an effect."""
         return [
@@ -142,7 +150,7 @@ class Reference:
             x = (i * A ** (-k)).real
             r = v["device_drop.on_resistance"] + own
             own_volts = v["device_drop.threshold"] * self.sign(x) + r * x
-            own_volts += float(curve(v, self.motor, np.array(x)))
+            own_volts += sum(u * min(max(x / c, -1.0), 1.0) for u, c in self.leg_curve)
             if self.table:
                 amps, volts = np.array(self.table).T
                 own_volts += math.copysign(float(np.interp(abs(x), amps, volts)), x)
