@@ -21,12 +21,14 @@ from model.parameters import Drive
 from model.ratings import cautions
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES
-from sandbox.recordings.checks.changes import CURRENT, MOTOR
+from sandbox.recordings.checks.changes import ANGLE, CURRENT, MOTOR, VOLTAGE
 from sandbox.recordings.checks.mistakes import contradictions, conventions_off
+from sandbox.recordings.checks.pace import off_pace, without_sign
 from sandbox.recordings.checks.plausibility import (
     angle,
     current_sensors,
     link_voltage,
+    one_sided,
     other_columns,
     voltage_limit,
 )
@@ -36,12 +38,8 @@ from sandbox.recordings.findings import Doubt, Finding, Refused
 
 Array = NDArray[np.float64]
 REFUSED, SUSPICIOUS, NOTE = "refused", "suspicious", "note"
-TURNING = 0.03  # of the link: a voltage whose direction is no noise
-# turns by which a load that changes its sign, and back, may move the voltage against the magnet
-LOAD_TURNS = 1.2
-TURNS = 5.0  # electrical turns that tell how fast voltage and angle turn
-SHORTEST = 16  # rows of a stretch that turns: two periods at eight samples each
-OFF_PACE = 0.02  # relative, of how fast they turn
+COLUMNS = {CURRENT: PHASES, VOLTAGE: VOLTAGES, ANGLE: ("theta",)}
+OFF = 0.02  # relative, of steps: as stated
 COARSER = 2.0  # times the stated step
 
 
@@ -58,6 +56,14 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     unchecked."""
     out = on_the_way(campaign.findings)
     drive, recordings = campaign.drive, campaign.recordings
+    signs = [
+        n
+        for r in recordings
+        for one in (one_sided, without_sign)
+        for n in tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
+    ]
+    if signs:  # all else would be their consequence
+        return refusals_first([*out, *signs])
     sensors = list[Noticed]()
     for r in recordings:
         sensors += tried(r.file, lambda r=r: current_sensors(r, drive))  # type: ignore[misc]
@@ -76,20 +82,12 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     for check in (contradictions, shifted):
         cause = tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
         if any(n.level == REFUSED for n in cause):
-            # what else voltages, currents and angle show is its consequence
-            out = [
-                n
-                for n in out
-                if n.level != SUSPICIOUS or n.finding.column not in (*PHASES, *VOLTAGES, "theta")
-            ]
-            if not any(CURRENT in n.finding.rereads for n in cause):
-                # in another unit they have other bounds
-                out += [n for n in sensors if n.level == REFUSED]
-            return refusals_first([*out, *cause])
+            return refusals_first([*_without(out, sensors, cause), *cause])
         out += cause
     out += sensors
-    for check in (conventions_off, pace):
-        out += tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
+    for check in (conventions_off, off_pace):
+        if not any(n.finding.rereads for n in out):  # one reading explains what the next would
+            out += tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
     if not any(MOTOR in n.finding.rereads for n in out):  # else its consequence
         out += [Noticed(SUSPICIOUS, f) for f in ratings(campaign)]
     if not any(n.level == REFUSED for n in out):
@@ -97,6 +95,22 @@ def noticed(campaign: Campaign) -> list[Noticed]:
             Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]
         ]
     return refusals_first(out)
+
+
+def _without(
+    out: Sequence[Noticed], sensors: Sequence[Noticed], cause: Sequence[Noticed]
+) -> list[Noticed]:
+    """Return what is said of currents, voltages and the angle without the consequences of what
+    stops them: what is suspicious, and what is refused in another unit or by another angle."""
+    rereads = frozenset[str]().union(*(n.finding.rereads for n in cause))
+    seen = {*PHASES, *VOLTAGES, "theta"}
+    again = {n for part, names in COLUMNS.items() if part in rereads for n in names}
+    kept = [
+        n
+        for n in out
+        if n.finding.column not in (again if n.level == REFUSED else seen) or n.level == NOTE
+    ]
+    return kept + [n for n in sensors if n.level == REFUSED and CURRENT not in rereads]
 
 
 def on_the_way(findings: Iterable[Finding]) -> list[Noticed]:
@@ -149,7 +163,9 @@ def further(campaign: Campaign) -> list[Finding]:
     each = (twice, silent, clipped, steps, ripple)
     found = [f for r in campaign.recordings for one in each for f in one(r, campaign.drive)]
     own = (campaign.recordings, campaign.drive)
-    return [*found, *conventions_off(*own), *pace(*own), *ratings(campaign)]
+    told = [f for f in campaign.findings if f.rereads] or conventions_off(*own)
+    found += [f for f in told if f not in campaign.findings]
+    return [*found, *([] if told else off_pace(*own)), *ratings(campaign)]
 
 
 def tried(file: str, check: Callable[[], Iterable[Finding]]) -> list[Noticed]:
@@ -264,10 +280,7 @@ def steps(r: CampaignRecording, drive: Drive) -> list[Finding]:
         found = f"{own:.4g} A"
         if key == "encoder_counts":
             found = f"{math.tau * drive.motor.pole_pairs / own:.6g} counts a turn"
-            if (
-                abs(own / step * COARSER - 1.0) < OFF_PACE
-                or abs(own / step / COARSER - 1.0) < OFF_PACE
-            ):
+            if abs(own / step * COARSER - 1.0) < OFF or abs(own / step / COARSER - 1.0) < OFF:
                 found += (
                     ", unless pole_pairs counts poles"
                     if own < step
@@ -319,39 +332,3 @@ def ripple(r: CampaignRecording, drive: Drive) -> list[Finding]:
         f'{spectrum[k]:.3g} V at {at[k]:.4g} Hz: correct [injection], or injection_axis = "none"'
     )
     return [Finding(r.file, "u_alpha", None, text)]
-
-
-def pace(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Return a finding where the voltage turns faster or slower than the angle: pole pairs, or a
-    gear in between."""
-    for r in recordings:
-        if r.rotor == "locked" or r.t.size < SHORTEST or np.max(np.abs(np.diff(r.theta))) > 1.0:
-            continue
-        smooth = np.convolve(r.u_alpha + 1j * r.u_beta, np.ones(4) / 4.0, "same")
-        begin, end = _longest(np.abs(smooth) > TURNING * r.u_dc)
-        if end - begin < SHORTEST:
-            continue
-        turned = float(r.theta[end - 1] - r.theta[begin]) / math.tau
-        phase = np.unwrap(np.angle(smooth[begin:end]))
-        if abs(turned) < TURNS or np.max(np.abs(np.diff(phase))) > 2.0:
-            continue
-        ratio = float(phase[-1] - phase[0]) / (math.tau * turned)
-        if abs(abs(ratio) - 1.0) > OFF_PACE + LOAD_TURNS / abs(turned):
-            text = (
-                f"{r.file}: the voltage turns {ratio:.4g} times as fast as column 'theta'; with "
-                f"pole_pairs = {drive.motor.pole_pairs:g} that would be "
-                f"{drive.motor.pole_pairs * ratio:.3g} pairs: correct pole_pairs, the angle's "
-                "scale, or a gear between motor and encoder"
-            )
-            return [Finding(r.file, "theta", None, text)]
-    return []
-
-
-def _longest(good: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return [begin, end) of the longest stretch that is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
-    spans = edges.reshape(-1, 2)
-    if not len(spans):
-        return 0, 0
-    first, last = spans[np.argmax(spans[:, 1] - spans[:, 0])]
-    return int(first), int(last)

@@ -1,6 +1,6 @@
 """The zero of an angle that was made of a speed, of Hall states, or of nothing at a locked rotor.
 
-It is where the flux balance of the nominal model (`checks.mistakes`) leaves least, its sense with
+It is where the flux balance of the nominal model (`checks.readings`) leaves least, its sense with
 it where that is unknown; of a speed also the drift, as a clock or a filter that is a little off
 gives it: zeros of parts of a recording lie on a straight line over time.  Resistance and magnet
 flux do not turn the voltage of a current on q, L_q does: as voltage turns with the rotor, an error
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from model.parameters import Drive
 from sandbox.recordings.angle.commutation import STEP
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.recordings.checks.mistakes import ZEROS, Products
+from sandbox.recordings.checks.readings import ZEROS, Products
 from sandbox.recordings.findings import Doubt, Finding
 
 Array = NDArray[np.float64]

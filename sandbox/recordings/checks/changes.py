@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -43,8 +43,9 @@ class Change:
     signal: what makes a recording's current or voltage vector of its columns; scale: of that
     vector; turn: factor of the angle; values: factors of resistance, half sum and half difference
     of the inductances, and magnet flux;
-    convention: a factor that drives really differ by; fitted: its factor was, so it counts as two
-    mistakes.
+    convention: a factor that drives really differ by; fitted: its factor was; mistakes: as how many
+    it counts, one that was fitted as two; order: one of the phases, which in currents and voltages
+    both is an angle.
     """
 
     part: str
@@ -57,6 +58,19 @@ class Change:
     values: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
     convention: bool = False
     fitted: bool = False
+    mistakes: int = 1
+    order: bool = False
+
+    @cached_property
+    def changed(self) -> frozenset[str]:
+        """What it changes; two changes of one thing do not go together."""
+        values = zip(("R", "mean L", "half gap of L", "flux"), self.values, strict=True)
+        own = {name for name, factor in values if factor != 1.0}
+        if self.signal is not None:
+            own |= {f"{self.part}'s signal", *(["order"] * self.order)}
+        if self.scale != 1.0:
+            own.add(f"{self.part}'s {'sign' if self.scale == -1.0 else 'scale'}")
+        return frozenset({*own, ANGLE} if self.turn != 1.0 else own)
 
 
 def current_of(columns: Columns, signs: tuple[float, float] = (1.0, 1.0)) -> Complex:
@@ -106,6 +120,7 @@ def of_base(part: str, scale: float, drive: Drive, source: Source) -> Change:
         remedy,
         scale=scale,
         fitted=True,
+        mistakes=2,
     )
 
 
@@ -168,6 +183,7 @@ def angles(drive: Drive, source: Source) -> Iterator[Change]:
                 " and ".join([*([text] if text else []), *back]),
                 " and ".join([*([remedy] if remedy else []), *advice]),
                 turn=sense * turn,
+                mistakes=1 + bool(text and back),
             )
 
 
@@ -195,7 +211,10 @@ def _speeds(pairs: float, source: Source) -> Iterator[Change]:
             parts = [own, of, *([("counted backwards", "map it with scale = -1")] * (sense < 0.0))]
             guess, remedy = (" and ".join(filter(None, x)) for x in zip(*parts, strict=True))
             if guess:
-                yield Change(ANGLE, "theta", guess, remedy, turn=sense * size * times)
+                wrong = sum(1 for guess, _ in parts if guess)
+                yield Change(
+                    ANGLE, "theta", guess, remedy, turn=sense * size * times, mistakes=wrong
+                )
 
 
 def of_angle(change: Change | None, zero: float) -> tuple[str, str]:
@@ -269,7 +288,9 @@ def _orders(source: Source, kind: tuple[str, ...]) -> Iterator[Change]:
                 if o in kind
             ]
             guess, remedy = f"phases are swapped (order {said}: {', '.join(own)})", "map them so"
-        yield Change(CURRENT, _column(wrong, "i_a"), guess, remedy, signal=_reordered(order))
+        yield Change(
+            CURRENT, _column(wrong, "i_a"), guess, remedy, signal=_reordered(order), order=True
+        )
 
 
 def _reordered(order: tuple[str, ...]) -> Callable[[Columns], Complex]:
@@ -305,6 +326,7 @@ def _of_axes(
         f"{y} has the wrong sign",
         f"map {y} with scale = -1",
         signal=lambda c: np.conj(vector(c) / frame(c)) * frame(c),
+        order=not turns,
     )
     swap = Change(
         part,
@@ -342,7 +364,7 @@ def _of_voltages(source: Source) -> Iterator[Change]:
             remedy = f"reorder the phases of which {every} are made"
         else:
             continue
-        yield Change(VOLTAGE, "u_alpha", guess, remedy, signal=undone)
+        yield Change(VOLTAGE, "u_alpha", guess, remedy, signal=undone, order=True)
     if kind != duties:
         link = source.get("u_dc", "u_dc")
         for part, said in ((1.0, link), (0.5, f"half {link}"), (1.0 / SQRT3, f"{link} / sqrt(3)")):

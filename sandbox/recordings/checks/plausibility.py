@@ -17,6 +17,7 @@ from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import PHASES
 from sandbox.recordings.checks.mistakes import contradictions
+from sandbox.recordings.checks.pace import without_sign
 from sandbox.recordings.checks.shifts import shifted
 from sandbox.recordings.findings import Finding, Refused
 from sandbox.recordings.staircase import LARGEST_TURN, check_sensors, rest_of_sum
@@ -25,6 +26,7 @@ Array = NDArray[np.float64]
 LONG = 32  # samples without any change, of a signal that should move
 FINEST, WHOLE = 3e-3, 0.95  # of the largest change; of the rows: steps of an angle
 BEFORE = 16  # samples over which it is seen moving
+NEAR_MIDDLE = 0.1  # relative: zero currents of a converter about its middle
 HEXAGON = 2.0 / 3.0  # of u_dc: largest phase voltage an inverter can give
 UNITS_OFF = ((1e-3, "k"), (1e3, "m"))  # u_dc / nominal, prefix that explains it
 
@@ -36,6 +38,7 @@ def check(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding
     for r in recordings:
         findings += link_voltage(r, drive)
         findings += current_sensors(r, drive)
+        findings += without_sign(r, drive)
     findings += contradictions(recordings, drive)
     for r in recordings:
         findings += voltage_limit(r)
@@ -80,7 +83,7 @@ def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
     """Return findings on flat currents; BadInput for a phase of another unit or sign, a stuck or
     saturated sensor."""
     phase = {n: r.columns[n] for n in PHASES}
-    _refuse_one_sided(r, phase)
+    one_sided(r, drive)
     _odd_one_out(r, phase)
     total, _ = rest_of_sum(np.stack(list(phase.values())))
     largest = max(float(np.max(np.abs(x))) for x in phase.values())
@@ -115,28 +118,43 @@ def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
     return findings + check_sensors(r, drive)
 
 
-def _refuse_one_sided(r: CampaignRecording, phase: dict[str, Array]) -> None:
-    """Raise BadInput for three currents that never change their sign: those of a star sum to
-    zero."""
-    least = float(np.min(list(phase.values())))
-    if least < 0.0 or not all(np.ptp(x) > 0.0 for x in phase.values()):
-        return
-    x = phase["i_a"]
-    top, middle = (
-        max(float(np.max(y)) for y in phase.values()),
-        float(np.mean(list(phase.values()))),
-    )
+def one_sided(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Raise BadInput for currents that never change their sign: three of one star sum to zero, two
+    in counts have their zero in the middle of a converter's range."""
+    held = [n for n in PHASES if not r.source or n in r.source]
+    phase = [r[n] for n in held]
+    if len(held) < 2 or min(float(np.min(x)) for x in phase) < 0.0:
+        return []
+    if not all(np.ptp(x) > 0.0 for x in phase) or (len(held) == 2 and not _are_counts(phase)):
+        return []
+    x = phase[0]
+    top, middle = max(float(np.max(y)) for y in phase), float(np.mean(phase))
     cause = (
         "counts with their zero in the middle? map them with scale (A of a count) and "
         f"offset = -{middle:.4g} x scale"
     )
-    if 0.9 * 2**16 < top < 2**16:
+    inner = np.mean([np.abs(y - 2**15) < 2**14 for y in phase])
+    if 0.9 * 2**16 < top < 2**16 and inner < 0.5:
         cause = "are they 16 bits without a sign? take 65536 off those above 32767"
-    text = (
-        f"{r.file}: row 0 of column 'i_a' is {x[0]:.6g}; in all rows all three currents are "
-        f"positive, and those of one star sum to zero: {cause}"
-    )
-    raise Refused(Finding(r.file, "i_a", 0, text))
+    why = "all three currents are positive, and those of one star sum to zero"
+    if len(held) == 2:
+        why = "both currents are positive, about the middle of a converter's range"
+    name = named_column(r, held[0])
+    text = f"{r.file}: row 0 of column {name} is {x[0]:.6g}; in all rows {why}: {cause}"
+    raise Refused(Finding(r.file, held[0], 0, text))
+
+
+def _are_counts(phase: Sequence[Array]) -> bool:
+    """Tell whether the middles of all readings are that of one converter of 8 to 16 bits."""
+    bits = 2.0 ** np.arange(7, 16)
+    middles = np.array([np.median(x) for x in phase])
+    return bool(np.any(np.all(np.abs(middles[:, None] / bits - 1.0) < NEAR_MIDDLE, axis=0)))
+
+
+def named_column(r: CampaignRecording, name: str) -> str:
+    """Return a column in quotes, with the log's own name beside ours."""
+    own = r.source.get(name, name)
+    return f"'{name}'" if own == name else f"'{name}' ('{own}')"
 
 
 def _odd_one_out(r: CampaignRecording, phase: dict[str, Array]) -> None:

@@ -15,7 +15,8 @@ from sandbox import check
 from sandbox.cli import main
 from sandbox.recordings.campaign import EXAMPLE, read_folder
 from sandbox.recordings.checks.balance import PHASES, percent
-from sandbox.recordings.preflight import REFUSED, noticed, pace, quantum, ratings
+from sandbox.recordings.checks.pace import off_pace
+from sandbox.recordings.preflight import REFUSED, noticed, quantum, ratings
 from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
 
@@ -245,7 +246,7 @@ def test_noise_far_from_what_readings_show_is_suspicious():
 def test_a_recording_of_three_rows_turns_too_little_to_tell():
     """Fewer rows than the four over which the voltage is smoothed."""
     short = all_of(lambda r: {n: x[:3] for n, x in r.columns.items()})(bench())
-    assert pace(short, bench().drive) == []
+    assert off_pace(short, bench().drive) == []
 
 
 def test_the_command_lists_what_it_found(tmp_path, capsys):

@@ -1,0 +1,163 @@
+"""Whether the commanded voltage turns as fast as the angle: pole pairs, a gear between motor and
+encoder, or a speed without its sign.
+
+Over a stretch in which the commands keep their strength the load moves the voltage against the
+magnet by LOAD_TURNS at most, so many turns tell the ratio of both paces.  Within what is left the
+flux balance tells it as well as the whole log is long.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from model.parameters import Drive
+from sandbox.recordings.campaign import CampaignRecording
+from sandbox.recordings.checks.balance import Complex
+from sandbox.recordings.checks.changes import ANGLE, Change
+from sandbox.recordings.checks.readings import ZEROS, Products
+from sandbox.recordings.findings import Finding, Refused
+
+TURNING = 0.03  # of the link: a voltage whose direction is no noise
+# turns by which a load that changes its sign, and back, may move the voltage against the magnet
+LOAD_TURNS = 1.2
+TURNS = 5.0  # electrical turns that tell how fast voltage and angle turn
+SHORTEST = 16  # rows of a stretch that turns: two periods at eight samples each
+OFF_PACE = 0.02  # relative, of how fast they turn
+BLUR = 0.3  # rad over a log: angles that differ by less are tried as one
+MOST_TRIED = 400  # paces
+WHOLE = 0.005  # relative, within which pole pairs, or a gear, are whole
+MOST_PAIRS = 100  # as of [motor] pole_pairs
+USUAL_PAIRS = 24  # tried one by one
+
+
+def ratio_of(r: CampaignRecording) -> tuple[float, float] | None:
+    """Return how many times as fast as the angle the voltage turns, and how far that may be off;
+    None where it cannot be told."""
+    if r.rotor == "locked" or r.t.size < SHORTEST or np.max(np.abs(np.diff(r.theta))) > 1.0:
+        return None
+    smooth, stretches = _strong(r)
+    if not stretches:
+        return None
+    begin, end = max(stretches, key=lambda x: x[1] - x[0])
+    phase = np.unwrap(np.angle(smooth[begin:end]))
+    read, turned = (float(x[-1] - x[0]) / math.tau for x in (r.theta[begin:end], phase))
+    if max(abs(read), abs(turned)) < TURNS or read == 0.0 or np.max(np.abs(np.diff(phase))) > 2.0:
+        return None
+    ratio = turned / read
+    return ratio, OFF_PACE * max(abs(ratio), 1.0) + LOAD_TURNS / abs(read)
+
+
+def off_pace(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
+    """Return a finding where the voltage turns faster or slower than the angle: pole pairs, or a
+    gear in between."""
+    for r in recordings:
+        told = ratio_of(r)
+        if told is None or abs(abs(told[0]) - 1.0) <= told[1]:
+            continue
+        text = (
+            f"{r.file}: the voltage turns {told[0]:.4g} times as fast as column 'theta'; with "
+            f"pole_pairs = {drive.motor.pole_pairs:g} that would be "
+            f"{drive.motor.pole_pairs * told[0]:.3g} pairs: correct pole_pairs, the angle's "
+            "scale, or a gear between motor and encoder"
+        )
+        return [Finding(r.file, "theta", None, text)]
+    return []
+
+
+def paces(parts: Sequence[Products]) -> Iterator[Change]:
+    """Yield the angle's factor that the voltage shows where it turns at another pace: the one that
+    leaves least of the recording that turns most, and the whole ones beside it."""
+    found = [(p, told) for p in parts if (told := ratio_of(p.recording)) is not None]
+    found = [(p, told) for p, told in found if abs(abs(told[0]) - 1.0) > told[1]]
+    if not found:
+        yield from _whole(parts)
+        return
+    part, (ratio, off) = min(found, key=lambda x: x[1][1])
+    count = math.ceil(2.0 * off * float(np.ptp(part.columns["theta"])) / BLUR)
+    tried = ratio + off * np.linspace(-1.0, 1.0, min(max(count, 3), MOST_TRIED))
+    left = [float(part.shares((_turned(x),), ZEROS).min()) for x in tried]
+    best = float(tried[int(np.argmin(left))])
+    pairs = part.drive.motor.pole_pairs
+    yield from of_pace(best, float(pairs))
+
+
+def _whole(parts: Sequence[Products]) -> Iterator[Change]:
+    """Yield the angles of other pole pairs where no recording turns far enough to tell a pace."""
+    part = max(parts, key=lambda p: float(np.ptp(p.columns["theta"])))
+    pairs = float(part.drive.motor.pole_pairs)
+    if part.recording.rotor != "locked":
+        for own in range(1, USUAL_PAIRS + 1):
+            yield from of_pace(own / pairs, pairs) if own != pairs else ()
+
+
+def of_pace(best: float, pairs: float) -> Iterator[Change]:
+    """Yield what an angle may be that turns so many times too slowly."""
+    own = round(abs(best) * pairs)
+    way = " and counted backwards" if best < 0.0 else ""
+    if 1 <= own <= MOST_PAIRS and abs(abs(best) * pairs / own - 1.0) < WHOLE:
+        turn = math.copysign(own / pairs, best)
+        yield _turned(
+            turn,
+            f"{_off(turn)} ({own} pole pairs, or a gear of {_gear(turn)}){way}",
+            f"correct pole_pairs = {pairs:g} to {own}, or map it with scale = {turn:.6g}",
+            mistakes=1 + bool(way),
+        )
+    else:
+        yield _turned(
+            best,
+            f"{_off(best)} (a gear of {_gear(best)}){way}",
+            f"map it with scale = {best:.6g}",
+            mistakes=2,
+        )
+
+
+def _off(turn: float) -> str:
+    """Return by how much an angle is too slow or too fast."""
+    size = abs(turn)
+    return f"{size:.4g} times too slow" if size > 1.0 else f"{1.0 / size:.4g} times too fast"
+
+
+def _gear(turn: float) -> str:
+    """Return a ratio in the words of gears."""
+    return f"{abs(turn):.4g} : 1" if abs(turn) > 1.0 else f"1 : {1.0 / abs(turn):.4g}"
+
+
+def _turned(turn: float, guess: str = "", remedy: str = "", mistakes: int = 1) -> Change:
+    return Change(ANGLE, "theta", guess, remedy, turn=turn, fitted=mistakes > 1, mistakes=mistakes)
+
+
+def _strong(r: CampaignRecording) -> tuple[Complex, list[tuple[int, int]]]:
+    """Return the smoothed command and [begin, end) of the stretches in which it keeps its
+    strength, of SHORTEST rows at least."""
+    smooth = np.convolve(r.u_alpha + 1j * r.u_beta, np.ones(4) / 4.0, "same")
+    good = np.abs(smooth) > TURNING * r.u_dc
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
+    spans = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= SHORTEST]
+    return smooth, spans
+
+
+def without_sign(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Raise BadInput for a speed that never changes its sign while the voltage turns both ways, of
+    which the angle is made."""
+    speed = r.source.get("speed")
+    others = {"theta", "hall", "hall_a", "steps"} & set(r.source)
+    if r.rotor == "locked" or r.made is None or speed is None or others:
+        return []
+    rate = np.diff(r.theta)
+    if np.any(rate < 0.0) and np.any(rate > 0.0):
+        return []
+    smooth, stretches = _strong(r)
+    turned = [float(np.sum(np.diff(np.unwrap(np.angle(smooth[a:b]))))) for a, b in stretches]
+    ways = [[k for k, x in enumerate(turned) if way * x > math.tau] for way in (1.0, -1.0)]
+    if not all(ways):
+        return []
+    k = stretches[max(ways[0][0], ways[1][0])][0]
+    text = (
+        f"{r.file}: row {k} of column 'speed' ('{speed}'): the commanded voltage turns both ways, "
+        "the speed never changes its sign; log it with its sign, or cut the recording where the "
+        "rotor turns round and map the part that turns backwards with scale = -1"
+    )
+    raise Refused(Finding(r.file, "theta", k, text))

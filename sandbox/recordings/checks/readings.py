@@ -1,0 +1,252 @@
+"""How a log may be read otherwise, and what each reading leaves unexplained of the stator's voltage
+equation.
+
+What stays unexplained is V - R I - S di/dt - D d(exp(2j theta) conj(i))/dt - phi d(exp(j
+theta))/dt, averaged over windows: linear in the motor's values and in factors of voltage and
+current, a polynomial in exp(j zero) of a zero of the angle.  So one matrix of products for each
+reading of the signals tells every factor and every zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.parameters import Drive
+from sandbox.recordings.campaign import CampaignRecording
+from sandbox.recordings.checks.balance import UNDISTURBED, Columns, Complex, window_of
+from sandbox.recordings.checks.changes import (
+    ANGLE,
+    CURRENT,
+    VOLTAGE,
+    Change,
+    Source,
+    current_of,
+    currents_held,
+    of_angle,
+    source_of,
+    voltage_of,
+    voltages_held,
+)
+from sandbox.recordings.rows.commands import mean_command
+
+EXPLAINED = 0.2  # share that undoing a mistake must reach ...
+BETTER = 4.0  # ... and the factor by which it must fall, twice that for each further one
+FALLS = 8.0  # times by which one more mistake must lessen it, and a convention what is no doubt yet
+FLOOR = 0.005  # share that a right reading may leave: what is below tells nothing
+ROWS = 20_000  # of a recording, those with most voltage
+ZEROS = np.linspace(-math.pi, math.pi, 720, endpoint=False)
+GIVEN = 0.99  # quantile of the commands that no link is too low for
+
+
+def count_of(changes: Sequence[Change], zero: float) -> int:
+    """Return how many mistakes some changes and a zero of the angle are; one convention of currents
+    and voltages both is one."""
+    own = [c for c in changes if c.convention and c.part in (CURRENT, VOLTAGE)]
+    both = len(own) == 2 and own[0].scale == own[1].scale
+    return sum(c.mistakes for c in changes) + (zero != 0.0) - both
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Some changes together, with a zero of the angle (rad) that is added, and what they leave of
+    each recording."""
+
+    changes: tuple[Change, ...]
+    zero: float
+    shares: NDArray[np.float64]
+    before: NDArray[np.float64]
+    noise: NDArray[np.float64]
+
+    @property
+    def answered(self) -> NDArray[np.bool_]:
+        """Tell of which recordings it explains enough: nearly all, or far more than so many
+        mistakes do by chance, beside a gap."""
+        better = BETTER * 2.0 ** (self.count - 1)
+        nearly = (self.shares <= EXPLAINED + self.noise) & (self.shares * better <= self.before)
+        far = self.shares * FALLS ** (1 + self.count) <= self.before
+        return np.asarray(nearly | (far & (self.shares <= UNDISTURBED + 3.0 * self.noise)))
+
+    @property
+    def count(self) -> int:
+        """How many mistakes it is."""
+        return count_of(self.changes, self.zero)
+
+    @property
+    def gentle(self) -> bool:
+        """Tell whether the mistakes are factors of two at most between conventions, which a
+        diagnosis can bear."""
+        factors = [abs(f) for c in self.changes for f in (c.scale, *c.values)]
+        return (
+            not self.zero
+            and all(c.convention for c in self.changes)
+            and all(0.5 <= f <= 2.0 for f in factors)
+        )
+
+    @property
+    def cost(self) -> float:
+        """Mean logarithm of what is left, one more mistake having to lessen it FALLS times."""
+        return float(np.mean(np.log(self.shares + FLOOR))) + math.log(FALLS) * self.count
+
+    @property
+    def column(self) -> str:
+        """The standard column whose value is shown, empty for the motor's values."""
+        return "theta" if self.zero or not self.changes else self.changes[0].column
+
+    @property
+    def rereads(self) -> frozenset[str]:
+        """Parts of a log of which another factor or zero is right; another order moves no bound."""
+        parts = {c.part for c in self.changes if c.signal is None}
+        return frozenset({*parts, ANGLE} if self.zero else parts)
+
+    def words(self, source: Source) -> tuple[str, str]:
+        """Return what was read wrongly, and what to do."""
+        turn = [c for c in self.changes if c.part == ANGLE]
+        # the zero of an angle that is made of a speed is nobody's reading
+        zero = self.zero if "theta" in source or "speed" not in source else 0.0
+        angle, advice = of_angle(turn[0] if turn else None, zero)
+        name = source.get("theta", source.get("speed", "theta"))
+        guesses = ([f"{name} is {angle}"] if angle else []) + [
+            c.guess for c in self.changes if c.part != ANGLE
+        ]
+        remedies = ([advice] if advice else []) + [
+            c.remedy for c in self.changes if c.part != ANGLE
+        ]
+        return " and ".join(guesses), " and ".join(remedies) if len(remedies) < 3 else ", ".join(
+            remedies
+        )
+
+
+@dataclass
+class Products:
+    """Products of the five terms of a recording's balance, for each reading of its signals; see the
+    module."""
+
+    recording: CampaignRecording
+    drive: Drive
+    before: float
+    noise: float
+    known: dict[tuple[str | int | float | None, ...], Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        r = self.recording
+        # made with the angle that the log holds
+        self.turns_u = voltages_held(source_of(r))[0] == "u_d"
+        self.turns_i = currents_held(source_of(r))[0] == "i_d"
+        self.size = window_of(r.columns)
+        own = slice(0, len(r.t))
+        if len(r.t) > ROWS:
+            energy = np.concatenate([[0.0], np.cumsum(r.u_alpha**2 + r.u_beta**2)])
+            first = int(np.argmax(energy[ROWS:] - energy[:-ROWS]))
+            own = slice(first, first + ROWS)
+        self.columns: Columns = {n: x[own] for n, x in r.columns.items()}
+        self.at = np.arange(0, len(self.columns["theta"]), self.size)
+        nominal = r.dc_bus_voltage or self.drive.converter.dc_bus_voltage
+        self.link = max(nominal, float(np.median(self.columns["u_dc"])))
+
+    def of(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
+        """Return the matrix (5, 5) of products, with signals and factor of the angle as some
+        changes read them."""
+        return self._kept("products", self._products, current, voltage, turn)
+
+    def _kept(self, what: str, made: Callable[..., Any], *key: Change | float | None) -> Any:
+        """Return what a method makes, made once: signals have as many values as a log has rows."""
+        own = (what, *(id(k) if isinstance(k, Change) else k for k in key))
+        if own not in self.known:
+            self.known[own] = made(*key)
+        return self.known[own]
+
+    def _products(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
+        span = self.drive.converter.sampling_period * self.size
+        own = turn if self.turns_u else 1.0
+        u = self._kept(
+            "voltage",
+            self._voltage,
+            voltage,
+            own,
+            turn if self.drive.converter.periods_a_row > 1 else own,
+        )
+        mean, i = self._kept("current", self._current, current, turn if self.turns_i else 1.0)
+        around = np.exp(1j * (turn * self.columns["theta"][self.at]))
+        x = np.stack(
+            [
+                u,
+                mean,
+                np.diff(i) / span,
+                np.diff(around**2 * np.conj(i)) / span,
+                np.diff(around) / span,
+            ],
+            axis=1,
+        )
+        return x.conj().T @ x
+
+    def _voltage(self, change: Change | None, turn: float, read: float) -> Complex:
+        """Return the means of the voltage over windows; read: how many times itself the angle is
+        between slow rows."""
+        signal = voltage_of if change is None or change.signal is None else change.signal
+        u = signal(self.columns) * self._moved(turn)
+        return self._means(mean_command(u, read * self.columns["theta"], self.drive.converter)[:-1])
+
+    def _current(self, change: Change | None, turn: float) -> tuple[Complex, Complex]:
+        """Return the means of the current over windows, and its values where they begin."""
+        signal = current_of if change is None or change.signal is None else change.signal
+        i = signal(self.columns) * self._moved(turn)
+        return self._means(0.5 * (i[:-1] + i[1:])), i[self.at]
+
+    def _moved(self, turn: float) -> Any:
+        """Return what turns vectors that were made with the log's angle, read as `turn` times
+        itself."""
+        theta = self.columns["theta"]
+        return np.exp(1j * (turn * theta - theta)) if turn != 1.0 else 1.0
+
+    def _means(self, x: Complex) -> Any:
+        return np.diff(np.concatenate([[0j], np.cumsum(x)])[self.at]) / self.size
+
+    def possible(self, change: Sequence[Change]) -> bool:
+        """Tell whether the link could give the commands as some changes read them."""
+        signal = next((c for c in change if c.part == VOLTAGE and c.signal is not None), None)
+        scale = math.prod(abs(c.scale) for c in change if c.part == VOLTAGE)
+        return scale * float(self._kept("largest", self._largest, signal)) <= self.link
+
+    def left(self, change: Sequence[Change], zero: float = 0.0) -> float:
+        """Return what stays unexplained beyond noise, which inductances make of the sensors'."""
+        scale = math.prod(c.scale * c.values[1] for c in change if c.part != VOLTAGE)
+        scale /= math.prod(c.scale for c in change if c.part == VOLTAGE)
+        noise = self.noise * scale**2
+        return max(float(self.shares(change, np.array([zero]))[0]) - noise, 0.0)
+
+    def _largest(self, change: Change | None) -> float:
+        signal = voltage_of if change is None or change.signal is None else change.signal
+        return float(np.quantile(np.abs(signal(self.columns)), GIVEN))
+
+    def shares(self, change: Sequence[Change], zeros: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what stays unexplained at each zero of the angle (rad), of the voltage as it is
+        then read."""
+        m = self.drive.motor
+        signal = {c.part: c for c in change if c.signal is not None}
+        scale = {
+            part: math.prod(c.scale for c in change if c.part == part)
+            for part in (CURRENT, VOLTAGE)
+        }
+        turn = math.prod(c.turn for c in change)
+        values = np.prod([c.values for c in change], axis=0) if change else np.ones(4)
+        half = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
+        r, s, d, flux = values * (m.resistance, *half, m.magnet_flux)
+        by_i, at = float(self.turns_i), 1j * zeros
+        factors = np.stack(
+            [
+                scale[VOLTAGE] * np.exp(self.turns_u * at),
+                -r * scale[CURRENT] * np.exp(by_i * at),
+                -s * scale[CURRENT] * np.exp(by_i * at),
+                -d * scale[CURRENT] * np.exp((2.0 - by_i) * at),
+                -flux * np.exp(at),
+            ]
+        )
+        products = self.of(signal.get(CURRENT), signal.get(VOLTAGE), turn)
+        rest = np.sum(np.conj(factors) * (products @ factors), axis=0).real
+        return np.maximum(rest, 0.0) / max(scale[VOLTAGE] ** 2 * float(products[0, 0].real), 1e-300)
