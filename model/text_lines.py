@@ -31,7 +31,7 @@ COMMENT = re.compile(r'[ \t]*"?(?:#|%|//)')
 # colours of a terminal, unused blocks of a file, a logger's stamp ('12:03:45.123 -> '), a shell's
 # prompt ('ch> ')
 NOISE = re.compile(
-    r"\x1b\[[\d;]*[A-Za-z]|\x00+"
+    r"\x1b\[[\d;]*[A-Za-z]|\x00+|\ufeff"
     r"|^[ \t]*(?:\[?\d+:\d\d:\d\d(?:\.\d+)?\]?[ \t]*->|\[\d[\d:.,\- "
     r"]*\]|(?:[\w@~/.:-]{0,40}>{1,3})|\$)[ \t]+",
     re.MULTILINE,
@@ -44,7 +44,12 @@ WORDS = re.compile(r"[^\s\[(]\S*(?:\s*[\[(][^\])]*[\])])?|\S+")
 HEADER = re.compile(r"^\s*(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*$")
 # a quantity over its unit: 'i_d/A', 'n/(1/min)'
 OVER = re.compile(r"^\s*(?P<name>[^\[\](]*?)\s*/\s*(?P<unit>.+?)\s*$")
-GROUPED = re.compile(r"[+-]?\d{1,3}(?:(?:\.\d{3})+,\d*|(?:,\d{3})+\.\d*)")  # 1.234,5 or 1,234.5
+GROUPED = re.compile(  # 1.234,5 or 1,234.5 or 1 234,5 or 1'234.5
+    r"[+-]?\d{1,3}(?:(?:\.\d{3})+,\d*|(?:,\d{3})+\.\d*|(?:[ '’\xa0\u2009\u202f]\d{3})+(?:[.,]\d*)?)"
+)
+MARK = re.compile(r"[.,](?=\d*$)")  # before the last digits
+MINUS = str.maketrans("−–", "--")
+WRAPPED = re.compile(r"""^=?(["'])(.*)\1$""", re.DOTALL)  # 'x', "x", and ="x" of spreadsheets
 
 
 @dataclass(frozen=True)
@@ -86,17 +91,44 @@ def encoding_of(begin: bytes) -> str:
     return "utf-8"
 
 
-def number(cell: str) -> float | None:
+def unwrapped(cell: str) -> str:
+    """Return a cell without blanks and quotes around it."""
+    cell = cell.strip()
+    found = WRAPPED.match(cell)
+    return found[2].strip() if found else cell.strip('"').strip()
+
+
+def number(cell: str, thousands: str = "") -> float | None:
     """Return what a cell holds, decimal commas and grouped thousands included; None where that is
-    no number."""
-    cell = cell.strip().strip('"').strip()
+    no number.
+
+    thousands: the mark, ',' or '.', that is no decimal one in the cell's column.
+    """
+    cell = unwrapped(cell).translate(MINUS)
     if GROUPED.fullmatch(cell):
-        mark = max(cell.rfind(","), cell.rfind("."))
-        cell = re.sub("[.,]", "", cell[:mark]) + "." + cell[mark + 1 :]
+        found = MARK.search(cell)
+        whole, part = (cell[: found.start()], cell[found.end() :]) if found else (cell, "")
+        cell = re.sub(r"[^\d+-]", "", whole) + "." + part
+    elif thousands and thousands in cell:
+        grouped = re.fullmatch(rf"[+-]?\d{{1,3}}(\{thousands}\d{{3}})+", cell)
+        cell = cell.replace(thousands, "") if grouped else ""
     try:
         return None if "_" in cell else float(cell.replace(",", "."))
     except ValueError:
         return None
+
+
+def thousands_of(cells: Sequence[str]) -> str:
+    """Return the mark that groups thousands in a column whose cells hold points and commas; empty
+    where they hold one of them, or both marks could."""
+    fits = {}
+    for mark, other in (",.", ".,"):
+        own = re.compile(rf"[+-]?\d{{1,3}}(\{mark}\d{{3}})+(\{other}\d*)?")
+        marked = [c for c in map(unwrapped, cells) if mark in c]
+        if not marked:
+            return ""
+        fits[mark] = all(own.fullmatch(c) for c in marked)
+    return "" if fits[","] == fits["."] else "," if fits[","] else "."
 
 
 def cleaned(text: str, separator: str = "") -> str:
@@ -116,7 +148,7 @@ def cells(line: str, separator: str) -> list[str]:
     """Return a row's cells, or a header's."""
     if separator == " ":
         return WORDS.findall(line)
-    return [c.strip() for c in next(csv.reader([line], delimiter=separator), [])]
+    return [unwrapped(c) for c in next(csv.reader([line], delimiter=separator), [])]
 
 
 def layout(file: str, head: str) -> Layout:
@@ -135,7 +167,7 @@ def layout(file: str, head: str) -> Layout:
     widths = [len(x) for _, x in split if is_data(x)]
     if not widths:  # a header alone
         return Layout(header_of(file, split[0][1]), separator, split[0][0] + 1, 0)
-    usual = max(set(widths), key=widths.count)
+    usual = max(widths, key=widths.count)  # of equally many, those that come first
     first = next(j for j, (_, x) in enumerate(split) if is_data(x) and len(x) == usual)
     at, data = split[first]
     _check_width(file, usual)

@@ -8,6 +8,7 @@ and unit row.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
 from collections.abc import Iterator, Sequence
@@ -29,6 +30,7 @@ from model.text_lines import (
     layout,
     number,
     pieces,
+    thousands_of,
 )
 
 if TYPE_CHECKING:
@@ -37,6 +39,15 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 MOST_LEFT = 1000  # lines left out that are remembered
 WIDER = re.compile(r"Expected (\d+) columns, got (\d+)")
+NO_TEXT = {  # what files of other kinds begin with
+    b"PK\x03\x04": "it is a workbook or an archive; give it its ending .xlsx, or unpack it",
+    b"\x1f\x8b": "it is compressed; unpack it",
+    b"7z\xbc\xaf": "it is compressed; unpack it",
+    b"\xd0\xcf\x11\xe0": "it is an old workbook (.xls); save it as .xlsx or as CSV",
+    b"<": "it is a web page or XML, no table; download the file itself, or export CSV",
+    b"{": "it is JSON, no table; export CSV",
+    b"[{": "it is JSON, no table; export CSV",
+}
 BLOCK = 1 << 20  # bytes pyarrow parses at a time
 
 
@@ -53,7 +64,11 @@ def read_text(path: Path, most: int) -> Table:
     """Return the table in a text file of any usual encoding, `most` values at most; BadInput says
     what is wrong."""
     with path.open("rb") as file:
-        encoding = encoding_of(file.read(HEAD))
+        begin = file.read(HEAD)
+        for sign, text in NO_TEXT.items():
+            if begin.lstrip().startswith(sign):
+                raise BadInput(f"{path.name}: {text}")
+        encoding = encoding_of(begin)
         file.seek(0)
         return read_lines(path.name, io.TextIOWrapper(file, encoding, errors="replace"), most)
 
@@ -203,9 +218,14 @@ class _Reading:
         return columns == names
 
     def _width(self, row: int, width: int) -> BadInput:
+        names = len(self.names)
+        remedy = "the row is damaged: mend it, or cut the log there"
+        if row == 0 and width > 1.5 * names:
+            remedy = "with decimal commas the separator must be ';' or a tab"
+        elif row == 0 and width == names + 1:
+            remedy = "if the first cell counts the rows, give that column a name"
         return BadInput(
-            f"{self.file}: row {row} has {width} cells, the header has {len(self.names)}; with "
-            "decimal commas the separator must be ';' or a tab"
+            f"{self.file}: row {row} has {width} cells, the header has {names}; {remedy}"
         )
 
     def _judge_skipped(self) -> None:
@@ -215,8 +235,15 @@ class _Reading:
             row = max(line.row - 1 - k, 0)
             own = cells(line.text, "\t" if self.found.separator == " " else self.found.separator)
             numbers = sum(number(c) is not None for c in own)
-            cut = (row >= self.rows or row in self.again) and line.cells < self.found.width
+            last = row >= self.rows and k >= len(self.skipped) - 2  # a line of text may follow
+            cut = (last or row in self.again) and line.cells < self.found.width
             if numbers and not cut and 2 * numbers > sum(map(bool, own)):
+                above = self.skipped[k - 1] if k else None
+                if above is not None and above.cells == line.cells and above.row == line.row - 1:
+                    raise BadInput(
+                        f"{self.file}: a header of other columns stands above row {row} "
+                        f"('{above.text.strip()[:40]}'); make two files of it"
+                    )
                 raise self._width(row, line.cells)
 
     def table(self, columns: list[Array]) -> Table:
@@ -277,12 +304,13 @@ def _numbers(column: pyarrow.Array) -> tuple[Array, int | None]:
     """Return a column's numbers, NaN for the rest, and the first row of the rest."""
     from pyarrow import ArrowException, compute, float64
 
-    plain = compute.replace_substring(column, ",", ".")
-    try:
-        found = compute.cast(plain, float64()).to_numpy(zero_copy_only=False)
-        values = np.array(found, dtype=np.float64)
-    except ArrowException:
-        own_values = [number(cell) for cell in column.to_pylist()]
-        values = np.array([np.nan if x is None else x for x in own_values])
-        return values, next((k for k, x in enumerate(own_values) if x is None), None)
-    return values, None
+    marks = [compute.any(compute.match_substring(column, m)).as_py() for m in ",."]
+    thousands = thousands_of(column.to_pylist()) if all(marks) else ""
+    if not thousands:
+        plain = compute.replace_substring(column, ",", ".")
+        with contextlib.suppress(ArrowException):
+            found = compute.cast(plain, float64()).to_numpy(zero_copy_only=False)
+            return np.array(found, dtype=np.float64), None
+    own = [number(cell, thousands) for cell in column.to_pylist()]
+    values = np.array([np.nan if x is None else x for x in own])
+    return values, next((k for k, x in enumerate(own) if x is None), None)

@@ -50,7 +50,11 @@ LARGEST = 1e18  # of any cell, nanoseconds included
 # of a recording: a log of few columns becomes all that are needed
 MOST_ROWS = MOST_VALUES // len(REQUIRED)
 SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
-HEXADECIMAL = re.compile(r"\s*0[xX][0-9a-fA-F]+\s*$")
+HEXADECIMAL = re.compile(  # 0x1F, &H1F, 1Fh, 001F
+    r"\s*(?:(?:0x|&h|\$)[0-9a-f]+|(?=.*[0-9])(?=.*[a-f])[0-9a-f]+h?|[0-9]+h)\s*$", re.IGNORECASE
+)
+OF_DAY = re.compile(r"\d:\d\d")
+WITH_UNIT = re.compile(r"[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\d\s.,]\S*)$")
 PORT = re.compile(r'"|/"?(?:Out|In)\d+"?$')  # what a path of Simulink has beside a signal's name
 BRACKET = re.compile(r"[\[(][^\[\]()]*[\])]\s*$")
 LETTERS = ("A", "B", "C")  # units, and names of phases
@@ -419,8 +423,12 @@ def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
         remedy = "record every sample and export it again"
         if cell and HEXADECIMAL.match(cell):
             remedy = "it is hexadecimal: export decimal numbers, with their sign"
-        elif cell and cell.count(":") == 2:
+        elif cell and OF_DAY.search(cell):
             remedy = "it is a time of day: export seconds, from any beginning"
+        elif cell and (found := WITH_UNIT.match(cell)) and found[1] in KNOWN:
+            remedy = (
+                f"its unit stands in the cell: export numbers, the unit in the header [{found[1]}]"
+            )
         raise BadInput(
             f"{file}: row {k} of column '{column}' is {shown}, no number that was "
             f"measured; {remedy}"

@@ -64,6 +64,7 @@ from sandbox.recordings.stamps import (
 
 Array = NDArray[np.float64]
 SILENT = 0.01  # of the sampling period: jitter that the format allows
+DAY = 86400.0  # s
 DRIFT = 0.01  # relative error of the recorded clock
 MAPS = re.compile(r"\bmap .* (?:with|= \{)")
 
@@ -434,6 +435,11 @@ def _check_clock(file: str, t: Array, step: Array, period: float) -> None:
                 f"in {unit}? "
                 f'convert it to s or map it with unit = "{unit}"'
             )
+    if abs(usual / period * DAY - 1.0) < 0.3:
+        raise BadInput(
+            f"{file}: row 1 of column 't' is {step[0]:.3g} after row 0, sampling_period is "
+            f"{period:.6g} s; is t in days, as spreadsheets keep dates? map it with scale = {DAY:g}"
+        )
     back = np.flatnonzero(step <= 0.0)
     if back.size:
         k = int(back[0])

@@ -118,6 +118,8 @@ def cut_at_gaps(
     rows = len(t) - sum(len(c["t"]) for _, c in pieces)
     left = f", {rows} rows in shorter stretches left out" if rows else ""
     text = f"{said}; it becomes {len(pieces)} recordings, {pieces[0][0]} to {pieces[-1][0]}{left}"
+    if len(pieces) == 1:
+        text = f"{said}; the longest stretch is {pieces[0][0]}{left}"
     return pieces, [Finding(file, "t", longest, text)]
 
 
@@ -166,10 +168,8 @@ def cut_where_begun_again(
     left = length - sum(b - a for a, b in bounds)
     less = f", the longest of {len(begun) + 1}; {left} rows are left out" if left else ""
     often = f" ({len(begun)} times)" if len(begun) > 1 else ""
-    text = (
-        f"{file}: the log begins again in row {begun[0]}{often}; it becomes {len(pieces)} "
-        f"recordings{less}"
-    )
+    became = f"{len(pieces)} recordings" if len(pieces) > 1 else "one recording"
+    text = f"{file}: the log begins again in row {begun[0]}{often}; it becomes {became}{less}"
     return pieces, [Finding(file, "t", begun[0], text)]
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
+from model.text_table import read_text
 from sandbox.recordings.importing import read_recordings
 
 MAP = """[drive]
@@ -80,6 +81,11 @@ def counts(shift, wrap):
     return {n: (np.round(1000.0 * own[n]) + shift) % wrap for n in ("i_a", "i_b", "i_c")}
 
 
+def one_cell(text):
+    """Return the columns with one cell of i_a as a text."""
+    return changed(i_a=[text if k == 50 else x for k, x in enumerate(columns()["i_a"])])
+
+
 SHUFFLED = np.random.default_rng(0).permutation(200)
 WRONG = {
     "in disorder": (
@@ -98,6 +104,24 @@ WRONG = {
         changed(t=[f"12:00:{k / 1e3:06.3f}" for k in range(200)]),
         "is a time of day: export seconds",
     ),
+    "hexadecimal without a sign for it": (
+        changed(i_a=[f"{k + 160:04X}" for k in range(200)]),
+        "row 0 of column 'i_a' is '00A0'.*it is hexadecimal",
+    ),
+    "date": (
+        changed(t=[f"2026-11-29T12:00:{k / 1e3:06.3f}Z" for k in range(200)]),
+        "is a time of day: export seconds",
+    ),
+    "minutes": (
+        changed(t=[f"00:{k / 1e3:06.3f}" for k in range(200)]),
+        "is a time of day: export seconds",
+    ),
+    "days": (
+        changed(t=[f"{45990.0 + k / 86400e3:.12f}" for k in range(200)]),
+        "is t in days, as spreadsheets keep dates. map it with scale = 86400",
+    ),
+    "unit in the cell": (one_cell("1.5 A"), "row 50 .* its unit stands in the cell.*header .A."),
+    "a word": (one_cell("#DIV/0!"), "row 50 of column 'i_a' is '#DIV/0!', no number"),
     "zero in the middle": (
         changed(**counts(2500.0, 1e9)),
         "their zero in the middle.*offset = -2500 x scale",
@@ -191,3 +215,91 @@ def test_columns_that_change_places_in_the_middle_are_refused(tmp_path):
         BadInput, match="row 100 is a header of the same columns in another order; make two files"
     ):
         read_lines(tmp_path, [*rows[:101], *other])
+
+
+@pytest.mark.parametrize("mark", [".", " ", "\xa0", "\u202f", "'", "’"])
+def test_thousands_are_grouped_as_people_do(tmp_path, mark):
+    own = changed(
+        u_alpha=[
+            f"{1e3 * x:,.6f}".replace(",", "_").replace(".", ",").replace("_", mark)
+            for x in columns()["u_alpha"]
+        ]
+    )
+    rows = lines_of(own, separator=";", point=",")
+    (tmp_path / "log.csv").write_text("\n".join(rows), encoding="utf-8")
+    (tmp_path / "map.toml").write_text(MAP + '[columns]\nu_alpha = {unit = "mV"}\n')
+    found = read_recordings(tmp_path, tmp_path / "map.toml")["log"].u_alpha
+    assert np.allclose(found, columns()["u_alpha"], rtol=0.0, atol=1e-8)
+
+
+def test_a_comma_beside_points_groups_thousands(tmp_path):
+    """1,500 among numbers with points is no 1.5."""
+    rows = lines_of(columns())
+    rows[1] = '0,"1,500",0.5,2.25,-1.25,-1,0'
+    (tmp_path / "log.csv").write_text("\n".join(rows))
+    own = read_text(tmp_path / "log.csv", 10**6).columns
+    assert own["u_alpha"][0] == 1500.0
+    assert own["i_a"][0] == 2.25
+
+
+WRITTEN = {
+    "quotes": lambda x: f"'{x}'",
+    "texts of a spreadsheet": lambda x: f'="{x}"',
+    "a true minus": lambda x: x.replace("-", "\u2212") if x[0] == "-" else x,
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_cells_as_programs_dress_them(tmp_path, name):
+    rows = [",".join(WRITTEN[name](x) for x in row.split(",")) for row in lines_of(columns())]
+    assert np.allclose(read_lines(tmp_path, rows)["log"].i_b, columns()["i_b"], rtol=0, atol=1e-8)
+
+
+def test_a_mark_of_bytes_twice_is_no_name(tmp_path):
+    rows = lines_of(columns())
+    campaign = read_lines(tmp_path, ["\ufeff\ufeff" + rows[0], *rows[1:]])
+    assert not any("'t' is missing" in f.text for f in campaign.findings)
+
+
+OTHER_KINDS = {
+    b"PK\x03\x04": "it is a workbook or an archive",
+    b"\x1f\x8b\x08": "it is compressed; unpack it",
+    b'{"t": 0.0, "i_a": 1.0}\n': "it is JSON",
+    b"<html><table>": "it is a web page",
+}
+
+
+@pytest.mark.parametrize("begin", OTHER_KINDS)
+def test_what_is_no_text_is_said(tmp_path, begin):
+    (tmp_path / "log.csv").write_bytes(begin + b"\x00\x01" * 99)
+    (tmp_path / "map.toml").write_text(MAP)
+    with pytest.raises(BadInput, match=OTHER_KINDS[begin]):
+        read_recordings(tmp_path, tmp_path / "map.toml")
+
+
+ROWS = lines_of(columns())
+DAMAGED = {
+    "a cell too few": (
+        [*ROWS[:50], ROWS[50].rpartition(",")[0], *ROWS[51:]],
+        "row 49 has 6 cells, the header has 7; the row is damaged: mend it",
+    ),
+    "two lines in one": (
+        [*ROWS[:50], ROWS[50] + ROWS[51], *ROWS[52:]],
+        "row 49 has 13 cells, the header has 7; the row is damaged",
+    ),
+    "rows that are counted": (
+        [ROWS[0], *(f"{k},{row}" for k, row in enumerate(ROWS[1:]))],
+        "has 8 cells, the header has 7; if the first cell counts the rows, give that column a name",
+    ),
+    "a log of other columns below": (
+        [*ROWS[:101], "t,i_a,i_b", *(",".join(row.split(",")[3:6]) for row in ROWS[1:101])],
+        r"a header of other columns stands above row 100 \('t,i_a,i_b'\); make two files of it",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_damage_is_told_with_its_row(tmp_path, name):
+    rows, said = DAMAGED[name]
+    with pytest.raises(BadInput, match=said):
+        read_lines(tmp_path, rows)
