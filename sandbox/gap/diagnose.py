@@ -265,10 +265,10 @@ def _with_map(start: Point, short: Point | None) -> tuple[Point, Point | None]:
     """Return a campaign's nominal point, and that of its excerpts, with what the motor's flux map
     may be off by."""
     campaign = start.prepared.campaign
-    seen = with_modes(short or start, map_error(campaign))
-    return replace(
-        start, prepared=same_map(start.prepared, seen.prepared)
-    ), None if short is None else seen
+    seen = with_modes(start, map_error(campaign))
+    if short is not None:
+        short = replace(short, prepared=same_map(short.prepared, seen.prepared))
+    return seen, short
 
 
 def in_order(campaign: Campaign) -> Campaign:

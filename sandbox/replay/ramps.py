@@ -5,7 +5,8 @@ With h = max(0, t - g) behind a corner at g, the angle is
 
     theta = theta_0 + omega_0 t + a_0 t^2 / 2 + sum d h^2 / 2,   d theta / d g = -d h,
 
-d the step of acceleration there.  An eccentric encoder adds a sine of the mechanical angle.
+d the step of acceleration there.  An eccentric encoder adds a sine of the mechanical angle, and so
+does a speed that is uneven once a turn.
 Angles, steps and places are found together (Gauss-Newton); the number of corners is the one of
 least
 
@@ -43,7 +44,7 @@ SCATTER = 3.0
 @dataclass(frozen=True)
 class Ramps:
     """A fit: corners (shares of the recording), angle (n,) rad and speed (n,) rad a sample without
-    the encoder's sine, squares left over, the encoder's sine (n,)."""
+    the sine, squares left over, the sine (n,)."""
 
     corners: Array
     angle: Array
@@ -65,7 +66,7 @@ class Reading:
     least: float
 
     def sine(self) -> list[Array]:
-        """Return the columns (n,) of an eccentric encoder."""
+        """Return the columns (n,) of the sine."""
         return [] if self.mechanical is None else [np.sin(self.mechanical), np.cos(self.mechanical)]
 
     def criterion(self, fitted: Ramps) -> float:
@@ -119,6 +120,13 @@ def most_squares(n: int, pieces: float, count: float) -> float:
     """Return the largest sum of n squares that rounding to counts leaves, so many of them
     independent: the square of a uniform error scatters by sqrt(0.8) of its mean."""
     return n * max(count, 1e-6) ** 2 / 12.0 * (1.0 + SCATTER * math.sqrt(0.8 / pieces))
+
+
+def straightened(fitted: Ramps, theta: Array, count: float) -> Ramps:
+    """Return ramps without a sine, corners near those of a fit that has one."""
+    n = len(theta)
+    reading = Reading(np.arange(n) / n, theta, None, independent(theta, count), 0.0)
+    return refined(reading, fitted.corners)
 
 
 def are_ramps(fitted: Ramps, theta: Array, count: float) -> bool:

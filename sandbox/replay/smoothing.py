@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from model.compiled import kernel
 from sandbox.replay.free_rotor import STEP, KnownMotion, filtered, within_readings
-from sandbox.replay.ramps import are_ramps, ramps_of
+from sandbox.replay.ramps import are_ramps, ramps_of, straightened
 from sandbox.replay.rounded import within_counts
 
 Array = NDArray[np.float64]
@@ -69,18 +69,25 @@ def locked_motion(theta: Array) -> Motion:
 
 def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) -> Motion:
     """Return the motion of a rotor at imposed speed: straight ramps, as few corners as the
-    reading's counts allow.
+    reading's counts allow, a sine of once a mechanical turn beside them where they need it and the
+    rotor turns more than once.  No reading is farther than half a count off, where such ramps are
+    (`rounded`).  Where few corners will not do, a smooth motion without torque.
 
-    An eccentric encoder's sine, once a mechanical turn, is fitted beside and left out of the motion
-    (where the rotor turns more than once).  No reading is farther than half a count off, where such
-    ramps are (`rounded`).  period: s;
-    count: rad, electrical.  Where few corners will not do, a smooth motion without torque.
+    Whether the sine is the rotor's or an eccentric encoder's the angle cannot tell, and currents
+    do: it stays in the motion, and an encoder's error is taken off it.
+
+    theta: (n,) rad, electrical; period: s; count: rad, electrical.
     """
     if np.ptp(theta) == 0.0:
         return locked_motion(theta)
-    ramps = within_counts(theta, ramps_of(theta, pole_pairs, count), pole_pairs, count)
-    if are_ramps(ramps, theta, count):
-        return Motion(ramps.angle, ramps.speed / period, not ramps.sine.any())
+    found = within_counts(theta, ramps_of(theta, pole_pairs, count), pole_pairs, count)
+    if are_ramps(found, theta, count):
+        plain = straightened(found, theta, count) if found.sine.any() else found
+        plain = within_counts(theta, plain, pole_pairs, count)
+        if are_ramps(plain, theta, count):
+            return Motion(plain.angle, plain.speed / period, False)
+        speed = found.speed + np.gradient(found.sine)
+        return Motion(found.angle + found.sine, speed / period)
     still = np.zeros_like(theta)
     return free_motion(theta, still, period, count, still)
 

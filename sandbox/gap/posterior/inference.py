@@ -130,8 +130,9 @@ class _Weighing:
         Fitted sets have the evidence of their own points; any other one stands to the best of them
         as the equations at its point say.  It ought to be fitted where that is more than the best
         one's, where it is near and parameters would move by more than slopes hold for, and where it
-        only exchanges an effect for one that stands in for it. None ought where the best one leaves
-        several floors: something outside the library decides then, not one set or another.
+        only lacks an effect that others stand in for, or exchanges it for one that does.  None
+        ought where the best one leaves several floors: something outside the library decides then,
+        not one set or another.
         """
         own = {k: e.log_evidence + log_prior(k, self.problem.settings) for k, e in fitted.items()}
         leader = max(own, key=lambda k: (own[k], k))
@@ -161,10 +162,9 @@ class _Weighing:
 
 
 def stand_ins(model: LinearModel, effects: Set, bend: float) -> list[Set]:
-    """Return the sets with one of the effects, which the model's point has, exchanged for another
-    one that moves readings the same way: but for less than slopes err by, a share of what the
-    effect moves.  The
-    nearest first."""
+    """Return the sets with one of the effects, which the model's point has, left out or exchanged
+    for another one, where the rest moves readings the same way: but for less than slopes err by, a
+    share of what the effect moves.  The nearest first."""
     whole, point = (
         model.equations.most_probable(model.prior(effects, alone=True)),
         model.narrow.mean,
@@ -175,9 +175,10 @@ def stand_ins(model: LinearModel, effects: Set, bend: float) -> list[Set]:
         moved = np.zeros_like(point)
         moved[own] = whole.x[own] - point[own]
         room = bend**2 * float(moved @ model.equations.a @ moved)
-        for new in model.members:
-            other = tuple(sorted({*effects, new} - {gone}))
-            if new not in effects and possible(other):
+        rest = set(effects) - {gone}
+        for new in [set(), *({e} for e in model.members if e not in effects)]:
+            other = tuple(sorted(rest | new))
+            if possible(other):
                 lost = (
                     model.equations.most_probable(model.prior(other, alone=True)).objective
                     - whole.objective

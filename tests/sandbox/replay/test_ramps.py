@@ -72,15 +72,23 @@ def test_readings_that_hold_more_than_rounding_keep_least_squares():
     assert within_counts(read, rough, PAIRS, COUNT) is rough
 
 
-def test_an_eccentric_encoder_is_left_out_of_the_motion():
-    """A sine of 0.01 rad mechanical, 23 counts' deviations: what is left of it is below two
-    deviations of the fit."""
-    angle, _ = planted([0, 500, 1500, N], [0.0, 120.0, -80.0, -80.0])
-    read = counted(angle + PAIRS * 0.01 * np.sin(angle / PAIRS + 0.4))
-    motion = driven_motion(read, PAIRS, PERIOD, COUNT)
-    assert not motion.eccentric
+def test_a_sine_of_once_a_turn_stays_in_the_motion_and_is_an_encoder_s_or_the_rotor_s():
+    """A sine of 0.01 rad mechanical, 23 counts' deviations: motion and speed have it to two
+    deviations of the fit; who reads on takes an encoder's error off."""
+    true, _ = planted([0, 500, 1500, N], [0.0, 120.0, -80.0, -80.0])
+    angle = true + PAIRS * 0.01 * np.sin(true / PAIRS + 0.4)
+    motion = driven_motion(counted(angle), PAIRS, PERIOD, COUNT)
+    assert motion.eccentric
     away = motion.angle - angle - np.mean(motion.angle - angle)
     assert np.sqrt(np.mean(away**2)) < 2.0 * DEVIATION * math.sqrt(10.0 / N)
+    speed = np.gradient(angle) / PERIOD
+    assert np.abs(motion.speed - speed)[100:400].max() < 0.1  # as of ramps alone
+
+
+def test_ramps_without_a_sine_tell_that_the_encoder_has_none():
+    """Then the reading is one of straight ramps, and an eccentric encoder would show in it."""
+    angle, _ = planted([0, 500, 1500, N], [0.0, 120.0, -80.0, -80.0])
+    assert not driven_motion(counted(angle), PAIRS, PERIOD, COUNT).eccentric
 
 
 @pytest.mark.parametrize("twice", [0.15, 0.3])
