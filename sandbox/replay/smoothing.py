@@ -82,7 +82,9 @@ def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) 
         return locked_motion(theta)
     found = within_counts(theta, ramps_of(theta, pole_pairs, count), pole_pairs, count)
     if are_ramps(found, theta, count):
-        plain = straightened(found, theta, count) if found.sine.any() else found
+        if not found.sine.any():  # less than a turn: corners may stand for a sine
+            return Motion(found.angle, found.speed / period)
+        plain = straightened(found, theta, count)
         plain = within_counts(theta, plain, pole_pairs, count)
         if are_ramps(plain, theta, count):
             return Motion(plain.angle, plain.speed / period, False)
