@@ -44,6 +44,7 @@ FINEST = max(cells[0] for cells, _ in CHOICES)
 MIN_INFORMATION = 1.0
 MAX_DIRECTIONS = 64  # directions, the best told ones
 SAMPLES = 40_000  # that directions are looked for in
+SETTLED = 5.0  # time constants L/R of each part in a row of these: of its start 0.7 % is left
 
 
 def map_error(campaign: Campaign) -> float:
@@ -131,23 +132,30 @@ def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64
     # of a sample: six arrays of two components
     room = SHARE * prepared.spare / (8.0 * 12.0 * max(1, len(chosen)))
     share = min(1.0, SAMPLES / prepared.samples, room / prepared.samples)
-    squares, total = 0.0, np.zeros((len(chosen), len(chosen)))
+    slowest = max(motor.inductance_d, motor.inductance_q) / motor.resistance
+    lasting = SETTLED * slowest / drive.converter.sampling_period
+    squares, count, total = 0.0, 0, np.zeros((len(chosen), len(chosen)))
     for r, dq, psi in paths:
-        n = max(1, round(share * r.samples))
-        first = 0 if r.rotor == "free" else (r.samples - n) // 2
-        own = slice(first, first + n)
-        x = basis.gradients(psi[own], chosen)
-        squares += float(np.sum(x**2))
-        period = drive.converter.sampling_period
-        answer = x + added_current(
-            motor.energy,
-            motor.resistance,
-            period,
-            dq[own],
-            r.motion.angle[own],
-            -motor.resistance * x,
-        )
-        rows = np.ascontiguousarray(answer.transpose(0, 2, 1)).reshape(-1, len(chosen))
-        total += 1.5 / share * rows.T @ rows  # three phases hold 3/2 of the squares of d and q
-    count = sum(max(1, round(share * r.samples)) for r, _, _ in paths)
+        for own in spread(r.samples, share, lasting):
+            x = basis.gradients(psi[own], chosen)
+            squares, count = squares + float(np.sum(x**2)), count + len(x)
+            answer = x + added_current(
+                motor.energy,
+                motor.resistance,
+                drive.converter.sampling_period,
+                dq[own],
+                r.motion.angle[own],
+                -motor.resistance * x,
+            )
+            rows = np.ascontiguousarray(answer.transpose(0, 2, 1)).reshape(-1, len(chosen))
+            total += 1.5 / share * rows.T @ rows  # three phases hold 3/2 of squares of d and q
     return squares / count, total, chosen
+
+
+def spread(samples: int, share: float, least: float) -> list[slice]:
+    """Return parts of a recording that hold a share of its samples, alike in length (at least so
+    many, where it has them) and evenly over it: what it visits briefly is in some part."""
+    count = max(1, int(share * samples / max(1.0, least)))
+    length = max(1, round(share * samples / count))
+    starts = [int((k + 0.5) * samples / count - 0.5 * length) for k in range(count)]
+    return [slice(k, k + length) for k in starts]

@@ -12,7 +12,7 @@ from model.drive_files import load_drive
 from model.mapped import MappedMotor
 from model.spline import currents
 from model.spline_correction import Basis, refined
-from sandbox.gap.evidence.map_modes import map_error, smooth, with_modes
+from sandbox.gap.evidence.map_modes import map_error, smooth, spread, with_modes
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.response import fluxes
 from sandbox.plant.sets import complete
@@ -84,3 +84,16 @@ def test_without_points_a_map_is_off_as_a_whole_alone():
         np.testing.assert_allclose(both @ share, added, atol=1e-9 * np.abs(added).max())
         assert np.hypot(*share) == pytest.approx(1.0, rel=1e-6)
         assert np.abs(currents(alone, 0.0, 0.0)).max() < 1e-9 * np.abs(added).max()
+
+
+@pytest.mark.parametrize(("share", "count"), [(0.03, 1), (0.4, 8), (1.0, 20)])
+def test_parts_of_a_recording_hold_a_share_of_it_evenly(share, count):
+    """10000 samples, at least 500 in a row (or what the share has): middles lie as far apart as the
+    whole divided."""
+    parts = spread(10_000, share, 500.0)
+    assert len(parts) == count
+    assert sum(p.stop - p.start for p in parts) == pytest.approx(share * 10_000, abs=count)
+    middles = [0.5 * (p.start + p.stop) for p in parts]
+    assert middles == pytest.approx([(k + 0.5) * 10_000 / count for k in range(count)], abs=1.0)
+    assert parts[0].start >= 0
+    assert parts[-1].stop <= 10_000
