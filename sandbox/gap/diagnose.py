@@ -22,7 +22,7 @@ from model.errors import PhysicsError
 from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.map_modes import map_error, with_modes
-from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
+from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.excerpts import begun, excerpted
@@ -235,7 +235,8 @@ def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]
     """Return a campaign at its nominal model; PhysicsError where that predicts nothing finite."""
     left_over = spare(memory, sum(len(r.t) for r in own.recordings))
     prepared = prepare(in_order(own))
-    prepared = replace(prepared, noise_std=floor_of(own, prepared.noise_std), spare=left_over)
+    noise = noise_of(own)
+    prepared = replace(prepared, noise_std=noise.used, colour=noise.colour, spare=left_over)
     start = Point(prepared, complete(own.drive.motor, own.drive.converter))
     nominal = normal(start, (), workers=workers)
     if not np.isfinite(rms(nominal, range(len(prepared.recordings)))):
@@ -257,7 +258,12 @@ def _excerpts(start: Point) -> Point | None:
     )
     return replace(
         start,
-        prepared=replace(short, noise_std=start.prepared.noise_std, spare=start.prepared.spare),
+        prepared=replace(
+            short,
+            noise_std=start.prepared.noise_std,
+            colour=start.prepared.colour,
+            spare=start.prepared.spare,
+        ),
     )
 
 

@@ -50,6 +50,7 @@ class Prepared:
 
     spare: bytes that a diagnosis may take beside what grows with the campaign anyway
     (`sandbox.replay.memory`);
+    colour: correlation of neighbouring current readings' errors;
     map_error: what the motor's flux map may be off by, and is taken to be off by here.
     """
 
@@ -60,6 +61,7 @@ class Prepared:
     base: Set
     spare: float = math.inf
     map_error: MapError | None = None
+    colour: float = 0.0
 
     @property
     def samples(self) -> int:

@@ -1,12 +1,17 @@
 """Channels of recordings as segments: slopes and residuals cut into blocks of time and squared,
 stretch by stretch.
 
+Errors of current readings that are coloured are whitened, block by block: of the reading's residual
+what the one before foretells is taken off, rho times it, and what is left has the same variance
+again (Cochrane, Orcutt, J. Am. Stat. Assoc. 44 (1949) 32).  Slopes go the same way.
+
 Slopes that do not fit into memory wait in a file (`memory`); which of them act is known once all
 stretches are in, so a segment is squared then, from the same numbers in the same blocks.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -64,10 +69,11 @@ def squared_slopes(
         if not s.first:
             gathering = []
             for part in parts:
-                gathering.append(Gathering(at, part.j.shape[2], s.n * part.j.shape[1]))
+                rho = colour(prepared, part.channel)
+                gathering.append(Gathering(at, part.j.shape[2], s.n * part.j.shape[1], rho))
                 at += 8 * gathering[-1].width * gathering[-1].rows
         for part, own in zip(parts, gathering, strict=True):
-            own.add(part, spill, s.first)
+            own.add(part, spill, s, cut)
             if s.last == s.n:
                 out.append(own.squared(s.recording, part, spill, cut))
     return out
@@ -119,22 +125,25 @@ def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[C
 @dataclass
 class Gathering:
     """A channel of one recording as its stretches come in: its place in the file, columns and rows
-    of slopes; which columns are not zero; residuals."""
+    of slopes; correlation of neighbouring errors; which columns are not zero; residuals."""
 
     at: int
     width: int
     rows: int
+    rho: float
     acts: NDArray[np.bool_] | None = None
     residuals: list[Array] = field(default_factory=list)
 
-    def add(self, part: ChannelSlopes, spill: Spill | None, first: int) -> None:
-        """Take in a stretch that begins at sample `first`."""
+    def add(self, part: ChannelSlopes, spill: Spill | None, s: Stretch, cut: int) -> None:
+        """Take in a stretch."""
+        whiten(part.j, self.rho, s, cut)
+        whiten(part.r, self.rho, s, cut)
         flat = part.j.reshape(-1, self.width)
         acts = np.asarray(flat.any(axis=0))
         self.acts = acts if self.acts is None else self.acts | acts
         self.residuals.append(part.r)
         if spill is not None:
-            spill.write(self.at + 8 * self.width * first * part.j.shape[1], flat)
+            spill.write(self.at + 8 * self.width * s.first * part.j.shape[1], flat)
 
     def squared(
         self, recording: int, part: ChannelSlopes, spill: Spill | None, cut: int
@@ -160,6 +169,21 @@ def blocks(n: int, cut: int) -> list[tuple[int, int]]:
     return [(first, n if first == starts[-1] else first + cut) for first in starts]
 
 
+def colour(prepared: Prepared, channel: str) -> float:
+    """Return the correlation of neighbouring errors of a channel's readings."""
+    return prepared.colour if channel == "current" else 0.0
+
+
+def whiten(x: Array, rho: float, s: Stretch, cut: int) -> None:
+    """Whiten residuals or slopes (m, ...) over a stretch, block by block, in place; rho: the
+    correlation of neighbouring ones."""
+    if rho:
+        for first, last in blocks(s.n, cut):
+            if s.first <= first and last <= s.last:
+                own = x[first - s.first : last - s.first]
+                own[1:] = (own[1:] - rho * own[:-1]) / math.sqrt(1.0 - rho * rho)
+
+
 def channel(r: Residual, channel: str, k: int = 0) -> Array:
     """Return a channel's residuals of set k, (n, c)."""
     if channel == "current":
@@ -169,10 +193,14 @@ def channel(r: Residual, channel: str, k: int = 0) -> Array:
     return shown[:, k : k + 1]
 
 
-def squared(each: Sequence[tuple[Array, Segment]], rows: Rows, s: Stretch, cut: int) -> None:
+def squared(
+    each: Sequence[tuple[Array, Segment]], rows: Rows, rho: float, s: Stretch, cut: int
+) -> None:
     """Write g and r'r of residuals (m, c) over a stretch into their segments, for slopes (n c, q)
-    of all of it."""
+    of all of it, whitened; rho: the correlation of neighbouring errors."""
     wide = each[0][0].shape[1]
+    for r, _ in each:
+        whiten(r, rho, s, cut)
     for b, (first, last) in enumerate(blocks(s.n, cut)):
         if first < s.first or last > s.last:
             continue

@@ -5,6 +5,11 @@ Three phase currents of one star sum to zero, so what is left of their sum is th
 Second differences of the sum's third take out offsets and slow gains: their mean square is twice
 one sensor's variance.  What of a gain's mismatch is left makes that too large, never too small, so
 quiet blocks count: their 10th percentile.
+
+Filters and slow amplifiers colour noise: a reading's error then goes on in the next one, and second
+differences show little of it.  Errors whose correlation falls by a factor rho from reading to
+reading (AR(1)) differ over h readings by 2 s^2 (1 - rho^h) in the mean square, s^2 their variance:
+over two and over one they tell rho, and over one s.
 """
 
 from __future__ import annotations
@@ -13,12 +18,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model.errors import BadInput
 from sandbox.gap.two_sensors import two_sensors
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import noise_floor
 
+Array = NDArray[np.float64]
 # samples: the 10th percentile of white noise's blocks lies 6 % below its rms, by chance alone
 BLOCK = 400
 ROUNDING = (
@@ -26,22 +33,26 @@ ROUNDING = (
     # four times
     1e-6
 )
-# 25th percentile of blocks' rms of white noise: 0.674 deviations of sqrt(2 x 1.944 / BLOCK) / 2
-# lower
-QUARTER = 0.967
+LOWER = 0.674  # deviations that the 25th percentile of a Gaussian lies below its mean
+# of neighbouring readings' errors: a smaller correlation changes what the noise hides by no more
+# than what the floor is known to (sqrt((1 + rho)/(1 - rho)), twice VOTE)
+WHITE = 0.03
 # relative error of the seen floor: 1.0 % scatter on twelve campaigns, 0.5 % by counting blocks
 VOTE = 0.015
-PLAUSIBLE = 1.5  # stated over seen, or seen over stated, up to which the seen one votes
-TOO_LARGE = 2.0  # stated over seen from which nothing could be seen
+# Stated over seen, or seen over stated, up to which the seen one votes: noise that was measured in
+# ten times, or a tenth of, the sensors' band.
+PLAUSIBLE = 3.0
+TOO_LARGE = 3.0  # stated over seen from which nothing could be seen
 
 
 class Noise(NamedTuple):
     """One sensor's noise (A rms): as stated, as seen (None where it cannot be), and the floor that
-    is used."""
+    is used; colour: correlation of neighbouring readings' errors, 0 of white noise."""
 
     stated: float
     seen: float | None
     used: float
+    colour: float = 0.0
     # part of it that stands for commands between the rows of a slow log, estimated
     unseen: float = 0.0
 
@@ -70,7 +81,8 @@ def noise_of(campaign: Campaign) -> Noise:
     """Return the noise that a campaign states, that its readings show, and the floor that
     follows."""
     stated, shown = noise_floor(campaign.drive.converter), _quarter(campaign)
-    return Noise(stated, shown, math.hypot(voted(stated, shown), campaign.unseen), campaign.unseen)
+    used = math.hypot(voted(stated, shown), campaign.unseen)
+    return Noise(stated, shown, used, colour_of(campaign), campaign.unseen)
 
 
 def voted(stated: float, shown: float | None) -> float:
@@ -83,25 +95,63 @@ def voted(stated: float, shown: float | None) -> float:
     return stated * math.exp(away * -math.expm1(-0.5 * (away / VOTE) ** 2))
 
 
+def colour_of(campaign: Campaign) -> float:
+    """Return the correlation of neighbouring readings' errors, 0 where it is less than WHITE or
+    cannot be seen."""
+    one, two = _differences(campaign)
+    least = (ROUNDING * largest(campaign)) ** 2
+    if not len(one) or np.median(one) <= least or counted(campaign):
+        return 0.0
+    rho = float(np.median(two[one > least] / one[one > least])) - 1.0
+    # 1 and more: a course, not noise
+    return rho if WHITE < abs(rho) < 1.0 - WHITE else 0.0
+
+
 def _quarter(campaign: Campaign) -> float | None:
     """Return one sensor's noise (A rms) as the quieter quarter of blocks shows it, known to VOTE;
     of two sensors by `two_sensors`; None where neither can be seen."""
     found = _of_blocks(campaign, 25.0)
     if found is None:
         return None if counted(campaign) else two_sensors(campaign)
-    return found / QUARTER
+    rho = colour_of(campaign)
+    # squares of second differences of white noise; of differences of coloured one
+    alike = 1.944 if not rho else 1.0 + 0.5 * (1.0 - rho) / (1.0 + rho)
+    return found / (1.0 - 0.5 * LOWER * math.sqrt(2.0 * alike / BLOCK))
 
 
 def _of_blocks(campaign: Campaign, percentile: float) -> float | None:
+    """Return one sensor's noise (A rms) as a percentile of blocks shows it."""
+    rho = colour_of(campaign)
+    if rho:
+        one, _ = _differences(campaign)
+        return float(np.sqrt(np.percentile(one, percentile) / (2.0 * (1.0 - rho))))
     blocks = []
     for r in campaign.recordings:
         total = (r.i_a + r.i_b + r.i_c) / 3.0
         second = total[2:] - 2.0 * total[1:-1] + total[:-2]
-        count = max(1, len(second) // BLOCK)
-        blocks += [float(np.mean(part**2)) for part in np.array_split(second, count) if part.size]
+        blocks += [float(np.mean(part**2)) for part in _cut(second)]
     if not blocks or np.median(blocks) <= (ROUNDING * largest(campaign)) ** 2:
         return None
     return float(np.sqrt(np.percentile(blocks, percentile) / 2.0))
+
+
+def _differences(campaign: Campaign) -> tuple[Array, Array]:
+    """Return mean squares (blocks,) of how the sum of readings, of one sensor's variance, differs
+    over one reading and over two; offsets, their drift and gains taken out recording by
+    recording."""
+    one, two = [], []
+    for r in campaign.recordings:
+        total = (r.i_a + r.i_b + r.i_c) / math.sqrt(3.0)
+        known = np.column_stack([np.ones_like(total), np.arange(len(total)), r.i_a, r.i_b])
+        left = total - known @ np.linalg.lstsq(known, total, rcond=None)[0]
+        one += [float(np.mean(x**2)) for x in _cut(left[2:] - left[1:-1])]
+        two += [float(np.mean(x**2)) for x in _cut(left[2:] - left[:-2])]
+    return np.array(one), np.array(two)
+
+
+def _cut(x: Array) -> list[Array]:
+    """Return blocks of readings."""
+    return [part for part in np.array_split(x, max(1, len(x) // BLOCK)) if part.size]
 
 
 def largest(campaign: Campaign) -> float:
@@ -165,10 +215,25 @@ def far_apart(own: Noise) -> bool:
 
 
 def parting(own: Noise) -> str:
-    """Return a sentence on a stated noise that is overruled by the one seen, or stands against it;
-    else ""."""
+    """Return what is to be said of noise that readings show: that it overrules the stated one or
+    that both part, that it is coloured; else ""."""
     if own.seen is None:
         return ""
+    return " ".join(x for x in (_apart(own), _coloured(own)) if x)
+
+
+def _coloured(own: Noise) -> str:
+    """Return a sentence on noise whose neighbouring errors go together; else ""."""
+    if not own.colour:
+        return ""
+    return (
+        f"Neighbouring current readings err alike (correlation {own.colour:.2f}), as behind a "
+        "filter: slow parts of what is left count for less, fast ones for more."
+    )
+
+
+def _apart(own: Noise) -> str:
+    """Return a sentence where the stated noise and the one seen part; else ""."""
     overruled = not own.unseen and abs(math.log(own.used / own.seen)) < abs(
         math.log(own.used / own.stated)
     )

@@ -19,7 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
-from sandbox.gap.evidence.normal import Normal, normal, simulated
+from sandbox.gap.evidence.normal import Normal, block_length, normal, simulated
 from sandbox.gap.evidence.regression import (
     RIDGE,
     Part,
@@ -30,6 +30,8 @@ from sandbox.gap.evidence.regression import (
 )
 from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.replay.replay import replay, residuals
+from sandbox.replay.segments import colour, whiten
+from sandbox.replay.stretches import Stretch
 
 Array = NDArray[np.float64]
 Label = tuple[str, str, int]  # channel, what a regressor acts as, its kind
@@ -201,15 +203,10 @@ def joined(n: Normal, table: LinearModel, prior: Prior) -> Joint | None:
     for k, read in enumerate(prediction.currents):
         fold = k % folds
         for part in unscaled(prepared, values, k, read[:, :, 0]):
-            _add(
-                m[fold],
-                v[fold],
-                rows[fold],
-                n,
-                part,
-                component(part, shown[k]),
-                place[part.channel],
-            )
+            y, rho = component(part, shown[k]).copy(), colour(prepared, part.channel)
+            for x in (part.x, y):
+                whiten(x, rho, Stretch(k, 0, len(x), len(x)), block_length(prepared))
+            _add(m[fold], v[fold], rows[fold], n, part, y, place[part.channel])
         for s in n.segments:
             if s.recording == k:
                 m[fold][np.ix_(s.places, s.places)] += s.a.sum(0)

@@ -52,6 +52,7 @@ def log_bayes_factor(
     """Return the log Bayes factor of a cause outside from what a fit leaves."""
     gap, _ = excess(before)
     left, count = excess(after)
+    left = np.maximum(left, 0.0)  # less than noise says nothing of causes
     known = settings.misses + settings.misses_of_gap * np.maximum(gap, 0.0)
     scatter = np.hypot(np.sqrt(2.0 / count), noise)
     told = np.array([_log_densities(*x, settings) for x in zip(left, scatter, known, strict=True)])

@@ -46,9 +46,8 @@ class Unstated:
         """Return a point of the campaign that states it."""
         old = point.prepared
         new = prepare(self.in_campaign(old.campaign), old.base, steps=old.steps)
-        return replace(
-            point, prepared=same_map(replace(new, noise_std=old.noise_std, spare=old.spare), old)
-        )
+        new = replace(new, noise_std=old.noise_std, colour=old.colour, spare=old.spare)
+        return replace(point, prepared=same_map(new, old))
 
 
 NOTHING = Unstated()

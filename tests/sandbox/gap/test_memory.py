@@ -18,7 +18,7 @@ from sandbox.replay import memory
 from sandbox.replay.memory import Kept, Spill, spare
 from sandbox.replay.replay import prepare, replay
 from sandbox.replay.segments import ChannelSlopes, Gathering
-from sandbox.replay.stretches import stretches
+from sandbox.replay.stretches import Stretch, stretches
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, small_campaign
 from tests.sandbox.replay.benches import campaign
 
@@ -126,7 +126,7 @@ def test_stretches_by_hand():
 def test_what_acts_in_one_stretch_alone_counts():
     """Two stretches of two samples: the first column acts in one, the third in the other, the
     second in none."""
-    spill, own, columns = Spill(96), Gathering(0, 3, 4), np.arange(3)
+    spill, own, columns = Spill(96), Gathering(0, 3, 4, 0.0), np.arange(3)
     for first, row in ((0, [1.0, 0.0, 0.0]), (2, [0.0, 0.0, 2.0])):
         part = ChannelSlopes(
             "motion",
@@ -136,7 +136,7 @@ def test_what_acts_in_one_stretch_alone_counts():
             np.array([1.0, 1.0, -1.0]),
             5 + columns,
         )
-        own.add(part, spill, first)
+        own.add(part, spill, Stretch(0, first, first + 2, 4), 4)
     segment, rows = own.squared(0, part, spill, 4)
     assert segment.places.tolist() == [5, 7]
     assert np.asarray(rows).tolist() == [[1.0, 0.0], [1.0, 0.0], [0.0, -2.0], [0.0, -2.0]]

@@ -117,3 +117,12 @@ def test_odds_of_a_large_gap_follow_its_ratio_to_what_the_replay_misses():
         for m in (1e3, 1e4, 1e6)
     ]
     assert np.ptp(odds, axis=0) == pytest.approx(0.0, abs=1e-2)
+
+
+def test_less_than_noise_says_nothing_of_causes():
+    """Noise stated a quarter too large: every recording lies far below the floor, and one below it
+    by less than the others is no sign of a cause."""
+    before = left([10.0] * 12)
+    even = log_bayes_factor(before, left([0.0] * 12), 0.0)
+    assert log_bayes_factor(before, left([-0.44] * 12), 0.0) == pytest.approx(even)
+    assert log_bayes_factor(before, left([-0.44] * 11 + [-0.1]), 0.0) == pytest.approx(even)
