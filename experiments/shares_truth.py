@@ -29,7 +29,7 @@ import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.noise import floor_of
+from sandbox.gap.evidence.noise import noise_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.plant.sets import complete
@@ -70,7 +70,8 @@ class Row(NamedTuple):
 def gap_of(campaign: Campaign) -> float:
     """Return the squares above the noise floor that ordinary deviations leave, in readings."""
     prepared = prepare(campaign)
-    prepared = replace(prepared, noise_std=floor_of(campaign, prepared.noise_std))
+    noise = noise_of(campaign)
+    prepared = replace(prepared, noise_std=noise.used, colour=noise.colour)
     start = Point(prepared, complete(campaign.drive.motor, campaign.drive.converter))
     found = fit(start, (), weights_of(len(prepared.recordings)), workers=1)
     return sum(float(s.rr.sum() - s.n.sum()) for s in found.normal.segments)

@@ -22,7 +22,7 @@ from model.errors import PhysicsError
 from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.map_modes import map_error, with_modes
-from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, noise_caution, noise_of
+from sandbox.gap.evidence.noise import COLOURED, PLAUSIBLE, Noise, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.excerpts import begun, excerpted
@@ -221,14 +221,16 @@ def _passed(told: list[Hypothesis]) -> list[Hypothesis]:
 
 def misstated(noise: Noise) -> float:
     """Return by how much of itself the noise's square may be misstated: twice what the floor that
-    is used differs from the noise that readings show; nothing where the stated one stands alone;
+    is used differs from the noise that readings show, and what that is known to where it is
+    coloured; nothing where the stated one stands alone;
     what is estimated for a slow log, all."""
     if noise.unseen:
         return (noise.unseen / noise.used) ** 2
     if noise.seen is None:
         return 0.0
     apart = abs(math.log(noise.used / noise.seen))
-    return 0.0 if apart > math.log(PLAUSIBLE) else 2.0 * apart
+    known = COLOURED if noise.colour else 0.0
+    return 0.0 if apart > math.log(PLAUSIBLE) else math.hypot(2.0 * apart, known)
 
 
 def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]:

@@ -7,9 +7,9 @@ one sensor's variance.  What of a gain's mismatch is left makes that too large, 
 quiet blocks count: their 10th percentile.
 
 Filters and slow amplifiers colour noise: a reading's error then goes on in the next one, and second
-differences show little of it.  Errors whose correlation falls by a factor rho from reading to
-reading (AR(1)) differ over h readings by 2 s^2 (1 - rho^h) in the mean square, s^2 their variance:
-over two and over one they tell rho, and over one s.
+differences show little of it.  That there is such noise is told by differences over two readings,
+which are larger than those over one; slow courses of gains and offsets have no say there.  Its size
+is then the mean square itself, once each recording's offset, drift and gains are taken off.
 """
 
 from __future__ import annotations
@@ -33,7 +33,14 @@ ROUNDING = (
     # four times
     1e-6
 )
+LONG = 4000  # samples of a block of coloured noise, of which fewer are independent
+# Relative error of its square: blocks of LONG scatter by 0.022 sqrt((1 + rho^2)/(1 - rho^2)), 0.05
+# at 0.8, and the quarter of 24 of them by 1.36/sqrt(24) of that.
+COLOURED = 0.015
 LOWER = 0.674  # deviations that the 25th percentile of a Gaussian lies below its mean
+# 25th percentile of blocks' rms of white noise: LOWER deviations of sqrt(2 x 1.944 / BLOCK) / 2
+# lower
+QUARTER = 0.967
 # of neighbouring readings' errors: a smaller correlation changes what the noise hides by no more
 # than what the floor is known to (sqrt((1 + rho)/(1 - rho)), twice VOTE)
 WHITE = 0.03
@@ -64,7 +71,8 @@ def seen(campaign: Campaign) -> float | None:
     That is two sensors, the third reading made of theirs; or counts so coarse that most blocks
     never change.
     """
-    return _of_blocks(campaign, 10.0)
+    own = coloured(campaign, 10.0)
+    return _of_blocks(campaign, 10.0) if own is None else own[0]
 
 
 def floor_of(campaign: Campaign, stated: float) -> float:
@@ -98,60 +106,79 @@ def voted(stated: float, shown: float | None) -> float:
 def colour_of(campaign: Campaign) -> float:
     """Return the correlation of neighbouring readings' errors, 0 where it is less than WHITE or
     cannot be seen."""
-    one, two = _differences(campaign)
+    found = coloured(campaign, 25.0)
+    return 0.0 if found is None else found[1]
+
+
+def coloured(campaign: Campaign, percentile: float) -> tuple[float, float] | None:
+    """Return the noise of one sensor (A rms), as a percentile of blocks shows it, and the
+    correlation of its neighbouring errors; None of white noise, or where none is seen."""
+    rows = _differing(campaign)
+    one, two = (np.concatenate([x[k] for x in rows]) for k in (0, 1))
     least = (ROUNDING * largest(campaign)) ** 2
-    if not len(one) or np.median(one) <= least or counted(campaign):
-        return 0.0
-    rho = float(np.median(two[one > least] / one[one > least])) - 1.0
-    # 1 and more: a course, not noise
-    return rho if WHITE < abs(rho) < 1.0 - WHITE else 0.0
+    if not len(one) or np.median(one) <= least:
+        return None
+    if abs(np.median(two[one > least] / one[one > least]) - 1.0) <= WHITE:
+        return None
+    square = float(np.percentile(np.concatenate([x[2] for x in rows]), percentile))
+    rho = 1.0 - 0.5 * float(np.median(one)) / square
+    # rounding goes with the current: where it is half of the square, colour is no sensor's
+    mostly = square > campaign.drive.converter.current_resolution**2 / 6.0
+    return (math.sqrt(square), rho) if mostly and abs(rho) < 1.0 - WHITE else None
 
 
 def _quarter(campaign: Campaign) -> float | None:
     """Return one sensor's noise (A rms) as the quieter quarter of blocks shows it, known to VOTE;
     of two sensors by `two_sensors`; None where neither can be seen."""
+    if own := coloured(campaign, 25.0):
+        alike = (1.0 + own[1] ** 2) / (1.0 - own[1] ** 2)
+        return own[0] / math.sqrt(1.0 - LOWER * math.sqrt(2.0 * alike / LONG))
     found = _of_blocks(campaign, 25.0)
     if found is None:
         return None if counted(campaign) else two_sensors(campaign)
-    rho = colour_of(campaign)
-    # squares of second differences of white noise; of differences of coloured one
-    alike = 1.944 if not rho else 1.0 + 0.5 * (1.0 - rho) / (1.0 + rho)
-    return found / (1.0 - 0.5 * LOWER * math.sqrt(2.0 * alike / BLOCK))
+    return found / QUARTER
 
 
 def _of_blocks(campaign: Campaign, percentile: float) -> float | None:
-    """Return one sensor's noise (A rms) as a percentile of blocks shows it."""
-    rho = colour_of(campaign)
-    if rho:
-        one, _ = _differences(campaign)
-        return float(np.sqrt(np.percentile(one, percentile) / (2.0 * (1.0 - rho))))
+    """Return one sensor's white noise (A rms) as a percentile of blocks shows it."""
     blocks = []
     for r in campaign.recordings:
         total = (r.i_a + r.i_b + r.i_c) / 3.0
         second = total[2:] - 2.0 * total[1:-1] + total[:-2]
-        blocks += [float(np.mean(part**2)) for part in _cut(second)]
+        blocks += _squares(second, BLOCK)
     if not blocks or np.median(blocks) <= (ROUNDING * largest(campaign)) ** 2:
         return None
     return float(np.sqrt(np.percentile(blocks, percentile) / 2.0))
 
 
-def _differences(campaign: Campaign) -> tuple[Array, Array]:
-    """Return mean squares (blocks,) of how the sum of readings, of one sensor's variance, differs
-    over one reading and over two; offsets, their drift and gains taken out recording by
-    recording."""
-    one, two = [], []
-    for r in campaign.recordings:
-        total = (r.i_a + r.i_b + r.i_c) / math.sqrt(3.0)
-        known = np.column_stack([np.ones_like(total), np.arange(len(total)), r.i_a, r.i_b])
-        left = total - known @ np.linalg.lstsq(known, total, rcond=None)[0]
-        one += [float(np.mean(x**2)) for x in _cut(left[2:] - left[1:-1])]
-        two += [float(np.mean(x**2)) for x in _cut(left[2:] - left[:-2])]
-    return np.array(one), np.array(two)
+def _differing(campaign: Campaign) -> list[tuple[list[float], list[float], list[float]]]:
+    """Return by recording mean squares (A^2) of the sum of readings, as large as one sensor's
+    noise, in blocks: of its differences over one reading and over two, and of itself.
+
+    Each recording's offset and drift are taken off, and what gains leave of the sum, which are the
+    same in all recordings.
+    """
+    steady = [_steady(np.stack([r.i_a + r.i_b + r.i_c, r.i_a, r.i_b])) for r in campaign.recordings]
+    cross = sum((x @ x.T for x in steady), np.zeros((3, 3)))
+    gains = np.linalg.lstsq(cross[1:, 1:], cross[1:, 0], rcond=None)[0]
+    out = []
+    for x in steady:
+        left = (x[0] - gains @ x[1:]) / math.sqrt(3.0)
+        one, two = left[2:] - left[1:-1], left[2:] - left[:-2]
+        out.append((_squares(one, BLOCK), _squares(two, BLOCK), _squares(left, LONG)))
+    return out
 
 
-def _cut(x: Array) -> list[Array]:
-    """Return blocks of readings."""
-    return [part for part in np.array_split(x, max(1, len(x) // BLOCK)) if part.size]
+def _steady(x: Array) -> Array:
+    """Return courses (k, n) without their means and drifts."""
+    line = np.stack([np.ones(x.shape[1]), np.linspace(-1.0, 1.0, x.shape[1])])
+    return x - np.linalg.lstsq(line.T, x.T, rcond=None)[0].T @ line
+
+
+def _squares(x: Array, length: int) -> list[float]:
+    """Return the mean squares of blocks of about a length."""
+    parts = np.array_split(x, max(1, len(x) // length))
+    return [float(np.mean(part**2)) for part in parts if part.size]
 
 
 def largest(campaign: Campaign) -> float:

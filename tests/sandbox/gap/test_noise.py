@@ -50,12 +50,13 @@ def test_noise_seen_is_that_put_in(small_folder):
 
 @pytest.mark.parametrize("rho", [0.5, 0.8, -0.3])
 def test_coloured_noise_is_seen_whole(small_folder, rho):
-    """AR(1) of 20 mA beside the bench's own white noise of 4 mA: over one and two readings both
-    differ by 2 s^2 (1 - rho^h) and 2 w^2, which is what the colour and the square follow from.
-    Second differences alone would show (3 - 4 rho + rho^2)/3 of it, 0.65 of the rms at 0.5.
+    """AR(1) of 20 mA beside the bench's own white noise of 4 mA: squares add up, and the
+    correlation is that of the whole.  Second differences alone would show (3 - 4 rho + rho^2)/3 of
+    it, 0.65 of the rms at 0.5.
 
-    Of 4800 readings rho scatters by 1.25 sqrt((1 - rho^2)/4800) (a median), 0.018 at most; the
-    square goes with 1/(1 - rho), so 9 % at 0.8 for one deviation; two are allowed, in the root."""
+    The square is that of 4 blocks' lower quarter (one a recording, 1200 readings): each scatters
+    by sqrt(2/1200 (1 + rho^2)/(1 - rho^2)), 0.09 of it at 0.8; two deviations are 9 % in the rms.
+    rho follows within (1 - rho) times that."""
     campaign, rng = read_folder(small_folder), np.random.default_rng(3)
 
     def noisy(i):
@@ -63,10 +64,9 @@ def test_coloured_noise_is_seen_whole(small_folder, rho):
         return i + lfilter([1.0], [1.0, -rho], own)[200:]
 
     white = noise_floor(campaign.drive.converter) ** 2
-    one, two = (0.02**2 * (1.0 - rho**h) + white for h in (1, 2))
     found = noise_of(with_currents(campaign, noisy))
-    assert found.colour == pytest.approx(two / one - 1.0, abs=0.04)
-    assert found.seen == pytest.approx(math.sqrt(one / (2.0 - two / one)), rel=0.1)
+    assert found.seen == pytest.approx(math.sqrt(0.02**2 + white), rel=0.09)
+    assert found.colour == pytest.approx(0.02**2 * rho / (0.02**2 + white), abs=0.09)
 
 
 def test_white_noise_has_no_colour(small_folder):
