@@ -8,8 +8,9 @@ quiet blocks count: their 10th percentile.
 
 Filters and slow amplifiers colour noise: a reading's error then goes on in the next one, and second
 differences show little of it.  That there is such noise is told by differences over two readings,
-which are larger than those over one; slow courses of gains and offsets have no say there.  Its size
-is then the mean square itself, once each recording's offset, drift and gains are taken off.
+which are larger than those over one, but by more than those over three are larger again: squares of
+a course's differences grow faster and faster.  Its size is then the mean square itself, once each
+recording's offset and drift are taken off, and what sensors that differ or bend leave in the sum.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from sandbox.gap.two_sensors import two_sensors
-from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.inputs import noise_floor
 
 Array = NDArray[np.float64]
@@ -114,13 +115,15 @@ def coloured(campaign: Campaign, percentile: float) -> tuple[float, float] | Non
     """Return the noise of one sensor (A rms), as a percentile of blocks shows it, and the
     correlation of its neighbouring errors; None of white noise, or where none is seen."""
     rows = _differing(campaign)
-    one, two = (np.concatenate([x[k] for x in rows]) for k in (0, 1))
+    one, two, three, squares = (np.concatenate([x[k] for x in rows]) for k in range(4))
     least = (ROUNDING * largest(campaign)) ** 2
     if not len(one) or np.median(one) <= least:
         return None
-    if abs(np.median(two[one > least] / one[one > least]) - 1.0) <= WHITE:
+    some = one > least
+    over = [float(np.median(x[some] / one[some])) for x in (one, two, three)]
+    if abs(over[1] - over[0]) <= WHITE or abs(over[2] - over[1]) >= abs(over[1] - over[0]):
         return None
-    square = float(np.percentile(np.concatenate([x[2] for x in rows]), percentile))
+    square = float(np.percentile(squares, percentile))
     rho = 1.0 - 0.5 * float(np.median(one)) / square
     # rounding goes with the current: where it is half of the square, colour is no sensor's
     mostly = square > campaign.drive.converter.current_resolution**2 / 6.0
@@ -151,22 +154,32 @@ def _of_blocks(campaign: Campaign, percentile: float) -> float | None:
     return float(np.sqrt(np.percentile(blocks, percentile) / 2.0))
 
 
-def _differing(campaign: Campaign) -> list[tuple[list[float], list[float], list[float]]]:
+def _differing(campaign: Campaign) -> list[list[list[float]]]:
     """Return by recording mean squares (A^2) of the sum of readings, as large as one sensor's
-    noise, in blocks: of its differences over one reading and over two, and of itself.
+    noise, in blocks: of its differences over one reading, over two and over three, and of itself.
 
-    Each recording's offset and drift are taken off, and what gains leave of the sum, which are the
-    same in all recordings.
+    Each recording's offset and drift are taken off, and what gains and bends of the sensors leave
+    of the sum, which are the same in all recordings.
     """
-    steady = [_steady(np.stack([r.i_a + r.i_b + r.i_c, r.i_a, r.i_b])) for r in campaign.recordings]
-    cross = sum((x @ x.T for x in steady), np.zeros((3, 3)))
-    gains = np.linalg.lstsq(cross[1:, 1:], cross[1:, 0], rcond=None)[0]
+    most = largest(campaign) or 1.0
+    steady = [
+        _steady(np.stack([r.i_a + r.i_b + r.i_c, *_bends(r, most)])) for r in campaign.recordings
+    ]
+    cross = np.sum([x @ x.T for x in steady], axis=0)
+    bends = np.linalg.lstsq(cross[1:, 1:], cross[1:, 0], rcond=None)[0]
     out = []
     for x in steady:
-        left = (x[0] - gains @ x[1:]) / math.sqrt(3.0)
-        one, two = left[2:] - left[1:-1], left[2:] - left[:-2]
-        out.append((_squares(one, BLOCK), _squares(two, BLOCK), _squares(left, LONG)))
+        left = (x[0] - bends @ x[1:]) / math.sqrt(3.0)
+        over = [left[3:] - left[3 - k : -k] for k in (1, 2, 3)]
+        out.append([*(_squares(x, BLOCK) for x in over), _squares(left, LONG)])
     return out
+
+
+def _bends(r: CampaignRecording, most: float) -> list[Array]:
+    """Return the courses (n,) that gains of two sensors and bends of three make, currents over the
+    largest (A)."""
+    phases = [x / most for x in (r.i_a, r.i_b, r.i_c)]
+    return [*phases[:2], *(f for x in phases for f in (x * x, x * abs(x), x**3))]
 
 
 def _steady(x: Array) -> Array:
