@@ -174,7 +174,7 @@ def linear_model(
         columns.add(first, _active(first, drive, point.values), trace)
     for k, c in enumerate(candidates):
         if c.effect not in active or c.part > 1:
-            label = "" if c.part > 1 or c.effect not in columns.effects else f"@{k}"
+            label = f"@{k}" if columns.has(c) else ""
             columns.add(c, c.coordinates(point, label), trace / math.sqrt(max(1, count[c.effect])))
     return columns.model(point, weights, settings, known, workers)
 
@@ -202,10 +202,11 @@ class _Columns:
     candidates: list[Candidate]
     labels: list[list[str]]
 
-    @property
-    def effects(self) -> set[str]:
-        """The effects that have columns already."""
-        return {c.effect for c in self.candidates}
+    def has(self, candidate: Candidate) -> bool:
+        """Return whether another candidate of the same part of an effect has columns already."""
+        return any(
+            (c.effect, c.part) == (candidate.effect, candidate.part) for c in self.candidates
+        )
 
     def add(self, candidate: Candidate, own: Sequence[Coordinate], trace: float) -> None:
         """Add a candidate's columns; those that are ordinary deviations are there already."""

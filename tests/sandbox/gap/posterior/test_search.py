@@ -75,6 +75,21 @@ def test_a_set_finds_its_slopes_among_those_of_all_candidates(small_folder):
     assert normal(on, [time]).of([dataclasses.replace(time, along=())]) is None
 
 
+def test_orders_that_a_further_part_may_have_are_columns_of_their_own(small_folder):
+    """Two orders of a second part beside the first: each candidate has two columns, alike to none
+    of the others'; harmonics of other orders are nearly orthogonal where the rotor turns."""
+    here = start(small_folder)
+    here = dataclasses.replace(here, values={**here.values, "flux_harmonics.psi_d6": 1e-4})
+    first = Candidate("flux_harmonics")
+    more = [Candidate("flux_harmonics", {"flux_harmonics.2.order": x}, part=2) for x in (12, 18)]
+    model = linear_model(here, [first, *more], ("flux_harmonics",), 0.01, {})
+    own = [set(places) for places in model.places[1:]]
+    assert not own[0] & own[1]
+    a = model.normal.summed().a
+    k, m = (next(iter(sorted(x))) for x in own)
+    assert abs(a[k, m]) < 0.2 * np.sqrt(a[k, k] * a[m, m])
+
+
 def test_nothing_moved_leaves_what_there_is_and_noise_counts_whole(small_folder):
     model = linear_model(start(small_folder), [Candidate("current_offset")], (), 0.01, {})
     variance = dict.fromkeys(no_weights(model.normal), 3.0)
