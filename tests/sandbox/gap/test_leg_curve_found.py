@@ -12,7 +12,7 @@ import pytest
 from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.location.curves import curves_found
 from sandbox.gap.report.simulator import refitted
-from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, TURNING, small_campaign
+from tests.sandbox.gap.conftest import CASES, DRIVE, TURNING, small_campaign
 
 TABLE = ((0.0, 0.0), (0.2, 2.4), (0.5, 4.4), (1.0, 5.3), (4.5, 6.2))  # A, V
 
@@ -61,9 +61,10 @@ def test_the_simulator_that_is_written_loses_as_much(found):
     assert all(x == pytest.approx(1.0, abs=0.06) for x in own.residual.values())
 
 
-def test_a_form_that_is_right_is_named_in_its_place():
+def test_a_form_that_is_right_is_named_in_its_place(small_answers):
     """Dead time explains its own curve: nobody asks for another one."""
-    d = diagnosis_of(small_campaign({"dead_time.time": DEAD_TIME}, CASES + TURNING), workers=1)
+    d = small_answers.diagnosis
+    assert "leg_voltage" not in d.excluded
     assert d.best.effects == ("dead_time",)
     assert not curves_found(d.best.evaluated)
     assert all("leg_voltage" not in h.effects or h.probability < 0.01 for h in d.hypotheses)

@@ -131,10 +131,7 @@ DELAYS = ("pwm_delay", "current_sampling", "current_filter")
 
 def test_an_effect_beside_them_is_named_alone():
     """Dead time on the switched bench; sensor a reads 12 mA less in one turning recording, 12 mA
-    more in the other.
-
-    Without them nothing is taken off, and the name is the same.
-    """
+    more in the other."""
     cases = (("locked", "locked", 0.0, 25.0), *TURNING)
     plain = small_campaign({"dead_time.time": 2e-6}, cases)
     off = {"slow.parquet": -0.012, "fast.parquet": 0.012}
@@ -149,6 +146,9 @@ def test_an_effect_beside_them_is_named_alone():
         error = found.drifting.errors[file]
         assert found.drifting.offsets[file] == pytest.approx((x, 0.0, 0.0), abs=4.0 * error)
         assert error < 5e-4
-    none = diagnosis_of(plain, exclude=DELAYS)
-    assert none.drifting is None
-    assert none.best.effects == ("dead_time",)
+
+
+def test_without_them_nothing_is_taken_off(small_answers):
+    """The same effect, two of its recordings turning."""
+    assert small_answers.diagnosis.drifting is None
+    assert small_answers.diagnosis.best.effects == ("dead_time",)
