@@ -54,16 +54,6 @@ def words(effect: str) -> str:
     return effect.replace("_", " ").replace("pwm", "PWM").replace("dc link", "DC link")
 
 
-def stopped(text: str) -> str:
-    """Return a sentence with its full stop."""
-    return text if text.endswith((".", "!", "?")) else f"{text}."
-
-
-def capital(text: str) -> str:
-    """Return a text that begins a sentence."""
-    return text[:1].upper() + text[1:]
-
-
 def names(effects: Sequence[str]) -> str:
     """Return a hypothesis as words."""
     return " + ".join(words(e) for e in effects) if effects else "no effect"

@@ -18,6 +18,7 @@ from sandbox.motion.shaft import STUDENT
 from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, numbers, users
 from sandbox.output.document import answer, bullets, figure, prose, table
 from sandbox.output.refitted import Refitted
+from sandbox.output.sentences import VERDICTS, capital, stopped
 from sandbox.recordings.motion_axis import LINEAR
 
 UNKNOWN = "unknown"
@@ -27,12 +28,6 @@ OF_LINEAR = {
     INERTIA.effect: "set mass = {:.4g} (kg) in the motor's file and the speed control",
 }
 PAIRS = 100  # of the stand-in for a motor: its torque constant alone is asked for
-TITLES = {
-    "no_gap": "No gap",
-    "explained": "Explained",
-    "ambiguous": "Ambiguous",
-    "unknown": "Unknown",
-}
 
 
 def verdict(m: Motion) -> str:
@@ -299,7 +294,11 @@ def _of(m: Motion, effect: str) -> list[float]:
 
 
 def sentences(m: Motion) -> list[tuple[str, str]]:
-    """Return the answers, each with its question."""
+    """Return the answers, each with its question, in whole sentences."""
+    return [(question, stopped(capital(text))) for question, text in _answers(m)]
+
+
+def _answers(m: Motion) -> list[tuple[str, str]]:
     w, p = m.best, parameters(m, m.best)
     words, of_effect = m.campaign.axis.words, {e: f"{e.replace('_', ' ')}" for e in w.effects}
     named = [f"{of_effect[e]} ({_share(m.shares.get(e, 0.0))})" for e in ranked(m)]
@@ -372,7 +371,7 @@ def cogging_rows(m: Motion) -> list[list[str]]:
 
 def page(m: Motion, title: str, picture: str) -> Iterator[str]:
     """Yield the parts of the report's page; picture: an SVG."""
-    yield f"<h1>{prose(title)} <span class='badge {verdict(m)}'>{TITLES[verdict(m)]}</span></h1>"
+    yield f"<h1>{prose(title)} <span class='badge {verdict(m)}'>{VERDICTS[verdict(m)]}</span></h1>"
     for question, text in sentences(m):
         yield answer(question, text)
     rows = cogging_rows(m)

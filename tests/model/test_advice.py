@@ -34,6 +34,7 @@ def test_every_card_says_what_to_do_at_its_typical_size(name):
     text = advice(name, completed(library.typical(name, MOTOR, CONVERTER), MOTOR), MOTOR, CONVERTER)
     assert text != KEEP
     assert len(text) > 20
+    assert re.search(r"\d", text), text  # how much
     assert not re.search(r"nan|inf\b|\{|\}|e[-+]\d\d", text), text
     assert not text.endswith(".")  # a part of a sentence, which a report ends
     assert advice(name, completed({}, MOTOR), MOTOR, CONVERTER) == KEEP  # where it is off

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from sandbox.gap.location.curves import CurveFound
 from sandbox.gap.location.decompose import Decomposition
 from sandbox.gap.location.where import WHOSE, Part
-from sandbox.gap.words import capital
 from sandbox.output.document import figure, fold, pairs, prose
+from sandbox.output.sentences import capital
 from sandbox.output.vector import bars_svg, lines_svg
 
 PARTS = (

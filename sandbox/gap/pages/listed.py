@@ -15,7 +15,8 @@ from sandbox.gap.report.position_moved import Moved
 from sandbox.gap.report.ranking import Ranking, ordered, parted_by
 from sandbox.gap.report.told_apart import SURE, Confused
 from sandbox.gap.report.which import FEW, by_share
-from sandbox.gap.words import capital, interval, listing, names, quantity, tenths, words
+from sandbox.gap.words import interval, listing, names, quantity, tenths, words
+from sandbox.output.sentences import capital
 
 POSITION_NOTE = (
     "Mean position error under rated load, in electrical degrees, that each effect alone adds in "

@@ -17,11 +17,11 @@ from sandbox.gap.report import answers, left
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.diagnosis_json import closed_by
 from sandbox.gap.report.distinguishability import Alike
-from sandbox.gap.report.which import BADGES
-from sandbox.gap.words import SIGNS, amperes, capital, names, percent_fine, quantity, words
+from sandbox.gap.words import SIGNS, amperes, names, percent_fine, quantity, words
 from sandbox.output.document import answer as answered
 from sandbox.output.document import bullets, figure, fold, prose, table, write_page
 from sandbox.output.files import version
+from sandbox.output.sentences import VERDICTS, capital
 from sandbox.output.tables import print_prose, print_table
 from sandbox.output.vector import dots_svg, lines_svg
 from sandbox.recordings.campaign import Excerpts
@@ -42,7 +42,7 @@ def print_answers(a: Answers) -> None:
     """Print the answers and what is left in sentences, the hypotheses and the gap per recording as
     tables."""
     d = a.diagnosis
-    print_prose(f"{d.campaign.name}: {BADGES[a.badge].lower()}")
+    print_prose(f"{d.campaign.name}: {VERDICTS[a.badge].lower()}")
     for head, text in _three(a):
         print_prose(text, f"{head:<10} ")
     for text in answers.todo_texts(a):
@@ -91,7 +91,7 @@ def _three(a: Answers) -> list[tuple[str, str]]:
 
 def _body(a: Answers, title: str) -> Iterator[str]:
     d = a.diagnosis
-    yield f'<h1>{prose(title)} <span class="badge {a.badge}">{BADGES[a.badge]}</span></h1>'
+    yield f'<h1>{prose(title)} <span class="badge {a.badge}">{VERDICTS[a.badge]}</span></h1>'
     heads = {
         "Where?": "Where does the gap lie?",
         "Which?": "Which effect causes it?",

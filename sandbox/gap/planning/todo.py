@@ -7,7 +7,8 @@ from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report.ranking import Ranking, advised, ordered
 from sandbox.gap.report.which import HALF, chance_of_unknown
-from sandbox.gap.words import capital, stopped, words
+from sandbox.gap.words import words
+from sandbox.output.sentences import capital, stopped
 
 FIRST = "Find first what is outside the library: it may bend these sizes. Then, "
 

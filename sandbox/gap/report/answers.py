@@ -30,7 +30,8 @@ from sandbox.gap.report.distinguishability import Alike, alike
 from sandbox.gap.report.position import PositionError, compared
 from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.shortened import share, shortened
-from sandbox.gap.words import capital, likely, listing, names, percent_fine, stopped, times, words
+from sandbox.gap.words import likely, listing, names, percent_fine, times, words
+from sandbox.output.sentences import capital, stopped
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
 from sandbox.recordings.checks.mistakes import Unanswered
 from sandbox.replay.memory import USUAL
@@ -74,7 +75,7 @@ class Answers:
 
     @property
     def badge(self) -> str:
-        """Return what stands at the page's head, a key of `which.BADGES`."""
+        """Return what stands at the page's head, a key of VERDICTS."""
         return which.badge(self.diagnosis)
 
 
@@ -165,9 +166,10 @@ def where_text(a: Answers) -> str:
 def which_text(a: Answers) -> str:
     """Return which effect causes it, or that none does, or that it cannot be told; and which were
     no candidates."""
-    return which.which_text(
-        a.diagnosis, a.shares, {} if a.ranking is None else a.ranking.inclusion.chances
-    )
+    if a.ranking is None:
+        return which.which_text(a.diagnosis, a.shares)
+    rivals = {key: {e: s.value for e, s in of.items()} for key, of in a.ranking.rivals.items()}
+    return which.which_text(a.diagnosis, a.shares, a.ranking.inclusion.chances, rivals)
 
 
 def todo_texts(a: Answers) -> list[str]:

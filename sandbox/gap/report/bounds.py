@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 
 from model.effects import library
 from sandbox.gap.posterior.estimates import Estimate, Held
-from sandbox.gap.words import capital, quantity
+from sandbox.gap.words import quantity
+from sandbox.output.sentences import capital
 
 OF_SEARCH = "at the bound of the search"
 TITLES = {  # of what is no effect's

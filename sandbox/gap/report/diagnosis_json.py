@@ -65,6 +65,7 @@ def document(
                 "effects": list(h.effects),
                 "probability": h.probability,
                 "closed": closed_by(d, h),
+                "shares": r.shares_in(h),
                 "parameters": {name: parameter(e) for name, e in own.items()},
             }
             for h, own in zip(d.hypotheses, d.parameters, strict=True)

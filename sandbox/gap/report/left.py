@@ -8,7 +8,8 @@ import math
 from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report import which
 from sandbox.gap.report.answers import Answers
-from sandbox.gap.words import capital, likely, names, percent_fine, times, words
+from sandbox.gap.words import likely, names, percent_fine, times, words
+from sandbox.output.sentences import capital
 
 HARDLY = 5e-4  # of what remains: less is nothing
 MIN_SHARE = 0.15  # share of a regression below which a kind of functions is not spoken of

@@ -14,7 +14,7 @@ from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.posterior.estimates import Estimate, estimates
 from sandbox.gap.posterior.evaluated import EvaluatedModel, by_algebra
-from sandbox.gap.posterior.hypotheses import UNKNOWN
+from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from sandbox.gap.posterior.remainder import Unexplained
 from sandbox.gap.report.inclusion import Inclusion, inclusion
 from sandbox.gap.report.open_part import OpenPart, Remaining, open_part, own_of, remaining
@@ -25,6 +25,7 @@ from sandbox.gap.report.told_apart import Telling, telling
 # chance of `unknown` below which no regression is fitted beside the effects; of an effect: no size
 SLIGHT = 0.05
 LIKELY = 0.5  # chance from which an effect counts as there
+MOST_RIVALS = 4  # sets whose shares are worked out: some replays each
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class Ranking:
     of `unknown`; the share of the gap that nothing in the library explains (None: no gap) and where
     that lies (None: nothing is left); what a free regression beside the effects says (None where
     `unknown` is unlikely, or the regression predicts nothing).  moved: by effect and estimator,
-    what it does to the position error; told: what it is confused with."""
+    what it does to the position error; told: what it is confused with; rivals: shares in the likely
+    sets beside the best hypothesis."""
 
     inclusion: Inclusion
     shares: Shares
@@ -45,6 +47,8 @@ class Ranking:
     moved: Mapping[str, Mapping[str, Moved]] = field(default_factory=dict)
     where: Remaining | None = None
     told: Mapping[str, Telling | None] = field(default_factory=dict)
+    rivals: Mapping[tuple[str, ...], Mapping[str, Share]] = field(default_factory=dict)
+    of_best: tuple[str, ...] = ()  # effects of the best hypothesis
 
     def as_json(self, following: Next | None = None) -> dict[str, Any]:
         """Return `effects`, `groups`, `unknown` and `waterfall` of `diagnosis.json`; following: a
@@ -68,6 +72,15 @@ class Ranking:
                 {"added": e, "J": j if math.isfinite(j) else None} for e, j in self.shares.waterfall
             ],
         }
+
+    def shares_in(self, h: Hypothesis) -> dict[str, float] | None:
+        """Return the shares of the gap of a hypothesis' own effects, None where they are not worked
+        out."""
+        key = tuple(e for e in h.effects if e != UNKNOWN)
+        of = self.rivals.get(key)
+        if of is None and key == self.of_best:
+            of = {e: self.shares.of[e] for e in key if e in self.shares.of}
+        return {e: s.value for e, s in of.items()} if of else None
 
     def sizes(self, effect: str) -> dict[str, Estimate]:
         """Return an effect's parameters: beside the free regression, where something outside the
@@ -211,7 +224,9 @@ def completed(d: Diagnosis, r: Ranking) -> Ranking:
         if chance > LIKELY and e not in of:
             shared = sets.shares(j)
             of |= {e: shared[e]} if e in shared else {}
-    return replace(r, shares=replace(r.shares, of=of), parameters=sized, open_part=part, told=told)
+    r = replace(r, shares=replace(r.shares, of=of), parameters=sized, open_part=part, told=told)
+    rivals = {} if verdict(d) == "no_gap" else sets.rivals(d)
+    return replace(r, rivals=rivals, of_best=tuple(e for e in d.best.effects if e != UNKNOWN))
 
 
 def ordered(chances: Mapping[str, float], of: Mapping[str, Share]) -> dict[str, float]:
@@ -249,6 +264,16 @@ class _Sets:
         if key not in self.known:
             self.known[key] = by_algebra(self.best, key)
         return self.known[key]
+
+    def rivals(self, d: Diagnosis) -> dict[tuple[str, ...], dict[str, Share]]:
+        """Return the shares in the likeliest MOST_RIVALS sets of the ambiguity set that are not the
+        best."""
+        out: dict[tuple[str, ...], dict[str, Share]] = {}
+        for h in d.ambiguity_set[: MOST_RIVALS + 1]:
+            key = tuple(e for e in h.effects if e != UNKNOWN)
+            if key and set(key) != set(self.best.effects) and key not in out:
+                out[key] = self.shares(h.evaluated)
+        return out
 
     def shares(self, j: EvaluatedModel) -> dict[str, Share]:
         """Return the shares of a set's effects: at sizes that no unknown part bends, where one is

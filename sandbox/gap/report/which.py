@@ -8,21 +8,17 @@ from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.location.where import percent
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
-from sandbox.gap.words import capital, likely, names, percent_fine, sizes, tenths, words
+from sandbox.gap.words import likely, listing, names, percent_fine, sizes, tenths, words
+from sandbox.output.sentences import capital
 
 HALF = 0.5  # chance of `unknown` below which it is not what most probably is at work
 FEW = 3  # effects whose sizes a sentence holds; more stand in the list of effects alone
 # chance of `unknown` from which it is told beside "no gap": what a list that holds 95 % may leave
 # out
 OPEN = 0.05
+Rivals = Mapping[tuple[str, ...], Mapping[str, float]]  # shares by set, as it is written
 SEEN = 0.005  # share of the gap from which the sentence gives it
 NEARLY_ALL = 0.99  # share of the gap: what closes so much leaves no room for "not in the library"
-BADGES = {
-    "explained": "Explained",
-    "ambiguous": "Ambiguous",
-    "unknown": "Unknown",
-    "no_gap": "No gap",
-}
 
 
 def chance_of_unknown(d: Diagnosis) -> float:
@@ -32,7 +28,7 @@ def chance_of_unknown(d: Diagnosis) -> float:
 
 
 def badge(d: Diagnosis) -> str:
-    """Return a key of BADGES: the verdict, one word everywhere; what is known beside it stands in
+    """Return a key of VERDICTS: the verdict, one word everywhere; what is known beside it stands in
     the sentence."""
     return verdict(d)
 
@@ -41,14 +37,16 @@ def which_text(
     d: Diagnosis,
     shares: Mapping[str, float] | None = None,
     chances: Mapping[str, float] | None = None,
+    rivals: Rivals | None = None,
 ) -> str:
     """Return which effect causes it, or that none does, or that it cannot be told; and which were
     no candidates.
 
     shares: of the gap, by effect of the best hypothesis; chances: of effects, as the list of all of
-    them has them.
+    them has them; rivals: shares in the other likely sets.
     """
-    return _which(d, shares or {}, chances or {}) + _hidden(d.out_of_sight)
+    of_sets = {**(rivals or {}), tuple(_named(d.best)): shares or {}}
+    return _which(d, shares or {}, chances or {}, of_sets) + _hidden(d.out_of_sight)
 
 
 def _hidden(hidden: Sequence[str]) -> str:
@@ -65,12 +63,14 @@ def _hidden(hidden: Sequence[str]) -> str:
     )
 
 
-def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, float]) -> str:
+def _which(
+    d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, float], of_sets: Rivals
+) -> str:
     best, named = d.best, verdict(d)
     if named == "no_gap":
         others = [h for h in d.ambiguity_set if _named(h) and UNKNOWN not in h.effects]
         text = f"None: ordinary deviations alone are {likely(best.probability)}."
-        text += f" Too slight to exclude: {_listed(others, ', ', shares)}." if others else ""
+        text += f" Too slight to exclude: {_listed(others, ', ', of_sets)}." if others else ""
         outside = chance_of_unknown(d)
         return (
             f"{text} Something outside the library is {likely(outside)}."
@@ -78,7 +78,7 @@ def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, floa
             else text
         )
     if named == UNKNOWN and chance_of_unknown(d) >= HALF:
-        return _outside(d, shares)
+        return _outside(d, shares, of_sets)
     if named in (UNKNOWN, "ambiguous"):
         sure = sorted(set.intersection(*(set(h.effects) for h in d.ambiguity_set)) - {UNKNOWN})
         if len(sure) >= FEW:
@@ -88,8 +88,8 @@ def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, floa
             verb, them = ("is", "it") if len(sure) == 1 else ("are", "them")
             first = f"{capital(_with_shares(sure, shares))} {verb} in every likely set"
             return f"{first}. Not sure beside {them}: {_disputed(d, sure, chances)}."
-        listed = _listed(d.ambiguity_set, "; or ", shares)
-        return f"These recordings cannot tell apart: {listed}.{_of_the_first(best, shares)}"
+        listed = _listed(d.ambiguity_set, "; or ", of_sets)
+        return f"These recordings cannot tell apart: {listed}."
     if len(best.effects) > FEW:
         return (
             f"{len(best.effects)} effects at once, {likely(best.probability)}. "
@@ -116,15 +116,6 @@ def _with_shares(effects: Sequence[str], shares: Mapping[str, float]) -> str:
     )
 
 
-def _of_the_first(best: Hypothesis, shares: Mapping[str, float]) -> str:
-    """Return the shares of the gap of the first of several hypotheses, a blank before; empty where
-    it names no effect."""
-    told = [
-        f"{words(e)} {tenths(shares[e])}" for e in by_share(_named(best), shares) if e in shares
-    ]
-    return f" Of the gap the first explains: {', '.join(told)}." if told else ""
-
-
 def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
     """Return many effects in one sentence, the largest share of the gap first, and where their
     sizes are."""
@@ -148,7 +139,7 @@ def _disputed(d: Diagnosis, sure: Sequence[str], told: Mapping[str, float]) -> s
     return ", ".join(f"{said[e]} ({percent(chances[e])})" for e in ranked)
 
 
-def _outside(d: Diagnosis, shares: Mapping[str, float]) -> str:
+def _outside(d: Diagnosis, shares: Mapping[str, float], of_sets: Rivals) -> str:
     """Return the answer where something outside the library is more likely than not."""
     chance, named = likely(chance_of_unknown(d)), _named(d.best)
     if named:
@@ -164,7 +155,7 @@ def _outside(d: Diagnosis, shares: Mapping[str, float]) -> str:
     others = [h for h in d.ambiguity_set if h.effects != (UNKNOWN,)]
     if not others:
         return f"{'None for sure' if _hardly_open(d) else 'None in the library'}: {outside}."
-    return f"None for sure: {outside}. Perhaps {_listed(others, '; or ', shares)}."
+    return f"None for sure: {outside}. Perhaps {_listed(others, '; or ', of_sets)}."
 
 
 def _hardly_open(d: Diagnosis) -> bool:
@@ -175,14 +166,17 @@ def _named(h: Hypothesis) -> list[str]:
     return [e for e in h.effects if e != UNKNOWN]
 
 
-def _listed(chosen: Sequence[Hypothesis], between: str, shares: Mapping[str, float]) -> str:
-    """Return hypotheses with their probabilities, `unknown` beside effects in words."""
-    return between.join(f"{_words(h, shares)} ({percent(h.probability)})" for h in chosen)
+def _listed(chosen: Sequence[Hypothesis], between: str, of_sets: Rivals) -> str:
+    """Return hypotheses with their probabilities, the shares of the gap of each one's effects in
+    the order of these, and `unknown` beside effects in words."""
+    return between.join(_words(h, of_sets.get(tuple(_named(h)), {})) for h in chosen)
 
 
 def _words(h: Hypothesis, shares: Mapping[str, float]) -> str:
-    told = names(by_share(_named(h), shares))
-    if UNKNOWN not in h.effects:
-        return told
-    outside = "something outside the library"
-    return f"{told} with {outside}" if _named(h) else outside
+    ranked = by_share(_named(h), shares)
+    told, chance = names(ranked), percent(h.probability)
+    if UNKNOWN in h.effects:
+        outside = "something outside the library"
+        told = f"{told} with {outside}" if ranked else outside
+    known = [tenths(shares[e]) for e in ranked if e in shares]
+    return f"{told} ({chance}{f'; of the gap {listing(known)}' if known else ''})"

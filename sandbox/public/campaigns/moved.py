@@ -94,11 +94,12 @@ class MotionResult(Result):
     def report(self) -> None:
         """Print the answers in sentences, orders of cogging and the residual of each recording as
         tables."""
-        from sandbox.motion.telling import TITLES, cogging_rows, sentences, verdict
+        from sandbox.motion.telling import cogging_rows, sentences, verdict
+        from sandbox.output.sentences import VERDICTS
         from sandbox.output.tables import print_prose, print_table
 
         m = self.motion
-        print_prose(f"{m.campaign.name}, motion only: {TITLES[verdict(m)].lower()}")
+        print_prose(f"{m.campaign.name}, motion only: {VERDICTS[verdict(m)].lower()}")
         for head, text in sentences(m):
             print_prose(text, f"{head:<11} ")
         rows = cogging_rows(m)

@@ -12,8 +12,9 @@ from sandbox.gap.planning.todo import todo
 from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.report import answers
 from sandbox.gap.report.position_moved import Moved
-from sandbox.gap.report.which import BADGES, badge, which_text
+from sandbox.gap.report.which import badge, which_text
 from sandbox.gap.words import tenths
+from sandbox.output.sentences import VERDICTS
 from sandbox.recordings.campaign import Made
 from tests.sandbox.gap.conftest import DRIVE
 
@@ -63,7 +64,7 @@ def test_not_in_the_library_is_said_only_where_it_is(told, closed, expected):
     told.sort(key=lambda x: -x[1])
     d = diagnosis(*told, closed=closed)
     assert badge(d) == expected
-    assert expected in BADGES
+    assert expected in VERDICTS
     assert badge(d) == verdict(d)  # one word for one thing
     if expected != "unknown":
         assert "None in the library" not in which_text(d)
@@ -159,10 +160,18 @@ def test_shares_stand_beside_something_outside_too():
     found = which_text(
         diagnosis((MANY[:3], 0.5), (MANY[1:], 0.5)), {"device_drop": 0.6, "dead_time": 0.3}
     )
-    assert found.startswith(
-        "These recordings cannot tell apart: device drop + dead time + current filter (50 %); or"
+    assert found == (
+        "These recordings cannot tell apart: device drop + dead time + current filter (50 %; of "
+        "the gap 60.0 % and 30.0 %); or dead time + device drop + stator resistance (50 %)."
     )
-    assert found.endswith(" Of the gap the first explains: device drop 60.0 %, dead time 30.0 %.")
+    rivals = {MANY[1:]: {"stator_resistance": 0.7, "device_drop": 0.2, "dead_time": 0.1}}
+    found = which_text(
+        diagnosis((MANY[:3], 0.5), (MANY[1:], 0.4), (U, 0.1)), {"device_drop": 0.6}, {}, rivals
+    )
+    assert (
+        "or stator resistance + device drop + dead time (40 %; of the gap 70.0 %, 20.0 %" in found
+    )
+    assert found.endswith("and 10.0 %); or something outside the library (10 %).")
     assert which_text(diagnosis((A, 0.97)), {"dead_time": 0.7}).startswith(
         "Dead time (70.0 % of the gap), 97 % probable:"
     )

@@ -173,7 +173,7 @@ def test_each_named_effect_says_what_to_do(planted):
     assert f"set inertia = {quantity(s.value('inertia'), 'kg m^2', 3)}" in said["inertia"]
     assert {e["name"]: e["do"] for e in document(planted)["effects"] if e["do"]} == said
     assert next(t for head, t in sentences(planted) if head == "Do?").endswith(
-        next(iter(said.values()))
+        f"{next(iter(said.values()))}."
     )
     own = dataclasses.replace(planted.campaign, torque_constant=None, stated={"inertia": 2e-4})
     of_torque = dataclasses.replace(planted, campaign=own)
@@ -373,11 +373,11 @@ def test_a_folder_without_voltages_goes_through_the_command(tmp_path, capsys):
     )
     said = capsys.readouterr().out
     assert "motion only" in said
-    assert "no voltages were recorded, so electrical effects are no candidates" in said
+    assert "No voltages were recorded, so electrical effects are no candidates" in said
     answer = json.loads((tmp_path / "o" / "diagnosis.json").read_text())
     assert answer["command"] == "diagnose"
     assert set(answer["hypotheses"][0]["effects"]) == {"coulomb_friction", "cogging_torque"}
-    assert "no voltages" in (tmp_path / "o" / "report.html").read_text()
+    assert "No voltages" in (tmp_path / "o" / "report.html").read_text()
     found = diagnose(tmp_path, columns=columns, exclude="coulomb_friction")
     assert "coulomb_friction" not in found.motion.best.effects
     assert "motion only" in repr(found)

@@ -7,7 +7,9 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.motion.judging import judge
-from sandbox.motion.telling import document, sentences
+from sandbox.motion.telling import document, page, sentences
+from sandbox.output.sentences import VERDICTS, capital
+from sandbox.public.campaigns.moved import MotionResult
 from sandbox.recordings.motion_axis import LINEAR, ROTARY, axis_of, shafts_keys
 from tests.sandbox.motion.shafts import INERTIA, both_ways, campaign, shaft
 
@@ -33,7 +35,7 @@ def test_the_shaft_s_own_values_are_told_with_intervals(judged):
         assert own[name]["value"] == pytest.approx(true, abs=2.0 * (high - low)), name
     text = said(judged)["Motor?"]
     assert "kg m^2 [" in text
-    assert text.endswith("values are those of a rotating shaft")
+    assert text.endswith("values are those of a rotating shaft.")
 
 
 def test_effects_stand_by_their_share_which_is_told(judged):
@@ -43,7 +45,7 @@ def test_effects_stand_by_their_share_which_is_told(judged):
     first = found["effects"][0]
     name = first["name"].replace("_", " ")
     whole = round(100.0 * first["share"]["value"])
-    assert said(judged)["Which?"].startswith(f"{name} ({whole} % of the gap)")
+    assert said(judged)["Which?"].startswith(f"{capital(name)} ({whole} % of the gap)")
 
 
 def test_a_linear_axis_is_told_in_its_units(judged):
@@ -55,6 +57,33 @@ def test_a_linear_axis_is_told_in_its_units(judged):
     assert "values are those of a linear axis" in texts
     for word in ("torque", "inertia", "N m", "rad", "rpm"):
         assert word not in texts.replace("cogging torque", ""), word
+
+
+def test_every_answer_is_a_whole_sentence(judged):
+    for question, text in sentences(judged):
+        assert text[0] == text[0].upper(), question
+        assert text.endswith("."), question
+
+
+@pytest.mark.parametrize("word", VERDICTS)
+def test_one_verdict_word_on_page_terminal_and_json(judged, word, capsys):
+    """Planted hypotheses that make each verdict there is."""
+    kinds = {
+        "no_gap": ((), 0.97, 0.0),
+        "explained": (("inertia",), 0.97, 0.0),
+        "ambiguous": (("inertia",), 0.6, 0.0),
+        "unknown": (("inertia",), 0.97, 0.9),
+    }
+    effects, chance, unknown = kinds[word]
+    best = dataclasses.replace(judged.weighed[0], effects=effects, probability=chance)
+    other = dataclasses.replace(best, effects=("viscous_friction",), probability=1.0 - chance)
+    motion = dataclasses.replace(judged, weighed=(best, other), unknown=unknown)
+    result = MotionResult(motion)
+    result.report()
+    assert f"motion only: {VERDICTS[word].lower()}\n" in capsys.readouterr().out
+    assert result.verdict == result.as_json()["verdict"] == word
+    assert f"motion only, {word}:" in result.summary()
+    assert f"<span class='badge {word}'>{VERDICTS[word]}</span>" in next(page(motion, "x", ""))
 
 
 def test_what_makes_an_axis_linear():
