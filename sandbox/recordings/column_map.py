@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -45,6 +45,8 @@ KIND = {name: kind for kind, names in KINDS.items() for name in names}
 OURS = tuple(n for n in KIND if n != "speed")
 TURNING = ("angle", "speed")  # kinds that may be the shaft's
 VOLTAGES = (("u_alpha", "u_beta"), ("u_a", "u_b", "u_c"), ("u_d", "u_q"), ("d_a", "d_b", "d_c"))
+CURRENTS = (("i_a", "i_b"), ("i_b", "i_c"), ("i_alpha", "i_beta"), ("i_d", "i_q"))
+HALLS = ("hall_a", "hall_b", "hall_c")
 KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
 LARGEST = 1e18  # of any cell, nanoseconds included
 # of a recording: a log of few columns becomes all that are needed
@@ -208,13 +210,17 @@ def standard_columns(
                 "ripple stay unseen",
             )
         )
+    elif length and "u_dc" not in source_columns(table, columns):
+        text = f"{found['u_dc'][0]:g} V given as a constant; link sag and ripple stay unseen"
+        notes.append(_lost(file, "u_dc", text))
     found, made = with_angle(
         file, found, source_columns(table, columns), notes, length if locked else 0, period
     )
     currents, voltages = phase_currents(file, found, notes), _voltages(file, found, notes)
     if "theta" not in found:
+        some = f" ({lacking(found, [HALLS], 'angle')})" if found.keys() & HALLS else ""
         raise BadInput(
-            f"{file}: column 'theta' is missing; map the encoder, or what stands in for "
+            f"{file}: column 'theta' is missing{some}; map the encoder, or what stands in for "
             "it: speed = "
             '{column = "erpm", unit = "rpm"}, hall = {column = ...} (states 1 to 6) or '
             'steps = {column = "tachometer"}'
@@ -311,13 +317,20 @@ def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
 def lacks_voltages(table: Table, columns: Mapping[str, Column]) -> str:
     """Return which voltages a table lacks, as a clause, where it has no kind of them whole."""
     names = {*available(table, columns), *table.names}
-    kind = max(VOLTAGES, key=lambda k: len(names.intersection(k)) / len(k))
+    return lacking(names, VOLTAGES, "voltage") or "no voltages were recorded"
+
+
+def lacking(names: Collection[str], kinds: Sequence[tuple[str, ...]], what: str) -> str:
+    """Return as a clause which columns a log lacks that has some of a kind of signal, none whole;
+    empty where it has none of any."""
+    kind = max(kinds, key=lambda k: len([n for n in k if n in names]) / len(k))
     there, missing = ([n for n in kind if (n in names) == has] for has in (True, False))
-    if not there:
-        return "no voltages were recorded"
+    tell = "tells" if len(there) == 1 else "tell"
     return (
-        f"{' and '.join(there)} without {' and '.join(missing)} tell no voltage (log or map "
-        "all of them)"
+        f"{' and '.join(there)} without {' and '.join(missing)} {tell} no {what} (log or map all "
+        "of them)"
+        if there
+        else ""
     )
 
 
@@ -417,6 +430,11 @@ def _plain(name: str) -> str:
 
 def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
     k = first_beyond(raw, LARGEST)
+    if len(raw) and np.all(np.isnan(raw)):
+        raise BadInput(
+            f"{file}: column '{column}' holds no number in any row; map the column that was "
+            "recorded, or leave it out of [columns]"
+        )
     if k is not None:
         cell = table.odd.get((column, k))
         shown = f"{raw[k]}" if cell is None else f"'{cell[:20]}'" if cell else "empty"
@@ -467,8 +485,8 @@ def phase_currents(file: str, found: Mapping[str, Array], notes: list[Finding]) 
                 )
             )
     raise BadInput(
-        f"{file}: no currents; map i_a and i_b (with i_c where there are three), or "
-        "i_alpha and i_beta, or i_d and i_q"
+        f"{file}: {lacking(found, CURRENTS, 'current') or 'no currents'}; map i_a and i_b (with "
+        "i_c where there are three), or i_alpha and i_beta, or i_d and i_q"
     )
 
 
@@ -498,8 +516,8 @@ def _voltages(file: str, found: Mapping[str, Array], notes: list[Finding]) -> di
                 )
             return {"u_alpha": (2.0 * a - b - c) / 3.0, "u_beta": (b - c) / math.sqrt(3.0)}
     raise BadInput(
-        f"{file}: no commanded voltages; map u_alpha and u_beta, or u_a, u_b and u_c, or u_d and "
-        "u_q, or duties d_a, d_b and d_c"
+        f"{file}: {lacking(found, VOLTAGES, 'voltage') or 'no commanded voltages'}; map u_alpha "
+        "and u_beta, or u_a, u_b and u_c, or u_d and u_q, or duties d_a, d_b and d_c"
     )
 
 

@@ -56,6 +56,7 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     unchecked."""
     out = on_the_way(campaign.findings)
     drive, recordings = campaign.drive, campaign.recordings
+    out += [Noticed(NOTE, f) for r in recordings for f in steady_link(r)]
     signs = [
         n
         for r in recordings
@@ -262,6 +263,19 @@ def clipped(r: CampaignRecording, drive: Drive) -> list[Finding]:
             )
             return [Finding(r.file, n, row, text)]
     return []
+
+
+def steady_link(r: CampaignRecording) -> list[Finding]:
+    """Return a finding where the log's link voltage is one and the same number: no reading shows
+    what the link does."""
+    if "u_dc" not in r.source or np.ptp(r.u_dc) > 0.0:
+        return []
+    own = r.source["u_dc"]
+    text = (
+        f"{r.file}: column '{own}' is {r.u_dc[0]:g} V in every row, as no reading is; link sag and "
+        "ripple stay unseen"
+    )
+    return [Finding(r.file, "u_dc", None, text)]
 
 
 def steps(r: CampaignRecording, drive: Drive) -> list[Finding]:

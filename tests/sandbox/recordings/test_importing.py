@@ -288,13 +288,40 @@ def test_a_map_that_is_no_table_is_refused(tmp_path):
     ("changes", "message"),
     [
         ({"theta": None}, "column 'theta' is missing"),
-        ({"i_b": None, "i_c": None}, "no currents; map i_a and i_b"),
-        ({"u_beta": None}, "no commanded voltages"),
+        ({"i_a": None, "i_b": None, "i_c": None}, "no currents; map i_a and i_b"),
+        ({"i_b": None, "i_c": None}, "i_a without i_b tells no current .log or map all of them"),
+        ({"u_alpha": None, "u_beta": None}, "no commanded voltages"),
+        ({"u_beta": None}, "u_alpha without u_beta tells no voltage"),
+        (
+            {"u_alpha": None, "u_beta": None, "d_a": np.full(800, 0.5), "d_b": np.full(800, 0.5)},
+            "d_a and d_b without d_c tell no voltage",
+        ),
+        (
+            {"theta": None, "hall_a": np.ones(800), "hall_b": np.ones(800)},
+            "hall_a and hall_b without hall_c tell no angle",
+        ),
+        ({"i_b": np.full(800, np.nan)}, "column 'i_b' holds no number in any row; map the column"),
     ],
 )
 def test_what_is_missing_is_named(tmp_path, changes, message):
     with pytest.raises(BadInput, match=message):
         _one(tmp_path, _columns(**changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "mapping", "message"),
+    [
+        ({"u_dc": None}, "", "u_dc': not recorded, dc_bus_voltage = 400 V stands in"),
+        (
+            {"u_dc": None},
+            "[columns]\nu_dc = {value = 400.0}\n",
+            "u_dc': 400 V given as a constant; link sag and ripple stay unseen",
+        ),
+    ],
+)
+def test_a_link_that_the_log_does_not_hold_is_said(tmp_path, changes, mapping, message):
+    campaign = _one(tmp_path, _columns(**changes), mapping)
+    assert any(message in f.text for f in campaign.findings), campaign.findings
 
 
 def _edited(tmp_path, old, new):
