@@ -68,7 +68,7 @@ def test_a_voltage_that_is_not_whole_is_named(tmp_path):
     part = {n: x for n, x in columns.items() if n != "u_beta"}
     why = motion_only(source_of(tmp_path, written(tmp_path, {**part, "theta": theta})))
     assert why.startswith(
-        "u_alpha without u_beta tell no voltage (log or map all of them), so electrical "
+        "u_alpha without u_beta tells no voltage (log or map all of them), so electrical "
         "effects are no"
     )
     two = {
