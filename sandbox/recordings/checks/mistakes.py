@@ -236,6 +236,8 @@ def _beyond_a_gap(
     """Tell whether a change is no factor, or the best one, or one that stated values would have to
     be far off for."""
     factors = [abs(f) for f in (c.scale, *c.values)]
+    if min(factors) <= 1.0 / UNIT and left((_vanished(c),)) <= BETTER * after:
+        return False  # without these terms as little stays open: nothing tells their factor
     if c.signal is not None or c.turn != 1.0 or max(factors) >= UNIT or min(factors) <= 1.0 / UNIT:
         return True
     if min(left((_stretched(c, x),)) for x in (1.0 - 2.0 * CLOSE, 1.0 + 2.0 * CLOSE)) >= after:
@@ -281,6 +283,12 @@ def _left_as(p: Products, own: Sequence[Change], linear: float) -> float:
         columns.update({n: c.scale * columns[n] for n in parts[c.part]})
     read = replace(p.recording, columns=columns)
     return _left_by(read, balance(columns, p.drive), p.drive)
+
+
+def _vanished(c: Change) -> Change:
+    """Return a change whose small factors are none at all."""
+    scale, *values = (x if abs(x) > 1.0 / UNIT else 0.0 for x in (c.scale, *c.values))
+    return replace(c, scale=scale if c.part != VOLTAGE else c.scale, values=tuple(values))  # type: ignore[arg-type]
 
 
 def _stretched(c: Change, x: float) -> Change:

@@ -111,3 +111,8 @@ def test_counts_of_two_sensors_about_the_middle():
     (found,) = noticed(dataclasses.replace(campaign, recordings=(wrong,)))
     assert found.level == REFUSED
     assert "about the middle of a converter's range: counts" in found.finding.text
+
+
+def test_a_gap_that_currents_hardly_touch_is_no_unit():
+    """Harmonics of the flux, no current on purpose: without any current as little stays open."""
+    assert told("p05", [], ("driven_idle",)) == []
