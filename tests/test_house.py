@@ -249,7 +249,8 @@ def test_the_plant_names_no_effect():
     known = {"encoder_offset.offset", "current_offset"}
     # else the bench's own zone of a current's sign
     known |= {"dead_time.zone_width", "dead_time.zone_shape"}
-    known |= {"leg_voltage.reference"}  # else the motor's rated current
+    # else the motor's rated current, speed
+    known |= {f"{e}.reference" for e in ("leg_voltage", "current_linearity", "friction_torque")}
     for path in (
         ROOT / "model" / "effects" / "library.py",
         ROOT / "model" / "effects" / "adopt.py",

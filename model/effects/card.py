@@ -433,6 +433,7 @@ def scales(motor: Motor, converter: Converter) -> dict[str, float]:
         "": 1.0,
         "rated current": motor.rated_current,
         "rated torque": motor.rated_torque,
+        "rated speed": speed,
         "rated torque / rated speed": motor.rated_torque / speed,
         "magnet flux": flux_scale(motor),
         "resistance": motor.resistance,

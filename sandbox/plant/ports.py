@@ -11,6 +11,7 @@ from model.effects import (
     coulomb_friction,
     current_filter,
     current_gain,
+    current_linearity,
     current_offset,
     current_sampling,
     dc_link_error,
@@ -20,6 +21,7 @@ from model.effects import (
     encoder_eccentricity,
     encoder_offset,
     flux_harmonics,
+    friction_torque,
     inductance_harmonics,
     iron_loss,
     leg_voltage,
@@ -74,6 +76,10 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "current_gain_gain_a": "",
     "current_gain_gain_b": "",
     "current_gain_gain_c": "",
+    "current_linearity_second": "",
+    "current_linearity_third": "",
+    "current_linearity_fourth": "",
+    "current_linearity_reference": "A",
     "current_offset_offset_a": "A",
     "current_offset_offset_b": "A",
     "current_sampling_delay": "s",
@@ -88,6 +94,14 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "coulomb_friction_width": "rad/s",
     "coulomb_friction_stribeck_torque": "N m",
     "coulomb_friction_stribeck_speed": "rad/s",
+    "friction_torque_t_1": "N m",
+    "friction_torque_t_2": "N m",
+    "friction_torque_t_3": "N m",
+    "friction_torque_t_4": "N m",
+    "friction_torque_t_5": "N m",
+    "friction_torque_t_6": "N m",
+    "friction_torque_t_7": "N m",
+    "friction_torque_reference": "rad/s",
     "shaft_compliance_stiffness": "N m/rad",
     "shaft_compliance_load_inertia": "kg m^2",
     "shaft_compliance_damping_ratio": "",
@@ -225,13 +239,27 @@ def torque(w, j, turn, omega):
 @inlined
 def friction(w, j, omega):
     """Return N m that the motor's side loses at a mechanical speed (rad/s)."""
-    return coulomb_friction.drag(
-        w.coulomb_friction_torque[j],
-        w.coulomb_friction_width[j],
-        w.coulomb_friction_stribeck_torque[j],
-        w.coulomb_friction_stribeck_speed[j],
-        omega,
-    ) + viscous_friction.drag(w.viscous_friction_coefficient[j], omega)
+    return (
+        coulomb_friction.drag(
+            w.coulomb_friction_torque[j],
+            w.coulomb_friction_width[j],
+            w.coulomb_friction_stribeck_torque[j],
+            w.coulomb_friction_stribeck_speed[j],
+            omega,
+        )
+        + friction_torque.drag(
+            w.friction_torque_t_1[j],
+            w.friction_torque_t_2[j],
+            w.friction_torque_t_3[j],
+            w.friction_torque_t_4[j],
+            w.friction_torque_t_5[j],
+            w.friction_torque_t_6[j],
+            w.friction_torque_t_7[j],
+            w.friction_torque_reference[j],
+            omega,
+        )
+        + viscous_friction.drag(w.viscous_friction_coefficient[j], omega)
+    )
 
 
 @inlined
@@ -245,6 +273,15 @@ def reading(w, j, a, b, c):
     """Return what the sensors make of three phase currents (A)."""
     a, b, c = current_gain.scaled(
         w.current_gain_gain_a[j], w.current_gain_gain_b[j], w.current_gain_gain_c[j], a, b, c
+    )
+    a, b, c = current_linearity.bent(
+        w.current_linearity_second[j],
+        w.current_linearity_third[j],
+        w.current_linearity_fourth[j],
+        w.current_linearity_reference[j],
+        a,
+        b,
+        c,
     )
     a, b, c = current_offset.shifted(
         w.current_offset_offset_a[j], w.current_offset_offset_b[j], a, b, c

@@ -155,6 +155,9 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
     rows["shape"] = v["bench.soft_shape"]
     rows["dead_time_zone_width"], rows["dead_time_zone_shape"] = zone_of(v)
     rows["leg_voltage_reference"] = v["leg_voltage.reference"] or motor.rated_current
+    rows["current_linearity_reference"] = v["current_linearity.reference"] or motor.rated_current
+    speed = motor.rated_omega / motor.pole_pairs
+    rows["friction_torque_reference"] = v["friction_torque.reference"] or speed
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = (
         v["bench.load_torque_gain"],

@@ -141,10 +141,12 @@ def encoder(b, theta):
 
 @kernel
 def sensor(b, current, gain, offset, rng):
-    """Return one sensor's reading (A): curvature, gain, offset, noise, counts."""
+    """Return one sensor's reading (A): curvature, gain, linearity, offset, noise, counts."""
     if b.curvature != 0.0:
         current *= 1.0 - b.curvature * current * current
-    read = gain * current + offset
+    read = gain * current
+    size = abs(read)
+    read += read * size * (b.bend_2 + size * (b.bend_3 + size * b.bend_4)) + offset
     if b.noise > 0.0:
         read += b.noise * rng.standard_normal()
     return round(read / b.resolution) * b.resolution if b.resolution > 0.0 else read

@@ -34,6 +34,8 @@ SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
 STEPS_A_PERIOD = 4.0
 # of a current of reference
 LEG_CORNERS = (0.0125, 0.02, 0.032, 0.05, 0.08, 0.125, 0.2, 0.32, 0.5, 0.8, 1.25, 2.0)
+RUBBING_CORNERS = (0.01, 0.025, 0.064, 0.16, 0.4, 1.0, 2.5)  # of a speed of reference
+NOWHERE = np.zeros(1)
 LEAST_SLICES = 64.0  # of a dead time in which a leg slews
 MOST_SWING = 50.0  # rad of a leg's swing in a dead time: faster ones are as good as no capacitance
 # a current that reaches a corner of its sign and turns back inside a step is not seen
@@ -76,6 +78,9 @@ class SwitchedBench(NamedTuple):
     gain_a: float
     gain_b: float
     gain_c: float
+    bend_2: float  # of current sensors: 1/A, 1/A^2, 1/A^3
+    bend_3: float
+    bend_4: float
     offset_a: float
     offset_b: float
     filter_time: float
@@ -143,6 +148,9 @@ class SwitchedBench(NamedTuple):
     pattern: float = 0.0
     beyond: float = 0.0
     drive_least_pulse: float = 0.0  # s: the drive itself leaves out shorter pulses
+    # rad/s, N m: friction beside dry and viscous one, straight between points
+    rubbing_speed: Any = NOWHERE
+    rubbing_torque: Any = NOWHERE
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
     harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
     flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
@@ -241,6 +249,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         for effect, _, key in [name.partition(".")]
         if effect in same_name
     }
+    values |= _bends(motor, v) | _rubbing(motor, v)
     rate = math.sqrt(stiffness / reduced) if m_load else 0.0
     table = _leg_table(motor, converter, v)
     step = _longest_step(period, v, rate, m_motor)
@@ -248,6 +257,27 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
     return SwitchedBench(
         **values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map
     )
+
+
+def _bends(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
+    """Return the terms of the sensors' linearity error."""
+    own = v["current_linearity.reference"] or motor.rated_current
+    return {
+        f"bend_{k}": v[f"current_linearity.{name}"] / own ** (k - 1)
+        for k, name in ((2, "second"), (3, "third"), (4, "fourth"))
+    }
+
+
+def _rubbing(motor: Motor, v: Mapping[str, float]) -> dict[str, Any]:
+    """Return the points of friction's curve: each of its torques rises straight to a share of a
+    speed and stays there."""
+    torques = np.array([v[f"friction_torque.t_{k + 1}"] for k in range(len(RUBBING_CORNERS))])
+    if not torques.any():
+        return {}
+    shares = np.array([0.0, *RUBBING_CORNERS])
+    risen = np.minimum(shares[:, None] / np.array(RUBBING_CORNERS), 1.0)
+    own = v["friction_torque.reference"] or motor.rated_omega / motor.pole_pairs
+    return {"rubbing_speed": own * shares, "rubbing_torque": risen @ torques}
 
 
 def _leg_table(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Any:

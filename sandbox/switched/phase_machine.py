@@ -36,6 +36,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from model.compiled import inlined, kernel
 from sandbox.switched.flux_map import map_energy, with_map, with_map_stiffness
 from sandbox.switched.harmonics import (
@@ -216,8 +218,12 @@ def device_loss(b, i):
 
 @kernel
 def friction(b, omega_mech):
-    """Return Coulomb (with Stribeck) and viscous torque on the motor's side (N m)."""
+    """Return Coulomb (with Stribeck) and viscous torque on the motor's side, and that of a curve
+    (N m)."""
     drag = b.viscous * omega_mech
+    if b.rubbing_speed.size > 1:
+        more = np.interp(abs(omega_mech), b.rubbing_speed, b.rubbing_torque)
+        drag += math.copysign(more, omega_mech)
     if b.coulomb == 0.0 and b.stribeck == 0.0:
         return drag
     level = b.coulomb + b.stribeck * math.exp(-((omega_mech / b.stribeck_speed) ** 2))

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
+from model.effects.friction_torque import CORNERS, TORQUES, reference
 from model.effects.leg_voltage import VOLTS, corners
 from model.inverter_table import Points
 from model.parameters import Motor
@@ -130,6 +131,20 @@ class Reference:
         ends = (float(c) for c in corners(self.v, self.motor))
         return [(u, c) for u, c in zip(volts, ends, strict=True) if u]
 
+    @cached_property
+    def rubbing(self) -> list[tuple[float, float]]:
+        """Torque (N m), and the speed (rad/s, mechanical) up to which it grows, of every part of
+        friction's curve that is there."""
+        torques = [self.v[f"friction_torque.{n}"] for n in TORQUES]
+        own = reference(self.v, self.motor)
+        return [(t, c * own) for t, c in zip(torques, CORNERS, strict=True) if t]
+
+    def bent(self, i: float) -> float:
+        """Return what a sensor reads at a current (A) by its linearity error."""
+        x = abs(i) / (self.v["current_linearity.reference"] or self.motor.rated_current)
+        terms = enumerate(("second", "third", "fourth"), 1)
+        return i + i * sum(self.v[f"current_linearity.{n}"] * x**k for k, n in terms)
+
     def orders(self, effect: str, *sizes: str) -> list[tuple[float, ...]]:
         """Return order, phase (rad) and sizes of all further harmonics of an effect."""
         return [
@@ -227,6 +242,7 @@ class Reference:
         net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(
             omega / v["coulomb_friction.width"]
         )
+        net -= sum(t * min(max(omega / w, -1.0), 1.0) for t, w in self.rubbing)
         load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         j, j_l, k = (
             v["inertia.inertia"],
@@ -297,9 +313,8 @@ class Reference:
         off = [v["current_offset.offset_a"], v["current_offset.offset_b"]]
         off.append(-sum(off))
         gain = [v[f"current_gain.gain_{x}"] for x in "abc"]
-        return np.array(
-            [gain[k] * (i * A ** (-k)).real + off[k] + v["bench.common_offset"] for k in range(3)]
-        )
+        phases = [self.bent(gain[k] * (i * A ** (-k)).real) for k in range(3)]
+        return np.array([phases[k] + off[k] + v["bench.common_offset"] for k in range(3)])
 
 
 def harmonic_energy(
