@@ -75,8 +75,10 @@ def test_what_only_replaces_numbers_costs_nothing():
     read = {
         "viscous_friction",
         "coulomb_friction",
+        "friction_torque",
         "cogging_torque",
         "current_gain",
+        "current_linearity",
         "current_offset",
         "encoder_offset",
     }

@@ -76,6 +76,29 @@ def test_leg_voltage_takes_from_a_steady_current_what_its_curve_says():
     assert got.real == pytest.approx((24.0 - (4.0 / 3.0) * (0.6 - 0.2)) / ohm, rel=1e-3)
 
 
+def test_current_linearity_bends_each_reading():
+    """At a steady current of the vector i along alpha phase a reads i and the others -i/2, each
+    with its own cubic and square of its own size."""
+    terms = {"second": 0.02, "third": -0.03, "reference": 2.0}
+    b = make({f"current_linearity.{n}": x for n, x in terms.items()})
+    plain, out = (replay(x, "locked", np.full(400, 24.0), np.zeros(400), U) for x in (make({}), b))
+    for phase in "abc":
+        i = plain[f"i_{phase}"][-1]
+        bent = i * (1.0 + 0.02 * abs(i) / 2.0 - 0.03 * (i / 2.0) ** 2)
+        assert out[f"i_{phase}"][-1] == pytest.approx(bent, rel=1e-12)
+
+
+def test_friction_torque_is_its_curve():
+    """Terms of 0.2 and -0.05 N m that grow up to 0.4 and 1 of 50 rad/s: at 10 rad/s a half and a
+    fifth of them, from 50 rad/s on all."""
+    sizes = {"t_5": 0.2, "t_6": -0.05, "reference": 50.0}
+    b = make({f"friction_torque.{n}": x for n, x in sizes.items()})
+    b = b._replace(viscous=0.0)
+    assert friction(b, 10.0) == pytest.approx(0.2 * 0.5 - 0.05 * 0.2, rel=1e-12)
+    assert friction(b, -10.0) == pytest.approx(-friction(b, 10.0), rel=1e-12)
+    assert friction(b, 500.0) == pytest.approx(0.15, rel=1e-12)
+
+
 def test_stator_resistance_sets_the_steady_current():
     got = settled(make({"stator_resistance.resistance": 8.0}), 24 + 0j)
     assert got == pytest.approx(pulsed(24.0, 8.0), rel=1e-9)
