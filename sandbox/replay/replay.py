@@ -32,6 +32,7 @@ from model.parameters import Converter, Motor
 from model.spline_correction import MapError
 from sandbox.plant.sets import batch_of, complete, features_of, readings_at, sampled_at
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.colour import Colour
 from sandbox.replay.grouping import SAMPLED, grouped, room_of
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
 from sandbox.replay.stretches import Stretch
@@ -50,7 +51,7 @@ class Prepared:
 
     spare: bytes that a diagnosis may take beside what grows with the campaign anyway
     (`sandbox.replay.memory`);
-    colour: correlation of neighbouring current readings' errors;
+    colour: of current readings' errors;
     map_error: what the motor's flux map may be off by, and is taken to be off by here.
     """
 
@@ -61,7 +62,7 @@ class Prepared:
     base: Set
     spare: float = math.inf
     map_error: MapError | None = None
-    colour: float = 0.0
+    colour: Colour = ()
 
     @property
     def samples(self) -> int:

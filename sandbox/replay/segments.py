@@ -1,9 +1,7 @@
 """Channels of recordings as segments: slopes and residuals cut into blocks of time and squared,
 stretch by stretch.
 
-Errors of current readings that are coloured are whitened, block by block: of the reading's residual
-what the one before foretells is taken off, rho times it, and what is left has the same variance
-again (Cochrane, Orcutt, J. Am. Stat. Assoc. 44 (1949) 32).  Slopes go the same way.
+Residuals and slopes of current readings with coloured errors are whitened (`colour`).
 
 Slopes that do not fit into memory wait in a file (`memory`); which of them act is known once all
 stretches are in, so a segment is squared then, from the same numbers in the same blocks.
@@ -11,7 +9,6 @@ stretches are in, so a segment is squared then, from the same numbers in the sam
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -19,13 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbox.replay.colour import Colour, whiten
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import Inputs
 from sandbox.replay.map_error import Answers
 from sandbox.replay.memory import SHARE, Kept, Spill, chosen
 from sandbox.replay.replay import Prepared, Residual, residual_of
 from sandbox.replay.sensitivity import Moves, Slopes, slopes
-from sandbox.replay.stretches import Stretch, stretches
+from sandbox.replay.stretches import Stretch, blocks, stretches
 
 Array = NDArray[np.float64]
 Rows = Array | Kept  # slopes (n c, q) of a segment, in memory or in a file
@@ -69,8 +67,8 @@ def squared_slopes(
         if not s.first:
             gathering = []
             for part in parts:
-                rho = colour(prepared, part.channel)
-                gathering.append(Gathering(at, part.j.shape[2], s.n * part.j.shape[1], rho))
+                colour = colour_of(prepared, part.channel)
+                gathering.append(Gathering(at, part.j.shape[2], s.n * part.j.shape[1], colour))
                 at += 8 * gathering[-1].width * gathering[-1].rows
         for part, own in zip(parts, gathering, strict=True):
             own.add(part, spill, s, cut)
@@ -125,19 +123,19 @@ def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[C
 @dataclass
 class Gathering:
     """A channel of one recording as its stretches come in: its place in the file, columns and rows
-    of slopes; correlation of neighbouring errors; which columns are not zero; residuals."""
+    of slopes; colour of errors; which columns are not zero; residuals."""
 
     at: int
     width: int
     rows: int
-    rho: float
+    colour: Colour
     acts: NDArray[np.bool_] | None = None
     residuals: list[Array] = field(default_factory=list)
 
     def add(self, part: ChannelSlopes, spill: Spill | None, s: Stretch, cut: int) -> None:
         """Take in a stretch."""
-        whiten(part.j, self.rho, s, cut)
-        whiten(part.r, self.rho, s, cut)
+        whiten(part.j, self.colour, s, cut)
+        whiten(part.r, self.colour, s, cut)
         flat = part.j.reshape(-1, self.width)
         acts = np.asarray(flat.any(axis=0))
         self.acts = acts if self.acts is None else self.acts | acts
@@ -162,26 +160,9 @@ class Gathering:
         return _segment(recording, part.channel, rows, part.places[acts], r, cut), rows
 
 
-def blocks(n: int, cut: int) -> list[tuple[int, int]]:
-    """Return first and last sample of each block of n samples; the last block is half to one and a
-    half long."""
-    starts = range(0, max(1, n - cut // 2), cut)
-    return [(first, n if first == starts[-1] else first + cut) for first in starts]
-
-
-def colour(prepared: Prepared, channel: str) -> float:
-    """Return the correlation of neighbouring errors of a channel's readings."""
-    return prepared.colour if channel == "current" else 0.0
-
-
-def whiten(x: Array, rho: float, s: Stretch, cut: int) -> None:
-    """Whiten residuals or slopes (m, ...) over a stretch, block by block, in place; rho: the
-    correlation of neighbouring ones."""
-    if rho:
-        for first, last in blocks(s.n, cut):
-            if s.first <= first and last <= s.last:
-                own = x[first - s.first : last - s.first]
-                own[1:] = (own[1:] - rho * own[:-1]) / math.sqrt(1.0 - rho * rho)
+def colour_of(prepared: Prepared, channel: str) -> Colour:
+    """Return the colour of the errors of a channel's readings."""
+    return prepared.colour if channel == "current" else ()
 
 
 def channel(r: Residual, channel: str, k: int = 0) -> Array:
@@ -194,13 +175,13 @@ def channel(r: Residual, channel: str, k: int = 0) -> Array:
 
 
 def squared(
-    each: Sequence[tuple[Array, Segment]], rows: Rows, rho: float, s: Stretch, cut: int
+    each: Sequence[tuple[Array, Segment]], rows: Rows, colour: Colour, s: Stretch, cut: int
 ) -> None:
     """Write g and r'r of residuals (m, c) over a stretch into their segments, for slopes (n c, q)
-    of all of it, whitened; rho: the correlation of neighbouring errors."""
+    of all of it, whitened; colour: of the errors."""
     wide = each[0][0].shape[1]
     for r, _ in each:
-        whiten(r, rho, s, cut)
+        whiten(r, colour, s, cut)
     for b, (first, last) in enumerate(blocks(s.n, cut)):
         if first < s.first or last > s.last:
             continue

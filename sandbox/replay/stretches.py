@@ -38,3 +38,10 @@ def stretches(samples: Sequence[int], most: float, cut: int = 1) -> list[list[St
         else:
             out[-1].append(Stretch(r, 0, n, n))
     return [group for group in out if group]
+
+
+def blocks(n: int, cut: int) -> list[tuple[int, int]]:
+    """Return first and last sample of each block of n samples; the last block is half to one and a
+    half long."""
+    starts = range(0, max(1, n - cut // 2), cut)
+    return [(first, n if first == starts[-1] else first + cut) for first in starts]

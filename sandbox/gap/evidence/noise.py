@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from sandbox.gap.two_sensors import two_sensors
 from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.replay.colour import Colour
 from sandbox.replay.inputs import noise_floor
 
 Array = NDArray[np.float64]
@@ -34,6 +35,9 @@ ROUNDING = (
     # four times
     1e-6
 )
+# readings over which errors are seen to go together: of noise half of which is behind a filter that
+# forgets 0.8 from reading to reading, 0.5^6 is left of how far an error foretells the next ones
+LAGS = 6
 LONG = 4000  # samples of a block of coloured noise, of which fewer are independent
 # Relative error of its square: blocks of LONG scatter by 0.022 sqrt((1 + rho^2)/(1 - rho^2)), 0.05
 # at 0.8, and the quarter of 24 of them by 1.36/sqrt(24) of that.
@@ -55,12 +59,12 @@ TOO_LARGE = 3.0  # stated over seen from which nothing could be seen
 
 class Noise(NamedTuple):
     """One sensor's noise (A rms): as stated, as seen (None where it cannot be), and the floor that
-    is used; colour: correlation of neighbouring readings' errors, 0 of white noise."""
+    is used; colour: autocorrelations of a reading's errors, none of white noise."""
 
     stated: float
     seen: float | None
     used: float
-    colour: float = 0.0
+    colour: Colour = ()
     # part of it that stands for commands between the rows of a slow log, estimated
     unseen: float = 0.0
 
@@ -104,37 +108,36 @@ def voted(stated: float, shown: float | None) -> float:
     return stated * math.exp(away * -math.expm1(-0.5 * (away / VOTE) ** 2))
 
 
-def colour_of(campaign: Campaign) -> float:
-    """Return the correlation of neighbouring readings' errors, 0 where it is less than WHITE or
-    cannot be seen."""
+def colour_of(campaign: Campaign) -> Colour:
+    """Return the autocorrelations of a reading's errors; none where neighbouring ones go together
+    by less than WHITE, or where that cannot be seen."""
     found = coloured(campaign, 25.0)
-    return 0.0 if found is None else found[1]
+    return () if found is None else found[1]
 
 
-def coloured(campaign: Campaign, percentile: float) -> tuple[float, float] | None:
+def coloured(campaign: Campaign, percentile: float) -> tuple[float, Colour] | None:
     """Return the noise of one sensor (A rms), as a percentile of blocks shows it, and the
-    correlation of its neighbouring errors; None of white noise, or where none is seen."""
-    rows = _differing(campaign)
-    one, two, three, squares = (np.concatenate([x[k] for x in rows]) for k in range(4))
+    autocorrelations of its errors; None of white noise, or where none is seen."""
+    *over, squares = (np.concatenate(x) for x in zip(*_differing(campaign), strict=True))
     least = (ROUNDING * largest(campaign)) ** 2
-    if not len(one) or np.median(one) <= least:
+    if not len(squares) or np.median(over[0]) <= least:
         return None
-    some = one > least
-    over = [float(np.median(x[some] / one[some])) for x in (one, two, three)]
-    if abs(over[1] - over[0]) <= WHITE or abs(over[2] - over[1]) >= abs(over[1] - over[0]):
+    some = over[0] > least
+    times = np.array([float(np.median(x[some] / over[0][some])) for x in over])
+    if abs(times[1] - 1.0) <= WHITE or abs(times[2] - times[1]) >= abs(times[1] - 1.0):
         return None
     square = float(np.percentile(squares, percentile))
-    rho = 1.0 - 0.5 * float(np.median(one)) / square
+    colour = tuple((1.0 - 0.5 * float(np.median(over[0])) / square * times).tolist())
     # rounding goes with the current: where it is half of the square, colour is no sensor's
     mostly = square > campaign.drive.converter.current_resolution**2 / 6.0
-    return (math.sqrt(square), rho) if mostly and abs(rho) < 1.0 - WHITE else None
+    return (math.sqrt(square), colour) if mostly and abs(colour[0]) < 1.0 - WHITE else None
 
 
 def _quarter(campaign: Campaign) -> float | None:
     """Return one sensor's noise (A rms) as the quieter quarter of blocks shows it, known to VOTE;
     of two sensors by `two_sensors`; None where neither can be seen."""
     if own := coloured(campaign, 25.0):
-        alike = (1.0 + own[1] ** 2) / (1.0 - own[1] ** 2)
+        alike = 1.0 + 2.0 * float(np.sum(np.square(own[1])))
         return own[0] / math.sqrt(1.0 - LOWER * math.sqrt(2.0 * alike / LONG))
     found = _of_blocks(campaign, 25.0)
     if found is None:
@@ -156,7 +159,7 @@ def _of_blocks(campaign: Campaign, percentile: float) -> float | None:
 
 def _differing(campaign: Campaign) -> list[list[list[float]]]:
     """Return by recording mean squares (A^2) of the sum of readings, as large as one sensor's
-    noise, in blocks: of its differences over one reading, over two and over three, and of itself.
+    noise, in blocks: of its differences over 1 to LAGS readings, and of itself.
 
     Each recording's offset and drift are taken off, and what gains and bends of the sensors leave
     of the sum, which are the same in all recordings.
@@ -170,7 +173,7 @@ def _differing(campaign: Campaign) -> list[list[list[float]]]:
     out = []
     for x in steady:
         left = (x[0] - bends @ x[1:]) / math.sqrt(3.0)
-        over = [left[3:] - left[3 - k : -k] for k in (1, 2, 3)]
+        over = [left[LAGS:] - left[LAGS - k : -k] for k in range(1, LAGS + 1)]
         out.append([*(_squares(x, BLOCK) for x in over), _squares(left, LONG)])
     return out
 
@@ -267,7 +270,7 @@ def _coloured(own: Noise) -> str:
     if not own.colour:
         return ""
     return (
-        f"Neighbouring current readings err alike (correlation {own.colour:.2f}), as behind a "
+        f"Neighbouring current readings err alike (correlation {own.colour[0]:.2f}), as behind a "
         "filter: slow parts of what is left count for less, fast ones for more."
     )
 

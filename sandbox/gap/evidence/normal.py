@@ -36,7 +36,7 @@ from sandbox.replay.inputs import inputs_of
 from sandbox.replay.map_error import with_map_error
 from sandbox.replay.memory import SHARE, Kept
 from sandbox.replay.replay import Prepared, StreamingReplay, in_threads, plan, residual_of
-from sandbox.replay.segments import Segment, channel, colour, squared, squared_slopes
+from sandbox.replay.segments import Segment, channel, colour_of, squared, squared_slopes
 from sandbox.replay.sensitivity import Moves
 from sandbox.replay.stretches import Stretch, stretches
 from sandbox.replay.walking import Block
@@ -141,7 +141,7 @@ class Normal:
                         (channel(shown, s.channel, j), out[m][k])
                         for j, m in enumerate(block.members)
                     ]
-                    squared(each, rows, colour(prepared, s.channel), stretch, cut)
+                    squared(each, rows, colour_of(prepared, s.channel), stretch, cut)
 
         a_sample = 8 * 2 * 4 * ROOMS[-1] * workers  # its predictions and residuals
         for group in stretches(

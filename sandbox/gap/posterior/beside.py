@@ -29,8 +29,9 @@ from sandbox.gap.evidence.regression import (
     unscaled,
 )
 from sandbox.gap.posterior.linear_model import LinearModel
+from sandbox.replay.colour import whiten
 from sandbox.replay.replay import replay, residuals
-from sandbox.replay.segments import colour, whiten
+from sandbox.replay.segments import colour_of
 from sandbox.replay.stretches import Stretch
 
 Array = NDArray[np.float64]
@@ -203,9 +204,9 @@ def joined(n: Normal, table: LinearModel, prior: Prior) -> Joint | None:
     for k, read in enumerate(prediction.currents):
         fold = k % folds
         for part in unscaled(prepared, values, k, read[:, :, 0]):
-            y, rho = component(part, shown[k]).copy(), colour(prepared, part.channel)
+            y, colour = component(part, shown[k]).copy(), colour_of(prepared, part.channel)
             for x in (part.x, y):
-                whiten(x, rho, Stretch(k, 0, len(x), len(x)), block_length(prepared))
+                whiten(x, colour, Stretch(k, 0, len(x), len(x)), block_length(prepared))
             _add(m[fold], v[fold], rows[fold], n, part, y, place[part.channel])
         for s in n.segments:
             if s.recording == k:

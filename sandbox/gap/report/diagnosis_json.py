@@ -12,6 +12,7 @@ import numpy as np
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.gap_size import rms, share_closed
+from sandbox.gap.evidence.noise import Noise
 from sandbox.gap.evidence.regression import Remains
 from sandbox.gap.location.where import Finding
 from sandbox.gap.planning.next_recording import Next, as_json
@@ -57,7 +58,7 @@ def document(
             ],
             "position_error_deg": None if position is None else position.as_json(),
             "remains": None if remains is None else remains.as_json(),
-            "noise": None if d.noise is None else d.noise._asdict(),
+            "noise": None if d.noise is None else _noise(d.noise),
         },
         "where": [asdict(finding) for finding in where],
         "hypotheses": [
@@ -83,6 +84,11 @@ def document(
         "excerpts": excerpts(d.campaign.excerpts),
         "cost": {"simulations": d.simulations, "seconds": d.seconds},
     }
+
+
+def _noise(own: Noise) -> dict[str, float | None]:
+    """Return a current sensor's noise as JSON; of its colour the correlation of neighbours."""
+    return own._asdict() | {"colour": own.colour[0] if own.colour else 0.0}
 
 
 def with_advice(d: Diagnosis, r: Ranking, listed: dict[str, Any]) -> dict[str, Any]:

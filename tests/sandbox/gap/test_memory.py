@@ -126,7 +126,7 @@ def test_stretches_by_hand():
 def test_what_acts_in_one_stretch_alone_counts():
     """Two stretches of two samples: the first column acts in one, the third in the other, the
     second in none."""
-    spill, own, columns = Spill(96), Gathering(0, 3, 4, 0.0), np.arange(3)
+    spill, own, columns = Spill(96), Gathering(0, 3, 4, ()), np.arange(3)
     for first, row in ((0, [1.0, 0.0, 0.0]), (2, [0.0, 0.0, 2.0])):
         part = ChannelSlopes(
             "motion",
