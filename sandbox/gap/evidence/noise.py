@@ -260,8 +260,6 @@ def far_apart(own: Noise) -> bool:
 def parting(own: Noise) -> str:
     """Return what is to be said of noise that readings show: that it overrules the stated one or
     that both part, that it is coloured; else ""."""
-    if own.seen is None:
-        return ""
     return " ".join(x for x in (_apart(own), _coloured(own)) if x)
 
 
@@ -277,6 +275,8 @@ def _coloured(own: Noise) -> str:
 
 def _apart(own: Noise) -> str:
     """Return a sentence where the stated noise and the one seen part; else ""."""
+    if own.seen is None:
+        return ""
     overruled = not own.unseen and abs(math.log(own.used / own.seen)) < abs(
         math.log(own.used / own.stated)
     )
