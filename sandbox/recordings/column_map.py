@@ -430,7 +430,7 @@ def _plain(name: str) -> str:
 
 def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
     k = first_beyond(raw, LARGEST)
-    if len(raw) and np.all(np.isnan(raw)):
+    if len(raw) and np.all(np.isnan(raw)) and not table.odd.get((column, 0)):
         raise BadInput(
             f"{file}: column '{column}' holds no number in any row; map the column that was "
             "recorded, or leave it out of [columns]"

@@ -32,7 +32,6 @@ from model.parameters import Converter, Motor
 from model.spline_correction import MapError
 from sandbox.plant.sets import batch_of, complete, features_of, readings_at, sampled_at
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.colour import Colour
 from sandbox.replay.grouping import SAMPLED, grouped, room_of
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
 from sandbox.replay.stretches import Stretch
@@ -62,7 +61,7 @@ class Prepared:
     base: Set
     spare: float = math.inf
     map_error: MapError | None = None
-    colour: Colour = ()
+    colour: tuple[float, ...] = ()
 
     @property
     def samples(self) -> int:

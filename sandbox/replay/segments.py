@@ -1,7 +1,11 @@
 """Channels of recordings as segments: slopes and residuals cut into blocks of time and squared,
 stretch by stretch.
 
-Residuals and slopes of current readings with coloured errors are whitened (`colour`).
+Of current readings with coloured errors residuals and slopes are whitened: what the ones before
+foretell is taken off, and what is left is divided by its standard deviation (Durbin, Rev. Int.
+Stat. Inst. 28 (1960) 233, whose recursion gives the coefficients from the errors'
+autocorrelations).  Sums of squares are then those of the inverse covariance, of an autoregression.
+A block begins anew, so that blocks stay independent.
 
 Slopes that do not fit into memory wait in a file (`memory`); which of them act is known once all
 stretches are in, so a segment is squared then, from the same numbers in the same blocks.
@@ -9,14 +13,15 @@ stretches are in, so a segment is squared then, from the same numbers in the sam
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.replay.colour import Colour, whiten
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import Inputs
 from sandbox.replay.map_error import Answers
@@ -26,6 +31,7 @@ from sandbox.replay.sensitivity import Moves, Slopes, slopes
 from sandbox.replay.stretches import Stretch, blocks, stretches
 
 Array = NDArray[np.float64]
+Colour = tuple[float, ...]  # autocorrelations over 1, 2, ... readings; () of white noise
 Rows = Array | Kept  # slopes (n c, q) of a segment, in memory or in a file
 
 
@@ -163,6 +169,40 @@ class Gathering:
 def colour_of(prepared: Prepared, channel: str) -> Colour:
     """Return the colour of the errors of a channel's readings."""
     return prepared.colour if channel == "current" else ()
+
+
+def whiten(x: Array, colour: Colour, s: Stretch, cut: int) -> None:
+    """Whiten residuals or slopes (m, ...) over a stretch, block by block, in place; cut: samples of
+    a block."""
+    if not colour:
+        return
+    for first, last in blocks(s.n, cut):
+        if s.first <= first and last <= s.last:
+            own = x[first - s.first : last - s.first]
+            read, known = own.copy(), predictors(colour)
+            for k, (weights, deviation) in enumerate(known):
+                # the last one foretells all readings that have so many before them
+                end = k + 1 if k + 1 < len(known) else len(own)
+                for j, weight in enumerate(weights, 1):
+                    own[k:end] -= weight * read[k - j : end - j]
+                own[k:end] /= deviation
+
+
+@cache
+def predictors(colour: Colour) -> list[tuple[Array, float]]:
+    """Return weights of the readings before, the latest first, by which 0, 1, ... of them foretell
+    an error best, and the standard deviation of what they leave; up to the order from which no
+    noise has such autocorrelations."""
+    weights, square = np.zeros(0), 1.0
+    out = [(weights, 1.0)]
+    for k in range(len(colour)):
+        more = float(colour[k] - weights @ np.array(colour[:k][::-1])) / square
+        if not abs(more) < 1.0:
+            break
+        weights = np.append(weights - more * weights[::-1], more)
+        square *= 1.0 - more * more
+        out.append((weights, math.sqrt(square)))
+    return out
 
 
 def channel(r: Residual, channel: str, k: int = 0) -> Array:

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from sandbox.gap.two_sensors import two_sensors
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.replay.colour import Colour
 from sandbox.replay.inputs import noise_floor
+from sandbox.replay.segments import Colour
 
 Array = NDArray[np.float64]
 # samples: the 10th percentile of white noise's blocks lies 6 % below its rms, by chance alone

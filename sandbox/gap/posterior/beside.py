@@ -29,9 +29,8 @@ from sandbox.gap.evidence.regression import (
     unscaled,
 )
 from sandbox.gap.posterior.linear_model import LinearModel
-from sandbox.replay.colour import whiten
 from sandbox.replay.replay import replay, residuals
-from sandbox.replay.segments import colour_of
+from sandbox.replay.segments import colour_of, whiten
 from sandbox.replay.stretches import Stretch
 
 Array = NDArray[np.float64]

@@ -135,7 +135,7 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     assert {f["subsystem"] for f in c["where"]} <= set(SUBSYSTEMS)
     assert sum(h["probability"] for h in c["hypotheses"]) == pytest.approx(1.0)
     best = c["hypotheses"][0]
-    assert set(best) == {"effects", "probability", "closed", "parameters"}
+    assert set(best) == {"effects", "probability", "closed", "shares", "parameters"}
     assert best["effects"] == ["dead_time"]
     assert c["verdict"] == ("explained" if len(c["ambiguity_set"]) == 1 else "ambiguous")
     assert best["parameters"]["dead_time.time"]["value"] == pytest.approx(DEAD_TIME, rel=0.05)
@@ -166,6 +166,7 @@ def test_electrical_recordings_alone_judge_no_mechanics(small_folder, tmp_path):
     shaft = {
         "coulomb_friction",
         "viscous_friction",
+        "friction_torque",
         "cogging_torque",
         "inertia",
         "shaft_compliance",
@@ -187,7 +188,7 @@ def test_electrical_recordings_alone_judge_no_mechanics(small_folder, tmp_path):
 
 def test_mechanics_are_candidates_where_a_rotor_is_free(small_answers):
     campaign = small_answers.diagnosis.campaign
-    assert len(out_of_sight(campaign)) == 5
+    assert len(out_of_sight(campaign)) == 6
     one = dataclasses.replace(campaign.recordings[0], rotor="free")
     assert (
         out_of_sight(dataclasses.replace(campaign, recordings=(*campaign.recordings[1:], one)))

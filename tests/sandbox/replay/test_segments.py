@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from sandbox.replay.colour import predictors, whiten
+from sandbox.replay.segments import predictors, whiten
 from sandbox.replay.stretches import Stretch, blocks
 
 MIXED = tuple(0.5 * 0.8**h for h in range(1, 7))  # half white, half behind a filter
