@@ -222,8 +222,7 @@ def _passed(told: list[Hypothesis]) -> list[Hypothesis]:
 def misstated(noise: Noise) -> float:
     """Return by how much of itself the noise's square may be misstated: twice what the floor that
     is used differs from the noise that readings show, and what that is known to where it is
-    coloured; nothing where the stated one stands alone;
-    what is estimated for a slow log, all."""
+    coloured; nothing where the stated one stands alone; what is estimated for a slow log, all."""
     if noise.unseen:
         return (noise.unseen / noise.used) ** 2
     if noise.seen is None:
