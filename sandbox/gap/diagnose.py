@@ -22,7 +22,7 @@ from model.errors import PhysicsError
 from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.map_modes import map_error, with_modes
-from sandbox.gap.evidence.noise import COLOURED, PLAUSIBLE, Noise, noise_caution, noise_of
+from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.excerpts import begun, excerpted
@@ -136,7 +136,9 @@ def _diagnosed(
 ) -> Diagnosis:
     """Return the diagnosis of a campaign, what it took left out.  What recordings' offsets differ
     by is looked for at the nominal model already, where it misses little else."""
-    start, nominal = _nominal(own, memory, workers)
+    noise = noise_of(own)
+    caution = noise_caution(own, noise)
+    start, nominal = _nominal(own, noise, memory, workers)
     drifts = Unstated(drifting=drifting(start, shown(start)))
     if drifts:
         start = drifts.at(start)
@@ -150,7 +152,6 @@ def _diagnosed(
     if found.known:
         own, start = found.known.in_campaign(own), found.start
         nominal = normal(start, (), workers=workers)
-    noise = noise_of(own)
     report("measuring the gap")
     left = held_out(found.linear)
     before = _without(found.null, start, left, workers)
@@ -178,7 +179,7 @@ def _diagnosed(
         0,
         0.0,
         tuple(exclude),
-        noise_caution(own),
+        caution,
         hidden,
         noise,
         found.known.drifting,
@@ -228,15 +229,14 @@ def misstated(noise: Noise) -> float:
     if noise.seen is None:
         return 0.0
     apart = abs(math.log(noise.used / noise.seen))
-    known = COLOURED if noise.colour else 0.0
-    return 0.0 if apart > math.log(PLAUSIBLE) else math.hypot(2.0 * apart, known)
+    known = noise.error if noise.colour else 0.0
+    return 0.0 if apart > math.log(PLAUSIBLE) else 2.0 * math.hypot(apart, known)
 
 
-def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]:
+def _nominal(own: Campaign, noise: Noise, memory: float, workers: int) -> tuple[Point, Normal]:
     """Return a campaign at its nominal model; PhysicsError where that predicts nothing finite."""
     left_over = spare(memory, sum(len(r.t) for r in own.recordings))
     prepared = prepare(in_order(own))
-    noise = noise_of(own)
     prepared = replace(prepared, noise_std=noise.used, colour=noise.colour, spare=left_over)
     start = Point(prepared, complete(own.drive.motor, own.drive.converter))
     nominal = normal(start, (), workers=workers)

@@ -88,7 +88,8 @@ def document(
 
 def _noise(own: Noise) -> dict[str, float | None]:
     """Return a current sensor's noise as JSON; of its colour the correlation of neighbours."""
-    return own._asdict() | {"colour": own.colour[0] if own.colour else 0.0}
+    kept = {k: v for k, v in own._asdict().items() if k != "error"}
+    return kept | {"colour": own.colour[0] if own.colour else 0.0}
 
 
 def with_advice(d: Diagnosis, r: Ranking, listed: dict[str, Any]) -> dict[str, Any]:

@@ -292,15 +292,12 @@ def _of_noise(campaign: Campaign) -> list[Noticed]:
     readings show."""
     from sandbox.gap.evidence.noise import far_apart, noise_caution, noise_of
 
+    own = noise_of(campaign)
     try:
-        text = noise_caution(campaign)
+        text = noise_caution(campaign, own)
     except BadInput as error:
         return [Noticed(REFUSED, Finding(campaign.name, "", None, str(error)))]
-    return (
-        [Noticed(SUSPICIOUS, Finding(campaign.name, "", None, text))]
-        if far_apart(noise_of(campaign))
-        else []
-    )
+    return [Noticed(SUSPICIOUS, Finding(campaign.name, "", None, text))] if far_apart(own) else []
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,7 +13,9 @@ from scipy.stats import chi2
 from model.errors import BadInput, PhysicsError
 from sandbox.cli import main
 from sandbox.gap.diagnose import diagnosis_of
-from sandbox.gap.evidence.noise import floor_of, noise_caution, noise_of, seen
+from sandbox.gap.evidence.noise import floor_of, noise_of
+from sandbox.gap.evidence.noise import noise_caution as caution_of
+from sandbox.gap.evidence.sensor_noise import sensor_noise
 from sandbox.gap.two_sensors import two_sensors
 from sandbox.recordings.campaign import CampaignRecording, read_folder
 from sandbox.replay.inputs import noise_floor
@@ -34,18 +36,54 @@ def with_currents(campaign, change):
     return dataclasses.replace(campaign, recordings=tuple(recordings))
 
 
-def test_noise_seen_is_that_put_in(small_folder):
-    """White noise of 20 mA on top of the bench's own: their root sum of squares, less what the
-    quietest blocks lie low.
+def noise_caution(campaign):
+    """Return what is said of a campaign's noise."""
+    return caution_of(campaign, noise_of(campaign))
 
-    The tenth percentile of mean squares of 400 second differences: relative deviation sqrt(2 *
-    35/18 / 400) = 0.10 of the square (fourth moment of (1, -2, 1)-filtered noise), so 0.13 low in
-    the square, 0.065 low in the root.
+
+def test_noise_seen_is_that_put_in(small_folder):
+    """White noise of 20 mA on top of the bench's own: their root sum of squares.
+
+    12 blocks of 512, half of each shared with the next one, hold 3600 readings that do not depend
+    on each other: 1/sqrt(2 x 3600) = 1.2 % of the rms, 1.9 times that where every 150th periodogram
+    is left out and a quarter of the readings is left outside whole blocks; two deviations.
     """
     campaign, rng = read_folder(small_folder), np.random.default_rng(0)
     noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
     true = np.hypot(0.02, noise_floor(campaign.drive.converter))
-    assert seen(noisy) == pytest.approx(0.935 * true, rel=0.03)
+    assert noise_of(noisy).seen == pytest.approx(true, rel=0.035)
+
+
+def test_what_turns_with_the_rotor_is_no_noise(small_folder):
+    """A line of three times the noise in all three readings alike, as a core that remembers leaves
+    it: its sum has sqrt(3) times 3/sqrt(2), so a mean would show 3.8 times the noise.  In 512
+    samples a line stands in four of 257 frequencies, of which neighbours tell the noise."""
+    campaign = read_folder(small_folder)
+    size = 3.0 * noise_floor(campaign.drive.converter)
+    lined = with_currents(campaign, lambda i: i + size * np.sin(0.7 * np.arange(len(i))))
+    plain, found = noise_of(campaign), noise_of(lined)
+    assert found.seen == pytest.approx(plain.seen, rel=0.035)
+    assert found.colour == plain.colour == ()
+
+
+def test_drawn_noise_comes_out_within_its_stated_error(small_folder):
+    """White noise, and noise half of which is behind a filter that forgets 0.8 from reading to
+    reading, 40 draws of 2.5 mA to 20 mA: of the errors over their stated deviations the rms is 1 at
+    most (1 + 2/sqrt(80): two deviations), the mean 2/sqrt(40) of one."""
+    campaign, rng = read_folder(small_folder), np.random.default_rng(11)
+    still = with_currents(campaign, lambda i: 0.0 * i)
+    errors = []
+    for k in range(40):
+        size, rho = 0.0025 * 2.0 ** (k % 4), 0.8 * (k % 2)
+
+        def noise(i, size=size, rho=rho):
+            own = rng.standard_normal((2, len(i) + 100)) * size * math.sqrt(0.5)
+            return own[0, 100:] + lfilter([math.sqrt(1 - rho**2)], [1, -rho], own[1])[100:]
+
+        found = noise_of(with_currents(still, noise))
+        errors.append(math.log(found.seen / size) / found.error)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.0 + 2.0 / math.sqrt(80.0)
+    assert abs(np.mean(errors)) < 0.5
 
 
 @pytest.mark.parametrize("rho", [0.5, 0.8, -0.3])
@@ -54,9 +92,9 @@ def test_coloured_noise_is_seen_whole(small_folder, rho):
     correlation is that of the whole.  Second differences alone would show (3 - 4 rho + rho^2)/3 of
     it, 0.65 of the rms at 0.5.
 
-    The square is that of 4 blocks' lower quarter (one a recording, 1200 readings): each scatters
-    by sqrt(2/1200 (1 + rho^2)/(1 - rho^2)), 0.09 of it at 0.8; two deviations are 9 % in the rms.
-    rho follows within (1 - rho) times that, 0.12 at -0.3."""
+    4800 readings' mean square scatters by sqrt(2/4800 (1 + rho^2)/(1 - rho^2)), 0.044 of it at 0.8;
+    half of it in the rms, twice for what blocks leave out, two deviations: 9 %.  rho follows within
+    (1 - rho) times that, 0.12 at -0.3."""
     campaign, rng = read_folder(small_folder), np.random.default_rng(3)
 
     def noisy(i):
@@ -101,7 +139,7 @@ def test_the_sum_of_two_sensors_tells_nothing_of_noise(small_folder):
         dataclasses.replace(r, columns={**r.columns, "i_c": -r.columns["i_a"] - r.columns["i_b"]})
         for r in campaign.recordings
     )
-    assert seen(dataclasses.replace(campaign, recordings=two)) is None
+    assert sensor_noise(dataclasses.replace(campaign, recordings=two)) is None
 
 
 def test_rounding_to_float32_is_no_noise(small_folder):
@@ -119,7 +157,7 @@ def test_rounding_to_float32_is_no_noise(small_folder):
         two.append(dataclasses.replace(r, columns={**r.columns, **kept}))
     assert np.any(two[0].i_a + two[0].i_b + two[0].i_c != 0.0)
     two = dataclasses.replace(campaign, recordings=tuple(two))
-    assert seen(two) is None
+    assert sensor_noise(two) is None
     assert noise_of(two).seen == pytest.approx(
         math.hypot(0.01, noise_floor(campaign.drive.converter)), rel=0.1
     )
@@ -215,13 +253,13 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_run(
 
 @pytest.mark.parametrize("wrong", [1.0, 0.975, 1.2, 1.0 / 1.2])
 def test_the_floor_is_what_stated_and_seen_noise_agree_on(small_folder, wrong):
-    """A stated floor that is wrong by up to a fifth moves the floor by less than 1.5 %, which is
-    what the seen one errs (VOTE); a right one by less than what the seen one errs, too.  20 mA of
-    white noise are the truth."""
+    """A stated floor that is wrong by up to a fifth moves the floor by less than twice
+    what the seen one errs with four short recordings (2 %), and a right one by less than that, too.
+    20 mA of white noise are the truth."""
     campaign, rng = read_folder(small_folder), np.random.default_rng(0)
     noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
     true = np.hypot(0.02, noise_floor(campaign.drive.converter))
-    assert floor_of(noisy, wrong * true) == pytest.approx(true, rel=0.02)
+    assert floor_of(noisy, wrong * true) == pytest.approx(true, rel=0.04)
 
 
 def locked(i, u, noise):

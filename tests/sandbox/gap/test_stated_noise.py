@@ -10,6 +10,7 @@ from sandbox.gap.diagnose import diagnosis_of, verdict
 from sandbox.gap.evidence import noise
 from sandbox.gap.evidence.noise import Noise, noise_of, parting
 from sandbox.gap.evidence.priors import ordinary
+from sandbox.gap.evidence.sensor_noise import SensorNoise
 from sandbox.gap.report.answers import caveats
 from sandbox.gap.report.diagnosis_json import document
 from sandbox.output.files import plain
@@ -87,20 +88,10 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
 def test_a_stated_noise_that_is_overruled_or_stands_against_the_readings_is_told(seen, said):
     """The seen one counts for more than half from 1.5 % x sqrt(2 ln 2) = 1.766 % on (0.975: the
     issue's campaign), and not at all beyond three times."""
-    found = parting(Noise(1.0, seen, noise.voted(1.0, seen)))
+    shown = None if seen is None else SensorNoise(seen, (), 0.015)
+    found = parting(Noise(1.0, seen, noise.voted(1.0, shown)))
     assert said in found
     assert bool(found) == bool(said)
-
-
-def test_counts_that_hide_noise_are_not_said_to_be_overruled(small_folder, monkeypatch):
-    """The sentence on counts names the floor that is used."""
-    campaign = read_folder(small_folder)
-    own = dataclasses.replace(campaign.drive.converter, current_noise=1e-4, current_resolution=0.1)
-    coarse = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=own))
-    monkeypatch.setattr(noise, "counted", lambda campaign: True)
-    found = noise.noise_caution(coarse)
-    assert f"in units of {noise_of(coarse).used:.3g} A" in found
-    assert "follows" not in found
 
 
 @pytest.mark.parametrize(
