@@ -28,7 +28,7 @@ MOTORS = Path(__file__).parent / "motors"
 MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
 MAP_SUFFIXES = (".npz", ".mat", ".csv")
 ASSUMED = "not stated, usual values"  # in a drive's provenance: keys of [drive] that sentences name
-QUOTED = ("sampling_period", "dc_bus_voltage")
+QUOTED = ("sampling_period", "dc_bus_voltage", "current_noise")
 # allowed, not read with the drive
 OTHER_TABLES = {
     "provenance",

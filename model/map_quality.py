@@ -22,6 +22,7 @@ DEGREE = 6  # of the polynomials that tell the asymmetry
 FARTHEST = math.radians(15.0)  # angle that is looked for
 ONE_SIDED = 0.25  # of the range of i_q: less on one side tells no asymmetry
 TELLING = 1.4  # times the asymmetry must fall for an angle to be proposed
+SAME = 1e-5  # of the largest flux: a map is written with that many digits, or was made symmetric
 # of the range of i_d: less than that beyond 0 leaves no room for the polarity test
 NO_STARTING = 0.02
 
@@ -30,13 +31,14 @@ NO_STARTING = 0.02
 class Quality:
     """How far a map can be believed.
 
-    points: with a value; held_out, held_out_edge: Wb rms of the fit in use on points that it has
-    not seen, inside the map and on its edge (None: no fit to the rest is found); asymmetry: Wb rms
-    between +i_q and -i_q (None: the map has one sign only); angle: rad that would explain most of
-    it (None: none does); asymmetry_turned: what that would leave.
+    points: with a value; largest: Wb, its largest flux; held_out, held_out_edge: Wb rms of the fit
+    in use on points that it has not seen, inside the map and on its edge (None: no fit to the rest
+    is found); asymmetry: Wb rms between +i_q and -i_q (None: the map has one sign only); angle: rad
+    that would explain most of it (None: none does); asymmetry_turned: what that would leave.
     """
 
     points: int
+    largest: float
     held_out: float | None
     held_out_edge: float | None
     asymmetry: float | None
@@ -49,11 +51,17 @@ class Quality:
         out = list(self.notes)
         if self.held_out is not None and self.held_out_edge is not None:
             out.append(
-                f"fit of the map: {1e3 * self.held_out:.3g} mWb rms on points held out inside it, "
-                f"{1e3 * self.held_out_edge:.3g} mWb rms on its edge, of {self.points} points"
+                f"fit of the map: {self._of_largest(self.held_out)} rms on points held out inside "
+                f"it, {self._of_largest(self.held_out_edge)} rms on its edge, of {self.points} "
+                f"points; 100 % is the largest flux, {1e3 * self.largest:.3g} mWb"
             )
         if self.asymmetry is not None:
-            out.append(f"+i_q and -i_q differ by {1e3 * self.asymmetry:.3g} mWb rms")
+            same = self.asymmetry < SAME * self.largest
+            out.append(
+                "+i_q and -i_q are the same"
+                if same
+                else f"+i_q and -i_q differ by {self._of_largest(self.asymmetry)} rms"
+            )
         if self.angle is not None and self.asymmetry_turned is not None:
             out.append(
                 f"an angle offset of {math.degrees(self.angle):.2f} degrees explains that but for "
@@ -61,6 +69,10 @@ class Quality:
                 "more in [flux_map]"
             )
         return out
+
+    def _of_largest(self, flux: float) -> str:
+        """Return a flux (Wb) with its share of the largest."""
+        return f"{1e3 * flux:.3g} mWb ({100.0 * flux / self.largest:.2g} %)"
 
 
 def quality(p: MapPoints, choice: Choice = ((10, 8), 1e-3)) -> Quality:
@@ -72,16 +84,17 @@ def quality(p: MapPoints, choice: Choice = ((10, 8), 1e-3)) -> Quality:
             f"{p.name}: the map ends at i_d = {float(np.max(p.i_d)):.3g} A, so the polarity test "
             "of starting up leaves it; give start_up = false in the scenario"
         )
-    missed = held_out(p, *choice)
+    missed, largest = held_out(p, *choice), float(np.max(np.hypot(p.psi_d, p.psi_q)))
     inside, edge = (x if math.isfinite(x) else None for x in missed)
     if min(-float(np.min(p.i_q)), float(np.max(p.i_q))) < ONE_SIDED * float(np.ptp(p.i_q)):
-        return Quality(len(p.i_d), inside, edge, None, None, None, tuple(notes))
+        return Quality(len(p.i_d), largest, inside, edge, None, None, None, tuple(notes))
     now, angle = asymmetry(p), best_angle(p)
     after = asymmetry(p, angle)
     is_clear = (
         now > TELLING * after and abs(angle) > math.radians(0.2) and abs(angle) < 0.99 * FARTHEST
     )
-    return Quality(len(p.i_d), inside, edge, now, angle if is_clear else None, after, tuple(notes))
+    turned = angle if is_clear else None
+    return Quality(len(p.i_d), largest, inside, edge, now, turned, after, tuple(notes))
 
 
 def asymmetry(p: MapPoints, angle: float = 0.0) -> float:

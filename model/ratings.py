@@ -4,6 +4,7 @@ anything runs."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from model.drive_files import ASSUMED
@@ -19,7 +20,12 @@ TORQUE_OFF = 3.0
 # base speed; a motor that needs a tenth of its link is one whose speed stands in rad/s (9.5 times
 # too low), or whose link is not stated.
 VOLTAGE_HIGH, VOLTAGE_LOW = 5.0, 0.1
-UNIT_OF = {"sampling_period": "s", "dc_bus_voltage": "V"}
+UNIT_OF = {
+    "sampling_period": "s",
+    "dc_bus_voltage": "V",
+    "current_noise": "A rms",
+    "encoder_counts": "a turn",
+}
 
 
 class Off(NamedTuple):
@@ -60,7 +66,12 @@ def assumed(drive: Drive) -> tuple[str, ...]:
     if not keys:
         return ()
     own = ", ".join(f"{k} = {getattr(drive.converter, k):g} {UNIT_OF[k]}" for k in keys)
-    return (f"[drive] does not state {' and '.join(keys)}; usual values stand in: {own}",)
+    return (f"[drive] does not state {_listing(keys)}; usual values stand in: {own}",)
+
+
+def _listing(names: Sequence[str]) -> str:
+    """Return names with commas, "and" before the last."""
+    return " and ".join(x for x in (", ".join(names[:-1]), names[-1]) if x)
 
 
 def map_notes(motor: Motor) -> tuple[str, ...]:

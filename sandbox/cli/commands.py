@@ -195,7 +195,8 @@ def simulate(
         record=record,
     )
     more = not json_only
-    output.finish(result, folder, trace=more and not no_trace, figure=more, table=more)
+    said = "" if record is None else f"the run as a campaign in {record}"
+    output.finish(result, folder, said, trace=more and not no_trace, figure=more, table=more)
 
 
 def sweep(

@@ -16,6 +16,29 @@ PIPE = 10_000  # columns where no terminal is there: what reads a pipe folds not
 PAUSE = 60.0  # s between two lines of progress where no terminal is there
 BEAT = 5.0  # s between two looks at whether a line is due while nothing is reported
 
+COMPILING = " (compiling)"
+
+
+def compiling() -> bool:
+    """Return whether functions are being compiled; asked of a module that may not be loaded yet."""
+    watch = getattr(sys.modules.get("model.compiled"), "WATCH", None)
+    return watch is not None and watch.active > 0
+
+
+def _doing(text: str) -> Any:
+    """Return a bar's column with a text of its task, and whether that is compiled just now."""
+    from rich.progress import Task, TextColumn
+    from rich.text import Text
+
+    class Doing(TextColumn):
+        """A text that is followed by what holds it up."""
+
+        def render(self, task: Task) -> Text:
+            """Return what the column shows."""
+            return super().render(task).append(COMPILING if compiling() else "")
+
+    return Doing(text)
+
 
 class _Lines:
     """Lines of progress on the standard error, with the seconds since it began: one in PAUSE, also
@@ -36,8 +59,9 @@ class _Lines:
             now = time.monotonic()
             if now - self.last >= PAUSE:
                 self.last = now
+                doing = f"{self.text}{COMPILING if compiling() else ''}"
                 print(
-                    f"{self.title}: {self.text}, {now - self.began:.0f} s",
+                    f"{self.title}: {doing}, {now - self.began:.0f} s",
                     file=sys.stderr,
                     flush=True,
                 )
@@ -102,7 +126,7 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | 
     )
 
     columns = (
-        TextColumn("{task.description}"),
+        _doing("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
         TimeElapsedColumn(),
@@ -139,7 +163,7 @@ def rate_bar(
     )
 
     columns = (
-        TextColumn(f"{title} {{task.fields[count]}}"),
+        _doing(f"{title} {{task.fields[count]}}"),
         BarColumn(),
         TextColumn("{task.fields[rate]}"),
         TimeElapsedColumn(),
@@ -188,7 +212,7 @@ def effort_bar(
     )
 
     columns = (
-        TextColumn("{task.description}"),
+        _doing("{task.description}"),
         BarColumn(8),
         TextColumn("{task.completed:,.0f} simulations"),
         TimeElapsedColumn(),

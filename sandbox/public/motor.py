@@ -11,6 +11,7 @@ import numpy as np
 
 from model.errors import BadInput
 from model.parameters import Drive
+from model.ratings import cautions
 from sandbox.output.columns import Column
 from sandbox.public.calls import records_call
 from sandbox.public.loading import load_motor
@@ -90,7 +91,9 @@ class MapsResult(Result):
     command: ClassVar[str] = "maps"
     kinds: ClassVar[tuple[str, ...]] = ("figure",)
     coordinates: ClassVar[tuple[str, ...]] = ("i_d", "i_q")
+    drive: Drive
     maps: Maps
+    flux_map: Quality | None = None
 
     def summary(self) -> str:
         """Return the motor and the plane."""
@@ -101,7 +104,9 @@ class MapsResult(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `maps.json` holds beyond its header and the names of files."""
-        return {"motor": self.maps.motor, **self.maps.summary()}
+        content = {"motor": self.maps.motor, **self.maps.summary()}
+        content["cautions"] = list(cautions(self.drive))
+        return content if self.flux_map is None else {**content, "flux_map": asdict(self.flux_map)}
 
     def columns(self) -> dict[str, Column]:
         """Return the maps, one row a current: i_d, i_q (A), inductances (H), angle (rad), gain."""
@@ -131,10 +136,15 @@ class MapsResult(Result):
         return maps_figure(self.maps, path, ax=ax)
 
     def report(self) -> None:
-        """Print the maps at zero and rated current, and their ranges."""
-        from sandbox.public.printed import print_maps
+        """Print the maps at zero and rated current, their ranges, and how far they can be
+        believed."""
+        from sandbox.output.tables import print_prose
+        from sandbox.public.printed import print_cautions, print_maps
 
         print_maps(self.maps)
+        print_cautions(self.drive)
+        for sentence in self.flux_map.sentences() if self.flux_map else ():
+            print_prose(sentence)
 
     def _write_more(self, out: Path) -> dict[str, Any]:
         """Write the arrays."""
@@ -228,7 +238,7 @@ def maps(
 
     drive = load_motor(motor)
     _check_radius(drive, radius)
-    return MapsResult(mapped(drive.motor, radius, points))
+    return MapsResult(drive, mapped(drive.motor, radius, points), _map_of(motor))
 
 
 def _check_radius(drive: Drive, radius: float | None) -> None:

@@ -302,18 +302,15 @@ def print_maps(m: Maps) -> None:
     order errs."""
     content = m.summary()
     rows = []
+    errs = content["first_order_error_l_dd"] is not None  # of a flux map there is no first order
     for name, unit, factor, values in m.shown():
         middle, rated = m.at(values, 0.0), m.at(values, m.rated_current)
+        least, most = float(np.nanmin(values)), float(np.nanmax(values))
         error = content.get(f"first_order_error_{name}")
-        cells = [
-            middle,
-            rated,
-            float(np.nanmin(values)),
-            float(np.nanmax(values)),
-            math.nan if error is None else error,
-        ]
+        cells = [middle, rated, least, most, *[math.nan if error is None else error] * errs]
+        nothing = ROUNDING * max(abs(least), abs(most))
         label = f"{LABELS.get(name, name)}{f' ({unit})' if unit else ''}"
-        rows.append([label, *("–" if math.isnan(v) else f"{factor * v + 0.0:.4g}" for v in cells)])
+        rows.append([label, *(_cell(factor * v, factor * nothing) for v in cells)])
     valid = 100.0 * (content["valid_share"] or 0.0)
     title = f"{m.motor}: over i_d and i_q up to ±{m.i_d[-1]:.4g} A, {valid:.3g} % of it valid"
     heads = [
@@ -322,13 +319,24 @@ def print_maps(m: Maps) -> None:
         "at rated\ni_q",
         "least",
         "most",
-        "first order\nerrs by ≤",
+        *["first order\nerrs by ≤"] * errs,
     ]
     print_table(title, heads, rows)
+    turned = ""
+    if float(np.nanmax(np.abs(m.angle))) > 0.25 * math.pi:
+        turned = "; beyond 45° L_qq - L_dd has the other sign, and it loses the rotor"
     print_prose(
-        "angle: error of a q-null estimator with a linear belief; gain: slope of its "
-        "null relative to zero current"
+        "angle: error of a q-null estimator with a linear belief"
+        f"{turned}; gain: slope of its null relative to zero current"
     )
 
 
+def _cell(value: float, nothing: float) -> str:
+    """Return a value as a table has it; what is no more than rounding leaves of nothing is 0."""
+    return "–" if math.isnan(value) else f"{0.0 if abs(value) <= nothing else value:.4g}"
+
+
 LABELS = {"l_dd": "L_dd", "l_dq": "L_dq", "l_qq": "L_qq"}
+# of a map's largest value: Newton's iterations leave 1e-12 of the flux, two symmetric halves of a
+# map cancel to that; the table shows four digits
+ROUNDING = 1e-9

@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from model.compiled import inlined, kernel
 
@@ -257,14 +256,30 @@ def within_readings(read: Array, count: float, known: KnownMotion, q: float) -> 
     return work
 
 
+def parabolas(read: Array) -> tuple[Array, float]:
+    """Return the values of parabolas through AROUND readings about each (n,), at the ends of the
+    first and the last of them, and a reading's weight in its own (Savitzky and Golay 1964).
+
+    SciPy's filter is the same; its package takes longer to load than a short check to run.
+    """
+    place = np.arange(AROUND) - AROUND // 2
+    columns = np.vander(place, 3)
+    onto = columns @ np.linalg.pinv(columns)  # (AROUND, AROUND): readings to their parabola
+    half = AROUND // 2
+    inside = np.convolve(read, onto[half][::-1], mode="valid")
+    ends = onto[:half] @ read[:AROUND], onto[half + 1 :] @ read[-AROUND:]
+    return np.concatenate([ends[0], inside, ends[1]]), float(onto[half, half])
+
+
 def bounds_of(read: Array, count: float) -> Bounds:
     """Return what readings (n,) bound, by how they scatter about a parabola through their
     neighbours: a motion that no torque is needed for."""
     stray, more = np.zeros(len(read), dtype=bool), 0.0
     if len(read) > AROUND:
-        away = (read - savgol_filter(read, AROUND, 2)) / count
+        curve, weight = parabolas(read)
+        away = (read - curve) / count
         stray = np.abs(away) > STRAY
         # of a reading's variance that its parabola leaves
-        own = 1.0 - savgol_coeffs(AROUND, 2)[AROUND // 2]
+        own = 1.0 - weight
         more = float(np.mean(away[~stray] ** 2)) / own - 1.0 / 12.0 if not stray.all() else 0.0
     return Bounds(read, stray, 0.5 * count, count * math.sqrt(SOFT**2 + max(0.0, more)))

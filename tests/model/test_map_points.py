@@ -174,7 +174,11 @@ def test_a_motor_s_map_is_asked_by_its_table(tmp_path):
     )
     found = map_quality({"file": "m.npz"}, tmp_path)
     assert found.points == 399
-    assert "mWb rms on points held out" in " ".join(found.sentences())
+    said = " ".join(found.sentences())
+    assert "rms on points held out" in said
+    # largest: of the planted points; symmetric as planted but for the polynomials' truncation
+    assert f"100 % is the largest flux, {1e3 * np.max(np.hypot(*planted()[2:])):.3g} mWb" in said
+    assert "+i_q and -i_q are the same" in said
     assert map_quality({"file": "m.npz", "angle": 0.1}, tmp_path).angle == pytest.approx(
         -0.1, abs=2e-3
     )

@@ -116,8 +116,9 @@ def test_what_a_motors_file_does_not_state_is_said(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text("[motor]\n" + "".join(f"{k} = {v}\n" for k, v in SHEET.items()))
     (said,) = assumed(load_drive(path))
-    assert "does not state sampling_period and dc_bus_voltage" in said
+    assert "does not state sampling_period, dc_bus_voltage and current_noise" in said
     assert "dc_bus_voltage = 400 V" in said
+    assert f"current_noise = {0.0017 * SHEET['rated_current']:g} A rms" in said  # model.drive_files
     assert all(assumed(load_drive(name)) == () for name in motor_names())
 
 

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.ndimage
-import scipy.signal
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.normal import Point, normal, part_of, simulated
@@ -94,13 +93,15 @@ def in_phase(
 ) -> float:
     """Return the frequency (Hz), at most so far from one, at which parts in phase with each other
     sum up to most."""
+    from scipy.signal import zoom_fft
+
     span = period * max(first + len(x) for first, x in parts)
     count = min(FINEST, 4 * math.ceil(2.0 * within * span))
     tried = np.linspace(about - within, about + within, count)
     total = np.zeros(count, complex)
     for first, x in parts:
         rate = 1.0 / period
-        own = scipy.signal.zoom_fft(x, [tried[0], tried[-1]], count, fs=rate, endpoint=True)
+        own = zoom_fft(x, [tried[0], tried[-1]], count, fs=rate, endpoint=True)
         total += own * np.exp(-2j * np.pi * tried * first * period)
     return float(tried[int(np.argmax(np.abs(total)))])
 

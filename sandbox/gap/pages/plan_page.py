@@ -10,13 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from model.parameters import Drive
+from model.ratings import assumed, cautions
 from sandbox.gap.planning.bench_plan import Plan, Planned
 from sandbox.gap.planning.visible import CLEAR
 from sandbox.output.document import answer, bullets, figure, prose, table, write_page
+from sandbox.output.sentences import capital, stopped
 from sandbox.output.tables import many
 from sandbox.output.vector import dots_svg, lines_svg
 
 DRAWN = 800  # points of a line
+NEXT = (
+    "Setpoints are in one .csv an experiment; what to log and how to lay it down: "
+    "sandbox/recordings/RECORDING.md; then: sensorless check CAMPAIGN"
+)
 LEAST = 0.01  # standard deviations: smaller ones are drawn there
 
 
@@ -34,6 +40,7 @@ def parts(plan: Plan, title: str, repeats: int) -> Iterator[str]:
         f"Record each of these {repeats} times, one to be fitted and one to be held out: {names}."
     )
     yield answer("What to record?", each)
+    yield f"<p>{prose(NEXT)}</p>"
     heads = ["experiment", "rotor", "seconds", "settings", "adds"]
     rows = [
         [
@@ -54,7 +61,7 @@ def parts(plan: Plan, title: str, repeats: int) -> Iterator[str]:
 def _experiment(k: int, p: Planned, drive: Drive) -> Iterator[str]:
     """Yield one experiment: what to do, what it tells, its setpoints over time."""
     yield (
-        f"<h2>{k}. {prose(p.entry.name)}</h2><p>{prose(p.entry.description)}; "
+        f"<h2>{k}. {prose(p.entry.name)}</h2><p>{prose(capital(p.entry.description))}; "
         f"{prose(p.settings)}.</p>"
     )
     first = "tells" if k == 1 else "tells beyond those before it"
@@ -99,4 +106,5 @@ def _together(plan: Plan) -> Iterator[str]:
         names = ", ".join(e for e in v.sizes if v.words(e) == word)
         said += [f"{text}: {names}"] if names else []
     said += [f"{a} and {b} still look alike (cosine {cosine:.3f})" for a, b, cosine in v.alike[:6]]
-    yield bullets(said)
+    said += [*cautions(plan.drive), *assumed(plan.drive)]
+    yield bullets([capital(stopped(s)) for s in said])

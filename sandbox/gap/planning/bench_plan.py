@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from model.compiled import WATCH
+from model.drive_files import ASSUMED
 from model.errors import BadInput, PhysicsError
 from model.parameters import Drive, Limits
 from sandbox.gap.planning.menu import Entry, recording_of, settings, shaft
@@ -24,6 +25,7 @@ from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare, replay
 
+DIGITS = "%.7g"  # of a setpoint
 ENCODER = 4096  # counts a turn, where the motor's file names none
 
 
@@ -73,7 +75,7 @@ def plan(
     """
     began, compiled, ends = time.monotonic(), WATCH.seconds, list[float]()
     if drive.converter.encoder_counts is None:
-        drive = replace(drive, converter=replace(drive.converter, encoder_counts=ENCODER))
+        drive = _with_encoder(drive)
     entries = allowed(drive, limits)
     if not entries:
         raise BadInput(
@@ -99,6 +101,16 @@ def plan(
     recordings = tuple(r for p in chosen for r in simulated[p.entry.name].recordings)
     whole = replace(simulated[chosen[0].entry.name], recordings=recordings)
     return Plan(drive, tuple(chosen), visible(whole, workers=workers))
+
+
+def _with_encoder(drive: Drive) -> Drive:
+    """Return a drive with an encoder that its file does not state, as its provenance says."""
+    said = [x for x in (drive.provenance.get(ASSUMED), "encoder_counts") if x]
+    return replace(
+        drive,
+        converter=replace(drive.converter, encoder_counts=ENCODER),
+        provenance={**drive.provenance, ASSUMED: ", ".join(said)},
+    )
 
 
 def over(ends: Sequence[float], compiling: float, pieces: int) -> float:
@@ -145,11 +157,11 @@ def _simulated(drive: Drive, entry: Entry) -> Campaign:
 
 
 def setpoints(entry: Entry, drive: Drive) -> list[dict[str, float]]:
-    """Return an experiment's setpoints every millisecond: s, A, rpm; injected square wave (V) and
-    link (V)."""
+    """Return an experiment's setpoints every millisecond, as a person reads them: s, A, rpm;
+    injected square wave (V) and link (V)."""
     step = max(1, round(1e-3 / drive.converter.sampling_period))
     rpm = 60.0 / math.tau / drive.motor.pole_pairs
-    return [
+    rows = [
         {
             "t_s": k * drive.converter.sampling_period,
             "i_d_A": float(entry.i_d[k]),
@@ -161,3 +173,4 @@ def setpoints(entry: Entry, drive: Drive) -> list[dict[str, float]]:
         }
         for k in range(0, len(entry.i_d), step)
     ]
+    return [{name: float(DIGITS % x) for name, x in row.items()} for row in rows]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from model.frames import phases
 from model.parameters import Drive, Limits
+from sandbox.gap.planning.bench_plan import DIGITS
 from sandbox.gap.planning.menu import Entry, injected_wave, menu, recording_of, settings, shaft
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.planning.within import largest_current, within
@@ -27,7 +28,6 @@ from sandbox.recordings.campaign import Campaign
 
 Array = NDArray[np.float64]
 NAME = "next_recording.csv"
-DIGITS = "%.7g"
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from model.energy import flux_from_current
 from model.parameters import Drive
@@ -238,6 +237,8 @@ def tight(drive: Drive) -> tuple[float, float, float]:
 def reached(wanted: Array, period: float) -> Array:
     """Return the current (n,) that control reaches: the one wanted (n,) through a first-order
     lag."""
+    from scipy.signal import lfilter
+
     decay = math.exp(-period / FOLLOWS)
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], wanted))
 

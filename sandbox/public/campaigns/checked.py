@@ -21,7 +21,6 @@ from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.calls import records_call
 from sandbox.public.campaigns import drafting
 from sandbox.public.loading import load_motor
-from sandbox.public.printed import print_cautions
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
@@ -149,7 +148,7 @@ class CheckResult(Result):
         v = self.visible
         sized = [e for e in v.sizes if e not in self.cannot]
         rows = [
-            [e, f"{v.sizes[e]:.3g}" if e in sized else "–", self.words(e)]
+            [e, deviations_text(v.sizes[e]) if e in sized else "–", self.words(e)]
             for e in [*sized, *self.cannot]
         ]
         print_table("effects at typical size", ["effect", "standard deviations", "visible"], rows)
@@ -162,6 +161,11 @@ class CheckResult(Result):
         if self.draft:
             (out / drafting.NAME).write_text(self.draft, encoding="utf-8")
         return {}
+
+
+def deviations_text(z: float) -> str:
+    """Return standard deviations as a person reads them, 0 where none of the digits would show."""
+    return f"{z:.0f}" if z >= 100.0 else f"{z:.3g}" if z >= 0.005 else "0"
 
 
 @records_call
@@ -378,6 +382,9 @@ class PlanResult(Result):
 
     def report(self) -> None:
         """Print the experiments and what stays alike."""
+        from sandbox.gap.pages.plan_page import NEXT
+        from sandbox.public.printed import print_cautions
+
         print_prose(
             f"{self.plan.drive.name}: record each of these {REPEATS} times, one to be "
             "fitted and one to be held out"
@@ -399,6 +406,7 @@ class PlanResult(Result):
         for a, b, cosine in v.alike[:6]:
             print_prose(f"{a} and {b} still look alike (cosine {cosine:.3f})")
         print_cautions(self.plan.drive)
+        print_prose(NEXT)
 
     def _write_more(self, out: Path) -> dict[str, Any]:
         """Write one table of setpoints an experiment."""

@@ -58,6 +58,10 @@ def _column(file: Any, name: str, kind: Any, rows: int) -> Array:
         return out
     for batch in file.iter_batches(ROWS, columns=[name], use_threads=False):
         column = batch.column(0)
+        if column.null_count == 0 and (types.is_integer(kind) or types.is_floating(kind)):
+            out[n : n + len(column)] = np.from_dlpack(column)  # `to_numpy` loads pandas
+            n += len(column)
+            continue
         if types.is_time(kind):  # of a day: NumPy has no kind for it
             column = column.cast(f"int{kind.bit_width}")
         part = column.to_numpy(zero_copy_only=False)

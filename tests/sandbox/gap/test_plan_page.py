@@ -1,11 +1,14 @@
 """The page of a plan: every experiment with its setpoints over time, and what all of them tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from model.drive_files import load_drive
+from model.ratings import assumed
 from sandbox.gap.pages.plan_page import setpoint_lines, write_plan
-from sandbox.gap.planning.bench_plan import Plan, Planned, over
+from sandbox.gap.planning.bench_plan import Plan, Planned, _with_encoder, over, setpoints
 from sandbox.gap.planning.menu import menu, settings
 from sandbox.gap.planning.visible import Visible
 
@@ -43,7 +46,31 @@ def test_the_page_shows_all_of_it(planned, tmp_path):
         assert f"{p.entry.name}.csv" in page
     assert page.count("<svg") == len(planned.experiments) + 1
     assert "still look alike" in page
-    assert "not told: viscous_friction" in page
+    assert "Not told: viscous_friction" in page
+    for p in planned.experiments:  # a sentence begins with a capital
+        assert f"<p>{p.entry.description[0].upper()}{p.entry.description[1:]};" in page
+    assert "then: sensorless check CAMPAIGN" in page
+
+
+def test_setpoints_are_written_as_a_person_reads_them(planned):
+    """-7.4399999999999995 is -7.44, and within seven digits of the experiment's own current."""
+    for p in planned.experiments:
+        rows = setpoints(p.entry, planned.drive)
+        assert all(
+            len(repr(x).lstrip("-").partition("e")[0]) <= 9 for r in rows for x in r.values()
+        )
+        step = round(1e-3 / planned.drive.converter.sampling_period)
+        np.testing.assert_allclose([r["i_q_A"] for r in rows], p.entry.i_q[::step], rtol=1e-6)
+
+
+def test_an_encoder_that_nobody_stated_is_told():
+    """4096 counts: ENCODER of bench_plan."""
+    drive = load_drive("ipm_exchanged")
+    open_ = replace(drive, converter=replace(drive.converter, encoder_counts=None))
+    (said,) = assumed(_with_encoder(open_))
+    assert said == "[drive] does not state encoder_counts; usual values stand in: " + (
+        "encoder_counts = 4096 a turn"
+    )
 
 
 def test_the_share_is_that_of_the_time():

@@ -4,6 +4,7 @@ import io
 import sys
 import threading
 
+from model.compiled import WATCH
 from sandbox.output import tables
 from sandbox.output.tables import effort_bar, progress_bar, rate_bar
 
@@ -117,3 +118,25 @@ def test_a_bar_without_a_fraction_shows_no_share(monkeypatch):
     with progress_bar("planning", False) as progress:
         progress(0.25)
     assert "25%" in seen.getvalue()
+
+
+def test_what_holds_a_bar_up_is_told(monkeypatch):
+    """0 % for a minute is the compiler's, and the line says so; a bar does."""
+    out, clock = io.StringIO(), [0.0]
+    monkeypatch.setattr(sys, "stderr", out)
+    monkeypatch.setattr(tables.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(WATCH, "active", 1)
+    with progress_bar("planning", False) as progress:
+        clock[0] = 61.0
+        progress(0.0)
+        monkeypatch.setattr(WATCH, "active", 0)
+        clock[0] = 122.0
+        progress(0.2)
+    lines = ["planning: 0 % (compiling), 61 s", "planning: 20 %, 122 s"]
+    assert out.getvalue().splitlines() == lines
+    seen = terminal(monkeypatch)
+    monkeypatch.setattr(tables.time, "monotonic", tables.time.perf_counter)
+    monkeypatch.setattr(WATCH, "active", 1)
+    with progress_bar("planning", False):
+        pass
+    assert "planning (compiling)" in seen.getvalue()

@@ -31,6 +31,7 @@ from sandbox.sweep import store
 from sandbox.sweep.plan import _found
 from sandbox.withheld.scoring.documents import check_report
 from sandbox.withheld.scoring.rows import read_rows
+from tests.sandbox.public.naming import python
 
 
 def test_an_entry_in_another_s_place_is_made_anew(tmp_path, capsys):
@@ -214,6 +215,18 @@ def test_a_command_whose_output_is_closed_goes_well(tmp_path):
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path
     )
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_check_loads_no_more_than_it_needs(tmp_path):
+    """Statistics, filters, data frames and the closed loop take as long to load as a check of
+    twelve recordings takes to run."""
+    heavy = "pandas", "scipy.stats", "scipy.signal", "matplotlib", "sandbox.drive.loop"
+    code = (
+        "import sys, sandbox; from sandbox.recordings.campaign import EXAMPLE\n"
+        f"sandbox.check(EXAMPLE); print([m for m in {heavy} if m in sys.modules])"
+    )
+    done = python(code, tmp_path)
+    assert (done.returncode, done.stdout) == (0, "[]\n"), done.stderr
 
 
 def test_a_whole_entry_with_something_else_in_it_is_made_anew(tmp_path, monkeypatch, capsys):

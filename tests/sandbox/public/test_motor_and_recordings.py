@@ -15,6 +15,7 @@ from model.effect_files import effects_of
 from sandbox.cli import main
 from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.campaign import EXAMPLE
+from tests.data import real_data
 from tests.sandbox.public.naming import SHORT, of
 from tests.schemas import misfits
 
@@ -33,6 +34,37 @@ def test_machine_results(tmp_path):
     assert len(maps.plot().axes) == 12  # six maps, six colour bars
     maps.save(tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["maps.json", "maps.npz", "maps.png"]
+
+
+def test_maps_say_how_far_they_can_be_believed(tmp_path, capsys):
+    """A motor is symmetric in i_q: no L_dq and no angle at zero current, which the fit leaves as
+    1e-14. The table of a flux map has no first order, which is a formula of alphas; planted in its
+    column of torque: kN m."""
+    assert main(["maps", "ipm_exchanged", "--out", str(tmp_path / "alphas")]) == 0
+    assert "first order" in capsys.readouterr().out
+    with np.load(real_data() / "baldor_pmsyrm" / "baldor_meas.npz") as found:
+        arrays = dict(found)
+    i, psi = arrays["i_s_dq"], arrays["psi_s_dq"]
+    torque = 1.5 * 2 * np.imag(i * np.conj(psi)) * 1e-3  # in kN m
+    columns = i.real, i.imag, psi.real, psi.imag, torque
+    names = ("i_d", "i_q", "psi_d", "psi_q", "torque")
+    np.savez(tmp_path / "map.npz", **dict(zip(names, columns, strict=True)))
+    text = (MOTORS / "mapped" / "baldor_pmsyrm.toml").read_text(encoding="utf-8")
+    text = text.replace('dataset = "baldor_pmsyrm"\n', "").replace("baldor_meas.npz", "map.npz")
+    (tmp_path / "own.toml").write_text(text)
+    out = tmp_path / "out"
+    assert main(["maps", str(tmp_path / "own.toml"), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    zero = [line.split("│")[2].strip() for line in said.splitlines() if "L_dq" in line]
+    assert zero == ["0"]
+    assert "first order" not in said
+    assert "e-1" not in said
+    assert "the column of torque is 0.001 times 3/2 pole_pairs" in said
+    assert "rms on points held out inside it" in said
+    content = json.loads((out / "maps.json").read_text())
+    assert misfits("maps", content) == []
+    assert content["flux_map"]["points"] == psi.size
+    assert any("torque" in c for c in content["cautions"])
 
 
 def test_another_motor_does_not_overwrite(tmp_path, capsys):

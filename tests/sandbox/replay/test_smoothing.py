@@ -3,11 +3,13 @@ is known."""
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_coeffs, savgol_filter
 from scipy.stats import truncnorm
 
 from model.compiled import kernel
 from sandbox.replay.free_rotor import (
     ANYWHERE,
+    AROUND,
     CONSTANT,
     STATES,
     STEP,
@@ -15,6 +17,7 @@ from sandbox.replay.free_rotor import (
     cut_normal,
     filtered,
     on_counts,
+    parabolas,
     smoothed,
     within_readings,
 )
@@ -63,6 +66,13 @@ def test_the_smoother_solves_the_least_squares_problem_it_stands_for():
         assert np.max(np.abs(work[STATES[j]] - x[:, j])) < 1e-6 * np.max(np.abs(x[:, j]))
     inverse = np.linalg.inv(np.linalg.qr(np.array(rows), mode="r"))
     assert spread == pytest.approx(np.sum(inverse**2, axis=1)[::3], rel=1e-4)
+
+
+def test_parabolas_are_those_of_scipys_filter():
+    read = np.random.default_rng(1).normal(size=10 * AROUND)
+    curve, weight = parabolas(read)
+    np.testing.assert_allclose(curve, savgol_filter(read, AROUND, 2), atol=1e-12)
+    assert weight == pytest.approx(savgol_coeffs(AROUND, 2)[AROUND // 2], rel=1e-12)
 
 
 def test_likelihood_is_that_of_the_readings_distribution():
