@@ -71,7 +71,7 @@ def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) 
     """Return the motion of a rotor at imposed speed: straight ramps, as few corners as the
     reading's counts allow, a sine of once a mechanical turn beside them where they need it and the
     rotor turns more than once.  No reading is farther than half a count off, where such ramps are
-    (`rounded`).  Where few corners will not do, a smooth motion without torque.
+    (`rounded`).  Where few corners will not do, a smooth motion about the ramps that come nearest.
 
     Whether the sine is the rotor's or an eccentric encoder's the angle cannot tell, and currents
     do: it stays in the motion, and an encoder's error is taken off it.
@@ -90,8 +90,9 @@ def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) 
             return Motion(plain.angle, plain.speed / period, False)
         speed = found.speed + np.gradient(found.sine)
         return Motion(found.angle + found.sine, speed / period)
-    still = np.zeros_like(theta)
-    return free_motion(theta, still, period, count, still)
+    speed = (found.speed + (np.gradient(found.sine) if found.sine.any() else 0.0)) / period
+    acceleration = np.append(np.diff(speed) / period, 0.0)
+    return free_motion(theta, acceleration, period, count, np.zeros_like(theta))
 
 
 def free_motion(

@@ -59,6 +59,10 @@ class MostProbable(NamedTuple):
     objective: float
 
 
+# squared slope over a prior deviation beyond which the prior's own curvature, 1, is lost in it
+ROUNDED = 1.0 / float(np.finfo(float).eps)
+
+
 @dataclass(frozen=True)
 class Algebra:
     """Normal equations of all coordinates: A (p, p), g (p,), r'r at the values x (p,)."""
@@ -80,13 +84,16 @@ class Algebra:
     def most_probable(self, prior: Prior) -> MostProbable:
         """Return the most probable values under a prior.
 
-        Least squares within bounds, in prior deviations.  Where a prediction overflowed nothing is
-        probable: the objective is infinite.
+        Least squares within bounds, in prior deviations.  Where a prediction overflowed, or comes
+        so near it that rounding of its squares exceeds the prior's, nothing is probable: the
+        objective is infinite.
         """
         movable = prior.deviation > 0.0
-        if not (np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)):
-            return MostProbable(self.x, movable, math.inf)
         size = prior.deviation[movable]
+        steepest = float(np.max(size**2 * np.diag(self.a)[movable], initial=0.0))
+        known = np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)
+        if not (known and steepest < ROUNDED):
+            return MostProbable(self.x, movable, math.inf)
         x = np.clip(prior.mean, prior.low, prior.high)
         start = x[movable]
         hessian = size[:, None] * self.a[np.ix_(movable, movable)] * size + np.eye(len(size))
