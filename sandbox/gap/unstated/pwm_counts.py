@@ -176,8 +176,8 @@ def looked(parts: Sequence[Part], variance: Sequence[float]) -> tuple[Counts, Ar
 
 
 def confirmed(found: Counted, gained: float) -> bool:
-    """Return whether a number of counts is sure, or a fit that knows of it makes it so, which gained
-    so many nats."""
+    """Return whether a number of counts is sure, or a fit that knows of it makes it so; gained: its
+    nats."""
     prior = float(log_prior(np.array([found.value]))[0])
     return found.sure or gained + prior > ODDS
 
