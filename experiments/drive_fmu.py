@@ -79,8 +79,9 @@ def run(folder: Path) -> np.ndarray:
         now = step(state, sample, belief, tuning)
         i_d, i_q = average(memory, *rotate(sample.i_alpha, sample.i_beta, -now.theta), n)
         wanted = LOAD * drive.motor.rated_current if loaded else 0.0
-        u = current_control(memory, control, i_d, i_q, 0.0, wanted, omega)
-        pulse = control.amplitude * now.injection * wave.waveform[(k + 1) % n]
+        injected = control.amplitude * now.injection
+        u = current_control(memory, control, i_d, i_q, 0.0, wanted, omega, injected)
+        pulse = injected * wave.waveform[(k + 1) % n]
         x, y = (
             rotate(*u, now.theta + 1.5 * h * now.omega),
             rotate(pulse, 0.0, now.axis + 1.5 * h * now.omega),

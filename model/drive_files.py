@@ -28,6 +28,7 @@ MOTORS = Path(__file__).parent / "motors"
 MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
 MAP_SUFFIXES = (".npz", ".mat", ".csv")
 ASSUMED = "not stated, usual values"  # in a drive's provenance: keys of [drive] that sentences name
+INJECTED = "injection not stated"  # the same of its amplitude
 QUOTED = ("sampling_period", "dc_bus_voltage", "current_noise")
 # allowed, not read with the drive
 OTHER_TABLES = {
@@ -66,6 +67,8 @@ def motor_file(name: str | Path) -> Path:
         )
     if is_file_name(path):
         return path
+    if path.is_dir() and str(name) not in (*motor_names(), *mapped_names()):
+        raise BadInput(f"'{path}' is a folder; give a motor's TOML file, such as one in it")
     if str(name) in mapped_names():
         return MAPPED / f"{name}.toml"
     if str(name) not in motor_names():
@@ -115,6 +118,8 @@ def load_drive(name: str | Path) -> Drive:
     provenance = texts(table_of(data, "provenance"))
     if assumed := [k for k in QUOTED if k not in stated]:
         provenance = {**provenance, ASSUMED: ", ".join(assumed)}
+    if "amplitude" not in table_of(data, "injection"):
+        provenance = {**provenance, INJECTED: f"a usual amplitude, {injection.amplitude:g} V"}
     return Drive(motor, converter, injection, provenance)
 
 

@@ -64,7 +64,8 @@ def read_effect_file(path: Path) -> EffectFile:
             if table not in TABLES:
                 if table in effect_names() or table.partition(".")[0] in effect_names():
                     raise BadInput(
-                        f"'{table}' is an effect and stands in no table; put it under [effects]"
+                        f"'{table}' is an effect and stands in no table of effects; write "
+                        f"[effects] above {table}.PARAMETER = VALUE, or [effects.{table}]"
                     )
                 raise unknown("table", table, TABLES)
         effects = {name: checked(name, number) for name, number in _numbers(data, "effects")}

@@ -254,7 +254,9 @@ def _remembered(
 ) -> FittedMap:
     """Return the fit of a map, from disk where it has been fitted before."""
     content = given_bytes(
-        path, max(MOST_BYTES.values()), "give a flux map (.npz, .mat or .csv), nothing else in it"
+        path,
+        max(MOST_BYTES.values()),
+        "give a flux map (.npz, .mat, .csv or .xlsx), nothing else in it",
     )
     here = Path(__file__).parent
     code = b"".join((here / f"{name}.py").read_bytes() for name in FITTED_BY)

@@ -21,7 +21,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from model.drive_files import ASSUMED
+from model.drive_files import ASSUMED, INJECTED
 from model.errors import BadInput
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
@@ -94,6 +94,12 @@ def link(d: Drive) -> str:
         f"the link of {d.converter.dc_bus_voltage:g} "
         f"V{' (a usual value, [drive] states none)' if usual else ''}"
     )
+
+
+def injection(d: Drive) -> str:
+    """Return the injection in words, and that it is no stated value where it is none."""
+    usual = " (a usual value, [injection] states none)" if INJECTED in d.provenance else ""
+    return f"an injection of {d.injection.amplitude:g} V{usual}"
 
 
 def _volts(d: Drive) -> str:

@@ -4,6 +4,7 @@ in common."""
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,9 @@ def number(text: str) -> float:
             pass
     point = text[:40].replace(",", ".")
     hint = f"; write {point}, with a point" if text.count(",") == 1 and _is_number(point) else ""
+    alone = re.fullmatch(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?) ?[^\W\d_]{1,4}", text)
+    if alone and _is_number(alone[1]):
+        hint = f"; write {alone[1]}, without a unit (--help says which it is in)"
     raise ValueError(f"'{text[:40]}' is no number{hint}")
 
 

@@ -78,7 +78,9 @@ def check(
     output.finish(found, folder)
     if not found.ok:
         count = len([n for n in found.noticed if n.level == "refused"])
-        raise BadInput(f"{many(count, 'finding')} stop{'s' if count == 1 else ''} this campaign")
+        told = f"{many(count, 'finding')} stop{'s' if count == 1 else ''} this campaign"
+        first = next(n.finding.text for n in found.noticed if n.level == "refused")
+        raise BadInput(f"{told}: {first}" if output.quiet else told)  # else it stands above
 
 
 def plan(

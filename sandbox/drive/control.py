@@ -1,7 +1,7 @@
 """Current and speed control of the drive, compiled; gains come from `sandbox.drive.design`.
 
 The current controller sees the average over one injection period, so that it neither fights the
-injection nor is disturbed by it; its voltage leaves room for the injection.
+injection nor is disturbed by it; its voltage leaves room for what is injected.
 """
 
 from __future__ import annotations
@@ -84,9 +84,9 @@ def speed_control(s, c, omega_ref, omega, feed_forward):
 
 
 @kernel
-def current_control(s, c, i_d, i_q, i_d_ref, i_q_ref, omega_ref):
+def current_control(s, c, i_d, i_q, i_d_ref, i_q_ref, omega_ref, injected):
     """Return u_d, u_q (V) for averaged currents: PI with back-EMF feed-forward, limited in
-    amplitude.
+    amplitude; injected: V that come on top.
 
     The feed-forward takes the speed asked for: the estimated one would close a loop through the
     magnet flux.
@@ -94,7 +94,7 @@ def current_control(s, c, i_d, i_q, i_d_ref, i_q_ref, omega_ref):
     e_d, e_q = i_d_ref - i_d, i_q_ref - i_q
     u_d = c.kp_d * e_d + s[INTEGRAL_D]
     u_q = c.kp_q * e_q + s[INTEGRAL_Q] + omega_ref * c.magnet_flux
-    limit = c.voltage_limit - c.amplitude
+    limit = c.voltage_limit - injected
     size = math.hypot(u_d, u_q)
     excess = limit / size if size > limit else 1.0
     back_d, back_q = u_d * (excess - 1.0), u_q * (excess - 1.0)  # back-calculation

@@ -16,6 +16,7 @@ from model.drive_files import motor_names
 from model.energy import Energy, boundary_on_ray, flux_from_current, hessian
 from model.errors import BadInput, OwnCodeError, PhysicsError, brief, raised
 from model.parameters import OVERLOAD, Drive
+from model.rating_pairs import injection, link
 from sandbox.drive.design import KNOWN_START, Design, check_saliency
 from sandbox.drive.scenario import Scenario, scenario_names
 from sandbox.plant.gates.modulation import attainable
@@ -66,19 +67,19 @@ def check_length(samples: int, steps: int, period: float) -> None:
 
 def check_injection(estimator: Estimator, drive: Drive) -> None:
     """Raise BadInput where a drive's injection is not what an estimator lives on."""
-    injection = drive.injection
-    n = samples_per_period(injection, drive.converter)
-    if estimator.injection == ROTATING and (injection.waveform != "square" or n < LEAST_TURN):
+    wave = drive.injection.waveform
+    n = samples_per_period(drive.injection, drive.converter)
+    if estimator.injection == ROTATING and (wave != "square" or n < LEAST_TURN):
         raise BadInput(
             f"estimator '{estimator.name}' turns a square wave from sample to sample, in at least "
-            f"{LEAST_TURN} samples a turn; '{drive.name}' injects a {injection.waveform} wave of "
+            f"{LEAST_TURN} samples a turn; '{drive.name}' injects a {wave} wave of "
             f"{n} samples: inject a square wave of at most "
             f"{1.0 / (LEAST_TURN * drive.converter.sampling_period):g} Hz"
         )
-    if estimator.injection == RANDOM and (injection.waveform != "square" or n % 4):
+    if estimator.injection == RANDOM and (wave != "square" or n % 4):
         raise BadInput(
             f"estimator '{estimator.name}' makes cycles of N and N/2 samples of a square wave, N a "
-            f"multiple of four; '{drive.name}' injects a {injection.waveform} wave of {n} samples: "
+            f"multiple of four; '{drive.name}' injects a {wave} wave of {n} samples: "
             "inject a square wave of "
             f"{1.0 / (4 * max(1, round(n / 4)) * drive.converter.sampling_period):g} Hz"
         )
@@ -150,21 +151,25 @@ def told_of(estimator: Estimator, which: str, error: BaseException) -> OwnCodeEr
     )
 
 
-def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
+def check_feasible(drive: Drive, scenario: Scenario, gains: Design, injects: bool = True) -> None:
     """Raise where a scenario cannot be run on a drive: saliency, domain, polarity, current, speed
-    or voltage."""
-    motor, m, converter = drive.motor, drive.motor.energy, drive.converter
+    or voltage.
+
+    injects: whether the estimator does while it tracks; starting up always does.
+    """
+    motor, m = drive.motor, drive.motor.energy
     if gains.reads_ripple:
         check_saliency(m)
-    able = attainable(converter)
-    room = able - drive.injection.amplitude
-    if room <= 0.0:
+    able = attainable(drive.converter)
+    beside = able - drive.injection.amplitude
+    if beside <= 0.0 and (injects or scenario.start_up):
         raise PhysicsError(
-            f"an injection of {drive.injection.amplitude:g} V exceeds the {able:.4g} V that a bus "
-            f"of {converter.dc_bus_voltage:g} V gives; lower the injection or raise dc_bus_voltage"
+            f"{injection(drive)} exceeds the {able:.4g} V that {link(drive)} gives; lower the "
+            "injection or raise dc_bus_voltage"
         )
     if scenario.start_up:
-        check_polarity(drive, gains, room, can_carry(drive, scenario), scenario.name)
+        check_polarity(drive, gains, beside, can_carry(drive, scenario), scenario.name)
+    room = beside if injects else able
     for s in scenario.segments:
         if math.hypot(s.load, s.current_d) > OVERLOAD:
             raise BadInput(
@@ -175,9 +180,10 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
         i_q, omega = s.load * motor.rated_current, s.speed * motor.rated_omega
         if abs(omega) > gains.top_omega:
             raise BadInput(
-                f"speed {100 * s.speed:g} % ({abs(omega):.4g} rad/s electrical) is beyond "
-                f"{gains.top_omega:.4g} rad/s, up to which the current loop behind the injection's "
-                "average holds; lower it, or inject faster"
+                f"speed {100 * s.speed:g} % ({abs(s.speed) * motor.rated_speed_rpm:.4g} rpm) is "
+                f"beyond {gains.top_omega / motor.rated_omega * motor.rated_speed_rpm:.4g} rpm, up "
+                "to which the current loop behind the injection's average holds; lower it, or "
+                "inject faster"
             )
         try:
             d, q = (float(v) for v in flux_from_current(m, i_d, i_q))
@@ -190,11 +196,11 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
             motor.resistance * i_q + omega * (d + motor.magnet_flux),
         )
         if u > room and not s.blocked:
+            own = f" beside {injection(drive)}" if injects else ""
             raise PhysicsError(
-                f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but the "
-                f"bus of {converter.dc_bus_voltage:g} V leaves {room:.4g} V beside an injection of "
-                f"{drive.injection.amplitude:g} V; lower load, speed or injection, or raise "
-                "dc_bus_voltage"
+                f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but "
+                f"{link(drive)} leaves {room:.4g} V{own}; lower load"
+                f"{', speed or injection' if injects else ' or speed'}, or raise dc_bus_voltage"
             )
 
 

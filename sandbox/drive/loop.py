@@ -196,13 +196,16 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
         i_d_ref, i_q_ref = estimate.bias, 0.0
     elif rig.speed_controlled:
         i_q_ref = speed_control(controller, control, wanted.omega, omega, 0.0)
+    injected = control.amplitude * estimate.injection
     if blocked:
         rest(controller)
         i_q_ref, u_d, u_q = 0.0, 0.0, omega * control.magnet_flux
     else:
-        u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, wanted.omega)
+        u_d, u_q = current_control(
+            controller, control, i_d, i_q, i_d_ref, i_q_ref, wanted.omega, injected
+        )
     u_alpha, u_beta = rotate(u_d, u_q, angle + 1.5 * h * omega)  # centre of the interval it acts in
-    pulse = control.amplitude * estimate.injection * waveform[(k + 1) % waveform.size]
+    pulse = injected * waveform[(k + 1) % waveform.size]
     p_alpha, p_beta = rotate(pulse, 0.0, estimate.axis + 1.5 * h * estimate.omega)
     return u_alpha + p_alpha, u_beta + p_beta, i_q_ref
 

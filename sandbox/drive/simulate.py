@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.contract import NONE, Belief, Estimator
+from estimators.contract import NONE, PWM, Belief, Estimator
 from estimators.startup import start_periods
 from model.effects.library import true_motor
 from model.energy import AnyEnergy, flux_from_current, torque
@@ -195,7 +195,8 @@ def run_once(
     gains, samples = setup.design, setup.samples
     values = sets.complete(drive.motor, drive.converter, effects)
     true = true_motor(drive.motor, values, keep_map=True)
-    check_feasible(dataclasses.replace(drive, motor=true), scenario, gains)
+    injects = estimator.injection not in (NONE, PWM)
+    check_feasible(dataclasses.replace(drive, motor=true), scenario, gains, injects)
     tuning, h = gains.tuning, gains.tuning.sampling_period
     if samples // stride > MOST_SAMPLES:
         raise BadInput(

@@ -91,7 +91,7 @@ def own_numbers(drive: Drive, values: Mapping[str, float], top_speed: float) -> 
             1e-9,
             MOST_STEP,
             "s",
-            f"of the integration: up to {top_speed:.4g} rad/s",
+            f"of the integration: up to {top_speed * 30.0 / math.pi / motor.pole_pairs:.4g} rpm",
         ),
     ]
     return [Number(f"drive.{n.name}", n.value, n.low, n.high, n.unit, n.said) for n in own]

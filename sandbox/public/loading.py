@@ -285,7 +285,7 @@ def ready(
         from sandbox.drive.feasible import check_feasible
 
         # whether an estimator injects is not known before it is loaded
-        check_feasible(drive, scenario, design(drive, scenario.start_up, injects=False))
+        check_feasible(drive, scenario, design(drive, scenario.start_up, injects=False), False)
     own = [load_estimator(one) for one in asked]  # compiles
     return load_motor(motor) if drive is None else drive, own
 

@@ -45,6 +45,8 @@ def view(path: str | Path, web: bool = False) -> None:
     path = Path(path)
     if not path.is_file():
         raise BadInput(f"no trace at '{path}'; `sensorless compare` writes one")
+    if path.suffix.lower() != ".rrd":
+        raise BadInput(f"'{path}' is no trace; give an .rrd that a command has written")
     viewer = Path(sys.executable).with_name("rerun.exe" if os.name == "nt" else "rerun")
     if not viewer.is_file():
         raise BadInput(f"no rerun viewer at '{viewer}'; install rerun-sdk in this environment")

@@ -49,7 +49,11 @@ def test_a_file_says_what_a_mapping_says(tmp_path):
         ("[effects]\ndead_time = 2e-6\n", "mine.toml: unknown effect parameter 'dead_time'"),
         (
             "dead_time.time = 2e-6\n",
-            "'dead_time' is an effect and stands in no table; put it under .effects.",
+            r"'dead_time' is an effect .*; write \[effects\] above dead_time.PARAMETER = VALUE",
+        ),
+        (
+            "[dead_time]\ntime = 2e-6\n",
+            r"'dead_time' is an effect .*, or \[effects.dead_time\]",
         ),
         ("[effects]\ndead_time.time = 9.0\n", "mine.toml: dead_time.time = 9.0 is out of range"),
         (

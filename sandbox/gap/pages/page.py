@@ -71,7 +71,10 @@ def print_answers(a: Answers) -> None:
     print_table("residual over its noise floor (rms)", ["recording", "before", "after"], rows)
     for text in answers.caveats(a):
         print_prose(f"note: {text}")
-    print_prose(f"{d.simulations} simulations in {d.seconds:.1f} s")
+    print_prose(
+        f"{d.simulations} simulations in {d.seconds:.1f} s; compiling, what to record next and "
+        "files come on top"
+    )
 
 
 def write_report(path: Path, a: Answers) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from estimators.registry import load_estimator
 from model.drive_files import load_drive
+from model.energy import flux_from_current
 from model.errors import BadInput, PhysicsError
 from model.frames import phases, rotate
 from sandbox.drive.design import design
@@ -212,10 +213,13 @@ def test_controller_stays_within_the_inverter_and_does_not_wind_up():
 
     gains, state = design(QUIET).control, ct.blank()
     for _ in range(4000):  # a second of saturation
-        u = ct.current_control(state, gains, 0.0, 0.0, 0.0, 40.0, 0.0)
+        u = ct.current_control(state, gains, 0.0, 0.0, 0.0, 40.0, 0.0, gains.amplitude)
     assert np.hypot(*u) == pytest.approx(gains.voltage_limit - gains.amplitude, rel=1e-12)
-    u = ct.current_control(state, gains, 0.0, 40.5, 0.0, 40.0, 0.0)
+    u = ct.current_control(state, gains, 0.0, 40.5, 0.0, 40.0, 0.0, gains.amplitude)
     assert np.hypot(*u) < gains.voltage_limit - gains.amplitude - 1.0
+    # an estimator that injects nothing has all of it
+    u = ct.current_control(ct.blank(), gains, 0.0, 0.0, 0.0, 40.0, 0.0, 0.0)
+    assert np.hypot(*u) == pytest.approx(gains.voltage_limit, rel=1e-12)
 
 
 def test_commanded_voltage_stays_within_the_inverter():
@@ -229,6 +233,29 @@ def test_commanded_voltage_stays_within_the_inverter():
     assert r.i_q[r.t > r.t[-1] - 0.1].mean() == pytest.approx(1.8 * 1.2, abs=0.02)
 
 
+def test_an_estimator_that_injects_nothing_has_the_whole_voltage():
+    """The link is chosen so that |R i + j w psi| needs all but half of the injection's 30 V:
+    enough for `active_flux`, which injects nothing, too little beside an injection."""
+    motor = QUIET.motor
+    load, speed = 0.3, 0.6
+    i_q, omega = load * motor.rated_current, speed * motor.rated_omega
+    d, q = flux_from_current(motor.energy, 0.0, i_q)
+    need = np.hypot(omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
+    link = np.sqrt(3.0) * (need + 0.5 * QUIET.injection.amplitude)
+    converter = dataclasses.replace(QUIET.converter, dc_bus_voltage=float(link))
+    tight = dataclasses.replace(QUIET, converter=converter)
+    ramp = (Segment(0.2, 0.0, 0.0), Segment(0.6, load, speed, ramp=0.3))
+    scene = Scenario("tight", ramp, rotor="driven", start_up=False)
+    r = simulate(tight, scene, load_estimator("active_flux"), closed_loop=False).recording
+    assert r.i_q[r.t > r.t[-1] - 0.1].mean() == pytest.approx(i_q, rel=0.02)
+    with pytest.raises(PhysicsError, match=r"beside an injection of 30 V; lower load, speed or"):
+        simulate(tight, scene, load_estimator("qnull"), closed_loop=False)
+    lower = dataclasses.replace(converter, dc_bus_voltage=float(np.sqrt(3.0) * 0.98 * need))
+    lower = dataclasses.replace(tight, converter=lower)
+    with pytest.raises(PhysicsError, match=r"leaves [0-9.]+ V; lower load or speed, or raise"):
+        simulate(lower, scene, load_estimator("active_flux"), closed_loop=False)
+
+
 def test_feed_forward_is_the_back_emf():
     """Without error and integral the q voltage is omega phi_m, of the sense of the speed asked
     for."""
@@ -236,7 +263,7 @@ def test_feed_forward_is_the_back_emf():
 
     gains = design(QUIET).control
     for omega in (50.0, -80.0):
-        u_d, u_q = ct.current_control(ct.blank(), gains, 0.1, 0.4, 0.1, 0.4, omega)
+        u_d, u_q = ct.current_control(ct.blank(), gains, 0.1, 0.4, 0.1, 0.4, omega, 0.0)
         assert (u_d, u_q) == (0.0, pytest.approx(omega * DRIVE.motor.magnet_flux, rel=1e-12))
 
 
@@ -248,12 +275,12 @@ def test_voltage_survives_a_jump_of_the_control_frame():
     gains = design(QUIET).control
     for _ in range(200):
         i_d, i_q = ct.average(state, 0.1, 0.8, gains.period)
-        u = ct.current_control(state, gains, i_d, i_q, 0.0, 0.9, 0.0)
+        u = ct.current_control(state, gains, i_d, i_q, 0.0, 0.9, 0.0, 0.0)
     before = rotate(*u, 0.3)
     state[ct.FRAME] = 0.3
     ct.reorient(state, 0.3 + np.pi, 0.0)
     i_d, i_q = ct.average(state, *rotate(0.1, 0.8, -np.pi), gains.period)
-    u = ct.current_control(state, gains, i_d, i_q, *rotate(0.0, 0.9, -np.pi), 0.0)
+    u = ct.current_control(state, gains, i_d, i_q, *rotate(0.0, 0.9, -np.pi), 0.0, 0.0)
     after = rotate(*u, 0.3 + np.pi)
     assert after == (pytest.approx(before[0], abs=0.5), pytest.approx(before[1], abs=0.5))
 
@@ -274,7 +301,7 @@ def test_fast_frames_are_no_jumps():
     ("segment", "words"),
     [
         (Segment(0.2, 3.0), "load 300 % exceeds the current limit of 250 %"),
-        (Segment(0.2, 0.0, 0.95), r"speed 95 % .* is beyond .* rad/s"),
+        (Segment(0.2, 0.0, 0.95), r"speed 95 % .* \(1710 rpm\) is beyond [0-9.]+ rpm"),
     ],
 )
 def test_what_the_drive_cannot_do_is_refused(segment, words):

@@ -105,9 +105,25 @@ def test_voltage_too_low_for_the_load():
         drive, converter=dataclasses.replace(drive.converter, dc_bus_voltage=90.0)
     )
     with pytest.raises(
-        PhysicsError, match=r"needs .* V, but the bus of 90 V leaves 21\.96 V.*raise dc_bus_voltage"
+        PhysicsError,
+        match=r"needs .* V, but the link of 90 V leaves 21\.96 V.*raise dc_bus",
     ):
         check_feasible(low, load_scenario("staircase"), design(low))
+
+
+def test_what_nobody_stated_is_not_quoted_as_if_somebody_had(tmp_path):
+    """A file without [drive] and [injection]: 4 x 126 rad/s x 0.5 Wb = 251 V, 400 V / sqrt 3 = 231
+    V (model.drive_files)."""
+    own = tmp_path / "own.toml"
+    own.write_text(
+        "[motor]\npole_pairs = 4\nresistance = 0.5\ninductance_d = 1e-3\ninductance_q = 2e-3\n"
+        "magnet_flux = 0.5\ninertia = 1e-3\nrated_current = 10.0\nrated_torque = 30.0\n"
+        "rated_speed_rpm = 3000.0\nviscous_friction = 0.0\n"
+    )
+    drive, turning = load_drive(own), Scenario("s", (Segment(0.2, 0.0, 0.4),), rotor="driven")
+    usual = r"400 V \(a usual value, \[drive\] states none\) leaves .* V beside an injection of "
+    with pytest.raises(PhysicsError, match=usual + r".* V \(a usual value, \[injection\]"):
+        check_feasible(drive, turning, design(drive))
 
 
 def test_load_outside_the_valid_domain_is_refused():

@@ -40,6 +40,17 @@ WRONG = {
         ["convex", "-0.786 A", "spm_exchanged"],
     ),
     "duration too long": (["simulate", "--duration", "1e9"], 2, ["1000000000.0 s", "staircase"]),
+    "a unit": (
+        ["plan", "--voltage", "24V"],
+        2,
+        ["'24V' is no number; write 24, without a unit (--help says which it is in)"],
+    ),
+    "a unit behind a power of ten": (
+        ["maps", "ipm", "--radius", "1.5e3 mA"],
+        2,
+        ["'1.5e3 mA' is no number; write 1.5e3, without a unit"],
+    ),
+    "a folder for a motor": (["audit", "."], 2, ["'.' is a folder; give a motor's TOML file"]),
     "duration nan": (["simulate", "--duration", "nan"], 2, ["duration nan"]),
     "radius": (["audit", "ipm", "--radius", "-1"], 2, ["radius -1.0 A", "24] A"]),
     "duration tiny": (["simulate", "--duration", "1e-12"], 2, ["[0.001, "]),
@@ -101,6 +112,20 @@ def test_wrong_calls(case, tmp_path, capsys, monkeypatch):
     for word in words:
         assert word in said.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_quiet_check_says_what_stops_a_campaign(tmp_path, capsys):
+    assert main(["check", str(tmp_path), "--quiet", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "1 finding stops this campaign: '" in said.err
+    assert "holds no campaign.toml" in said.err
+
+
+def test_what_is_no_trace_is_not_viewed(tmp_path, capsys):
+    (tmp_path / "compare.json").write_text("{}")
+    assert main(["view", str(tmp_path / "compare.json")]) == 2
+    assert "is no trace; give an .rrd" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
