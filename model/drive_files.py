@@ -115,12 +115,18 @@ def load_drive(name: str | Path) -> Drive:
             )
     except BadInput as error:
         raise _in_file(path, error) from None
-    provenance = texts(table_of(data, "provenance"))
+    provenance = all_stated(texts(table_of(data, "provenance")))
     if assumed := [k for k in QUOTED if k not in stated]:
         provenance = {**provenance, ASSUMED: ", ".join(assumed)}
     if "amplitude" not in table_of(data, "injection"):
         provenance = {**provenance, INJECTED: f"a usual amplitude, {injection.amplitude:g} V"}
     return Drive(motor, converter, injection, provenance)
+
+
+def all_stated(provenance: Mapping[str, str]) -> dict[str, str]:
+    """Return provenance without what a file does not state: of one that states every value in use,
+    as a recorded campaign and a refitted motor's file do."""
+    return {k: v for k, v in provenance.items() if k not in (ASSUMED, INJECTED)}
 
 
 def load_limits(name: str | Path) -> Limits:

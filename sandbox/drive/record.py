@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 
 from estimators.contract import Estimator
+from model.drive_files import all_stated
 from model.errors import BadInput
 from model.frames import wrapped
 from model.parameters import Drive
@@ -111,5 +112,6 @@ def campaign_of(
         columns["load_torque"] = np.array(recording.load_torque)
     columns["theta_hat"] = np.array(recording.theta_hat)
     axis = injection_axis(recording) if pulsates else "none"
+    drive = dataclasses.replace(drive, provenance=all_stated(drive.provenance))
     one = CampaignRecording(f"{scenario.name}.parquet", scenario.rotor, axis, columns)
     return Campaign(name, drive, (one,), UNCERTAINTY, background_of(drive), False)

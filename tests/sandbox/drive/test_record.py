@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from estimators.registry import load_estimator
-from model.drive_files import load_drive
+from model.drive_files import ASSUMED, INJECTED, MOTORS, load_drive
 from model.errors import BadInput
 from model.frames import wrapped
 from model.levels import NoStaircase
@@ -135,6 +135,27 @@ def test_drive_file_that_states_its_encoder_and_link_keeps_them():
     assert bench_of(drive) == drive
     with pytest.raises(BadInput, match=r"link_noise = 50 V is out of range.*tenth"):
         dataclasses.replace(DRIVE.converter, link_noise=50.0)
+
+
+def test_a_campaign_states_the_values_that_its_drive_did_not(tmp_path):
+    """Noise of a motor's file without [drive] is a usual value; the run had it, and the campaign
+    says so. So a motor's file that was written with a note on it states it, too."""
+    text = "".join(
+        f"{line}\n"
+        for line in (MOTORS / "ipm_exchanged.toml").read_text(encoding="utf-8").splitlines()
+        if not line.startswith(("current_noise", "amplitude"))
+    )
+    (tmp_path / "own.toml").write_text(text)
+    drive = load_drive(tmp_path / "own.toml")
+    assert (drive.provenance[ASSUMED], INJECTED in drive.provenance) == ("current_noise", True)
+    scene, done = run("locked", "exact", {})
+    found = campaign_of(bench_of(drive), scene, done.recording, "one").drive.provenance
+    assert not {ASSUMED, INJECTED} & set(found)
+    (tmp_path / "own.toml").write_text(
+        (MOTORS / "ipm_exchanged.toml").read_text(encoding="utf-8")
+        + f'"{ASSUMED}" = "current_noise"\n'
+    )
+    assert ASSUMED not in load_drive(tmp_path / "own.toml").provenance
 
 
 def test_injection_axis_is_where_the_injection_lay():
