@@ -304,9 +304,7 @@ def next_text(a: Answers) -> str:
             "effects.toml`."
         )
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
-    disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(
-        sets[0]
-    )
+    disputed = which.doubtful(a.diagnosis)[: which.FEW] or sorted(sets[0])
     if a.verdict == "ambiguous" and sets[0] and all(s == sets[0] for s in sets):
         named = listing([words(e) for e in which.by_share(sorted(sets[0]), a.shares)])
         return (

@@ -7,9 +7,10 @@ effect's size: a resistance 12 % off is known no better than a right one.
 What it then explains depends on which effects are there already: its share is the mean over all
 orders of adding (Shapley, Contributions to the Theory of Games II (1953) 307).  Squared residuals
 hold effects one by one and in pairs, and then this is the mean of two places, added first (`alone`)
-and added last: two replays an effect.  What three at once or the drive's nonlinearity add, 2 to 6 %
-of the gap in three campaigns of four to six effects, is shared out in proportion, so that shares
-sum to what is explained.  The interval is a bootstrap over recordings.
+and added last: two replays an effect, of one or two effects half as many.  What three at once or
+the drive's nonlinearity add, 2 to 6 % of the gap in three campaigns of four to six effects, is
+shared out in proportion, so that shares sum to what is explained.  The interval is a bootstrap over
+recordings.
 
 An effect that partly cancels others, so that the gap grows without it, has a negative share.  With
 sizes refitted for each set one of two correlated effects would stand in for the other, and get half
@@ -91,15 +92,21 @@ def of_set(j: EvaluatedModel, explained: float | None = None) -> dict[str, Share
     replayed, too.  One recording has no interval, nor has a gap that so few recordings show that
     more than UNDEFINED of the draws have none.
     """
-    named = j.effects
-    nothing, full = (
-        _replayed(j, named),
-        _left(j.fit.normal) if explained is not None else _replayed(j, ()),
-    )
+    named, replayed = j.effects, dict[frozenset[str], Array]()
+
+    def left(gone: Sequence[str]) -> Array:
+        """Return what is left where effects are missing; one effect added first is all others
+        missing, of two the other one added last."""
+        if (key := frozenset(gone)) not in replayed:
+            replayed[key] = _replayed(j, gone)
+        return replayed[key]
+
+    nothing = left(named)
+    full = _left(j.fit.normal) if explained is not None else left(())
     counts = _counts(j.fit.normal)
     gap = nothing - counts
-    alone = np.array([nothing - _replayed(j, [x for x in named if x != e]) for e in named])
-    last = np.array([_replayed(j, [e]) - full for e in named])
+    alone = np.array([nothing - left([x for x in named if x != e]) for e in named])
+    last = np.array([left([e]) - full for e in named])
     pick = np.random.default_rng(1).integers(full.size, size=(DRAWS, full.size))
     with np.errstate(invalid="ignore", divide="ignore"):
         # the gap as fitted

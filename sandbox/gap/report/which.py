@@ -13,6 +13,7 @@ from sandbox.output.sentences import capital
 
 HALF = 0.5  # chance of `unknown` below which it is not what most probably is at work
 FEW = 3  # effects whose sizes a sentence holds; more stand in the list of effects alone
+MANY = 5  # sets, or doubtful effects, that a sentence names; of more it says how many there are
 # chance of `unknown` from which it is told beside "no gap": what a list that holds 95 % may leave
 # out
 OPEN = 0.05
@@ -136,7 +137,10 @@ def _disputed(d: Diagnosis, sure: Sequence[str], told: Mapping[str, float]) -> s
     }
     ranked = sorted(held, key=lambda e: (-chances[e], e))
     said = {e: "something outside the library" if e == UNKNOWN else words(e) for e in held}
-    return ", ".join(f"{said[e]} ({percent(chances[e])})" for e in ranked)
+    told = [f"{said[e]} ({percent(chances[e])})" for e in ranked[:MANY]]
+    if len(ranked) > MANY:
+        told.append(f"{len(ranked) - MANY} more of at most {percent(chances[ranked[MANY]])} each")
+    return ", ".join(told)
 
 
 def _outside(d: Diagnosis, shares: Mapping[str, float], of_sets: Rivals) -> str:
@@ -168,8 +172,20 @@ def _named(h: Hypothesis) -> list[str]:
 
 def _listed(chosen: Sequence[Hypothesis], between: str, of_sets: Rivals) -> str:
     """Return hypotheses with their probabilities, the shares of the gap of each one's effects in
-    the order of these, and `unknown` beside effects in words."""
-    return between.join(_words(h, of_sets.get(tuple(_named(h)), {})) for h in chosen)
+    the order of these, and `unknown` beside effects in words; of more than MANY how many there are.
+    """
+    told = [_words(h, of_sets.get(tuple(_named(h)), {})) for h in chosen[:MANY]]
+    if rest := chosen[MANY:]:
+        told.append(f"{len(rest)} more sets ({percent(sum(h.probability for h in rest))} together)")
+    return between.join(told)
+
+
+def doubtful(d: Diagnosis) -> list[str]:
+    """Return the effects that only some of the likely hypotheses hold, the likeliest first."""
+    own = [set(_named(h)) for h in d.ambiguity_set]
+    some = set().union(*own) - set.intersection(*own)
+    chance = {e: sum(h.probability for h in d.hypotheses if e in h.effects) for e in some}
+    return sorted(some, key=lambda e: (-chance[e], e))
 
 
 def _words(h: Hypothesis, shares: Mapping[str, float]) -> str:

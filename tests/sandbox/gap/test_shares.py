@@ -35,6 +35,23 @@ def test_shares_of_effects_that_add_are_their_squares(monkeypatch):
     assert found["b"].ci95 == pytest.approx([0.25 - 0.14, 0.25 + 0.14], abs=0.03)
 
 
+def test_no_replay_is_made_twice(monkeypatch):
+    """Of two effects, one added first is the other one missing, which is that one added last: with
+    both and without both there are four replays, of one effect two."""
+    for named, replays in ((("a", "b"), 4), (("a",), 2), (("a", "b", "c"), 8)):
+        made = []
+        monkeypatch.setattr(shares, "_replayed", lambda j, gone, made=made: _kept(made, gone))
+        monkeypatch.setattr(shares, "_counts", lambda n: np.full(6, NOISE))
+        of_set(SimpleNamespace(effects=named, fit=SimpleNamespace(normal=None)))
+        assert len(made) == replays
+
+
+def _kept(made, gone):
+    """Keep which effects are missing; what is left grows with their number."""
+    made.append(tuple(gone))
+    return NOISE * (1.0 + len(gone)) * np.ones(6)
+
+
 @pytest.mark.parametrize(
     ("count", "showing", "there"), [(1, 1, False), (12, 1, False), (12, 2, False), (12, 4, True)]
 )

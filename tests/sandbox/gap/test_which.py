@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from model.effects.library import effect_names, neutral
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.location.outside import OddPhase
 from sandbox.gap.pages import listed
@@ -12,7 +13,7 @@ from sandbox.gap.planning.todo import todo
 from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.report import answers
 from sandbox.gap.report.position_moved import Moved
-from sandbox.gap.report.which import badge, which_text
+from sandbox.gap.report.which import badge, doubtful, which_text
 from sandbox.gap.words import tenths
 from sandbox.output.sentences import VERDICTS
 from sandbox.recordings.campaign import Made
@@ -264,12 +265,33 @@ def test_each_named_effect_says_what_to_do():
         "If it is stator resistance",
         "Dead time",
     ]
+    # where something outside most probably is at work, what may only imitate it has no "if"
+    loose = diagnosis((("dead_time", "unknown"), 0.6), ((*both, "unknown"), 0.4))
+    loose.campaign.drive = DRIVE
+    (only,) = todo(loose, r)
+    assert "dead time: set" in only
     out = diagnosis((AU, 0.97))
     out.campaign.drive = DRIVE
     (found,) = todo(out, r)
     assert found.startswith(
         "Find first what is outside the library: it may bend these sizes. Then, dead time: set"
     )
+
+
+def test_dozens_of_sets_are_no_sentence():
+    """A sensor's memory left 24 sets likely: each was told, with what to do about 26 effects."""
+    others = [e for e in effect_names() if e != "dead_time"][:24]
+    d = diagnosis(*((("dead_time", e), 0.95 / 24) for e in others))
+    d.campaign.drive = DRIVE
+    chances = dict.fromkeys(others, 0.95 / 24)
+    said = which_text(d, {"dead_time": 1.0}, chances)
+    assert said.count("(4 %") == 5
+    assert "; or 19 more sets (75 % together)." in said
+    own = {k: p for k, p in neutral(DRIVE.motor).items() if not k.startswith("dead_time.")}
+    values = {e: {k: v for k, v in own.items() if k.startswith(f"{e}.")} for e in others}
+    r = ranked({"dead_time": {"dead_time.time": 2e-6}, **values})
+    assert sum(t.startswith("If it is") for t in todo(d, r)) <= 3
+    assert doubtful(d) == sorted(others)
 
 
 def test_half_a_percent_of_the_gap_is_told():
