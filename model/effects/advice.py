@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from model.effects.library import load_effect, neutral, parameters, same_numbers
 from model.parameters import Converter, Motor
 
+NONE = "nothing to set yet: its likeliest size is none"
 KEEP = "keep it in the simulator (effects.toml has it), and measure it on its own"
 
 
@@ -26,14 +27,12 @@ def what_to_do(
 
 
 def advice(effect: str, values: Mapping[str, float], motor: Motor, converter: Converter) -> str:
-    """Return what to do about one effect at completed values; of one that is off, or whose card
-    says nothing, to keep it in the simulator."""
+    """Return what to do about one effect at completed values; of one that is off, nothing; of one
+    whose card says nothing, to keep it in the simulator."""
     card = load_effect(effect)
-    return (
-        card.do(values, motor, converter)
-        if card.do and card.is_on(values, neutral(motor))
-        else KEEP
-    )
+    if not card.is_on(values, neutral(motor)):
+        return NONE
+    return card.do(values, motor, converter) if card.do else KEEP
 
 
 def completed(found: Mapping[str, float], motor: Motor) -> dict[str, float]:

@@ -9,7 +9,7 @@ import pytest
 
 from model.drive_files import load_drive
 from model.effects import library
-from model.effects.advice import KEEP, advice, completed, what_to_do
+from model.effects.advice import KEEP, NONE, advice, completed, what_to_do
 from model.effects.card import Effect
 from model.effects.said import number, percent, quantity
 from model.mapped import OF_MAP
@@ -37,7 +37,7 @@ def test_every_card_says_what_to_do_at_its_typical_size(name):
     assert re.search(r"\d", text), text  # how much
     assert not re.search(r"nan|inf\b|\{|\}|e[-+]\d\d", text), text
     assert not text.endswith(".")  # a part of a sentence, which a report ends
-    assert advice(name, completed({}, MOTOR), MOTOR, CONVERTER) == KEEP  # where it is off
+    assert advice(name, completed({}, MOTOR), MOTOR, CONVERTER) == NONE  # where it is off
 
 
 @pytest.mark.parametrize("name", library.effect_names())

@@ -301,7 +301,7 @@ def test_fast_frames_are_no_jumps():
     ("segment", "words"),
     [
         (Segment(0.2, 3.0), "load 300 % exceeds the current limit of 250 %"),
-        (Segment(0.2, 0.0, 0.95), r"speed 95 % .* \(1710 rpm\) is beyond [0-9.]+ rpm"),
+        (Segment(0.2, 0.0, 0.95), r"speed 95 % \(1710 rpm\) is beyond [0-9.]+ rpm"),
     ],
 )
 def test_what_the_drive_cannot_do_is_refused(segment, words):
