@@ -243,8 +243,9 @@ def check(
 
 def _of_identify(campaign: Campaign) -> list[Noticed]:
     """Return why `identify` would refuse a campaign's locked recordings with injection, or not read
-    levels in them."""
-    if not any(r.rotor == "locked" and r.injection_axis != "none" for r in campaign.recordings):
+    levels in them. Of a motor with a flux map nothing: it has no alphas, which levels tell."""
+    staircase = any(r.rotor == "locked" and r.injection_axis != "none" for r in campaign.recordings)
+    if not staircase or campaign.drive.motor.has_map:
         return []
     from model.levels import NoStaircase, require_information
     from sandbox.recordings.staircase import levels_of

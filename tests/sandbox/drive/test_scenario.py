@@ -120,10 +120,11 @@ def test_what_nobody_stated_is_not_quoted_as_if_somebody_had(tmp_path):
         "magnet_flux = 0.5\ninertia = 1e-3\nrated_current = 10.0\nrated_torque = 30.0\n"
         "rated_speed_rpm = 3000.0\nviscous_friction = 0.0\n"
     )
-    drive, turning = load_drive(own), Scenario("s", (Segment(0.2, 0.0, 0.4),), rotor="driven")
+    drive = load_drive(own)
+    turning = Scenario("s", (Segment(0.2, 0.0, 0.4),), rotor="driven", start_up=False)
     usual = r"400 V \(a usual value, \[drive\] states none\) leaves .* V beside an injection of "
     with pytest.raises(PhysicsError, match=usual + r".* V \(a usual value, \[injection\]"):
-        check_feasible(drive, turning, design(drive))
+        check_feasible(drive, turning, design(drive, start_up=False))
 
 
 def test_load_outside_the_valid_domain_is_refused():

@@ -95,6 +95,7 @@ def test_a_drive_without_a_fault_is_not_suspicious_where_the_iron_saturates(scen
     found = sandbox.check(tmp_path / "record", effects=False)
     assert found.mistakes == ()
     assert not any("give theta in electrical rad" in n.finding.text for n in found.noticed)
+    assert not any("alphas" in n.finding.text for n in found.noticed)  # a map has none
 
 
 @pytest.mark.parametrize("name", [*MAP, "quartic"])
