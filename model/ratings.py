@@ -4,7 +4,7 @@ anything runs."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from model.drive_files import ASSUMED
@@ -59,10 +59,10 @@ def _ratings(drive: Drive) -> tuple[str, ...]:
     return (f"{'; '.join(said[:SAID])}; no motor has that: {NOT_KNOWN}",)
 
 
-def assumed(drive: Drive) -> tuple[str, ...]:
+def assumed(drive: Drive, unused: Collection[str] = ()) -> tuple[str, ...]:
     """Return a sentence on what [drive] does not state, with the usual values that stand in;
-    nothing where it does."""
-    keys = [k for k in drive.provenance.get(ASSUMED, "").split(", ") if k]
+    nothing where it does. unused: keys that a result does not depend on."""
+    keys = [k for k in drive.provenance.get(ASSUMED, "").split(", ") if k and k not in unused]
     if not keys:
         return ()
     own = ", ".join(f"{k} = {getattr(drive.converter, k):g} {UNIT_OF[k]}" for k in keys)

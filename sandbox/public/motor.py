@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from model.drive_files import QUOTED
 from model.errors import BadInput
 from model.parameters import Drive
 from model.ratings import cautions
@@ -142,7 +143,7 @@ class MapsResult(Result):
         from sandbox.public.printed import print_cautions, print_maps
 
         print_maps(self.maps)
-        print_cautions(self.drive)
+        print_cautions(self.drive, QUOTED)
         for sentence in self.flux_map.sentences() if self.flux_map else ():
             print_prose(sentence)
 

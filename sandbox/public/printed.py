@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -138,11 +138,12 @@ def print_simulated(runs: Sequence[Run]) -> None:
     print_prose(f"{seconds:.3g} s simulated in {cpu:.3g} s of CPU")
 
 
-def print_cautions(drive: Drive) -> None:
-    """Print what about a drive's ratings cannot be meant, and what it does not state."""
+def print_cautions(drive: Drive, unused: Collection[str] = ()) -> None:
+    """Print what about a drive's ratings cannot be meant, and what it does not state; unused: keys
+    of [drive] that the result does not depend on."""
     for text in cautions(drive):
         print_prose(f"caution: {text}")
-    for text in assumed(drive):
+    for text in assumed(drive, unused):
         print_prose(f"note: {text}")
 
 
@@ -226,7 +227,7 @@ def print_audit(drive: Drive, a: Audit) -> None:
         f"torque at rated current on q: {_torque(drive):.4g} N m (rated torque "
         f"{rated:.4g} N m; currents are peak)"
     )
-    print_cautions(drive)
+    print_cautions(drive, ["current_noise"])
     content = audit_content(drive, a)
     heads = [
         "load %",

@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from model.drive_files import load_drive, motor_names
+from model.drive_files import QUOTED, load_drive, motor_names
 from model.errors import BadInput
 from model.ratings import assumed, cautions, largest_torque
 
@@ -119,6 +119,8 @@ def test_what_a_motors_file_does_not_state_is_said(tmp_path):
     assert "does not state sampling_period, dc_bus_voltage and current_noise" in said
     assert "dc_bus_voltage = 400 V" in said
     assert f"current_noise = {0.0017 * SHEET['rated_current']:g} A rms" in said  # model.drive_files
+    assert "current_noise" not in assumed(load_drive(path), ["current_noise"])[0]
+    assert assumed(load_drive(path), QUOTED) == ()
     assert all(assumed(load_drive(name)) == () for name in motor_names())
 
 
