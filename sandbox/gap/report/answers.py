@@ -293,7 +293,7 @@ def next_text(a: Answers) -> str:
     if a.verdict == "no_gap":
         return (
             "Nothing is needed, as far as these recordings see: the nominal model explains them "
-            "once what [uncertainty] and [background] allow is refitted."
+            f"once {_allowed(a.diagnosis.campaign)} is refitted."
         )
     if a.verdict == "explained":
         return (
@@ -320,6 +320,15 @@ def next_text(a: Answers) -> str:
         "Within [limits] no recording of the menu is likely to leave one of them. " if held else ""
     )
     return f"{none}Recordings that show more, for {told}."
+
+
+def _allowed(campaign: Campaign) -> str:
+    """Return what may deviate without a fault, and that nobody stated it where that is so."""
+    tables = {"[uncertainty]": campaign.uncertainty, "[background]": campaign.background}
+    stated = [name for name, table in tables.items() if table]
+    if not stated:
+        return "what usually deviates (the campaign states no [uncertainty] or [background])"
+    return f"what {' and '.join(stated)} {'allow' if len(stated) > 1 else 'allows'}"
 
 
 def caveats(a: Answers) -> list[str]:

@@ -41,8 +41,8 @@ def sentence(held: Sequence[Held]) -> str:
     they, them, go = ("it", "it", "goes") if len(held) == 1 else ("they", "them", "go")
     return (
         f"{capital('; '.join(told))}. Either {they} may be further off than [uncertainty] or "
-        f"[background] of the campaign says, or something that is not named pushes {them}: as an "
-        f"ordinary deviation {they} {go} no further."
+        "[background] of the campaign says (usual sizes where they say nothing), or something that "
+        f"is not named pushes {them}: as an ordinary deviation {they} {go} no further."
     )
 
 

@@ -294,6 +294,19 @@ def test_dozens_of_sets_are_no_sentence():
     assert doubtful(d) == sorted(others)
 
 
+@pytest.mark.parametrize(
+    ("uncertainty", "background", "said"),
+    [
+        ({}, {}, "what usually deviates (the campaign states no [uncertainty] or [background])"),
+        ({"resistance": 0.1}, {}, "what [uncertainty] allows"),
+        ({"resistance": 0.1}, {"dead_time": 1e-7}, "what [uncertainty] and [background] allow"),
+    ],
+)
+def test_what_nobody_allowed_is_not_quoted(uncertainty, background, said):
+    campaign = SimpleNamespace(uncertainty=uncertainty, background=background)
+    assert answers._allowed(campaign) == said
+
+
 def test_half_a_percent_of_the_gap_is_told():
     shares = {
         "stator_resistance": 0.5,
