@@ -30,6 +30,18 @@ def read_trace(path: Path) -> dict[str, tuple[Array, Array]]:
     return found
 
 
+def read_bars(path: Path) -> dict[str, Array]:
+    """Read the bars of a trace: entity path -> heights (n,)."""
+    found = {}
+    for chunk in RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        if "BarChart:values" in batch.schema.names:
+            entity = str(chunk.entity_path).lstrip("/")
+            (own,) = batch.column("BarChart:values").to_pylist()
+            found[entity] = np.array(own[0]["buffer"] if "buffer" in own[0] else own[0])
+    return found
+
+
 def read_properties(path: Path) -> dict[str, str]:
     """Read how a trace was made, as text."""
     found: dict[str, str] = {}

@@ -358,69 +358,77 @@ def test_power_among_several_is_that_of_readings():
     )
 
 
-def chosen(monkeypatch, rivals, table, *, rotor="driven", turned=False, rated_from_data=True):
-    """Recommend where an entry tells what a table says, {(name, seconds): Tried or None}; of an
-    entry's rotor, on a campaign whose rotor turned or was locked, with or without a nameplate."""
-    empty, names = np.zeros(1), sorted({name for name, _ in table})
+@pytest.fixture
+def chosen(monkeypatch):
+    """Return a function that recommends where an entry tells what a table says, {(name, seconds):
+    Tried or None}; of an entry's rotor, on a campaign whose rotor turned or was locked, with or
+    without a nameplate."""
+    empty, tables = np.zeros(1), []
+
+    def of(rivals, table, *, rotor="driven", turned=False, rated_from_data=True):
+        tables[:] = [table, rotor]
+        recordings = (SimpleNamespace(rotor="free" if turned else "locked"),)
+        return recommend(Campaign("own", DRIVE, recordings, {}, {}, rated_from_data), rivals, 1.0)
 
     def entries(drive, limits, seconds=1.0):
         """Return a menu of the table's names."""
-        return [Entry(n, n, rotor, empty, empty, empty, seconds=seconds) for n in names]
+        names = sorted({name for name, _ in tables[0]})
+        return [Entry(n, n, tables[1], empty, empty, empty, seconds=seconds) for n in names]
 
-    monkeypatch.setattr(discriminate, "allowed", entries)
-    monkeypatch.setattr(discriminate, "settings", lambda entry, drive: "as told")
-    monkeypatch.setattr(discriminate, "usual_seconds", lambda drive: 1.0)
-    monkeypatch.setattr(
-        discriminate, "_tried", lambda c, e, r, t, w: table.get((e.name, e.seconds))
-    )
-    recordings = (SimpleNamespace(rotor="free" if turned else "locked"),)
-    campaign = Campaign("own", DRIVE, recordings, {}, {}, rated_from_data)
-    return recommend(campaign, rivals, 1.0)
+    told = {
+        "allowed": entries,
+        "settings": lambda entry, drive: "as told",
+        "usual_seconds": lambda drive: 1.0,
+        "_tried": lambda c, e, r, t, w: tables[0].get((e.name, e.seconds)),
+    }
+    for name, own in told.items():
+        monkeypatch.setattr(discriminate, name, own)
+    return of
 
 
-def test_nothing_is_to_turn_whose_speed_nobody_knows(monkeypatch):
+def test_nothing_is_to_turn_whose_speed_nobody_knows(chosen):
     """Locked recordings without a nameplate: no driven entry; with either, or a locked entry, there
     is one."""
     pair = [(0.5, SimpleNamespace(effects=("a",))), (0.5, SimpleNamespace(effects=("b",)))]
     table = {("x", 1.0): tried(even(40.0))}
-    assert chosen(monkeypatch, pair, table, turned=False) is None
-    assert chosen(monkeypatch, pair, table, turned=True).description == "x (as told)"
-    assert chosen(monkeypatch, pair, table, rated_from_data=False) is not None
-    assert chosen(monkeypatch, pair, table, rotor="locked") is not None
+    assert chosen(pair, table, turned=False) is None
+    assert chosen(pair, table, turned=True).description == "x (as told)"
+    assert chosen(pair, table, rated_from_data=False) is not None
+    assert chosen(pair, table, rotor="locked") is not None
 
 
 def even(x, n=2):
     return [[x] * n for _ in range(n)]
 
 
-def test_what_is_sure_with_the_least_gap_is_chosen(monkeypatch):
+def test_what_is_sure_with_the_least_gap_is_chosen(chosen):
     pair = [(0.5, SimpleNamespace(effects=("a",))), (0.5, SimpleNamespace(effects=("b",)))]
     table = {
         ("big", 1.0): tried(even(60.0), 9.0, "big"),
         ("small", 1.0): tried(even(40.0), 2.0, "small"),
     }
-    best = chosen(monkeypatch, pair, {**table, ("broken", 1.0): None}, turned=True)
+    best = chosen(pair, {**table, ("broken", 1.0): None}, turned=True)
     assert (best.entry, best.gain, best.separates) == ("small", 40.0, (("a",), ("b",)))
     assert best.power > SURE
 
 
-def test_a_longer_recording_is_asked_for_only_if_it_tells_more(monkeypatch):
+def test_a_longer_recording_is_asked_for_only_if_it_tells_more(chosen):
     """Power 0.7 in a second: two seconds do, or tell less than they promised, or cannot be made."""
     pair = [(0.5, SimpleNamespace(effects=("a",))), (0.5, SimpleNamespace(effects=("b",)))]
     first = {("x", 1.0): tried(even(4.5), 0.0, "x")}
     longer = {("x", 2.0): tried(even(20.0), 0.0, "x", 2.0)}
-    assert 0.5 < chosen(monkeypatch, pair, first, turned=True).power < SURE
-    assert chosen(monkeypatch, pair, first, turned=True).seconds == 1.0
-    assert chosen(monkeypatch, pair, first | longer, turned=True).seconds == 2.0
+    assert 0.5 < chosen(pair, first, turned=True).power < SURE
+    assert chosen(pair, first, turned=True).seconds == 1.0
+    assert chosen(pair, first | longer, turned=True).seconds == 2.0
     poor = {
         ("x", 2.0): tried(even(4.0), 0.0, "x", 2.0),
         ("x", 4.0): tried(even(3.0), 0.0, "x", 4.0),
     }
-    assert chosen(monkeypatch, pair, first | poor, turned=True).seconds == 1.0
-    assert chosen(monkeypatch, pair, {("x", 1.0): tried(even(0.2), 0.0, "x")}, turned=True) is None
+    assert chosen(pair, first | poor, turned=True).seconds == 1.0
+    assert chosen(pair, {("x", 1.0): tried(even(0.2), 0.0, "x")}, turned=True) is None
 
 
-def test_all_rivals_count(monkeypatch):
+def test_all_rivals_count(chosen):
     """What parts the first two from each other but not from the third settles little."""
     three = [
         (0.4, SimpleNamespace(effects=("a",))),
@@ -429,7 +437,7 @@ def test_all_rivals_count(monkeypatch):
     ]
     apart = tried([[0, 90, 0.1], [90, 0, 90], [0.1, 90, 0]], 0.0, "two")
     table = {("two", 1.0): apart, ("all", 1.0): tried(even(40.0, 3), 0.0, "all")}
-    assert chosen(monkeypatch, three, table, turned=True).entry == "all"
+    assert chosen(three, table, turned=True).entry == "all"
 
 
 def test_a_longer_menu_holds_the_same_experiments_slower(small_folder):

@@ -71,15 +71,12 @@ def test_another_saturation_turns_the_null_by_the_difference_of_two_angles(found
         ("active_flux", 120.0, 0.5, 1.0),
     ],
 )
-def test_a_mechanical_turn_at_the_speed_that_the_page_names(
-    monkeypatch, estimator, rpm, speed, seconds
-):
+def test_a_mechanical_turn_at_the_speed_that_the_page_names(estimator, rpm, speed, seconds):
     """At a twentieth of 1200 rpm a turn takes 1 s, at half of 120 rpm, too; of 400 rpm two of its
     three seconds."""
-    monkeypatch.setattr(position_moved, "set_up", lambda drive, scenario, *_: scenario)
     drive = load_drive("spm_exchanged")
     drive = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, rated_speed_rpm=rpm))
-    start, turn = position_moved._ready(drive, estimator).segments
+    start, turn = position_moved._ready(drive, estimator).scenario.segments
     assert (start.load, turn.load, start.speed, turn.speed) == (0.0, 1.0, speed, speed)
     assert turn.duration - position_moved.RAMP - position_moved.SETTLE == pytest.approx(seconds)
 
@@ -145,9 +142,10 @@ def test_lost_is_said_only_where_a_run_breaks_off(monkeypatch, error, lost):
             raise error
         return 0.0, 0.0
 
-    monkeypatch.setattr(position_moved, "_ready", lambda drive, name: None)
     monkeypatch.setattr(position_moved, "_error", run)
-    own = moved(None, {"inertia": {"inertia.inertia": 1.0}, "saturation": {}})
+    own = moved(
+        load_drive("spm_exchanged"), {"inertia": {"inertia.inertia": 1.0}, "saturation": {}}
+    )
     assert own["saturation"]["ekf"] == Moved(0.0, 0.0)
     got = own["inertia"]["ekf"].as_json()
     assert got["lost"] == lost

@@ -14,21 +14,29 @@ from sandbox.gap.report.shares import Share, of_set
 NOISE = 1000.0  # readings a recording
 
 
-def set_of(monkeypatch, a, b):
-    """The shares of two effects that add `a` and `b`, squares a recording, to the noise, each by
-    itself."""
-    left = {("a", "b"): a + b, ("a",): a, ("b",): b, (): 0.0 * a}
-    monkeypatch.setattr(shares, "_replayed", lambda j, gone: NOISE + left[tuple(sorted(gone))])
-    monkeypatch.setattr(shares, "_left", lambda n: NOISE + 0.0 * a)
-    monkeypatch.setattr(shares, "_counts", lambda n: NOISE + 0.0 * a)
-    return of_set(SimpleNamespace(effects=("a", "b"), fit=SimpleNamespace(normal=None)), 1.0)
+@pytest.fixture
+def set_of(monkeypatch):
+    """Return a function: the shares of two effects that add `a` and `b`, squares a recording, to
+    the noise, each by itself."""
+
+    def of(a, b):
+        left = {("a", "b"): a + b, ("a",): a, ("b",): b, (): 0.0 * a}
+        for name, own in (
+            ("_replayed", lambda j, gone: NOISE + left[tuple(sorted(gone))]),
+            ("_left", lambda n: NOISE + 0.0 * a),
+            ("_counts", lambda n: NOISE + 0.0 * a),
+        ):
+            monkeypatch.setattr(shares, name, own)
+        return of_set(SimpleNamespace(effects=("a", "b"), fit=SimpleNamespace(normal=None)), 1.0)
+
+    return of
 
 
-def test_shares_of_effects_that_add_are_their_squares(monkeypatch):
+def test_shares_of_effects_that_add_are_their_squares(set_of):
     """Of six recordings of one gap each, a has 0.5 to 1.0: the mean is 0.75, that of six draws is
     off by 0.07 (standard deviation 0.171 over the root of six), so that 95 % lie within 0.14."""
     size = np.full(6, NOISE)
-    found = set_of(monkeypatch, np.linspace(0.5, 1.0, 6) * size, np.linspace(0.5, 0.0, 6) * size)
+    found = set_of(np.linspace(0.5, 1.0, 6) * size, np.linspace(0.5, 0.0, 6) * size)
     assert found["a"].value == pytest.approx(0.75)
     # of 400 draws, in steps of 1/60
     assert found["a"].ci95 == pytest.approx([0.75 - 0.14, 0.75 + 0.14], abs=0.03)
@@ -55,19 +63,19 @@ def _kept(made, gone):
 @pytest.mark.parametrize(
     ("count", "showing", "there"), [(1, 1, False), (12, 1, False), (12, 2, False), (12, 4, True)]
 )
-def test_few_recordings_with_the_gap_give_no_interval(monkeypatch, count, showing, there):
+def test_few_recordings_with_the_gap_give_no_interval(set_of, count, showing, there):
     """Of twelve, (11/12)^12 = 35 % of the draws miss the one that has it, (10/12)^12 = 11 % miss
     two, and (8/12)^12 = 0.8 % miss four: above and below one in twenty."""
     size = np.zeros(count)
     size[:showing] = NOISE
-    found = set_of(monkeypatch, 0.55 * size, 0.45 * size)
+    found = set_of(0.55 * size, 0.45 * size)
     assert found["a"].value == pytest.approx(0.55)
     assert (found["a"].ci95 is not None) == there
 
 
-def test_effects_that_take_nothing_off_have_no_interval_and_no_warning(monkeypatch, recwarn):
+def test_effects_that_take_nothing_off_have_no_interval_and_no_warning(set_of, recwarn):
     """No draw has a share of nothing: numpy's "All-NaN slice" once reached the terminal."""
-    found = set_of(monkeypatch, np.zeros(6), np.zeros(6))
+    found = set_of(np.zeros(6), np.zeros(6))
     assert found["a"].ci95 is None
     assert not recwarn.list
 

@@ -2,18 +2,14 @@
 
 import dataclasses
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from model.errors import BadInput
-from model.parameters import Limits
 from sandbox.gap.evidence.priors import Coordinate
-from sandbox.gap.planning import bench_plan, bench_table, visible
-from sandbox.gap.planning.next_recording import Next
+from sandbox.gap.planning import bench_plan, visible
 from sandbox.gap.planning.visible import Visible
-from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording
+from sandbox.recordings.campaign import CampaignRecording
 from tests.sandbox.gap.conftest import DRIVE
 from tests.sandbox.gap.entries import named
 
@@ -133,49 +129,6 @@ def test_the_most_alike_are_told_first():
     assert [x[:2] for x in found] == [("e", "g"), ("e", "f")]
 
 
-def test_sizes_grow_with_the_samples_left_out(monkeypatch):
-    """500 of 1000 samples are replayed, so all squares count twice: of 2 x 3 beside a deviation of
-    a half and a turn of one (2 x 2 + 4, 2 x 1 + 1) 6 - 4/8 - 4/3 are left; a second effect, beside
-    no ordinary one, has 2 x 1/8."""
-    own = Coordinate("x", 0.0, 0.5, "linear", ("bench.x",))
-    effects = [Coordinate(e, 0.0, 1.0, "share", (f"{e}.size",)) for e in "ef"]
-    turn = Coordinate("t", 0.0, 1.0, "turn", ("bench.t",))
-    a = np.array(
-        [[2.0, 1.0, 0.0, 0.0], [1.0, 3.0, 0.1, 1.0], [0.0, 0.1, 0.125, 0.0], [0.0, 1.0, 0.0, 1.0]]
-    )
-    n = SimpleNamespace(coordinates=(own, *effects, turn), summed=lambda: (a, None, None))
-    seen = []
-    monkeypatch.setattr(
-        visible, "prepare", lambda campaign: seen.extend(len(r.t) for r in campaign.recordings)
-    )
-    monkeypatch.setattr(visible, "coordinates_of", lambda *_: [own])
-    own_of = {e: [c for c in effects if c.effect == e] for e in "fe"}
-    candidates = [SimpleNamespace(effect=e, coordinates=lambda point, e=e: own_of[e]) for e in "fe"]
-    monkeypatch.setattr(visible, "at_typical", lambda *_: candidates)
-    monkeypatch.setattr(visible, "normal", lambda *_, **__: n)
-    campaign = Campaign("x", DRIVE, (recorded(np.zeros(1000), np.zeros(1000)),), {}, {}, False)
-    found = visible.visible(campaign)
-    assert seen == [500]
-    assert list(found.sizes) == ["e", "f"]
-    assert found.sizes == pytest.approx({"f": 0.5, "e": math.sqrt(6.0 - 0.5 - 4.0 / 3.0)})
-
-
-@pytest.mark.parametrize(("counts", "planned"), [(None, 4096), (1000, 1000)])
-def test_a_drive_that_names_no_encoder_is_planned_with_4096_counts(monkeypatch, counts, planned):
-    seen = []
-    monkeypatch.setattr(
-        bench_plan,
-        "allowed",
-        lambda drive, limits: seen.append(drive.converter.encoder_counts) or [],
-    )
-    drive = dataclasses.replace(
-        DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=counts)
-    )
-    with pytest.raises(BadInput, match="no experiment of the menu"):
-        bench_plan.plan(drive, NO_LIMITS)
-    assert seen == [planned]
-
-
 def test_experiments_are_in_the_order_of_what_they_add(monkeypatch):
     monkeypatch.setattr(bench_plan, "settings", lambda *_: "")
     got = [
@@ -206,51 +159,6 @@ def test_setpoints_are_told_every_millisecond():
     }
     assert second == pytest.approx(expected)
     assert first == pytest.approx(expected | {"t_s": 0.0, "i_d_A": 0.0, "i_q_A": 0.0})
-
-
-@pytest.mark.parametrize(("rotor", "link"), [("driven", 0.5), ("free", 1.0)])
-def test_a_bench_table_by_hand(monkeypatch, tmp_path, rotor, link):
-    """60 pi rad/s of 6 pole pairs are 300 rpm, or as fast as the angle goes: 0.25 rad a
-    millisecond, 398 rpm.  3 and 4 V are 5 V phase peak, 3 V of them along a."""
-    n = 8
-    entry = dataclasses.replace(named("one", 1.0, injection=(0.0, 5.0), link=link), rotor=rotor)
-    entry = dataclasses.replace(entry, speed=np.full(n, -60.0 * math.pi), i_q=np.full(n, 1.5))
-    columns = {
-        "t": np.arange(n) * 1e-3,
-        "theta": 0.25 * np.arange(n),
-        "u_alpha": np.full(n, 3.0),
-        "u_beta": np.full(n, 4.0),
-        "u_dc": np.full(n, 400.0 * link),
-    }
-    planned = SimpleNamespace(recordings=(SimpleNamespace(**columns),))
-    monkeypatch.setattr(bench_table, "menu", lambda drive, seconds: [entry])
-    monkeypatch.setattr(bench_table, "within", lambda wanted, drive, limits: wanted)
-    monkeypatch.setattr(bench_table, "recording_of", lambda *_: planned)
-    monkeypatch.setattr(bench_table, "largest_current", lambda *_: 1.75)
-    monkeypatch.setattr(bench_table, "settings", lambda *_: "as told")
-    wanted = Next("one", "", 1.0, (("dead_time",), ()), 20.0, 0.97)
-    campaign = Campaign("x", DRIVE, (), {}, {}, False, limits=Limits(current=2.0, voltage=300.0))
-    found = bench_table.bench_table(campaign, wanted, DRIVE)
-    rpm = -300.0 if rotor == "driven" else 250.0 / 6.0 * 60.0 / math.tau
-    assert found.columns["speed_rpm"] == pytest.approx(rpm)
-    assert found.columns["injected_q_V"] == pytest.approx([5.0] * 4 + [-5.0] * 4)
-    assert not found.columns["injected_d_V"].any()
-    assert found.columns["u_a_V"] == pytest.approx(3.0)
-    assert found.limits == pytest.approx(
-        {"current": 1.75, "speed_rpm": abs(rpm), "voltage": 5.0, "link": 400.0 * link}
-    )
-    said = {"rotor": rotor, "injection_axis": "q"} | (
-        {"dc_bus_voltage": 200.0} if link == 0.5 else {}
-    )
-    assert found.recording == said
-    bench_table.write_bench_table(tmp_path / "t.csv", found, wanted)
-    text = (tmp_path / "t.csv").read_text().splitlines()
-    assert (
-        f"# at most: 1.75 A peak, 5 V phase peak, {abs(rpm):.0f} rpm, link "
-        f"{400.0 * link:g} V; rotor {rotor}"
-    ) in text[2]
-    assert text[2].endswith("; [limits]: 2 A peak, 300 V link")
-    assert text[-1].split(",")[3] == ("-300" if rotor == "driven" else "397.8874")  # seven digits
 
 
 def test_an_eccentric_disc_is_no_more_than_a_misaligned_one_where_the_angle_stays():

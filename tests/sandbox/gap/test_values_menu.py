@@ -6,16 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbox.gap.planning import menu as menus
 from sandbox.gap.planning.menu import (
     demand,
     menu,
     reached,
     recording_of,
     settings,
+    shaft,
     tight,
     usual_seconds,
 )
+from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from tests.sandbox.gap.entries import PERIOD, drive_at, entry_of
 
@@ -208,17 +209,14 @@ def test_the_whole_link_is_nothing_to_be_said():
     assert recording_of(CAMPAIGN, entry_of(), None).recordings[0].dc_bus_voltage is None
 
 
-def test_a_planned_shaft_carries_no_load(monkeypatch):
-    seen = {}
-    monkeypatch.setattr(
-        menus, "turned_by", lambda batch, features, torque, period, steps, out: seen.update(batch)
+def test_a_planned_shaft_carries_no_load():
+    """Whatever load a simulated bench has: without torque a rotor stays, with torque it moves as
+    without that load."""
+    drive, torque = drive_at(), np.full(50, 0.5)
+    loads = {"bench.load_torque_gain": 0.5, "bench.load_torque_offset": 0.3}
+    free, loaded = (
+        shaft(complete(drive.motor, drive.converter, more), drive) for more in ({}, loads)
     )
-    batch = {"load_gain": np.ones(1), "load_offset": np.ones(1), "inertia": np.ones(1)}
-    monkeypatch.setattr(menus, "batch_of", lambda *_: batch)
-    monkeypatch.setattr(menus, "features_of", lambda *_: None)
-    assert menus.shaft({}, drive_at())(np.ones(3)) == pytest.approx(np.zeros(3))
-    assert {k: float(v[0]) for k, v in seen.items()} == {
-        "load_gain": 0.0,
-        "load_offset": 0.0,
-        "inertia": 1.0,
-    }
+    assert loaded(0.0 * torque) == pytest.approx(np.zeros(50))
+    assert loaded(torque).tolist() == free(torque).tolist()
+    assert free(torque)[-1] > 0.1

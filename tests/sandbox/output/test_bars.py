@@ -1,8 +1,10 @@
 """Progress on a terminal: every bar opens, tells, and is silent where nobody watches."""
 
 import io
-import sys
 import threading
+from contextlib import contextmanager, redirect_stderr
+
+import pytest
 
 from model.compiled import WATCH
 from sandbox.output import tables
@@ -16,36 +18,37 @@ class Terminal(io.StringIO):
         return True
 
 
-def terminal(monkeypatch):
-    """Return a terminal of 100 columns in place of the standard error (in a test: pytest sets it
-    anew before)."""
-    out = Terminal()
-    monkeypatch.setattr(sys, "stderr", out)
+@pytest.fixture(autouse=True)
+def hundred_columns(monkeypatch):
+    """Let the terminal be as wide on every machine."""
     for name, value in (("COLUMNS", "100"), ("TERM", "xterm")):
         monkeypatch.setenv(name, value)
-    return out
 
 
-def test_a_fraction(monkeypatch):
-    seen = terminal(monkeypatch)
-    with progress_bar("comparing", False) as progress:
+@contextmanager
+def watched(out=None):
+    """Put a stream in place of the standard error, by default a terminal; return it."""
+    with redirect_stderr(out or Terminal()) as seen:
+        yield seen
+
+
+def test_a_fraction():
+    with watched() as seen, progress_bar("comparing", False) as progress:
         progress(0.5)
     assert "comparing" in seen.getvalue()
 
 
-def test_a_rate_from_before_the_first_number_to_the_last(monkeypatch):
+def test_a_rate_from_before_the_first_number_to_the_last():
     """Nothing is known when it opens, not even how many there will be."""
-    seen = terminal(monkeypatch)
-    with rate_bar("sweep", False) as progress:
+    with watched() as seen, rate_bar("sweep", False) as progress:
         for done in (0, 500, 1000):
             progress(done, 1000)
     assert "sweep" in seen.getvalue()
     assert "1,000 of 1,000 runs" in seen.getvalue()
 
 
-def test_an_effort_beyond_what_is_usual(monkeypatch):
-    seen = terminal(monkeypatch)
-    with effort_bar("diagnosing", False, 1000.0) as (stage, count):
+def test_an_effort_beyond_what_is_usual():
+    with watched() as seen, effort_bar("diagnosing", False, 1000.0) as (stage, count):
         stage("fitting")
         count(1600.0)
     assert "1,600 simulations" in seen.getvalue()
@@ -54,9 +57,9 @@ def test_an_effort_beyond_what_is_usual(monkeypatch):
 def test_nobody_watches(monkeypatch):
     """Quiet: nothing. Without a terminal: nothing in the first minute, then a line a minute."""
     out, clock = io.StringIO(), [0.0]
-    monkeypatch.setattr(sys, "stderr", out)
     monkeypatch.setattr(tables.time, "monotonic", lambda: clock[0])
     with (
+        watched(out),
         progress_bar("a", True) as one,
         rate_bar("b", True) as two,
         effort_bar("c", True, 1.0) as (stage, count),
@@ -67,6 +70,7 @@ def test_nobody_watches(monkeypatch):
         count(1.0)
     assert out.getvalue() == ""
     with (
+        watched(out),
         progress_bar("a", False) as one,
         rate_bar("b", False) as two,
         effort_bar("c", False, 1.0) as (stage, count),
@@ -97,25 +101,23 @@ def test_a_step_that_takes_long_is_told_meanwhile(monkeypatch):
             self.written.set()
 
     out = Pipe()
-    monkeypatch.setattr(sys, "stderr", out)
     for name in ("PAUSE", "BEAT"):
         monkeypatch.setattr(tables, name, 1e-3)
-    with progress_bar("planning", False):
+    with watched(out), progress_bar("planning", False):
         assert out.written.wait(60.0)  # however slow the machine is
     assert out.getvalue().startswith("planning: 0 %, 0 s")
     out.written.clear()
-    with effort_bar("diagnosing", False, 1.0):
+    with watched(out), effort_bar("diagnosing", False, 1.0):
         assert out.written.wait(60.0)
     assert "diagnosing: reading, 0 s" in out.getvalue()
 
 
-def test_a_bar_without_a_fraction_shows_no_share(monkeypatch):
+def test_a_bar_without_a_fraction_shows_no_share():
     """0 % that stands still looks as if nothing happened."""
-    seen = terminal(monkeypatch)
-    with progress_bar("planning", False) as progress:
+    with watched() as seen, progress_bar("planning", False) as progress:
         progress(0.0)
     assert "%" not in seen.getvalue()
-    with progress_bar("planning", False) as progress:
+    with watched() as seen, progress_bar("planning", False) as progress:
         progress(0.25)
     assert "25%" in seen.getvalue()
 
@@ -123,10 +125,9 @@ def test_a_bar_without_a_fraction_shows_no_share(monkeypatch):
 def test_what_holds_a_bar_up_is_told(monkeypatch):
     """0 % for a minute is the compiler's, and the line says so; a bar does."""
     out, clock = io.StringIO(), [0.0]
-    monkeypatch.setattr(sys, "stderr", out)
     monkeypatch.setattr(tables.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(WATCH, "active", 1)
-    with progress_bar("planning", False) as progress:
+    with watched(out), progress_bar("planning", False) as progress:
         clock[0] = 61.0
         progress(0.0)
         monkeypatch.setattr(WATCH, "active", 0)
@@ -134,9 +135,8 @@ def test_what_holds_a_bar_up_is_told(monkeypatch):
         progress(0.2)
     lines = ["planning: 0 % (compiling), 61 s", "planning: 20 %, 122 s"]
     assert out.getvalue().splitlines() == lines
-    seen = terminal(monkeypatch)
     monkeypatch.setattr(tables.time, "monotonic", tables.time.perf_counter)
     monkeypatch.setattr(WATCH, "active", 1)
-    with progress_bar("planning", False):
+    with watched() as seen, progress_bar("planning", False):
         pass
     assert "planning (compiling)" in seen.getvalue()
