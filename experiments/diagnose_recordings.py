@@ -18,7 +18,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from sandbox.engine.processes import spread
+from sandbox.engine.processes import Workers, spread
 from sandbox.gap.report.answers import answer
 from sandbox.gap.report.diagnosis_json import document
 from sandbox.output.files import plain
@@ -72,7 +72,7 @@ def row(folder: Path, d: dict[str, Any]) -> str:
 def main(folder: Path) -> None:
     """Diagnose all campaigns of a folder and write the table."""
     campaigns = sorted(p for p in folder.iterdir() if (p / "campaign.toml").exists())
-    answers = dict(spread(_named, campaigns, 2))
+    answers = dict(spread(_named, campaigns, Workers(2)))
     found = [answers[c] for c in campaigns]
     lines = [
         (

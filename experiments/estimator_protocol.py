@@ -22,6 +22,7 @@ from textwrap import fill
 
 from experiments.drawing import RESULTS, save
 from experiments.on_cluster import on_dask
+from sandbox.engine.processes import Workers
 from sandbox.evaluation.bench import peer
 from sandbox.evaluation.pages.protocol_cells import reading, table, tables
 from sandbox.evaluation.pages.protocol_figure import protocol_figure
@@ -171,7 +172,7 @@ def main() -> None:
         draw(*kept())
         return
     folder = output_folder(Path("sensorless-out") / NAME)
-    result = protocol(jobs=options.jobs, keep=folder, cluster=options.dask)
+    result = protocol(workers=Workers(options.jobs, options.dask), keep=folder)
     if options.peer_python:
         result = result.beside(*peer(ANCHORS, options.peer_python, "lin", 4.0))
     draw(result, stamp(time.strftime("%Y-%m-%d"), version(), commit()))

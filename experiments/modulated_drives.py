@@ -98,7 +98,7 @@ def table(rows: Sequence[Row], names: Sequence[str]) -> str:
 def main() -> None:
     """Run every estimator with both beliefs, keep it and write the page."""
     if "--page" not in sys.argv[1:]:
-        found = protocol(motors=[MOTOR], tests=["modulation"], jobs=1)
+        found = protocol(motors=[MOTOR], tests=["modulation"])
         save(
             NAME,
             {

@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -18,23 +19,31 @@ ROOMS = ("model", "estimators", "sandbox")
 SOURCES = sorted(p for room in ROOMS for p in (ROOT / room).rglob("*.py"))
 
 
-def imported(path: Path) -> set[str]:
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """Return a file's syntax tree, parsed once for all rules."""
+    return ast.parse(path.read_text())
+
+
+@cache
+def imported(path: Path) -> frozenset[str]:
     """Return the modules of all imports of a file, those inside functions or for types only
     included."""
     names = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             names.add(node.module or "")
-    return names
+    return frozenset(names)
 
 
+@cache
 def files_imported(path: Path) -> set[Path]:
     """Return the files of the rooms that a file imports; of `from a import b` a or a.b, whichever
     is a file."""
-    names = imported(path)
-    for node in ast.walk(ast.parse(path.read_text())):
+    names = set(imported(path))
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.ImportFrom):
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
     files = {ROOT.joinpath(*name.split(".")).with_suffix(".py") for name in names}
@@ -114,7 +123,7 @@ def test_estimators_know_equations_only():
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_public_names_have_docstrings_and_files_stay_small(path):
     text = path.read_text()
-    tree = ast.parse(text)
+    tree = tree_of(path)
     assert ast.get_docstring(tree), path
     assert text.count("\n") <= 600, path
     classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
@@ -162,13 +171,37 @@ def wide_kernels(tree):
     return found
 
 
+def long(tree):
+    """Return the functions of a file, kernels apart, of more than a screen: 60 lines without their
+    docstring."""
+    found = []
+    for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
+        if any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list):
+            continue
+        said = node.body[0] if ast.get_docstring(node) else None
+        lines = node.end_lineno - node.lineno + 1
+        if lines - (said.end_lineno - said.lineno + 1 if said else 0) > 60:
+            found.append(node.name)
+    return found
+
+
+def test_functions_fit_a_screen():
+    rows = "    x = 1\n" * 60
+    assert long(ast.parse(f"def f():\n{rows}")) == ["f"]
+    assert long(ast.parse(f"@kernel\ndef f():\n{rows}")) == []
+    later = {"menu.py": "menu", "answers.py": "caveats", "judging.py": "judge"}
+    later["telling.py"] = "document"  # still to be parted
+    for path in SOURCES:
+        assert {*long(tree_of(path))} <= {later.get(path.name)}, path
+
+
 def test_kernels_take_records():
     many = ", ".join(f"x{k}" for k in range(16))
     assert wide_kernels(
         ast.parse(f"@kernel\ndef f({many}): pass\n@inlined\ndef g(): return {many}\n")
     ) == ["f", "g"]
     for path in SOURCES:
-        assert wide_kernels(ast.parse(path.read_text())) == [], path
+        assert wide_kernels(tree_of(path)) == [], path
 
 
 def test_many_arguments_go_by_name_and_many_results_have_names():
@@ -182,7 +215,7 @@ def test_many_arguments_go_by_name_and_many_results_have_names():
         == []
     )
     for path in [*SOURCES, *(ROOT / "experiments").glob("*.py")]:
-        assert wide(ast.parse(path.read_text())) == [], path
+        assert wide(tree_of(path)) == [], path
 
 
 def test_no_path_of_one_machine():
@@ -218,7 +251,7 @@ def test_the_diagnosis_names_no_effect():
     ):
         if path.name == "torques.py":  # the table of what an effect is in the shaft's equation
             continue
-        tree = ast.parse(path.read_text())
+        tree = tree_of(path)
         assert not any(re.fullmatch(rf"model\.effects\.(?:{names})", n) for n in imported(path)), (
             path
         )
@@ -259,9 +292,7 @@ def test_the_plant_names_no_effect():
         assert not any(re.fullmatch(rf"model\.effects\.(?:{names})", n) for n in imported(path)), (
             path
         )
-        strings = {
-            n.value for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Constant)
-        }
+        strings = {n.value for n in ast.walk(tree_of(path)) if isinstance(n, ast.Constant)}
         quoted = {
             s for s in strings if isinstance(s, str) and re.fullmatch(rf"(?:{names})(?:\.\w*)?", s)
         }

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from sandbox import diagnose
 from sandbox.output.files import rounded
-from sandbox.withheld.making.make import make
+from sandbox.withheld.making.make import CheckPlan, make
 
 HERE = Path(__file__).resolve().parent
 SEED, COUNT, WHICH = 7, 2, "w001"
@@ -42,7 +42,7 @@ def main() -> None:
     """Seal and record two campaigns, diagnose the second, then open the seal."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "drill"
-        make(folder, COUNT, SEED, jobs=1)
+        make(folder, CheckPlan(COUNT, SEED))
         answer = diagnose(folder / "campaigns" / WHICH).save(Path(place) / "answer")
         keep(answer, folder / "truth.sealed")
 

@@ -3,9 +3,8 @@ import."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -14,6 +13,9 @@ from sandbox.cli import arguments as take
 from sandbox.output.files import results, write_json
 from sandbox.output.provenance import Call, digest_of, made_by
 from sandbox.output.tables import many, print_prose, print_table, progress_bar
+
+if TYPE_CHECKING:
+    from sandbox.withheld.scoring.tables_of_rows import Scores
 
 ROWS = "withheld.rows.jsonl"
 Folder = Annotated[Path, Parameter(name="DIR")]
@@ -62,6 +64,8 @@ def make(
     quiet
         print nothing but errors
     """
+    from sandbox.engine.processes import Workers
+    from sandbox.withheld.making.make import CheckPlan
     from sandbox.withheld.making.make import make as record
     from sandbox.withheld.making.map_motors import SHARE, map_families, no_maps
     from sandbox.withheld.making.mapped_drive import missing
@@ -84,14 +88,8 @@ def make(
     with progress_bar("recording", quiet) as progress:
         made = record(
             folder,
-            count,
-            seed,
-            kind=kind,
-            style=cycles,
-            sizes=sizes,
-            maps=share,
-            jobs=jobs or os.cpu_count() or 1,
-            cluster=dask,
+            CheckPlan(count, seed, kind, cycles, sizes, share),
+            workers=Workers.asked(jobs, dask),
             announce=announce,
             progress=progress,
         )
@@ -141,12 +139,14 @@ def score(
     """
     if finished and again:
         raise BadInput("--finished runs nothing and --again forgets what was run; give one of them")
+    from sandbox.engine.processes import Workers
     from sandbox.withheld.baselines.methods import BASELINES
     from sandbox.withheld.making.make import HASH, SEAL
     from sandbox.withheld.scoring.blind import score as judge
     from sandbox.withheld.scoring.blind import standard
     from sandbox.withheld.scoring.check_figure import withheld_figure
     from sandbox.withheld.scoring.rows import write_rows
+    from sandbox.withheld.scoring.running import Check
     from sandbox.withheld.scoring.tables_of_rows import content_of, table
 
     methods: dict[str, Any] = {"diagnosis": standard, **(BASELINES if baselines else {})}
@@ -154,17 +154,13 @@ def score(
     for method, diagnose in methods.items():
         with progress_bar(method, quiet) as progress:
             result = judge(
-                folder,
-                diagnose,
+                Check(folder, diagnose, Workers.asked(jobs, dask), progress),
                 method=method,
-                jobs=jobs or os.cpu_count() or 1,
                 limit=limit,
                 leave_out=leave_out if method == "diagnosis" else 0.0,
                 again=again,
                 finished=finished,
                 allow_mixed=allow_mixed,
-                cluster=dask,
-                progress=progress,
             )
         scored.append(result)
     content = {**content_of(scored), "figure": "withheld.png", "rows": ROWS}
@@ -179,26 +175,25 @@ def score(
     if not quiet:
         print_table(f"{folder}: {many(len(scored[0].judged), 'campaign')}", *table(scored))
         for s in scored:
-            if len(s.code) > 1:
-                print_prose(
-                    f"reports of '{s.method}' come from {len(s.code)} versions of the "
-                    "code; see by_code of each"
-                )
-            failed = [j.name for j in s.judged if j.failed]
-            more = [j.name for j in (*s.followed, *s.left_out) if j.failed]
-            if more:
-                print_prose(
-                    f"'{s.method}' failed once more on {len(more)}, see their reports: "
-                    f"{', '.join(more[:5])}"
-                )
-            if leave_out and s is scored[0] and not s.left_out:
-                print_prose(
-                    "no single effect of medium size or more among these campaigns: "
-                    "nothing was left out"
-                )
-            if failed:
-                print_prose(
-                    f"'{s.method}' failed on {len(failed)}, counted as missed: "
-                    f"{', '.join(failed[:5])}"
-                )
+            _say(s)
+        if leave_out and not scored[0].left_out:
+            print_prose(
+                "no single effect of medium size or more among these campaigns: "
+                "nothing was left out"
+            )
         print_prose(f"seal and hash agree; {ROWS}, withheld.json and withheld.png in {folder}")
+
+
+def _say(s: Scores) -> None:
+    """Print what a reader of a method's figures should know."""
+    if len(s.code) > 1:
+        print_prose(
+            f"reports of '{s.method}' come from {len(s.code)} versions of the code; see by_code of "
+            "each"
+        )
+    for said, judged in (
+        ("failed once more on {}, see their reports", (*s.followed, *s.left_out)),
+        ("failed on {}, counted as missed", s.judged),
+    ):
+        if failed := [j.name for j in judged if j.failed]:
+            print_prose(f"'{s.method}' {said.format(len(failed))}: {', '.join(failed[:5])}")

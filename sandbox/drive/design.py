@@ -145,10 +145,6 @@ def design(
             "control; give a value > 0 Wb"
         )
     wave = carrier(injection, converter)
-    power = float(np.dot(wave.primitive, wave.primitive))
-    largest = OVERLOAD * motor.rated_current
-    apart = abs(motor.inductance_q / motor.inductance_d - 1.0) if is_salient(motor) else 1.0
-    saliency = injection.amplitude * apart / motor.inductance_q
     plant = sampled(drive)
     loops = _remembered(plant)
     bandwidth = loops["tracking"].bandwidth
@@ -167,15 +163,11 @@ def design(
         motor.magnet_flux,
         speed.kp,
         speed.ki,
-        largest,
+        OVERLOAD * motor.rated_current,
         converter.command_limit,
         injection.amplitude,
     )
-    variance = 2.0 / 3.0 * (converter.current_noise**2 + converter.current_resolution**2 / 12.0)
-    flux_variance = (VOLTAGE_UNCERTAINTY * converter.dc_bus_voltage * h) ** 2
-    # what blurs a sample of the q ripple, A^2
-    seen = variance + flux_variance / motor.inductance_q**2
-    angle_variance = seen / (saliency**2 * power / n)  # rad^2 a sample
+    power = float(np.dot(wave.primitive, wave.primitive))
     tuning = Tuning(
         n,
         int(motor.inductance_q > motor.inductance_d),
@@ -189,11 +181,26 @@ def design(
         track.kp,
         track.ki,
         motor.rated_current,
-        variance,
-        flux_variance,
-        bandwidth**4 * angle_variance * h**2,
+        *_variances(drive, power, n, bandwidth),
     )
     return Design(control, tuning, loops, law is not None, reads_ripple)
+
+
+def _variances(drive: Drive, power: float, n: int, bandwidth: float) -> tuple[float, float, float]:
+    """Return the variances a sample of a current (A^2), of a flux (Wb^2) and of the speed
+    ((rad/s)^2), the last as a tracking loop of a bandwidth (rad/s) follows it.
+
+    power: sum of the squares of the carrier's integral over its n samples.
+    """
+    motor, converter, h = drive.motor, drive.converter, drive.converter.sampling_period
+    apart = abs(motor.inductance_q / motor.inductance_d - 1.0) if is_salient(motor) else 1.0
+    saliency = drive.injection.amplitude * apart / motor.inductance_q
+    variance = 2.0 / 3.0 * (converter.current_noise**2 + converter.current_resolution**2 / 12.0)
+    flux_variance = (VOLTAGE_UNCERTAINTY * converter.dc_bus_voltage * h) ** 2
+    # what blurs a sample of the q ripple, A^2
+    seen = variance + flux_variance / motor.inductance_q**2
+    angle_variance = seen / (saliency**2 * power / n)  # rad^2 a sample
+    return variance, flux_variance, bandwidth**4 * angle_variance * h**2
 
 
 def sampled(drive: Drive) -> SampledMotor:

@@ -16,7 +16,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process, util
-from typing import Any
+from typing import Any, NamedTuple
 
 from model.errors import BadInput
 
@@ -30,31 +30,46 @@ Task = Callable[[Any], Any]
 Cluster = Any
 
 
+class Workers(NamedTuple):
+    """Who works on many tasks: so many processes, or a cluster where one is given."""
+
+    jobs: int = 1
+    cluster: Cluster | None = None
+
+    @classmethod
+    def asked(cls, jobs: int | None, cluster: Cluster | None = None) -> Workers:
+        """Return those asked for; without a number all cores."""
+        return cls(jobs or os.cpu_count() or 1, cluster)
+
+    @property
+    def alone(self) -> bool:
+        """Whether this process does all of it."""
+        return self.jobs == 1 and self.cluster is None
+
+
+ALONE = Workers()
+
+
 def spread(
-    task: Task,
-    work: Sequence[Any],
-    jobs: int,
-    lost: Task | None = None,
-    cluster: Cluster | None = None,
+    task: Task, work: Sequence[Any], workers: Workers = ALONE, lost: Task | None = None
 ) -> Iterator[Any]:
-    """Yield task(item) for all items, as they finish, on so many processes, or on a cluster where
-    one is given.
+    """Yield task(item) for all items, as they finish.
 
     lost: what to do with an item whose process died (out of memory, a crash in compiled code)
     twice, the second time alone, or on a cluster as often as its scheduler tries; without it that
     raises.  Only as many items are under way as there are hands, so an interrupt leaves no queue
     behind.  One job, or a single item, needs no other process unless one may be lost.
     """
-    if cluster is not None:
-        yield from _on_cluster(task, work, lost, cluster)
+    if workers.cluster is not None:
+        yield from _on_cluster(task, work, lost, workers.cluster)
         return
-    if lost is None and (jobs == 1 or len(work) < 2):
+    if lost is None and (workers.jobs == 1 or len(work) < 2):
         for item in work:
             yield task(item)
         return
     left = list(reversed(work))
     while left:
-        suspects = yield from _pooled(task, left, min(jobs, len(left)))
+        suspects = yield from _pooled(task, left, min(workers.jobs, len(left)))
         for item in suspects:
             try:
                 with _pool(1) as alone:

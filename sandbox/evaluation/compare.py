@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields, replace
 from itertools import product
+from typing import Any
 
 from estimators.contract import Estimator
 from estimators.registry import AnyEstimator, load_estimator
@@ -120,21 +121,14 @@ def compare(
         """Run an estimator (name, belief, closed loop) through the scenario."""
         nonlocal done
         name, belief, closed = case
-        run = simulate(
-            drive,
-            scenario,
-            loaded[name],
-            belief,
-            closed_loop=closed,
-            seed=seed,
-            stride=stride,
-            effects=effects,
+        how = {"seed": seed, "stride": stride}
+        run, _ = _run(
+            drive, scenario, loaded[name], belief, closed_loop=closed, effects=effects, **how
         )
-        rows = judged(drive, scenario, run, loaded[name], belief, closed, effects)
         done += 1
         if progress:
             progress(done / len(cases))
-        return Run(name, belief, closed, run.recording, rows, run.cpu_seconds)
+        return run
 
     first = one(cases[0])  # alone: compiles and designs what the others share
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
@@ -142,6 +136,25 @@ def compare(
     return Comparison(
         drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}), limits
     )
+
+
+def _run(
+    drive: Drive,
+    scenario: Scenario,
+    estimator: Estimator,
+    belief: str,
+    *,
+    closed_loop: bool,
+    effects: Mapping[str, float] | None,
+    **how: Any,
+) -> tuple[Run, Design]:
+    """Return a run, judged, and the gains it used; how: what else `simulate` takes."""
+    done = simulate(
+        drive, scenario, estimator, belief, closed_loop=closed_loop, effects=effects, **how
+    )
+    rows = judged(drive, scenario, done, estimator, belief, closed_loop, effects)
+    found = Run(estimator.name, belief, closed_loop, done.recording, rows, done.cpu_seconds)
+    return found, done.design
 
 
 def judged(
@@ -230,20 +243,10 @@ def single(
 ) -> tuple[Comparison, Design]:
     """Return one run as a comparison of one, and the gains it used; effects, plant and stride as
     `simulate`."""
-    loaded = load_estimator(estimator)
     plant = plant_named(plant)
-    done = simulate(
-        drive,
-        scenario,
-        loaded,
-        belief,
-        closed_loop=closed_loop,
-        seed=seed,
-        stride=stride,
-        effects=effects,
-        plant=plant,
+    loaded, how = load_estimator(estimator), {"seed": seed, "stride": stride, "plant": plant}
+    run, gains = _run(
+        drive, scenario, loaded, belief, closed_loop=closed_loop, effects=effects, **how
     )
-    rows = judged(drive, scenario, done, loaded, belief, closed_loop, effects)
-    run = Run(loaded.name, belief, closed_loop, done.recording, rows, done.cpu_seconds)
     made = properties_of(drive, scenario, seed) | {"plant": plant} | dict(effects or {})
-    return Comparison(drive, scenario, (run,), made), done.design
+    return Comparison(drive, scenario, (run,), made), gains

@@ -26,7 +26,7 @@ from model.errors import BadInput, PhysicsError, unknown
 from model.kernels.kept import digest
 from model.kernels.sources import ROOT, source_key
 from model.parameters import Drive
-from sandbox.engine.processes import Cluster, spread
+from sandbox.engine.processes import Workers, spread
 from sandbox.evaluation.choice import ANY, Limits
 from sandbox.evaluation.compare import distinct
 from sandbox.evaluation.protocol_modulation import modulation
@@ -68,6 +68,7 @@ TESTS: dict[str, Test] = {
     "modulation": modulation,
     "cost": costs,
 }
+TWO = Workers(2)
 SHARED = ("start",)  # the same for every estimator: run with the first
 ONE_MOTOR = {"mission": "ipm_exchanged"}
 PEER = "motulator 2.2 kW"  # the motor of the reversal
@@ -212,42 +213,28 @@ def protocol(
     tests: Iterable[str] = tuple(TESTS),
     *,
     seed: int = 0,
-    jobs: int = 2,
+    workers: Workers = TWO,
     keep: Path | None = None,
-    cluster: Cluster | None = None,
     limits: Limits = ANY,
     progress: Callable[[float], None] | None = None,
 ) -> Protocol:
-    """Run every unit on up to `jobs` threads, or on a dask cluster where one is given (estimators
-    by name or file); `keep` is a folder in which finished units wait for the rest; limits: of what
+    """Run every unit on threads, or on a dask cluster where one is given (estimators by name or
+    file); `keep` is a folder in which finished units wait for the rest; limits: of what
     is recommended.
 
     Estimators and motors are names, files or objects; units of objects and of estimators from files
     are not kept, as nobody knows whether they are still the same later.  Raises BadInput for what
     cannot be run (before anything runs, as far as names and files go).
     """
-    tests, wanted = list(dict.fromkeys(tests)), usual_motors() if motors is None else motors
+    tests = list(dict.fromkeys(tests))
     for test in tests:
         if test not in TESTS:
             raise unknown("test", test, TESTS)
-    drives: dict[str, str | Path | Drive] = {}
-    for motor in wanted:
-        name = motor.name if isinstance(motor, Drive) else str(motor)
-        if drives.setdefault(name, motor) is not motor and isinstance(motor, Drive):
-            raise BadInput(f"two motors are called '{name}'; give one of them another name")
+    drives = _distinct_motors(usual_motors() if motors is None else motors)
     asked = list(estimators)
     own = distinct(asked)
     todo = units(drives, own, tests)
-    files = sorted(
-        (m for m in drives.values() if not isinstance(m, Drive)), key=lambda m: fetched(str(m))
-    )
-    # last: what is to be downloaded comes after all else is read
-    read = {str(m): load_drive(m) for m in files}
-    loaded = {
-        name: motor if isinstance(motor, Drive) else read[str(motor)]
-        for name, motor in drives.items()
-    }
-    loaded[PEER] = reversal_case()[0]
+    loaded = {**_loaded(drives), PEER: reversal_case()[0]}
     kept = Kept(keep, seed, {name: digest(_values_of(drive)) for name, drive in loaded.items()})
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
     lock, done = threading.Lock(), len(todo) - len(missing)
@@ -265,13 +252,13 @@ def protocol(
             if progress:
                 progress(done / len(todo))
 
-    if cluster is not None:
+    if workers.cluster is not None:
         places = {name: place_of(which) for which in asked if (name := load_estimator(which).name)}
         tasks = [(u, loaded[u.motor], places[u.estimator], seed) for u in missing]
-        for row in spread(_run_task, tasks, jobs, cluster=cluster):
+        for row in spread(_run_task, tasks, workers):
             keep_row(row)
     else:
-        with ThreadPoolExecutor(jobs) as pool:
+        with ThreadPoolExecutor(workers.jobs) as pool:
             list(
                 pool.map(
                     lambda u: keep_row(run_unit(u, loaded[u.motor], own[u.estimator], seed)),
@@ -279,6 +266,23 @@ def protocol(
                 )
             )
     return Protocol(tuple(kept.rows[u] for u in todo), seed, limits=limits)
+
+
+def _distinct_motors(motors: Iterable[str | Path | Drive]) -> dict[str, str | Path | Drive]:
+    """Return motors by name, each once; BadInput where two of them bear one name."""
+    drives: dict[str, str | Path | Drive] = {}
+    for motor in motors:
+        name = motor.name if isinstance(motor, Drive) else str(motor)
+        if drives.setdefault(name, motor) is not motor and isinstance(motor, Drive):
+            raise BadInput(f"two motors are called '{name}'; give one of them another name")
+    return drives
+
+
+def _loaded(motors: Mapping[str, str | Path | Drive]) -> dict[str, Drive]:
+    """Return the drives of motors; what is to be downloaded comes after all else is read."""
+    files = (m for m in motors.values() if not isinstance(m, Drive))
+    read = {str(m): load_drive(m) for m in sorted(files, key=lambda m: fetched(str(m)))}
+    return {n: m if isinstance(m, Drive) else read[str(m)] for n, m in motors.items()}
 
 
 def _values_of(drive: Drive) -> bytes:

@@ -20,6 +20,7 @@ from estimators.registry import AnyEstimator, load_estimator
 from model.effects.library import true_motor
 from model.energy import flux_newton, hessian, torque
 from model.errors import BadInput, PhysicsError
+from model.mapped import ALPHAS
 from model.parameters import Drive
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
@@ -372,10 +373,7 @@ def perturbations(drive: Drive) -> dict[str, dict[str, float]]:
         "delay 5 us": {"pwm_delay.delay": 5e-6},
     }
     for sign, name in ((1.0, "alphas +"), (-1.0, "alphas -")):
-        printed = {
-            a: re.search(r"\+- ([\d.]+)", drive.provenance.get(a, ""))
-            for a in ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
-        }
+        printed = {a: re.search(r"\+- ([\d.]+)", drive.provenance.get(a, "")) for a in ALPHAS}
         moved = {
             f"saturation.{a}": getattr(motor, a) + sign * float(m[1])
             for a, m in printed.items()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -234,15 +233,15 @@ def protocol(
     from sandbox.evaluation.choice import limits_of
 
     limits = limits_of(quiet_below, loss_below)
+    from sandbox.engine.processes import Workers
     from sandbox.evaluation.protocol import protocol as run_all  # compiles
 
     return ProtocolResult(
         run_all(
             *names,
             seed=seed,
-            jobs=jobs or os.cpu_count() or 1,
+            workers=Workers.asked(jobs, cluster),
             keep=None if keep is None else Path(keep),
-            cluster=cluster,
             limits=limits,
             progress=progress,
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -253,6 +252,7 @@ def sweep(
     ...     print(done.to_table().num_rows, [round(group.median_deg) for group in done.groups])
     8 [6, 0]
     """  # noqa: E501
+    from sandbox.engine.processes import Workers
     from sandbox.sweep.plan import read_sweep, sweep_of
     from sandbox.sweep.sweep import run_sweep
 
@@ -267,8 +267,7 @@ def sweep(
     done = run_sweep(
         found,
         Path(folder),
-        jobs=jobs or os.cpu_count() or 1,
-        cluster=cluster,
+        Workers.asked(jobs, cluster),
         afresh=again,
         yes=yes,
         progress=progress,
@@ -338,25 +337,18 @@ def tolerances(
     >>> {(r.belief, r.tolerance): round(r.median_deg) for r in found.rows if r.tolerance == 0.0}  # degrees
     {('linear', 0.0): 6, ('saturated', 0.0): 0}
     """  # noqa: E501
+    from sandbox.engine.processes import Workers
     from sandbox.sweep.plan import tables_of
+    from sandbox.sweep.tolerances import Question
     from sandbox.sweep.tolerances import tolerances as run_all
 
     if type(draws) is not int or draws < 1:
         raise BadInput(f"draws = {draws!r:.40} is out of range; give a whole number of at least 1")
     names = [_name(e, "estimator") for e in several(estimators)]
     scene = tables_of(scenario) if isinstance(scenario, Scenario) else _name(scenario, "scenario")
-    rows = run_all(
-        _name(motor, "motor"),
-        scene,
-        names,
-        levels=[0.01 * p for p in percent],
-        draws=draws,
-        seed=seed,
-        effects=effects_of(effects),
-        jobs=jobs or os.cpu_count() or 1,
-        cluster=cluster,
-        progress=progress,
-    )
+    asked = Question(_name(motor, "motor"), scene, names, effects_of(effects) or {}, draws, seed)
+    levels = [0.01 * p for p in percent]
+    rows = run_all(asked, levels, workers=Workers.asked(jobs, cluster), progress=progress)
     title = scenario.name if isinstance(scenario, Scenario) else Path(scenario).stem
     return ToleranceResult(Path(motor).stem, title, rows)
 

@@ -30,7 +30,7 @@ from sandbox.drive.simulate import EXACT, LONGEST, Setup, Simulation, run_once, 
 from sandbox.evaluation.injection_cost import injection_cost
 from sandbox.evaluation.score import ErrorDeg, is_lost, speed_held, statistics
 from sandbox.plant.sets import complete
-from sandbox.sweep.keys import Value, keys
+from sandbox.sweep.keys import MAGNETICS, Value, keys
 from sandbox.sweep.plan import OWN, Sweep, again, scene_of
 
 OK, REFUSED, FAILED, ERROR, CRASHED = "ok", "refused", "failed", "error", "crashed"
@@ -43,15 +43,6 @@ EACH_TIME = (
     "injection_cost",
 )  # need no other design
 EFFECTS = {field: name for name, field in (*replaced().items(), *scaled().items())}
-OF_MAP = (
-    "inductance_d",
-    "inductance_q",
-    "alpha_30",
-    "alpha_12",
-    "alpha_40",
-    "alpha_22",
-    "alpha_04",
-)
 Case = Mapping[str, Value]
 
 
@@ -245,7 +236,7 @@ def _with_belief(ready: Ready, case: Case) -> Setup:
 
 
 def _refuse_of_map(name: str, values: Mapping[str, Any]) -> None:
-    for field in OF_MAP:
+    for field in MAGNETICS:
         if field in values:
             raise BadInput(
                 f"{name}.{field} does nothing on a motor with a flux map; leave it away "

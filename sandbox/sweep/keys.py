@@ -11,22 +11,13 @@ from typing import Any
 
 from estimators.registry import MODULES
 from model.errors import BadInput, as_toml, unknown
+from model.mapped import ALPHAS
 from model.parameters import Converter, Injection, Motor
 
 Value = str | bool | int | float
 LARGEST_SEED = 2**31 - 1
-OF_BELIEF = (
-    "resistance",
-    "magnet_flux",
-    "inductance_d",
-    "inductance_q",
-    "alpha_30",
-    "alpha_12",
-    "alpha_40",
-    "alpha_22",
-    "alpha_04",
-    "inertia",
-)
+MAGNETICS = ("inductance_d", "inductance_q", *ALPHAS)
+OF_BELIEF = ("resistance", "magnet_flux", *MAGNETICS, "inertia")
 OF_PLANT = (*OF_BELIEF, "viscous_friction")
 LARGEST_FACTOR = 100.0
 HELD = ("pwm_frequency",)  # follows from sampling_period

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput
-from sandbox.engine.processes import Cluster, spread
+from sandbox.engine.processes import ALONE, Workers, spread
 from sandbox.sweep import store
 from sandbox.sweep.blocks import Block, Task, crashed, run_block, tasks_of, trace_numbers
 from sandbox.sweep.plan import Sweep
@@ -23,15 +23,13 @@ Progress = Callable[[int, int], None]  # runs finished, runs in all
 def run_sweep(
     sweep: Sweep,
     folder: Path,
+    workers: Workers = ALONE,
     *,
-    jobs: int = 1,
-    cluster: Cluster | None = None,
     afresh: bool = False,
     yes: bool = False,
     progress: Progress | None = None,
 ) -> store.Kept:
-    """Run what is not finished of a sweep, on so many processes or on a cluster; return what its
-    folder holds.
+    """Run what is not finished of a sweep; return what its folder holds.
 
     afresh: forget what an earlier call has finished; yes: run it however large it is.  Raises
     BadInput before anything is written for what cannot be run.
@@ -41,33 +39,28 @@ def run_sweep(
     kept = store.open_folder(sweep, folder, afresh)
     store.begin(kept)
     tasks = [t for t in tasks_of(sweep) if t.start not in kept.blocks]
-    for _ in finished(tasks, jobs, cluster, lambda block: store.add(kept, block)):
+    for _ in finished(tasks, workers, lambda block: store.add(kept, block)):
         if progress is not None:
             progress(kept.runs, sweep.runs)
     return kept
 
 
-def rows_of(
-    sweep: Sweep, *, jobs: int = 1, cluster: Cluster | None = None, progress: Progress | None = None
-) -> Any:
+def rows_of(sweep: Sweep, workers: Workers = ALONE, progress: Progress | None = None) -> Any:
     """Return all runs of a small sweep as one pyarrow table, by number; nothing is kept on disk."""
     import pyarrow as pa
 
     blocks: list[Block] = []
-    for _ in finished(tasks_of(sweep), jobs, cluster, blocks.append):
+    for _ in finished(tasks_of(sweep), workers, blocks.append):
         if progress is not None:
             progress(sum(b.table.num_rows for b in blocks), sweep.runs)
     return pa.concat_tables([b.table for b in sorted(blocks, key=lambda b: b.start)])
 
 
-def finished(
-    tasks: Sequence[Task], jobs: int, cluster: Cluster | None, keep: Callable[[Block], None]
-) -> Any:
+def finished(tasks: Sequence[Task], workers: Workers, keep: Callable[[Block], None]) -> Any:
     """Yield after each block that is finished and kept."""
-    alone = jobs == 1 and cluster is None
-    if tasks and not alone and cluster is None:
+    if tasks and workers.jobs > 1 and workers.cluster is None:
         _compile(tasks[0])
-    for block in spread(run_block, tasks, jobs, None if alone else run_again, cluster):
+    for block in spread(run_block, tasks, workers, None if workers.alone else run_again):
         keep(block)
         yield
 
@@ -79,7 +72,7 @@ def run_again(task: Task) -> Block:
         return crashed(task)
     middle = (task.start + task.stop) // 2
     halves = [task._replace(stop=middle), task._replace(start=middle)]
-    one, other = sorted(spread(run_block, halves, 1, run_again), key=lambda b: b.start)
+    one, other = sorted(spread(run_block, halves, ALONE, run_again), key=lambda b: b.start)
     return together(one, other)
 
 

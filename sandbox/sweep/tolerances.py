@@ -8,31 +8,23 @@ of the position error's mean.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from sandbox.engine.processes import Cluster
+from sandbox.engine.processes import ALONE, Workers
+from sandbox.sweep.keys import MAGNETICS
 from sandbox.sweep.plan import Sweep, sweep_of
 from sandbox.sweep.summary import below
 from sandbox.sweep.sweep import Progress, rows_of
 
 LEVELS = (0.0, 0.05, 0.1, 0.2)
 DRAWS = 64
-OFF = (
-    "magnet_flux",
-    "inductance_d",
-    "inductance_q",
-    "alpha_30",
-    "alpha_12",
-    "alpha_40",
-    "alpha_22",
-    "alpha_04",
-)
+OFF = ("magnet_flux", *MAGNETICS)
 BELIEFS = ("linear", "saturated")
 
 
@@ -55,22 +47,27 @@ class ToleranceRow:
     gain_left_p95: float | None = None
 
 
-def sweep_at(
-    motor: str,
-    scenario: Any,
-    estimators: Sequence[str],
-    tolerance: float,
-    draws: int,
-    seed: int,
-    effects: dict[str, float],
-) -> Sweep:
-    """Return the sweep of one tolerance; scenario: a name or file, or the tables of one."""
+class Question(NamedTuple):
+    """What is asked for at every tolerance; motor: a name or file; scenario: a name or file, or a
+    scenario's tables."""
+
+    motor: str
+    scenario: Any
+    estimators: Sequence[str]
+    effects: Mapping[str, float] = {}
+    draws: int = DRAWS
+    seed: int = 0
+
+
+def sweep_at(asked: Question, tolerance: float) -> Sweep:
+    """Return the sweep of one tolerance."""
+    scenario, seed = asked.scenario, asked.seed
     factors = {name: {"uniform": [1.0 - tolerance, 1.0 + tolerance]} for name in OFF}
     tables: dict[str, Any] = {
         "sweep": {"name": "tolerances"},
-        "run": {"motor": motor, "seed": seed, "effects": effects},
-        "grid": {"estimator": list(estimators), "belief": list(BELIEFS)},
-        "random": {"points": draws, "seed": seed, "draw": {"believed_factor": factors}}
+        "run": {"motor": asked.motor, "seed": seed, "effects": dict(asked.effects)},
+        "grid": {"estimator": list(asked.estimators), "belief": list(BELIEFS)},
+        "random": {"points": asked.draws, "seed": seed, "draw": {"believed_factor": factors}}
         if tolerance
         else {},
     }
@@ -82,31 +79,20 @@ def sweep_at(
 
 
 def tolerances(
-    motor: str,
-    scenario: Any,
-    estimators: Sequence[str],
-    *,
+    asked: Question,
     levels: Iterable[float] = LEVELS,
-    draws: int = DRAWS,
-    seed: int = 0,
-    effects: dict[str, float] | None = None,
-    jobs: int = 1,
-    cluster: Cluster | None = None,
+    *,
+    workers: Workers = ALONE,
     progress: Progress | None = None,
 ) -> tuple[ToleranceRow, ...]:
     """Return a row for each tolerance, estimator and belief; the first tolerance is always 0:
-    everything known.
-
-    motor: a name or file; scenario: a name or file, or a scenario's tables.  Raises BadInput.
-    """
+    everything known.  Raises BadInput."""
     wanted = sorted({0.0, *levels})
     for level in wanted:
         if not 0.0 <= level <= 0.5:
             raise BadInput(f"a tolerance of {100 * level:g} % is out of range; give 0 to 50 %")
-    sweeps = {
-        x: sweep_at(motor, scenario, estimators, x, draws, seed, effects or {}) for x in wanted
-    }
-    check_quartic(motor)
+    sweeps = {x: sweep_at(asked, x) for x in wanted}
+    check_quartic(asked.motor)
     whole, rows = sum(s.runs for s in sweeps.values()), []
     done = 0
 
@@ -116,7 +102,7 @@ def tolerances(
             progress(done + runs, whole)
 
     for level, sweep in sweeps.items():
-        rows += _rows(sweep, rows_of(sweep, jobs=jobs, cluster=cluster, progress=advance), level)
+        rows += _rows(sweep, rows_of(sweep, workers, advance), level)
         done += sweep.runs
     return with_gains(rows)
 

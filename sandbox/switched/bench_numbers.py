@@ -40,6 +40,39 @@ LEAST_SLICES = 64.0  # of a dead time in which a leg slews
 MOST_SWING = 50.0  # rad of a leg's swing in a dead time: faster ones are as good as no capacitance
 # a current that reaches a corner of its sign and turns back inside a step is not seen
 STEPS_WITH_CORNERS = 16.0
+# the bench's numbers that are a parameter of an effect as it is
+SAME = {
+    "resistance": "stator_resistance.resistance",
+    "magnet_flux": "magnet_flux.magnet_flux",
+    "psi_d6": "flux_harmonics.psi_d6",
+    "psi_q6": "flux_harmonics.psi_q6",
+    "gamma_6": "inductance_harmonics.gamma_6",
+    "core_time": "iron_loss.time_constant",
+    "skin_resistance": "skin_effect.resistance",
+    "skin_time": "skin_effect.time_constant",
+    "dead_time": "dead_time.time",
+    "zone_width": "dead_time.zone_width",
+    "zone_tanh": "dead_time.zone_shape",
+    "sag": "dc_link_error.sag",
+    "ripple_amplitude": "dc_link_ripple.amplitude",
+    "ripple_phase": "dc_link_ripple.phase",
+    "pwm_delay": "pwm_delay.delay",
+    "filter_time": "current_filter.time_constant",
+    "sampling_delay": "current_sampling.delay",
+    "jitter": "current_sampling.jitter",
+    "encoder_offset": "encoder_offset.offset",
+    "eccentricity_phase": "encoder_eccentricity.phase",
+    "coulomb": "coulomb_friction.torque",
+    "coulomb_width": "coulomb_friction.width",
+    "stribeck": "coulomb_friction.stribeck_torque",
+    "stribeck_speed": "coulomb_friction.stribeck_speed",
+    "viscous": "viscous_friction.coefficient",
+    "cogging": "cogging_torque.amplitude",
+    "cogging_order": "cogging_torque.order_mech",
+    "cogging_phase": "cogging_torque.phase",
+}
+# effects whose parameters have the same names there
+SAME_NAMES = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
 
 
 class SwitchedBench(NamedTuple):
@@ -175,88 +208,66 @@ def quiet(b: SwitchedBench) -> SwitchedBench:
 
 
 def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> SwitchedBench:
-    counts = converter.encoder_counts
-    m_load = (
-        v["shaft_compliance.load_inertia"]
-        if math.isfinite(v["shaft_compliance.stiffness"])
-        else 0.0
-    )
-    m_motor = v["inertia.inertia"] - m_load  # total inertia unchanged
-    stiffness = v["shaft_compliance.stiffness"] if m_load else 0.0
-    reduced = m_motor * m_load / (m_motor + m_load)
     check_inside(motor, converter, v)
-    period = converter.sampling_period
-    flux_map = flux_map_of(motor.energy)
+    period, flux_map = converter.sampling_period, flux_map_of(motor.energy)
+    shaft, shaft_rate = _shaft(v)
     values: dict[str, Any] = {
         **(_energy(motor, v) if flux_map is None else _beside_map(motor, v)),
-        "pole_pairs": float(motor.pole_pairs),
-        "resistance": v["stator_resistance.resistance"],
-        "magnet_flux": v["magnet_flux.magnet_flux"],
-        "psi_d6": v["flux_harmonics.psi_d6"],
-        "psi_q6": v["flux_harmonics.psi_q6"],
-        "gamma_6": v["inductance_harmonics.gamma_6"],
+        **{own: v[name] for own, name in SAME.items()},
+        **{n.partition(".")[2]: x for n, x in v.items() if n.partition(".")[0] in SAME_NAMES},
+        **_drive(motor, converter),
+        **shaft,
         "core_conductance": 1.0 / v["iron_loss.core_resistance"],
-        "core_time": v["iron_loss.time_constant"],
-        "skin_resistance": v["skin_effect.resistance"],
-        "skin_time": v["skin_effect.time_constant"],
-        "period": period,
-        "soft_current": SOFT_SIGN * motor.rated_current,
-        "dead_time": v["dead_time.time"],
-        "zone_width": v["dead_time.zone_width"],
-        "zone_tanh": v["dead_time.zone_shape"],
         "capacitance": _capacitance(motor, v),
         "slices": _slices(motor, v),
-        "reluctant": min(motor.inductance_d, motor.inductance_q),
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
-        "sag": v["dc_link_error.sag"],
-        "ripple_amplitude": v["dc_link_ripple.amplitude"],
         "ripple_rate": math.tau * v["dc_link_ripple.frequency"],
-        "ripple_phase": v["dc_link_ripple.phase"],
-        "pwm_delay": v["pwm_delay.delay"],
-        "filter_time": v["current_filter.time_constant"],
-        "sampling_delay": v["current_sampling.delay"],
-        "jitter": v["current_sampling.jitter"],
-        "noise": converter.current_noise,
-        "resolution": converter.current_resolution,
-        "encoder_step": math.tau * motor.pole_pairs / counts if counts else 0.0,
-        "encoder_offset": v["encoder_offset.offset"],
         "eccentricity": motor.pole_pairs * v["encoder_eccentricity.amplitude_mech"],
-        "eccentricity_phase": v["encoder_eccentricity.phase"],
-        "coulomb": v["coulomb_friction.torque"],
-        "coulomb_width": v["coulomb_friction.width"],
-        "stribeck": v["coulomb_friction.stribeck_torque"],
-        "stribeck_speed": v["coulomb_friction.stribeck_speed"],
-        "viscous": v["viscous_friction.coefficient"],
-        "cogging": v["cogging_torque.amplitude"],
-        "cogging_order": v["cogging_torque.order_mech"],
-        "cogging_phase": v["cogging_torque.phase"],
-        "inertia": m_motor,
-        "load_inertia": m_load,
-        "stiffness": stiffness,
-        "damping": 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(stiffness * reduced),
         "audit": 0.0,
-        "pattern": float(MODULATIONS.index(converter.modulation)),
-        "beyond": 1.0 + OVERMODULATIONS.index(converter.overmodulation)
-        if converter.overmodulation
-        else 0.0,
-        "drive_least_pulse": converter.least_pulse,
         "common_offset": 0.0,
+        **_bends(motor, v),
+        **_rubbing(motor, v),
     }
-    same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
-    values |= {
-        key: v[name]
-        for name in v
-        for effect, _, key in [name.partition(".")]
-        if effect in same_name
-    }
-    values |= _bends(motor, v) | _rubbing(motor, v)
-    rate = math.sqrt(stiffness / reduced) if m_load else 0.0
     table = _leg_table(motor, converter, v)
-    step = _longest_step(period, v, rate, m_motor)
+    step = _longest_step(period, v, shaft_rate, values["inertia"])
     step = step if table is None else min(step, period / STEPS_WITH_CORNERS)
     return SwitchedBench(
         **values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map
     )
+
+
+def _drive(motor: Motor, converter: Converter) -> dict[str, float]:
+    """Return what the motor and the converter alone say."""
+    counts, beyond = converter.encoder_counts, converter.overmodulation
+    return {
+        "pole_pairs": float(motor.pole_pairs),
+        "period": converter.sampling_period,
+        "soft_current": SOFT_SIGN * motor.rated_current,
+        "reluctant": min(motor.inductance_d, motor.inductance_q),
+        "noise": converter.current_noise,
+        "resolution": converter.current_resolution,
+        "encoder_step": math.tau * motor.pole_pairs / counts if counts else 0.0,
+        "pattern": float(MODULATIONS.index(converter.modulation)),
+        "beyond": 1.0 + OVERMODULATIONS.index(beyond) if beyond else 0.0,
+        "drive_least_pulse": converter.least_pulse,
+    }
+
+
+def _shaft(v: Mapping[str, float]) -> tuple[dict[str, float], float]:
+    """Return the inertias and what joins them, and how fast (rad/s) they swing against each other
+    (0: rigid)."""
+    elastic = math.isfinite(v["shaft_compliance.stiffness"])
+    m_load = v["shaft_compliance.load_inertia"] if elastic else 0.0
+    m_motor = v["inertia.inertia"] - m_load  # total inertia unchanged
+    stiffness = v["shaft_compliance.stiffness"] if m_load else 0.0
+    reduced = m_motor * m_load / (m_motor + m_load)
+    values = {
+        "inertia": m_motor,
+        "load_inertia": m_load,
+        "stiffness": stiffness,
+        "damping": 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(stiffness * reduced),
+    }
+    return values, math.sqrt(stiffness / reduced) if m_load else 0.0
 
 
 def _bends(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:

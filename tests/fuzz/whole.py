@@ -29,7 +29,8 @@ from sandbox.sweep import store
 from sandbox.sweep.blocks import crashed, tasks_of
 from sandbox.sweep.plan import read_sweep
 from sandbox.sweep.sweep import check_size
-from sandbox.withheld.scoring.blind import score
+from sandbox.withheld.scoring.blind import score, standard
+from sandbox.withheld.scoring.running import Check
 from sandbox.withheld.scoring.tables_of_rows import Scores, table
 from tests.fuzz.arrays import damaged_arrays
 from tests.fuzz.doors import Door
@@ -254,7 +255,7 @@ def read_check(folder):
         hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest()
     )
     try:
-        scored: Scores = score(folder, finished=True)
+        scored: Scores = score(Check(folder, standard), finished=True)
     finally:
         (folder / "SHA256").unlink()
     json.dumps(plain(scored.as_json()), allow_nan=False)

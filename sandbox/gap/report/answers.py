@@ -13,7 +13,7 @@ import numpy as np
 
 from model.effects import library
 from model.errors import BadInput
-from model.mapped import MappedMotor
+from model.mapped import ALPHAS, MappedMotor
 from sandbox.gap.diagnose import Diagnosis, diagnosis_of, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
@@ -36,7 +36,6 @@ from sandbox.recordings.campaign import NO_LIMITS, Campaign
 from sandbox.recordings.checks.mistakes import Unanswered
 from sandbox.replay.memory import USUAL
 
-ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 MET = 1.1  # times the floor: a recording that is met so well contradicts nothing any more
 # times the floor on recordings held out that ordinary deviations explain when fitted to all
 FEW = 1.2

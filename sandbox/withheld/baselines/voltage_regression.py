@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from model.compiled import kernel
 from model.effects.library import effect_names
 from model.energy import flux_newton
+from model.mapped import ALPHAS
 from model.parameters import Motor
 from sandbox.gap.evidence.priors import ordinary as stated
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_folder
@@ -60,18 +61,17 @@ def sign_vector(phases: NDArray[np.float64], soft: float) -> Complex:
     )
 
 
-def columns_of(
-    campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float64]
-) -> tuple[Complex, Columns]:
-    """Return the residual voltage (n - 1,) of a recording and all first-order voltages (V per
-    unit)."""
-    motor, converter = campaign.drive.motor, campaign.drive.converter
-    period, u, t = converter.sampling_period, r.u_alpha + 1j * r.u_beta, r.t
-    i_alpha, i_beta = r.current
-    i, turn, p = i_alpha + 1j * i_beta, np.exp(1j * theta), motor.pole_pairs
-    omega = np.gradient(theta, period)
+class Currents:
+    """A recording's currents, and the voltages that the nominal motor's flux takes at them."""
 
-    def flux(m: Motor, current: Complex, angle: Complex) -> Complex:
+    def __init__(self, campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float64]):
+        """theta: electrical angle (n,) in rad."""
+        self.motor, self.period = campaign.drive.motor, campaign.drive.converter.sampling_period
+        i_alpha, i_beta = r.current
+        self.i, self.turn = i_alpha + 1j * i_beta, np.exp(1j * theta)
+        self.psi = self.flux(self.motor, self.i, self.turn)
+
+    def flux(self, m: Motor, current: Complex, angle: Complex) -> Complex:
         """Return a motor's flux linkage (Wb, stationary) at currents (A) and angles (unit
         phasors)."""
         local = current / angle
@@ -79,72 +79,102 @@ def columns_of(
             (fluxes(m.energy, local.real.copy(), local.imag.copy()) + m.magnet_flux) * angle
         )
 
-    def slope(psi: Complex) -> Complex:
+    def slope(self, psi: Complex) -> Complex:
         """Return the voltage (V) that a flux linkage takes between samples."""
-        return np.asarray(np.diff(psi) / period)
+        return np.asarray(np.diff(psi) / self.period)
 
-    def middle(x: Any) -> Any:
-        """Return means of neighbours."""
-        return 0.5 * (x[1:] + x[:-1])
-
-    def by(field: str) -> Complex:
+    def by(self, field: str) -> Complex:
         """Return how that voltage answers to a motor's value."""
-        h = SHARE * max(abs(getattr(motor, field)), 1e-9)
-        values: Any = {field: getattr(motor, field) + h}
-        return slope((flux(replace(motor, **values), i, turn) - psi) / h)
+        h = SHARE * max(abs(getattr(self.motor, field)), 1e-9)
+        values: Any = {field: getattr(self.motor, field) + h}
+        changed = self.flux(replace(self.motor, **values), self.i, self.turn)
+        return self.slope((changed - self.psi) / h)
 
-    def read_as(change: Any) -> Complex:
-        """Voltage seen where the true current is larger by `change` (V)."""
-        return slope(
-            flux(motor, i + SHARE * change, turn) - psi
-        ) / SHARE + motor.resistance * middle(change)
+    def read_as(self, change: Any) -> Complex:
+        """Return the voltage seen where the true current is larger by `change` (V)."""
+        changed = self.flux(self.motor, self.i + SHARE * change, self.turn)
+        return self.slope(changed - self.psi) / SHARE + self.motor.resistance * middle(change)
 
-    psi = flux(motor, i, turn)
-    residual = u[:-1] - motor.resistance * middle(i) - slope(psi)
-    phases = np.stack([r.i_a, r.i_b, r.i_c], axis=1)
-    late = (flux(motor, i, turn * np.exp(1j * SHARE)) - psi) / SHARE
-    di = np.gradient(i, period)
-    axis = np.exp(2j * np.pi / 3.0)
-    out: Columns = {
+    def late(self) -> Complex:
+        """Return how the flux linkage answers to the angle's error (Wb a radian)."""
+        turned = self.flux(self.motor, self.i, self.turn * np.exp(1j * SHARE))
+        return np.asarray((turned - self.psi) / SHARE)
+
+
+def middle(x: Any) -> Any:
+    """Return means of neighbours."""
+    return 0.5 * (x[1:] + x[:-1])
+
+
+def columns_of(
+    campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float64]
+) -> tuple[Complex, Columns]:
+    """Return the residual voltage (n - 1,) of a recording and all first-order voltages (V per
+    unit)."""
+    own, u = Currents(campaign, r, theta), r.u_alpha + 1j * r.u_beta
+    residual = u[:-1] - own.motor.resistance * middle(own.i) - own.slope(own.psi)
+    out = {
+        **_of_machine(own, r, theta),
+        **_of_inverter(own, r, u, campaign.drive.converter.dc_bus_voltage),
+        **_of_sensors(own, r, theta),
+    }
+    if r.rotor == "free":
+        omega = np.gradient(theta, own.period)
+        out |= mechanical(campaign, r, theta, omega, own.psi, own.i)
+    return residual, out
+
+
+def _of_machine(own: Currents, r: CampaignRecording, theta: NDArray[np.float64]) -> Columns:
+    motor, i, turn, psi, axis = own.motor, own.i, own.turn, own.psi, np.exp(2j * np.pi / 3.0)
+    slope = own.slope
+    return {
         "stator_resistance": [middle(i)],
         "magnet_flux": [slope(turn)],
         "inductance": [
-            by("inductance_d") * motor.inductance_d,
-            by("inductance_q") * motor.inductance_q,
+            own.by("inductance_d") * motor.inductance_d,
+            own.by("inductance_q") * motor.inductance_q,
         ],
-        "saturation": [by(f"alpha_{n}") for n in ("30", "12", "40", "22", "04")],
-        "cross_saturation": [by("alpha_12"), by("alpha_22")],
+        "saturation": [own.by(name) for name in ALPHAS],
+        "cross_saturation": [own.by("alpha_12"), own.by("alpha_22")],
         "flux_harmonics": [slope(turn * np.cos(6 * theta)), slope(1j * turn * np.sin(6 * theta))],
         "inductance_harmonics": [
             slope(np.exp(6j * theta) * np.conj(psi - motor.magnet_flux * turn) * turn)
         ],
-        "iron_loss": [read_as(np.gradient(psi, period))],
-        "skin_effect": [middle(i - smoothed(i, 2e-4 / period))],
+        "iron_loss": [own.read_as(np.gradient(psi, own.period))],
+        "skin_effect": [middle(i - smoothed(i, 2e-4 / own.period))],
         "winding_asymmetry": [middle(r.i_a + 0j) * 2 / 3, middle(r.i_b * axis) * 2 / 3],
-        "dead_time": [
-            middle(sign_vector(phases, 0.015 * motor.rated_current))
-            / period
-            * converter.dc_bus_voltage
-        ],
-        "device_drop": [middle(sign_vector(phases, 0.015 * motor.rated_current)), middle(i)],
+    }
+
+
+def _of_inverter(own: Currents, r: CampaignRecording, u: Complex, link: float) -> Columns:
+    """u: V as commanded (n,); link: V."""
+    phases = np.stack([r.i_a, r.i_b, r.i_c], axis=1)
+    signs = middle(sign_vector(phases, 0.015 * own.motor.rated_current))
+    return {
+        "dead_time": [signs / own.period * link],
+        "device_drop": [signs, middle(own.i)],
         "dc_link_error": [-u[:-1]],
         "dc_link_ripple": [
-            u[:-1] * f(math.tau * h * t[:-1]) for h in RIPPLES for f in (np.sin, np.cos)
+            u[:-1] * f(math.tau * h * r.t[:-1]) for h in RIPPLES for f in (np.sin, np.cos)
         ],
         "pwm_delay": [u[:-1] - np.concatenate([[0.0], u[:-2]])],
+    }
+
+
+def _of_sensors(own: Currents, r: CampaignRecording, theta: NDArray[np.float64]) -> Columns:
+    read_as, late, axis, p = own.read_as, own.late(), np.exp(2j * np.pi / 3.0), own.motor.pole_pairs
+    n = len(r.t)
+    return {
         "current_gain": [-read_as(r.i_a * 2 / 3 + 0j), -read_as(r.i_b * axis * 2 / 3)],
-        "current_offset": [-read_as(np.ones(len(t)) + 0j), -read_as(1j * np.ones(len(t)))],
-        "current_filter": [read_as(di)],
-        "current_sampling": [-read_as(np.concatenate([[0.0], np.diff(i)]) / period)],
-        "encoder_offset": [-slope(late)],
+        "current_offset": [-read_as(np.ones(n) + 0j), -read_as(1j * np.ones(n))],
+        "current_filter": [read_as(np.gradient(own.i, own.period))],
+        "current_sampling": [-read_as(np.concatenate([[0.0], np.diff(own.i)]) / own.period)],
+        "encoder_offset": [-own.slope(late)],
         "encoder_eccentricity": [
-            -slope(late * np.sin(theta / p)),
-            -slope(late * np.cos(theta / p)),
+            -own.slope(late * np.sin(theta / p)),
+            -own.slope(late * np.cos(theta / p)),
         ],
     }
-    if r.rotor == "free":
-        out |= mechanical(campaign, r, theta, omega, psi, i)
-    return residual, out
 
 
 def smoothed(x: Complex, samples: float) -> Complex:
@@ -285,9 +315,7 @@ def background(
         "stator_resistance": [sd["stator_resistance.resistance"]],
         "magnet_flux": [sd["magnet_flux.magnet_flux"]],
         "inductance": [sd["inductance.scale_d"], sd["inductance.scale_q"]],
-        "saturation": [
-            sd.get(f"saturation.alpha_{n}", 1e-9) for n in ("30", "12", "40", "22", "04")
-        ],
+        "saturation": [sd.get(f"saturation.{name}", 1e-9) for name in ALPHAS],
         "current_gain": 2 * [1.5 * sd["current_gain.gain_a"]],
         "current_offset": 2
         * [sd["current_offset.offset_a"] + 0.1 * noise_floor(campaign.drive.converter)],

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from model.drive_files import load_drive
 from model.energy import SOLVED, flux_newton, is_convex_to
 from model.errors import unknown
-from model.mapped import MappedMotor
+from model.mapped import ALPHAS, MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.drive.record import UNCERTAINTY
 from sandbox.switched.bench_numbers import SOFT_SIGN, SwitchedBench
@@ -30,7 +30,6 @@ FAMILIES = ("ipm", "ipm_exchanged", "spm_exchanged", "modern")
 MODERN_RATES = (8000.0, 10000.0, 12500.0, 16000.0)  # Hz
 SPREAD = {"magnet_flux": 0.06, "viscous_friction": 0.3}  # half width of a family, relative
 USUAL_SPREAD = 0.1
-ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 DRAWN = (
     "resistance",
     "magnet_flux",

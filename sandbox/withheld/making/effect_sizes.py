@@ -15,8 +15,8 @@ from numpy.random import Generator
 
 from model.effects.card import scales
 from model.effects.library import replaced, scaled
+from model.mapped import ALPHAS
 from model.parameters import Converter, Motor
-from sandbox.withheld.making.drives import ALPHAS
 
 EFFECT_SIZES = (0.25, 0.5, 1.0, 2.0)
 # medium sizes of what the motor states, in its logarithm (viscous friction: rated torque / rated

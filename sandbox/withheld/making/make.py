@@ -12,14 +12,14 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from model.errors import BadInput
 from model.mapped import MappedMotor
 from model.parameters import Drive
-from sandbox.engine.processes import Cluster, spread
+from sandbox.engine.processes import ALONE, Workers, spread
 from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
@@ -48,34 +48,41 @@ class Made:
     recorded: int
 
 
+class CheckPlan(NamedTuple):
+    """What a check is to be made of.
+
+    kind: 'mixed', 'controls' (shorter, without a gap), 'pairs' (one operating point, where two
+    effects look alike), 'many' (four to ten effects) or 'outside' (a cause outside the library,
+    beside some an effect of it); style of the cycles: 'practice' or 'scored'; sizes: 'published'
+    (ranges with sources; ordinary deviations 0.5 to 2 times the stated ones; other shapes of a
+    current's sign) or 'ladder'; maps: share of a mixed check whose nominal model is a flux map.
+    """
+
+    campaigns: int
+    seed: int
+    kind: str = "mixed"
+    style: str = "scored"
+    sizes: str = "published"
+    maps: float = 0.0
+
+
 def make(
     folder: Path,
-    count: int,
-    seed: int,
+    plan: CheckPlan,
     *,
-    kind: str = "mixed",
-    style: str = "scored",
-    sizes: str = "published",
-    maps: float = 0.0,
-    jobs: int = 1,
-    cluster: Cluster | None = None,
+    workers: Workers = ALONE,
     announce: Callable[[str], None] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Made:
     """Make a check in `folder`; announce gets the seal's hash before anything is recorded.
 
-    kind: 'mixed', 'controls' (shorter, without a gap), 'pairs' (one operating point, where two
-    effects look alike), 'many' (four to ten effects) or 'outside' (a cause outside the library,
-    beside some an effect of it); style of the cycles: 'practice' or 'scored'; sizes: 'published'
-    (ranges with sources; ordinary deviations 0.5
-    to 2 times the stated ones; other shapes of a current's sign) or 'ladder'; maps: share of a
-    mixed check whose nominal model is a flux map; jobs: processes;
-    Effects of the user that were taken over (`model.effects.adopt`) are drawn beside the library's.
-    cluster: a dask scheduler instead, whose workers find the folder at the same place.
+    Effects of the user that were taken over (`model.effects.adopt`) are drawn beside the library's;
+    a cluster's workers find the folder at the same place.
     BadInput where the folder holds another check, or where maps are wanted and none is on this
     machine.
     """
-    folder = folder if cluster is None else folder.resolve()
+    folder = folder if workers.cluster is None else folder.resolve()
+    count, seed, kind, style, sizes, maps = plan
     outside, users = outside_names(kind), list(users_cards())
     wanted = wanted_maps(maps)
     drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside, sizes, wanted)]
@@ -90,7 +97,7 @@ def make(
     share = CONTROL_SHARE if kind == "controls" else 1.0
     left = [d for d in drawn if not (folder / CAMPAIGNS / d.case.name).exists()]
     work = [(folder / CAMPAIGNS / d.case.name, d, share) for d in left]
-    for done, _ in enumerate(spread(_write, work, jobs, cluster=cluster), 1):
+    for done, _ in enumerate(spread(_write, work, workers), 1):
         if progress is not None:
             progress(done / len(work))
     return Made(folder, digest, len(left))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from model.datasets import VARIABLE, locate
 from model.energy import flux_from_current
-from model.mapped import without_map
+from model.mapped import ALPHAS, without_map
 from model.parameters import Motor
 
 FLUX_MAP = "flux_map"  # what stands in the seal
@@ -43,10 +43,9 @@ def identified(motor: Motor) -> Motor:
     c, *_ = np.linalg.lstsq(
         np.concatenate([rows_d, rows_q]), np.concatenate([i_d, i_q]), rcond=None
     )
-    names = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
     values = {name: getattr(without_map(motor), name) for name in Motor.__dataclass_fields__}
     values |= {"inductance_d": 1.0 / float(c[0]), "inductance_q": 1.0 / float(c[1])}
-    return Motor(**values | dict(zip(names, (float(x) for x in c[2:]), strict=True)))
+    return Motor(**values | dict(zip(ALPHAS, (float(x) for x in c[2:]), strict=True)))
 
 
 def terms(

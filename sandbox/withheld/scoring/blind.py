@@ -11,7 +11,8 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +20,6 @@ from typing import Any
 from model.effects import library
 from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
-from sandbox.engine.processes import Cluster
 from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.location.where import where
 from sandbox.gap.report.answers import next_recording
@@ -31,7 +31,7 @@ from sandbox.withheld.making.make import CAMPAIGNS, HASH, SEAL
 from sandbox.withheld.scoring.documents import check_report, check_truth
 from sandbox.withheld.scoring.recommended import recommended
 from sandbox.withheld.scoring.rows import BLIND, LEFT_OUT, RESOLVED, Row, one_code, row
-from sandbox.withheld.scoring.running import Check, Diagnose, code_digest, follow_all, run_all
+from sandbox.withheld.scoring.running import Check, code_digest, follow_all, run_all
 from sandbox.withheld.scoring.tables_of_rows import Scores, scored
 
 DIAGNOSES = "diagnoses"
@@ -47,37 +47,35 @@ def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
 
 
 def score(
-    folder: Path,
-    diagnose: Diagnose = standard,
+    check: Check,
     *,
     method: str = "diagnosis",
-    jobs: int = 1,
     limit: int | None = None,
     leave_out: float = 0.0,
     again: bool = False,
     finished: bool = False,
     allow_mixed: bool = False,
-    cluster: Cluster | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> Scores:
     """Diagnose a check's campaigns (those without a report yet) and judge them.
 
     limit: the first so many campaigns; leave_out: share of the single effects of medium size or
     more diagnosed once more without the true effect in the library; again: forget earlier reports;
     finished: run nothing, judge what has a report; allow_mixed: reports may come from several
-    states of the code, whose figures are then told apart;
-    cluster: a dask scheduler whose workers find the folder at the same place.
+    states of the code, whose figures are then told apart.
     Where a diagnosis is ambiguous, the recording that it recommends is made and all is diagnosed
     again. BadInput where the folder is no check, its seal is not the one that was hashed, or states
     of the code are mixed.
     """
     if not 0.0 <= leave_out <= 1.0:
         raise BadInput(f"leave_out = {leave_out} is no share; give a number in [0, 1]")
-    folder = folder if cluster is None else folder.resolve()
-    check = Check(folder, diagnose, jobs, cluster, progress)
+    if check.workers.cluster is not None:
+        check = replace(check, folder=check.folder.resolve())
+    folder = check.folder
     names = campaign_names(folder, limit)
     sealed(folder)  # an hour of diagnosing is not spent on a check whose truth was changed
     reports = folder / DIAGNOSES if method == "diagnosis" else folder / DIAGNOSES / method
+    if again:
+        _forget(reports)
     if finished:
         names = with_report(reports, names)
         if not names:
@@ -85,30 +83,15 @@ def score(
                 f"no campaign of '{folder}' has a report of '{method}' yet; score "
                 "without --finished"
             )
-    if again:
-        _forget(reports)
-    if not finished:
+    else:
         if not allow_mixed:  # nor on reports that cannot be judged beside older ones
-            places = (reports, reports / LEFT_OUT, reports / RESOLVED)
-            one_code(
-                [r for p in places for r in _rows(method, BLIND, p, names, {})],
-                f"'{reports}'",
-                [code_digest()],
-            )
+            _check_code(method, reports, names)
         run_all(check, dict.fromkeys(names, ()), reports)
     content = opened(folder)
     truth = content["campaigns"]
     _complete(folder, truth)
-    single = [
-        n for n in names if truth[n]["kind"] == "one" and truth[n]["sizes"][0] >= LEAST_LEFT_OUT
-    ]
-    without = {n: taken_out(truth[n]["effects"]) for n in single[: round(leave_out * len(single))]}
-    found = {n: read_report(reports, n) for n in names}
-    asked = {
-        n: entry
-        for n, d in found.items()
-        if "failed" not in d and (entry := recommended(d)) is not None
-    }
+    without = _left_out(truth, names, leave_out)
+    asked = _asked(reports, names)
     if not finished:
         run_all(check, without, reports / LEFT_OUT)
         follow_all(check, asked, content, reports / RESOLVED)
@@ -121,6 +104,34 @@ def score(
     if not allow_mixed:
         one_code(rows, f"'{reports}'")
     return scored(rows)
+
+
+def _check_code(method: str, reports: Path, names: Sequence[str]) -> None:
+    """Raise BadInput where reports were made by another state of the code than this one."""
+    places = (reports, reports / LEFT_OUT, reports / RESOLVED)
+    earlier = [r for p in places for r in _rows(method, BLIND, p, names, {})]
+    one_code(earlier, f"'{reports}'", [code_digest()])
+
+
+def _left_out(
+    truth: Mapping[str, Any], names: Sequence[str], share: float
+) -> dict[str, tuple[str, ...]]:
+    """Return what is taken from the library for a share of the single effects that are large
+    enough."""
+    single = [
+        n for n in names if truth[n]["kind"] == "one" and truth[n]["sizes"][0] >= LEAST_LEFT_OUT
+    ]
+    return {n: taken_out(truth[n]["effects"]) for n in single[: round(share * len(single))]}
+
+
+def _asked(reports: Path, names: Sequence[str]) -> dict[str, tuple[str, float]]:
+    """Return the recordings that diagnoses recommend, by campaign."""
+    found = {n: read_report(reports, n) for n in names}
+    return {
+        n: entry
+        for n, d in found.items()
+        if "failed" not in d and (entry := recommended(d)) is not None
+    }
 
 
 def taken_out(effects: Sequence[str]) -> tuple[str, ...]:

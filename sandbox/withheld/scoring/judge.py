@@ -46,21 +46,21 @@ class Judgement:
     effects: tuple[str, ...]
     sizes: tuple[float, ...]
     failed: bool
-    hit: bool
-    probability: float
-    f1: float
     unknown: float
     verdict: str
     parts: tuple[int, int]
     closed: float | None
-    in_set: bool
-    unknown_in_set: bool
-    set_size: int
     subsystem: bool | None
-    seconds: float | None
-    simulations: float | None
-    top: tuple[str, ...]
-    top_probability: float
+    hit: bool = False
+    probability: float = 0.0
+    f1: float = 0.0
+    in_set: bool = False
+    unknown_in_set: bool = False
+    set_size: int = 0
+    seconds: float | None = None
+    simulations: float | None = None
+    top: tuple[str, ...] = ()
+    top_probability: float = 0.0
     chances: Mapping[str, float] = field(default_factory=dict)
     parts_of: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     outside: str | None = None
@@ -127,66 +127,57 @@ def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
     """Judge one diagnosis (`diagnosis.json`, or {"failed": why}) against one entry of the seal."""
     true = frozenset(truth["effects"])
     beyond = (truth.get("outside_subsystem") or "machine") if UNKNOWN in true else None
-    head = (name, truth["kind"], truth["family"], tuple(truth["effects"]), tuple(truth["sizes"]))
+    head: dict[str, Any] = {
+        "name": name,
+        "kind": truth["kind"],
+        "family": truth["family"],
+        "effects": tuple(truth["effects"]),
+        "sizes": tuple(truth["sizes"]),
+        "outside": beyond,
+    }
     if "failed" in diagnosis:
         given = Counter(n.partition(".")[0] for n in truth["parameters"] if estimated(n))
-        missed, missed_of = (0, given.total()), {e: (0, n) for e, n in sorted(given.items())}
-        unknown = 0.0 if UNKNOWN in true else 1.0
         return Judgement(
-            *head,
-            True,
-            False,
-            0.0,
-            0.0,
-            unknown,
-            "failed",
-            missed,
-            None if not true else 0.0,
-            False,
-            False,
-            0,
-            False if true else None,
-            None,
-            None,
-            (),
-            0.0,
-            parts_of=missed_of,
-            outside=beyond,
+            **head,
+            failed=True,
+            unknown=0.0 if UNKNOWN in true else 1.0,
+            verdict="failed",
+            parts=(0, given.total()),
+            parts_of={e: (0, n) for e, n in sorted(given.items())},
+            closed=0.0 if true else None,
+            subsystem=False if true else None,
         )
     hypotheses = [
         (frozenset(h["effects"]), float(h["probability"]), h) for h in diagnosis["hypotheses"]
     ]
     top, top_probability, best = hypotheses[0]
     members = [frozenset(m) for m in diagnosis["ambiguity_set"]]
-    matches = [(e, p) for e, p, _ in hypotheses if _same(e, true, members)]
     cost, verdict = diagnosis.get("cost", {}), str(diagnosis["verdict"])
     parts = {
         e: covered(truth["parameters"], best.get("parameters", {}), [e]) for e in sorted(top & true)
     }
     place = located(true, diagnosis.get("where", []), beyond)
-    if true and verdict == "no_gap":
-        place = False  # `where` then says where a gap would lie if there were one
     return Judgement(
-        *head,
-        False,
-        _same(top, true, members),
-        sum(p for _, p in matches),
-        f1(top, true),
-        sum(p for e, p, _ in hypotheses if UNKNOWN in e),
-        verdict,
-        (sum(hits for hits, _ in parts.values()), sum(given for _, given in parts.values())),
-        closed(true, diagnosis["gap"]),
-        any(_contains_truth(m, true) for m in members),
-        any(UNKNOWN in m for m in members),
-        len(members),
-        place,
-        cost.get("seconds"),
-        cost.get("simulations"),
-        tuple(sorted(top)),
-        top_probability,
-        chances(diagnosis),
-        parts,
-        beyond,
+        **head,
+        failed=False,
+        hit=_same(top, true, members),
+        probability=sum(p for e, p, _ in hypotheses if _same(e, true, members)),
+        f1=f1(top, true),
+        unknown=sum(p for e, p, _ in hypotheses if UNKNOWN in e),
+        verdict=verdict,
+        parts=(sum(hits for hits, _ in parts.values()), sum(n for _, n in parts.values())),
+        parts_of=parts,
+        closed=closed(true, diagnosis["gap"]),
+        in_set=any(_contains_truth(m, true) for m in members),
+        unknown_in_set=any(UNKNOWN in m for m in members),
+        set_size=len(members),
+        # where there is no gap, `where` says where one would lie if there were one
+        subsystem=False if true and verdict == "no_gap" else place,
+        seconds=cost.get("seconds"),
+        simulations=cost.get("simulations"),
+        top=tuple(sorted(top)),
+        top_probability=top_probability,
+        chances=chances(diagnosis),
     )
 
 

@@ -69,14 +69,6 @@ def figures(
     several = [j for j in judged if j.kind == "several"]
     known = [j for j in judged if j.kind != "outside"]
     outside = [j for j in judged if j.kind == "outside"]
-    ambiguous = [j.name for j in judged if j.verdict == "ambiguous"]
-    asked = asked or {}
-    settled = {j.name: j.settled for j in followed}
-    # the others are not recorded yet
-    tried = [n for n in ambiguous if n in settled or n not in asked]
-    if asked and not settled:
-        # nothing is recorded yet, so nothing is known of what recordings settle
-        tried = []
     shrunk = [j.closed for j in judged if j.closed is not None]
     of_list = [j.closed for j in judged if j.closed is not None and len(j.effects) >= MANY]
     times = [j.seconds for j in judged if j.seconds is not None]
@@ -109,6 +101,28 @@ def figures(
         "ambiguity_hit": share([j.in_set for j in judged]),
         "ambiguity_size": mean([j.set_size for j in one if j.separable and not j.failed]),
         "subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
+        **resolved(judged, asked or {}, followed),
+        "seconds": quantile(times, 0.5),
+        "seconds_over_60": share([t > SLOW for t in times]),
+        "simulations": quantile(spent, 0.5),
+        "simulations_over_2000": share([n > COSTLY for n in spent]),
+    }
+
+
+def resolved(
+    judged: Sequence[Judgement],
+    asked: Mapping[str, float | None],
+    followed: Sequence[Judgement],
+) -> dict[str, Figure]:
+    """Return what recommended recordings settle, see `figures`."""
+    ambiguous = [j.name for j in judged if j.verdict == "ambiguous"]
+    settled = {j.name: j.settled for j in followed}
+    # the others are not recorded yet
+    tried = [n for n in ambiguous if n in settled or n not in asked]
+    if asked and not settled:
+        # nothing is recorded yet, so nothing is known of what recordings settle
+        tried = []
+    return {
         "resolved": share([j.settled for j in followed]),
         "resolved_promised": mean_share(
             [p for j in followed if (p := asked.get(j.name)) is not None]
@@ -117,10 +131,6 @@ def figures(
         "resolved_else": share([j.settled for j in followed if (asked.get(j.name) or 0.0) < SURE]),
         "recommended": share([n in asked for n in ambiguous]),
         "resolved_of_all": share([settled.get(n, False) for n in tried]),
-        "seconds": quantile(times, 0.5),
-        "seconds_over_60": share([t > SLOW for t in times]),
-        "simulations": quantile(spent, 0.5),
-        "simulations_over_2000": share([n > COSTLY for n in spent]),
     }
 
 

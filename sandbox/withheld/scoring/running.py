@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from model.kernels.sources import code_key
-from sandbox.engine.processes import Cluster, spread
+from sandbox.engine.processes import ALONE, Workers, spread
 from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.withheld.making.draw import Drawn
 from sandbox.withheld.making.make import CAMPAIGNS
@@ -38,16 +38,14 @@ CODE = (
 
 @dataclass(frozen=True)
 class Check:
-    """A check's folder, what diagnoses its campaigns, on how many processes or which cluster; told
-    the share done.
+    """A check's folder, what diagnoses its campaigns, and who does; told the share done.
 
     A cluster's workers read and write the same folder, at the same place.
     """
 
     folder: Path
     diagnose: Diagnose
-    jobs: int = 1
-    cluster: Cluster | None = None
+    workers: Workers = ALONE
     progress: Callable[[float], None] | None = None
 
 
@@ -108,9 +106,7 @@ class _Task:
 
 def _spread(check: Check, tasks: Sequence[_Task]) -> None:
     left = [t for t in tasks if not reported(t.reports, t.name)]
-    for done, _ in enumerate(
-        spread(partial(_one, check.diagnose), left, check.jobs, _lost, check.cluster), 1
-    ):
+    for done, _ in enumerate(spread(partial(_one, check.diagnose), left, check.workers, _lost), 1):
         if check.progress is not None:
             check.progress(done / len(left))
 

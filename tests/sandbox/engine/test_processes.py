@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from sandbox.engine.processes import spread
+from sandbox.engine.processes import ALONE, Workers, spread
 
 
 def die_on_three(x):
@@ -16,13 +16,13 @@ def die_on_three(x):
 
 
 def test_a_process_that_dies_costs_one_item():
-    assert sorted(spread(die_on_three, range(6), 2, lambda x: -x)) == [-3, 0, 1, 4, 16, 25]
+    assert sorted(spread(die_on_three, range(6), Workers(2), lambda x: -x)) == [-3, 0, 1, 4, 16, 25]
     with pytest.raises(RuntimeError, match="process"):  # BrokenProcessPool
-        list(spread(die_on_three, range(6), 2))
+        list(spread(die_on_three, range(6), Workers(2)))
 
 
 def test_one_job_and_a_single_item_survive_it_too():
     """Without somebody to tell, a single job stays in this process: nothing to start."""
-    assert sorted(spread(die_on_three, [2, 3, 4], 1, lambda x: -x)) == [-3, 4, 16]
-    assert list(spread(die_on_three, [3], 2, lambda x: -x)) == [-3]
-    assert list(spread(lambda x: os.getpid(), [1, 2], 1)) == [os.getpid()] * 2
+    assert sorted(spread(die_on_three, [2, 3, 4], ALONE, lambda x: -x)) == [-3, 4, 16]
+    assert list(spread(die_on_three, [3], Workers(2), lambda x: -x)) == [-3]
+    assert list(spread(lambda x: os.getpid(), [1, 2])) == [os.getpid()] * 2

@@ -18,6 +18,7 @@ from model.errors import BadInput
 from sandbox.cli import main
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
+from sandbox.engine.processes import ALONE
 from sandbox.evaluation import protocol_tests as t
 from sandbox.evaluation.starts import starts
 
@@ -221,7 +222,7 @@ def test_resumes_after_an_interruption(tmp_path, monkeypatch):
         "motors": ["ipm_exchanged"],
         "tests": ["creep"],
         "keep": tmp_path,
-        "jobs": 1,
+        "workers": ALONE,
     }
     with pytest.raises(KeyboardInterrupt):
         p.protocol(**choose)
@@ -249,7 +250,7 @@ def test_a_motor_file_changed_meanwhile_is_run_again(tmp_path, monkeypatch):
     text, path = (MOTORS / "ipm_exchanged.toml").read_text(), tmp_path / "m.toml"
     for resistance in ("12.15", "13.0", "13.0"):
         path.write_text(text.replace("resistance = 12.15", f"resistance = {resistance}"))
-        p.protocol(["qnull"], [path], ["creep"], keep=tmp_path, jobs=1)
+        p.protocol(["qnull"], [path], ["creep"], keep=tmp_path)
     assert found == [12.15, 12.15, 13.0, 13.0]  # two beliefs each; the third call finds them kept
 
 
@@ -257,10 +258,13 @@ def test_a_cluster_is_handed_names_and_full_paths(tmp_path, monkeypatch):
     """`--dask` and `cluster=`: what its workers are told; a real one runs in the sweep's tests."""
     found = []
 
-    def spread(task, work, jobs, cluster):
+    def spread(task, work, workers):
         """Do the work here."""
         found.append(
-            (cluster, [(unit.belief, drive.name, place, seed) for unit, drive, place, seed in work])
+            (
+                workers.cluster,
+                [(unit.belief, drive.name, place, seed) for unit, drive, place, seed in work],
+            )
         )
         return map(task, work)
 

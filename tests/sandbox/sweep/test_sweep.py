@@ -21,7 +21,7 @@ from model.errors import BadInput
 from sandbox.cli import main
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
-from sandbox.engine.processes import spread
+from sandbox.engine.processes import Workers, spread
 from sandbox.evaluation.protocol import protocol
 from sandbox.output.files import aside_of
 from sandbox.sweep.blocks import arrow_schema, run_block, schema_of, tasks_of
@@ -29,7 +29,7 @@ from sandbox.sweep.cases import EACH_TIME, made_ready, run_case
 from sandbox.sweep.plan import read_sweep, sweep_of
 from sandbox.sweep.summary import below, errors_of, groups_of, interval
 from sandbox.sweep.sweep import rows_of, run_sweep
-from sandbox.sweep.tolerances import tolerances
+from sandbox.sweep.tolerances import Question, tolerances
 
 DEAD = 999_999_999  # no process has this number: they end at 2^22
 
@@ -238,7 +238,7 @@ def test_table_and_schema_say_the_same(tmp_path):
 
 
 def test_two_processes_give_the_same_to_the_bit(reference, tmp_path):
-    run_sweep(sweep_of(SMALL), tmp_path / "out", jobs=2)
+    run_sweep(sweep_of(SMALL), tmp_path / "out", Workers(2))
     assert digests(tmp_path / "out") == reference
 
 
@@ -260,9 +260,9 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_to_the_bit(reference, tmp_
                 os.kill(pids.popitem()[1], signal.SIGKILL)
                 pids.clear()
 
-        run_sweep(sweep_of(SMALL), tmp_path / "out", cluster=client, progress=kill_one)
-        assert list(spread(abs, [-3], 1, cluster=cluster.scheduler_address)) == [3]
-        found = protocol(["qnull"], ["ipm_exchanged"], ["bandwidth"], cluster=client)
+        run_sweep(sweep_of(SMALL), tmp_path / "out", Workers(cluster=client), progress=kill_one)
+        assert list(spread(abs, [-3], Workers(1, cluster.scheduler_address))) == [3]
+        found = protocol(["qnull"], ["ipm_exchanged"], ["bandwidth"], workers=Workers(1, client))
     here = protocol(["qnull"], ["ipm_exchanged"], ["bandwidth"])
     assert [(r.unit, r.outcome) for r in found.rows] == [(r.unit, r.outcome) for r in here.rows]
     assert digests(tmp_path / "out") == reference
@@ -350,7 +350,7 @@ def test_tolerances_leave_all_of_the_gain_when_nothing_is_off():
         "scenario": {"start_up": False},
         "segment": [{"duration": 0.15, "load": 1.0, "settle": 0.1}],
     }
-    rows = tolerances("ipm_exchanged", scene, ["qnull"], levels=[0.2], draws=8)
+    rows = tolerances(Question("ipm_exchanged", scene, ["qnull"], draws=8), [0.2])
     exact, off = (
         next(r for r in rows if r.belief == "saturated" and r.tolerance == t) for t in (0.0, 0.2)
     )
@@ -367,7 +367,7 @@ def test_tolerances_leave_all_of_the_gain_when_nothing_is_off():
         linear[1].median_deg, abs=4.0 * np.std(noise.to_numpy(), ddof=1)
     )
     with pytest.raises(BadInput, match="out of range; give 0 to 50 %"):
-        tolerances("ipm_exchanged", scene, ["qnull"], levels=[0.9])
+        tolerances(Question("ipm_exchanged", scene, ["qnull"]), [0.9])
 
 
 # seconds of work: a signal has to meet it before it is done, on a machine that does other things,

@@ -7,7 +7,6 @@ from sandbox.cli import main
 from sandbox.withheld.making import make as maker
 from sandbox.withheld.making.make import campaign_of
 from sandbox.withheld.scoring import blind as scorer
-from sandbox.withheld.scoring import running
 from tests.schemas import misfits
 
 
@@ -23,7 +22,7 @@ class Nothing:
     }
 
 
-def test_make_and_score(tmp_path, monkeypatch, capsys):
+def test_make_and_score(tmp_path, monkeypatch, capsys, in_this_process):
     monkeypatch.setattr(maker, "campaign_of", lambda drawn, share: campaign_of(drawn, 0.02))
     folder = tmp_path / "check"
     assert (
@@ -32,14 +31,7 @@ def test_make_and_score(tmp_path, monkeypatch, capsys):
     digest = hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest()
     assert capsys.readouterr().out.startswith(f"truth sealed, SHA-256 {digest}")
 
-    monkeypatch.setattr(
-        running, "spread", lambda task, work, jobs, lost, cluster: map(task, work)
-    )  # sees the diagnosis below
-    monkeypatch.setattr(scorer, "diagnosis_of", lambda campaign, **how: None)
-    monkeypatch.setattr(scorer, "where", lambda found: ())
-    monkeypatch.setattr(scorer, "next_recording", lambda found: None)
-    monkeypatch.setattr(scorer, "ranking", lambda found, position: None)
-    monkeypatch.setattr(scorer, "document", lambda *parts, whole: Nothing.json)
+    monkeypatch.setattr(scorer, "standard", lambda folder, exclude: Nothing)
     assert main(["withheld", "score", str(folder), "--jobs", "1"]) == 0
     content = json.loads((folder / "withheld.json").read_text())
     assert content["command"] == "withheld"

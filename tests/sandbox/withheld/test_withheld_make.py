@@ -27,7 +27,7 @@ from sandbox.withheld.making.cycles_narrow import PAIRS
 from sandbox.withheld.making.draw import draw
 from sandbox.withheld.making.drives import DRAWN, FAMILIES, VALID_TO, draw_bench, family_drive
 from sandbox.withheld.making.effect_sizes import EFFECT_SIZES
-from sandbox.withheld.making.make import campaign_of, make
+from sandbox.withheld.making.make import CheckPlan, campaign_of, make
 from sandbox.withheld.making.outside_causes import EVERY, OUTSIDE
 from tests.sandbox.withheld.known import true_set
 
@@ -164,7 +164,7 @@ def test_a_file_is_no_place_for_a_check(tmp_path):
     with pytest.raises(
         BadInput, match=r"short\.toml' is a file, no folder for a check; give a new folder"
     ):
-        make(tmp_path / "short.toml", 1, 0)
+        make(tmp_path / "short.toml", CheckPlan(1, 0))
 
 
 def test_the_check_is_sealed_before_it_is_recorded_and_goes_on(tmp_path, monkeypatch):
@@ -176,7 +176,7 @@ def test_the_check_is_sealed_before_it_is_recorded_and_goes_on(tmp_path, monkeyp
         seen.append(digest)
         assert not (folder / "campaigns").exists()
 
-    made = make(folder, 3, 5, announce=announce)
+    made = make(folder, CheckPlan(3, 5), announce=announce)
     text = (folder / "truth.sealed").read_bytes()
     assert (
         made.sha256
@@ -189,15 +189,15 @@ def test_the_check_is_sealed_before_it_is_recorded_and_goes_on(tmp_path, monkeyp
     for path in (folder / "campaigns" / "w001").iterdir():
         path.unlink()
     (folder / "campaigns" / "w001").rmdir()
-    assert make(folder, 3, 5).recorded == 1
+    assert make(folder, CheckPlan(3, 5)).recorded == 1
     assert (folder / "campaigns" / "w001" / "run_fast.parquet").read_bytes() == first
     with pytest.raises(BadInput, match="another withheld check"):
-        make(folder, 3, 6)
+        make(folder, CheckPlan(3, 6))
 
 
 def test_a_campaign_says_nothing_of_its_truth(tmp_path, monkeypatch):
     monkeypatch.setattr(maker, "campaign_of", lambda drawn, share: campaign_of(drawn, 0.02))
-    make(tmp_path, 2, 5, style="practice")
+    make(tmp_path, CheckPlan(2, 5, style="practice"))
     truth = json.loads((tmp_path / "truth.sealed").read_text())["campaigns"]
     for name, entry in truth.items():
         text = (tmp_path / "campaigns" / name / "campaign.toml").read_text()

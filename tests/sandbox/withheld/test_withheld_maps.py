@@ -23,7 +23,7 @@ from sandbox.withheld.making.case_list import SHARES, Case, Maps, cases
 from sandbox.withheld.making.draw import draw
 from sandbox.withheld.making.drives import FAMILIES, UNCERTAINTY, family_drive
 from sandbox.withheld.making.effect_sizes import EFFECT_SIZES
-from sandbox.withheld.making.make import campaign_of, make
+from sandbox.withheld.making.make import CheckPlan, campaign_of, make
 from sandbox.withheld.making.map_motors import (
     FILE,
     MAPS,
@@ -316,6 +316,6 @@ def test_without_the_data_a_check_is_made_without_maps_and_says_so(tmp_path, mon
     assert "as with --maps 0" in said
     content = json.loads((tmp_path / "check" / "truth.sealed").read_text())
     assert "maps" not in content
-    assert make(tmp_path / "check", 2, 3).recorded == 0
+    assert make(tmp_path / "check", CheckPlan(2, 3)).recorded == 0
     assert main([*call, "--maps", "0.5"]) == 2
     assert "give maps = 0 for a check without" in " ".join(capsys.readouterr().err.split())

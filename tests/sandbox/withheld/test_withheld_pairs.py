@@ -8,11 +8,9 @@ import pytest
 from model.effects.library import load_effect
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.posterior.candidates import Candidate
-from sandbox.gap.posterior.sets import possible
-from sandbox.withheld.baselines import screening, stepwise
-from sandbox.withheld.baselines.screening import Columns, Promise, barred, lesser, screened, staying
-from sandbox.withheld.baselines.stepwise import Search, Visited, searched
-from tests.sandbox.withheld.places import NOWHERE, Place, nothing
+from sandbox.withheld.baselines import screening
+from sandbox.withheld.baselines.screening import Columns, barred, lesser, screened, staying
+from sandbox.withheld.baselines.stepwise import Search, searched
 
 PART, WHOLE, OTHER = "cross_saturation", "saturation", "dead_time"
 
@@ -76,39 +74,8 @@ def test_a_whole_takes_the_place_of_its_part_and_keeps_it_out():
         ),
     ],
 )
-def test_part_and_whole_are_exchanged_and_never_both_named(criteria, best, monkeypatch):
+def test_part_and_whole_are_exchanged_and_never_both_named(criteria, best, on_a_table):
     """First the part joins and the whole takes its place beside another effect; then the other way
     round.  A table that holds no set of both fails where one is asked for."""
-    table = {frozenset(k): v for k, v in criteria.items()}
-
-    def told(effects):
-        """Return a set as the table has it."""
-        assert possible(effects)
-        value = table[frozenset(effects)]
-        one = SimpleNamespace(
-            point=Place({}, NOWHERE),
-            cost=value,
-            normal=SimpleNamespace(coordinates=()),
-            estimates=nothing,
-        )
-        return Visited(tuple(effects), one, value)
-
-    def promises(point, known, choices, effects):
-        """Return what joining reaches, exactly."""
-        found = [
-            Promise(table[frozenset((*staying(effects, p.effect), p.effect))], p) for p in choices
-        ]
-        return sorted(found, key=lambda p: p.criterion)
-
-    def choices(point, without, left):
-        """Return the effects that may join."""
-        return [Candidate(e, {}) for e in (PART, WHOLE, OTHER) if e not in without]
-
-    monkeypatch.setattr(stepwise, "candidates", choices)
-    monkeypatch.setattr(stepwise, "with_usual_sign", lambda values, motor: values)
-    monkeypatch.setattr(stepwise, "screened", promises)
-    monkeypatch.setattr(
-        stepwise, "visited", lambda point, probe, beside=(): told((*beside, probe.effect))
-    )
-    monkeypatch.setattr(stepwise, "reduced", lambda whole, rest: told(rest))
-    assert {*searched(Search((), lambda: False), told(())).effects} == best
+    none, _ = on_a_table(criteria)
+    assert {*searched(Search((), lambda: False), none).effects} == best

@@ -9,7 +9,6 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.output.files import rounded
-from sandbox.withheld.scoring import running
 from sandbox.withheld.scoring.blind import score
 from sandbox.withheld.scoring.metrics import by_size, rung
 from sandbox.withheld.scoring.rows import (
@@ -23,14 +22,11 @@ from sandbox.withheld.scoring.rows import (
     row,
     write_rows,
 )
+from sandbox.withheld.scoring.running import Check
 from sandbox.withheld.scoring.tables_of_rows import by_method, content_of, scored
 from tests.sandbox.withheld.known import Oracle, diagnosis_of, truth_of, twelve
 
-
-@pytest.fixture(autouse=True)
-def here(monkeypatch):
-    """Diagnose in this process, where a test's own functions are."""
-    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost, cluster: map(task, work))
+pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
 def test_figures_of_a_file_are_those_of_the_run(tmp_path):
@@ -64,7 +60,7 @@ def test_figures_of_a_file_are_those_of_the_run(tmp_path):
 def test_score_says_what_its_rows_say(check, tmp_path):
     """One path: the figures of `score` are those of the rows that it returns, read back from their
     file."""
-    result = score(check, Oracle(), leave_out=1.0)
+    result = score(Check(check, Oracle()), leave_out=1.0)
     rows = read_rows(write_rows(tmp_path / "rows.jsonl", result.rows))
     assert scored(rows).as_json() == result.as_json()
     assert [r.part for r in rows].count(LEFT_OUT) == 1

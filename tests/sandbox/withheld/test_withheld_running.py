@@ -15,10 +15,10 @@ import pytest
 from model.errors import BadInput
 from model.kernels.sources import ROOT, code_files
 from sandbox.withheld.making import make as maker
-from sandbox.withheld.making.make import campaign_of, make
+from sandbox.withheld.making.make import CheckPlan, campaign_of, make
 from sandbox.withheld.scoring import running
 from sandbox.withheld.scoring.blind import score
-from sandbox.withheld.scoring.running import code_digest
+from sandbox.withheld.scoring.running import Check, code_digest
 from tests.sandbox.withheld.known import diagnosis_of
 
 PAIR = diagnosis_of(
@@ -39,11 +39,10 @@ def blind(folder, exclude):
 
 
 @pytest.fixture
-def check(tmp_path, monkeypatch):
-    """Two short campaigns, diagnosed in this process, where a test's own functions are."""
-    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost, cluster: map(task, work))
+def check(tmp_path, monkeypatch, in_this_process):
+    """Two short campaigns."""
     monkeypatch.setattr(maker, "campaign_of", lambda drawn, share: campaign_of(drawn, 0.02))
-    make(tmp_path, 2, 5)
+    make(tmp_path, CheckPlan(2, 5))
     return tmp_path
 
 
@@ -58,57 +57,58 @@ def test_an_ambiguity_is_followed_up_and_scored(check, monkeypatch):
             else SimpleNamespace(json=diagnosis_of((right, 1.0), members=[right]))
         )
 
-    result = score(check, told)
+    result = score(Check(check, told))
     assert (result.figures["resolved"].n, result.figures["resolved"].value) == (2, 0.5)
     assert [j.set_size for j in result.followed] == [1, 1]
     assert [row[0] for row in result.as_json()["unresolved"]] == ["w001"]
     assert result.code == (code_digest(),)
     monkeypatch.setattr(running, "grow", None)  # another call makes no recording again
-    assert score(check, blind).followed == result.followed
+    assert score(Check(check, blind)).followed == result.followed
 
 
 def test_what_is_finished_can_be_judged_alone(check):
     with pytest.raises(BadInput, match="has a report of 'diagnosis' yet"):
-        score(check, blind, finished=True)
-    score(check, blind, limit=1)
-    part = score(check, None, finished=True)
+        score(Check(check, blind), finished=True)
+    score(Check(check, blind), limit=1)
+    part = score(Check(check, None), finished=True)
     assert [j.name for j in part.judged] == [j.name for j in part.followed] == ["w000"]
     report = check / "diagnoses" / "w000.json"
     report.write_text(report.read_text().replace(code_digest(), "of before"))
-    assert score(check, blind, allow_mixed=True).code == (code_digest(), "of before")
+    assert score(Check(check, blind), allow_mixed=True).code == (code_digest(), "of before")
 
 
 def test_states_of_the_code_are_not_mixed(check):
     """Refused before anything is diagnosed, and where what is finished is judged; allowed, each has
     its own figures."""
-    score(check, blind, limit=1)
+    score(Check(check, blind), limit=1)
     report, seen = check / "diagnoses" / "w000.json", []
     report.write_text(report.read_text().replace(code_digest(), "of before"))
     for more in ({}, {"finished": True}):
         with pytest.raises(BadInput, match=r"mixes 2 states of the code .*--again.*--allow-mixed"):
-            score(check, lambda folder, exclude: seen.append(folder), **more)
+            score(Check(check, lambda folder, exclude: seen.append(folder)), **more)
     assert not seen
-    mixed = score(check, blind, allow_mixed=True).as_json()
+    mixed = score(Check(check, blind), allow_mixed=True).as_json()
     assert {c: f["ambiguity_hit"]["n"] for c, f in mixed["by_code"].items()} == {
         code_digest(): 1,
         "of before": 1,
     }
-    assert score(check, blind, again=True).code == (code_digest(),)
+    assert score(Check(check, blind), again=True).code == (code_digest(),)
 
 
 def test_another_recommendation_is_recorded_anew(check):
     """What was recorded stands in the report; the same recommendation is not recorded twice."""
-    score(check, blind, limit=1)
+    score(Check(check, blind), limit=1)
     report, asked = (
         check / "diagnoses" / "resolved" / "w000.json",
         check / "diagnoses" / "w000.json",
     )
     assert json.loads(report.read_text())["recorded"] == ["locked_low_current", 0.5]
     seen = []
-    score(check, lambda folder, exclude: seen.append(folder), limit=1)
+    score(Check(check, lambda folder, exclude: seen.append(folder)), limit=1)
     asked.write_text(asked.read_text().replace('"seconds": 0.5', '"seconds": 0.25'))
     score(
-        check, lambda folder, exclude: seen.append(folder.name) or blind(folder, exclude), limit=1
+        Check(check, lambda folder, exclude: seen.append(folder.name) or blind(folder, exclude)),
+        limit=1,
     )
     assert seen == ["w000"]
     assert json.loads(report.read_text())["recorded"] == ["locked_low_current", 0.25]
@@ -117,13 +117,13 @@ def test_another_recommendation_is_recorded_anew(check):
         with pytest.raises(
             BadInput, match=r"resolved/w000\.json' holds no report of w000; delete it"
         ):
-            score(check, blind, limit=1)
+            score(Check(check, blind), limit=1)
         assert report.read_text() == damage
 
 
 def test_a_recording_that_cannot_be_made_settles_nothing(check):
     asked = {**AMBIGUOUS, "next_recording": {"entry": "of another version", "seconds": 0.5}}
-    result = score(check, lambda folder, exclude: SimpleNamespace(json=asked), limit=1)
+    result = score(Check(check, lambda folder, exclude: SimpleNamespace(json=asked)), limit=1)
     assert result.followed[0].failed
     assert result.figures["resolved"].value == 0.0
     assert "of another version" in (check / "diagnoses" / "resolved" / "w000.json").read_text()
@@ -179,7 +179,7 @@ def test_diagnosing_opens_nothing_but_its_campaign(quiet_folder, tmp_path):
     for name in ("truth.sealed", "SHA256"):
         (folder / name).write_text("{}")
     own, found = folder / "campaigns" / "w000", tmp_path / "seen.json"
-    subprocess.run([sys.executable, "-c", WATCHED, str(own), str(found)], check=True, timeout=500)
+    subprocess.run([sys.executable, "-c", WATCHED, str(own), str(found)], check=True)
     report = json.loads(found.read_text())
     assert report["verdict"] in ("no_gap", "ambiguous", "explained", "unknown")
     paths = {Path(p) for p in report["seen"]}
@@ -196,10 +196,11 @@ def test_processes_end_with_the_one_that_started_them(tmp_path):
     script = tmp_path / "leaves.py"
     script.write_text(
         "import os, pathlib, sys, threading, time\nfrom sandbox.engine.processes import "
-        "spread\ndef wait(x):\n    pathlib.Path(sys.argv[1], str(os.getpid())).touch()\n    "
+        "Workers, spread\ndef wait(x):\n    "
+        "pathlib.Path(sys.argv[1], str(os.getpid())).touch()\n    "
         "time.sleep(900)\ndef leave():\n    while len(list(pathlib.Path(sys.argv[1]).iterdir())) "
         "< 2: time.sleep(0.05)\n    os._exit(130)\nif __name__ == '__main__':\n    "
-        "threading.Thread(target=leave).start()\n    list(spread(wait, [1, 2], 2))\n"
+        "threading.Thread(target=leave).start()\n    list(spread(wait, [1, 2], Workers(2)))\n"
     )
     (tmp_path / "pids").mkdir()
     done = subprocess.run(

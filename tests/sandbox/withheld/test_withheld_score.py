@@ -9,21 +9,17 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox.engine.processes import spread
-from sandbox.withheld.scoring import running
+from sandbox.engine.processes import Workers, spread
 from sandbox.withheld.scoring.blind import read_report, score, taken_out
 from sandbox.withheld.scoring.check_figure import withheld_figure
 from sandbox.withheld.scoring.judge import alike, chances, closed, covered, f1, judge, located
 from sandbox.withheld.scoring.limits import area, auroc, mean, mean_share, quantile, ratio, share
 from sandbox.withheld.scoring.metrics import by_subsystem, confusion, figures, left_out
+from sandbox.withheld.scoring.running import Check
 from sandbox.withheld.scoring.tables_of_rows import table
 from tests.sandbox.withheld.known import Oracle, diagnosis_of, truth_of
 
-
-@pytest.fixture(autouse=True)
-def here(monkeypatch):
-    """Diagnose in this process, where a test's own functions are."""
-    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost, cluster: map(task, work))
+pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
 def test_a_right_diagnosis():
@@ -391,11 +387,15 @@ def test_area_under_the_roc():
 
 
 def test_spread_on_processes_does_all_once():
-    assert sorted(spread(abs, [-3, 1, -2], 2)) == [1, 2, 3] == sorted(spread(abs, [-3, 1, -2], 1))
+    assert (
+        sorted(spread(abs, [-3, 1, -2], Workers(2)))
+        == [1, 2, 3]
+        == sorted(spread(abs, [-3, 1, -2]))
+    )
 
 
 def test_score_counts_what_is_known(check, tmp_path):
-    result = score(check, Oracle(), leave_out=1.0)
+    result = score(Check(check, Oracle()), leave_out=1.0)
     f = result.figures
     assert (f["top1"].value, f["top1"].n) == (0.5, 2)
     assert f["mean_probability"].value == pytest.approx(0.45)
@@ -432,12 +432,12 @@ def test_score_counts_what_is_known(check, tmp_path):
 
 def test_score_goes_on_where_it_stopped(check):
     first = Oracle()
-    assert len(score(check, first, limit=2).judged) == 2
+    assert len(score(Check(check, first), limit=2).judged) == 2
     second = Oracle()
-    score(check, second)
+    score(Check(check, second))
     assert [name for name, _ in second.calls] == ["w002", "w003", "w004"]
     third = Oracle(failing="w000")
-    again = score(check, third, again=True)
+    again = score(Check(check, third), again=True)
     assert len(third.calls) == 5
     assert again.judged[0].failed
     assert again.figures["top1"].value == 0.0
@@ -445,30 +445,30 @@ def test_score_goes_on_where_it_stopped(check):
 
 
 def test_methods_keep_their_reports_apart(check):
-    score(check, Oracle())
+    score(Check(check, Oracle()))
     other = Oracle(failing="w000")
-    assert score(check, other, method="simple").judged[0].failed
-    assert not score(check, Oracle(failing="w000")).judged[0].failed
+    assert score(Check(check, other), method="simple").judged[0].failed
+    assert not score(Check(check, Oracle(failing="w000"))).judged[0].failed
 
 
 def test_a_changed_truth_is_refused(check):
     data = (check / "truth.sealed").read_bytes()
     (check / "truth.sealed").write_bytes(data.replace(b"2e-06", b"3e-06"))
     with pytest.raises(BadInput, match="truth was changed"):
-        score(check, Oracle())
+        score(Check(check, Oracle()))
 
 
 def test_no_check_is_refused(tmp_path):
     with pytest.raises(BadInput, match="no withheld check"):
-        score(tmp_path, Oracle())
+        score(Check(tmp_path, Oracle()))
     with pytest.raises(BadInput, match="is no share"):
-        score(tmp_path, Oracle(), leave_out=2.0)
+        score(Check(tmp_path, Oracle()), leave_out=2.0)
 
 
 def test_what_failed_is_tried_again(check):
-    assert score(check, Oracle(failing="w000"), limit=1).judged[0].failed
+    assert score(Check(check, Oracle(failing="w000")), limit=1).judged[0].failed
     second = Oracle()
-    assert not score(check, second, limit=1).judged[0].failed
+    assert not score(Check(check, second), limit=1).judged[0].failed
     assert [name for name, _ in second.calls] == ["w000"]
 
 
@@ -476,7 +476,7 @@ def test_a_changed_truth_is_refused_before_anything_is_diagnosed(check):
     (check / "truth.sealed").write_bytes((check / "truth.sealed").read_bytes() + b" ")
     oracle = Oracle()
     with pytest.raises(BadInput, match="truth was changed"):
-        score(check, oracle)
+        score(Check(check, oracle))
     assert not oracle.calls
 
 
@@ -484,7 +484,7 @@ def test_a_changed_truth_is_refused_before_anything_is_diagnosed(check):
 def test_a_damaged_hash_is_one_sentence(check, text):
     (check / "SHA256").write_bytes(text)
     with pytest.raises(BadInput, match="SHA"):
-        score(check, Oracle())
+        score(Check(check, Oracle()))
 
 
 @pytest.mark.parametrize("text", ["{}", "[]", "no JSON", '{"campaigns": 3}'])
@@ -492,7 +492,7 @@ def test_a_seal_without_a_truth_is_one_sentence(check, text):
     (check / "truth.sealed").write_text(text)
     (check / "SHA256").write_text(hashlib.sha256(text.encode()).hexdigest())
     with pytest.raises(BadInput, match="holds no truth"):
-        score(check, Oracle())
+        score(Check(check, Oracle()))
 
 
 @pytest.mark.parametrize(
@@ -505,23 +505,23 @@ def test_a_seal_without_a_truth_is_one_sentence(check, text):
     ],
 )
 def test_a_damaged_report_or_anothers_is_one_sentence(check, report):
-    score(check, Oracle())
+    score(Check(check, Oracle()))
     whole = json.loads((check / "diagnoses" / "w000.json").read_text())
     new = {**whole, **report} if report else report
     (check / "diagnoses" / "w000.json").write_text(json.dumps(new))
     with pytest.raises(BadInput, match="holds no report of w000"):
-        score(check, Oracle())
+        score(Check(check, Oracle()))
 
 
 def test_a_foreign_campaign_is_named(check):
     (check / "campaigns" / "w900").mkdir()
     with pytest.raises(BadInput, match="w900' is no campaign of this check"):
-        score(check, Oracle())
+        score(Check(check, Oracle()))
 
 
 def test_the_page_of_several_effects_only_has_no_confusion(check, tmp_path):
     """Confusion counts single causes: none among campaigns of several effects."""
-    content = score(check, Oracle()).as_json()
+    content = score(Check(check, Oracle())).as_json()
     content["confusion"] = {"truth": [], "verdict": [], "counts": []}
     withheld_figure({**content, "methods": {"diagnosis": content}}, tmp_path / "page.png")
     assert (tmp_path / "page.png").stat().st_size > 10_000

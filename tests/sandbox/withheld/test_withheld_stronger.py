@@ -1,19 +1,14 @@
 """Stepwise selection on a table of criteria; the Gaussian process against closed forms."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
 from sandbox.gap.evidence.algebra import Algebra, Prior
-from sandbox.gap.posterior.candidates import Candidate
 from sandbox.withheld.baselines import discrepancy_process as gp
-from sandbox.withheld.baselines import stepwise
-from sandbox.withheld.baselines.screening import Promise
-from sandbox.withheld.baselines.stepwise import Search, Visited, ranked, searched
-from tests.sandbox.withheld.places import NOWHERE, Place, nothing
+from sandbox.withheld.baselines.stepwise import Search, ranked, searched
 
 TABLE = {
     "": 100.0,
@@ -27,65 +22,26 @@ TABLE = {
 }
 
 
-def told(effects):
-    """Return a set as the table has it; what it promises is what it reaches."""
-    key = "".join(sorted(effects))
-    one = SimpleNamespace(
-        point=Place({}, NOWHERE),
-        cost=TABLE[key],
-        normal=SimpleNamespace(coordinates=key),
-        estimates=nothing,
-    )
-    return Visited(tuple(key), one, TABLE[key])
-
-
-@pytest.fixture
-def fitted(monkeypatch):
-    """Return the sets fitted, in turn, when fits are looked up in the table."""
-    out = []
-
-    def looked_up(effects):
-        out.append("".join(sorted(effects)))
-        return told(effects)
-
-    def promises(point, known, choices, effects):
-        return sorted(
-            (Promise(TABLE["".join(sorted(known + p.effect))], p) for p in choices),
-            key=lambda p: p[0],
-        )
-
-    monkeypatch.setattr(
-        stepwise,
-        "candidates",
-        lambda point, without, left: [Candidate(e, {}) for e in "abc" if e not in without],
-    )
-    monkeypatch.setattr(stepwise, "with_usual_sign", lambda values, motor: values)
-    monkeypatch.setattr(stepwise, "screened", promises)
-    monkeypatch.setattr(
-        stepwise, "visited", lambda point, probe, beside=(): looked_up((*beside, probe.effect))
-    )
-    monkeypatch.setattr(stepwise, "reduced", lambda whole, rest: looked_up(rest))
-    return out
-
-
-def test_effects_join_and_leave_until_the_criterion_does_not_fall(fitted):
+def test_effects_join_and_leave_until_the_criterion_does_not_fall(on_a_table):
     """a, b and c join (50, 40, 30), then a leaves (20): the best pair, which no way up comes
     through.  What promises less than is reached (b and c alone) is not fitted on the way up, and
     nothing is fitted twice."""
-    search = Search((), lambda: False)
-    best = searched(search, told(""))
+    search, (none, fitted) = Search((), lambda: False), on_a_table(TABLE)
+    best = searched(search, none)
     assert best.effects == ("b", "c")
-    assert fitted[:3] == ["a", "ab", "abc"]
-    assert sorted(fitted) == sorted({*TABLE} - {""})
+    found = ["".join(sorted(effects)) for effects in fitted]
+    assert found[:3] == ["a", "ab", "abc"]
+    assert sorted(found) == sorted({*TABLE} - {""})
     weights = {"".join(e): w for e, w, _ in ranked(search.seen.values())}
     assert weights["abc"] / weights["bc"] == pytest.approx(math.exp(-5.0), rel=1e-12)
     assert next(iter(weights)) == "bc"
 
 
-def test_excluded_effects_do_not_join_and_a_spent_walk_stops(fitted):
-    assert searched(Search(("a",), lambda: False), told("")).effects == ("b", "c")
-    assert not any("a" in s for s in fitted)
-    assert searched(Search((), lambda: True), told("")).effects == ()
+def test_excluded_effects_do_not_join_and_a_spent_walk_stops(on_a_table):
+    none, fitted = on_a_table(TABLE)
+    assert searched(Search(("a",), lambda: False), none).effects == ("b", "c")
+    assert not any("a" in effects for effects in fitted)
+    assert searched(Search((), lambda: True), none).effects == ()
 
 
 def test_a_discrepancy_is_integrated_out_exactly():
