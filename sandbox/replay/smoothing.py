@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,8 @@ from sandbox.replay.rounded import within_counts
 Array = NDArray[np.float64]
 # (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
 UNEXPLAINED = tuple(10.0**k for k in range(9))
-
+# driven recordings whose motion is kept: those of a large campaign, and their excerpts
+KEPT_MOTIONS = 64
 
 GAINS = np.dtype([(name, np.float64) for name in ("angle", "speed", "scale")], align=True)
 
@@ -76,8 +78,23 @@ def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) 
     Whether the sine is the rotor's or an eccentric encoder's the angle cannot tell, and currents
     do: it stays in the motion, and an encoder's error is taken off it.
 
-    theta: (n,) rad, electrical; period: s; count: rad, electrical.
+    theta: (n,) rad, electrical; period: s; count: rad, electrical.  The same readings are looked at
+    once: ramps take a second, and no parameter of a fit moves them.
     """
+    read = np.ascontiguousarray(theta, dtype=float)
+    return _driven(read.tobytes(), pole_pairs, period, count)
+
+
+@lru_cache(maxsize=KEPT_MOTIONS)
+def _driven(readings: bytes, pole_pairs: float, period: float, count: float) -> Motion:
+    """Return the motion of a rotor at imposed speed, from the bytes of its readings."""
+    motion = _found(np.frombuffer(readings), pole_pairs, period, count)
+    motion.angle.flags.writeable = motion.speed.flags.writeable = False
+    return motion
+
+
+def _found(theta: Array, pole_pairs: float, period: float, count: float) -> Motion:
+    """Return it from the readings (n,)."""
     if np.ptp(theta) == 0.0:
         return locked_motion(theta)
     found = within_counts(theta, ramps_of(theta, pole_pairs, count), pole_pairs, count)
