@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 CORNERS = 8
+# means on which corners are sought: ten in each of PLACES at least; all readings refine them
+FEW = 2000
 PLACES = 40  # a new corner is first sought at so many equal steps of the recording
 # numbers worked on at once there: a long recording's places are tried a few at a time
 TOGETHER = 1e7
@@ -69,6 +71,18 @@ class Reading:
         """Return the columns (n,) of the sine."""
         return [] if self.mechanical is None else [np.sin(self.mechanical), np.cos(self.mechanical)]
 
+    def thinned(self) -> Reading:
+        """Return means of some readings each, FEW at most, on which corners are sought first."""
+        each = math.ceil(len(self.tau) / FEW)
+        whole = len(self.tau) // each * each
+
+        def mean(x: Array) -> Array:
+            """Return means of a course."""
+            return np.asarray(x[:whole].reshape(-1, each).mean(axis=1))
+
+        turned = None if self.mechanical is None else mean(self.mechanical)
+        return replace(self, tau=mean(self.tau), theta=mean(self.theta), mechanical=turned)
+
     def criterion(self, fitted: Ramps) -> float:
         """Return the criterion above, least for the right number of corners."""
         chance = self.independent * math.log(max(fitted.squares, self.least))
@@ -90,16 +104,20 @@ def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
         independent(theta, count),
         n * max(count, 1e-6) ** 2 / 1200.0,
     )
+    rough = reading.thinned()
     best = fitted = refined(reading, np.empty(0))
     worse = 0
     enough = most_squares(n, float(n), count)
     while fitted.squares > enough and len(fitted.corners) < CORNERS and worse < 2:
-        fitted = refined(reading, np.sort(np.append(fitted.corners, _next(reading, fitted))))
+        corners = np.sort(np.append(fitted.corners, _next(rough, fitted.corners)))
+        fitted = refined(reading, refined(rough, corners).corners)
         better = reading.criterion(fitted) < reading.criterion(best)
         best, worse = (fitted, 0) if better else (best, worse + 1)
     while len(best.corners):
-        fewer = [refined(reading, np.delete(best.corners, k)) for k in range(len(best.corners))]
-        least = min(fewer, key=reading.criterion)
+        fewer = [
+            _shown(reading, rough, np.delete(best.corners, k)) for k in range(len(best.corners))
+        ]
+        least = refined(reading, min(fewer, key=reading.criterion).corners)
         if reading.criterion(least) >= reading.criterion(best):
             break
         best = least
@@ -108,6 +126,12 @@ def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
         reading = replace(reading, mechanical=(theta - best.sine) / pole_pairs)
         best = refined(reading, best.corners)
     return best
+
+
+def _shown(reading: Reading, rough: Reading, corners: Array) -> Ramps:
+    """Return the ramps whose corners, near those given, are the best ones of means, as all readings
+    show them."""
+    return _linear(reading, inside(reading.tau, refined(rough, corners).corners))[0]
 
 
 def independent(theta: Array, count: float) -> float:
@@ -185,9 +209,9 @@ def inside(tau: Array, corners: Array) -> Array:
     return kept
 
 
-def _next(reading: Reading, fitted: Ramps) -> float:
+def _next(reading: Reading, corners: Array) -> float:
     """Return where one more corner would take most from the squares, others as they are."""
-    h = np.maximum(0.0, reading.tau[:, None] - fitted.corners)
+    h = np.maximum(0.0, reading.tau[:, None] - corners)
     columns = [
         np.ones_like(reading.tau),
         reading.tau,
