@@ -19,7 +19,7 @@ from sandbox.gap.evidence.normal import Normal, Point
 from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
 from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.gap.posterior.search import Problem, Search
-from sandbox.gap.posterior.sets import Set, SetPosterior, log_prior, possible
+from sandbox.gap.posterior.sets import REACH, Set, SetPosterior, log_prior, possible
 from sandbox.gap.unstated.unstated import Unstated
 
 # of an effect's wide prior: a move on which slopes hold (the curvature of a delay makes 5 % of it)
@@ -130,7 +130,9 @@ class _Weighing:
         Fitted sets have the evidence of their own points; any other one stands to the best of them
         as the equations at its point say.  It ought to be fitted where that is more than the best
         one's, where it is near and parameters would move by more than slopes hold for, and where it
-        only lacks an effect that others stand in for, or exchanges it for one that does.  None
+        only lacks an effect that others stand in for, or exchanges it for one that does.  So it
+        ought where it lacks one effect and is within reach at all: that the best set has an effect
+        too many shows at the other one's own point.  None
         ought where the best one leaves several floors: something outside the library decides then,
         not one set or another.
         """
@@ -147,7 +149,9 @@ class _Weighing:
         near = [
             k
             for k, v in told.items()
-            if v > 0.0 or (v > -self.problem.settings.near and _far(sets, leader, k))
+            if v > 0.0
+            or (v > -self.problem.settings.near and _far(sets, leader, k))
+            or (v > -REACH and len(k) + 1 == len(leader) and set(k) < set(leader))
         ]
         near = sorted(near, key=lambda k: (-told[k], k))
         if leader not in self.stand_ins:
