@@ -44,10 +44,11 @@ def quick(time, charge, hold, inverse, before, after):
     2 C V (A s), inverse: 1/|hold|.
 
     Arriving: C V/|hold| (1 + ((before + (after - before)/4) 2 C V/(3 hold^2))), the slopes to first
-    order.
+    order.  Where that is not right, near no current, it stays between 0 and the time all the same:
+    what is added to make it right would be lost in a number without bounds.
     """
     bent = (0.75 * before + 0.25 * after) * charge * (1.0 / 3.0) * (inverse * inverse)
-    return time if hold > 0.0 else min(0.5 * charge * inverse * (1.0 + bent), time)
+    return time if hold > 0.0 else min(max(0.5 * charge * inverse * (1.0 + bent), 0.0), time)
 
 
 @inlined

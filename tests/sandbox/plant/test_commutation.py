@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from model.commutation import lateness, quick, static_sign
+from model.effects.dead_time import commutated, late
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import replay
 from sandbox.switched.advance import replay as switched
@@ -178,3 +179,17 @@ def test_the_switched_bench_commutates_alike(capacitance):
     found = apart(COIL, np.array([told_by_it[f"i_{x}"] for x in "abc"]).T, by_circuit)
     print(f"{found * 1e6:.2f} ppm of rated current")
     assert found < PPM
+
+
+@pytest.mark.parametrize("hold", [-1e-15, -1e-12, -1e-9, -1e-6, -1e-4, -1e-3, -1e-2, 1e-12, 1e-6])
+@pytest.mark.parametrize("before", [-2e4, -1e2, 1e2, 2e4])
+def test_the_two_parts_of_a_late_edge_add_up_at_currents_near_zero(hold, before):
+    """What the effect says at first and what it adds when it is asked are `lateness` together, to
+    rounding of the dead time: before, the first part had no bound, 1e9 s at 1 uA, in which what was
+    added got lost, and an edge acted at once that should have waited 2 us."""
+    c, after = 1e-9, before + 3e4
+    at = (hold, before, after, LINK)
+    first = late(TIME, c, 0.0, 0.0, *at)[0]
+    assert first + commutated(TIME, c, 0.0, 0.0, *at) == pytest.approx(
+        lateness(TIME, c, LINK, hold, before, after), abs=1e-15
+    )
