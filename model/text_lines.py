@@ -49,6 +49,7 @@ GROUPED = re.compile(  # 1.234,5 or 1,234.5 or 1 234,5 or 1'234.5
 )
 MARK = re.compile(r"[.,](?=\d*$)")  # before the last digits
 MINUS = str.maketrans("−–", "--")
+NAMED = re.compile(r"\s*[^\W\d]")  # begins with a letter
 WRAPPED = re.compile(r"""^=?(["'])(.*)\1$""", re.DOTALL)  # 'x', "x", and ="x" of spreadsheets
 
 
@@ -164,6 +165,7 @@ def layout(file: str, head: str) -> Layout:
         return found
     separator = _separator([line for _, line in rows])
     split = [(k, cells(line, separator)) for k, line in rows[: MOST_ABOVE + TRIED]]
+    _refuse_lying(file, [x for _, x in split])
     widths = [len(x) for _, x in split if is_data(x)]
     if not widths:  # a header alone
         return Layout(header_of(file, split[0][1]), separator, split[0][0] + 1, 0)
@@ -195,6 +197,19 @@ def _above(rows: Sequence[tuple[int, list[str]]], data: list[str]) -> tuple[list
         # else rows are refused for their width
         return texts[-1], []
     return [], []
+
+
+def _refuse_lying(file: str, rows: Sequence[Sequence[str]]) -> None:
+    """Raise BadInput for a table whose lines are the signals: a name, then more numbers than there
+    are lines."""
+    names = [x[0] for x in rows]
+    told = len(set(names)) == len(names) > 1 and all(NAMED.match(n) for n in names)
+    if told and all(len(x) > len(rows) + 1 and is_data(x[1:]) for x in rows):
+        raise BadInput(
+            f"{file}: the table lies on its side: each line is a signal ('{names[0]}', "
+            f"'{names[1]}'), each column a sample; transpose it (a spreadsheet pastes so) and "
+            "export it again"
+        )
 
 
 def _filled(row: list[str]) -> list[str]:

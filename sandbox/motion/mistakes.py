@@ -37,7 +37,10 @@ TOGETHER = 0.9
 SEEN = 0.1  # of the torque that the inertia takes, from which its size says anything
 FASTEST = 3e5 * math.tau / 60.0  # rad/s mechanical: beyond what machines turn
 LOUD = 100.0  # times the rated current: a unit
+LEAST_GEAR, MOST_GEAR = 1.25, 200.0  # as PACE is noticed; beyond it a unit
 COUNTS = (64.0, 2.0**24)  # of an encoder, a turn
+LINES = (360.0, 500.0, 600.0, 1000.0, 2000.0, 2500.0, 3600.0, 5000.0)  # of encoders, decimal ones
+MOST_USUAL = 3  # numbers of counts that are named
 
 
 @dataclass(frozen=True)
@@ -391,10 +394,14 @@ def _others(campaign: MotionCampaign, name: str, kind: str) -> Iterator[tuple[st
 
 
 def _gears(seen: Look, angle: str) -> Iterator[Mistake]:
-    """Yield a gear between the motor, whose back-EMF is seen, and the sensor of the angle."""
-    if _is(seen.emf) and 1.5 < seen.emf < 200.0:
-        said = f"a gear of about {seen.emf:.2g} stands between motor and '{angle}'"
-        yield Mistake(said, f"map it with scale = {seen.emf:.2g}", angle=1.0 / seen.emf, rank=2.0)
+    """Yield a gear between the motor, whose back-EMF or speed is seen, and the sensor of the
+    angle: of any ratio, of either sense."""
+    gear = seen.emf if _is(seen.emf) else 1.0 / seen.speed if _is(seen.speed) else math.nan
+    if not (_is(gear) and math.log(LEAST_GEAR) < abs(math.log(abs(gear))) < math.log(MOST_GEAR)):
+        return
+    way = " and it is counted backwards" if gear < 0.0 else ""
+    said = f"a gear of about {abs(gear):.3g} stands between motor and '{angle}'{way}"
+    yield Mistake(said, f"map it with scale = {gear:.3g}", angle=1.0 / gear, rank=2.0)
 
 
 def _counts(campaign: MotionCampaign, seen: Look, angle: str) -> Iterator[Mistake]:
@@ -406,8 +413,25 @@ def _counts(campaign: MotionCampaign, seen: Look, angle: str) -> Iterator[Mistak
     if not _is(ratio) and seen.fastest > FASTEST:
         yield Mistake(f"'{angle}' is in counts of an encoder", how, angle=seen.fastest / 100.0)
     elif _is(ratio) and COUNTS[0] <= counts <= COUNTS[1]:
+        spread = SPREAD_PACE if _is(seen.speed) else SPREAD_INERTIA
+        usual = _usual_counts(counts, spread, math.tau / campaign.count if campaign.count else 0.0)
         said = f"'{angle}' is in counts of an encoder (about {counts:.2g} a turn)"
+        if usual:
+            minus = "-" if ratio < 0.0 else ""
+            how = f'map it with unit = "rev" and scale = {minus}1/{usual[0]:.0f}' + "".join(
+                f", or {minus}1/{c:.0f}" for c in usual[1:]
+            )
         yield Mistake(said, how, angle=math.copysign(counts / turn, ratio), rank=1.5)
+
+
+def _usual_counts(counts: float, spread: float, stated: float) -> list[float]:
+    """Return the counts a turn that encoders have within a spread (of the logarithm), the stated
+    one alone where it is among them, else the nearest first."""
+    every = {2.0**k for k in range(6, 25)}
+    every |= {four * lines for four in (1.0, 4.0) for lines in LINES}
+    near = [c for c in (stated, *every) if c and abs(math.log(c / counts)) < spread]
+    near.sort(key=lambda c: abs(math.log(c / counts)))
+    return [stated] if stated in near else near[:MOST_USUAL]
 
 
 def _loud(campaign: MotionCampaign) -> list[Finding]:

@@ -61,6 +61,7 @@ PORT = re.compile(r'"|/"?(?:Out|In)\d+"?$')  # what a path of Simulink has besid
 BRACKET = re.compile(r"[\[(][^\[\]()]*[\])]\s*$")
 LETTERS = ("A", "B", "C")  # units, and names of phases
 DISORDER = 0.2  # of the rows: stamps that go back
+RARE_GAPS = 0.01  # of the rows: cells without a number that may be left out, a row each
 MOST_LISTED = 12  # columns named where one is missing
 
 
@@ -438,7 +439,13 @@ def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
     if k is not None:
         cell = table.odd.get((column, k))
         shown = f"{raw[k]}" if cell is None else f"'{cell[:20]}'" if cell else "empty"
-        remedy = "record every sample and export it again"
+        many = int(np.count_nonzero(~(np.abs(raw) <= LARGEST)))
+        remedy = (
+            "delete the row (the stamps of 't' show the gap, and the log is cut there), or export "
+            "every sample"
+        )
+        if many > RARE_GAPS * len(raw):
+            remedy = "record every sample and export it again"
         if cell and HEXADECIMAL.match(cell):
             remedy = "it is hexadecimal: export decimal numbers, with their sign"
         elif cell and OF_DAY.search(cell):
@@ -449,7 +456,7 @@ def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
             )
         raise BadInput(
             f"{file}: row {k} of column '{column}' is {shown}, no number that was "
-            f"measured; {remedy}"
+            f"measured{f' ({many} such rows)' * (many > 1)}; {remedy}"
         )
 
 

@@ -50,6 +50,7 @@ from sandbox.recordings.findings import Finding
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
+from sandbox.recordings.rows.disturbed import without_disturbed
 from sandbox.recordings.rows.slow import with_slow_rows
 from sandbox.recordings.stamps import (
     JITTER,
@@ -246,8 +247,8 @@ def unchecked(source: Source) -> Campaign:
     campaign = assemble(
         data, tuple(recordings), source.folder.resolve().name, source.name, source.map_folder
     )
-    campaign = with_zeros(dataclasses.replace(campaign, findings=(*findings, *campaign.findings)))
-    return with_slow_rows(counted_once(campaign))
+    campaign = dataclasses.replace(campaign, findings=(*findings, *campaign.findings))
+    return with_slow_rows(counted_once(with_zeros(without_disturbed(campaign))))
 
 
 def _logs(

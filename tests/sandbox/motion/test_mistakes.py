@@ -167,6 +167,22 @@ def test_the_back_emf_tells_a_gear(tmp_path):
     )
 
 
+@pytest.mark.parametrize("gear", [-5.0, 3.7, 1.0 / 3.0])
+def test_the_motors_speed_tells_a_gear_of_any_ratio(tmp_path, gear):
+    found = checked(tmp_path, times(angle=1.0 / gear), SPEED, also=("speed",))
+    words = f"a gear of about {abs(gear):.3g} stands between motor and 'angle'"
+    assert any(words in text and f"scale = {gear:.3g}" in text for _, text in found), found
+
+
+@pytest.mark.parametrize(("counts", "also"), [(8192.0, ()), (-4096.0, ()), (10000.0, ("speed",))])
+def test_a_position_in_counts_is_told_with_those_that_encoders_have(tmp_path, counts, also):
+    """By the stated inertia, which is some per cent off; by the speed where there is one."""
+    columns = {n: c for n, c in SPEED.items() if n != "speed" or also}
+    found = checked(tmp_path, times(angle=counts), columns, also=also)
+    words = f'unit = "rev" and scale = {"-" if counts < 0 else ""}1/{abs(counts):.0f}'
+    assert any("in counts of an encoder" in x and words in x for _, x in found), found
+
+
 def wrapped(size):
     return lambda c: c | {"angle": (c["angle"] * size) % size}
 

@@ -43,6 +43,15 @@ def test_a_gear_between_motor_and_encoder(gear):
     assert f"map it with scale = {gear:.6g}" in text
 
 
+@pytest.mark.parametrize("gear", [-5.0, 3.7, -3.7])
+def test_a_gear_where_injection_hides_how_fast_the_voltage_turns(gear):
+    """No stretch turns far enough to compare paces; every pace is tried.  30 pole pairs are beyond
+    those tried one by one, and 3.7 times 6 are none."""
+    text = told("run_slow", 1.0 / gear)
+    assert ("counted backwards" in text) == (gear < 0.0)
+    assert float(text.rpartition("scale = ")[2]) == pytest.approx(gear, rel=1e-3)
+
+
 def test_a_gear_of_no_whole_number():
     text = told("run_fast", 1.0 / 3.71)
     assert "(a gear of 3.71 : 1)" in text
