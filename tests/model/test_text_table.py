@@ -140,6 +140,17 @@ def test_a_row_of_units_is_told_from_a_line_above():
     same(found("Scope,of,today\n" + lines()))
 
 
+def test_a_table_on_its_side_is_told():
+    """Each line a signal: a name and then its samples, as a spreadsheet's export of rows is."""
+    own = "\n".join(f"{n}," + ",".join(f"{k * x:g}" for k in range(9)) for n, x in LYING.items())
+    with pytest.raises(BadInput, match=r"lies on its side.*'t', 'i_a'.*transpose it"):
+        found(own)
+    same(found(lines()))
+
+
+LYING = {"t": 0.001, "i_a": 0.5, "theta": 0.1}
+
+
 def test_grouped_thousands_are_numbers():
     table = found("t;x\n0;1.234,5\n1;-12.345.678,25\n2;7,5\n")
     assert table.columns["x"].tolist() == [1234.5, -12345678.25, 7.5]

@@ -30,7 +30,8 @@ from sandbox.recordings.checks.balance import (
     with_saturation,
 )
 from sandbox.recordings.checks.changes import CURRENT, VOLTAGE, Change, changes, source_of
-from sandbox.recordings.checks.readings import BETTER, FALLS, ZEROS, Products, Reading
+from sandbox.recordings.checks.legs import left_by_legs
+from sandbox.recordings.checks.readings import BETTER, FALLS, FLOOR, ZEROS, Products, Reading
 from sandbox.recordings.checks.search import (
     ALIKE,
     bases,
@@ -46,6 +47,9 @@ CLOSE = 0.03  # relative, within which a factor between conventions is believed
 UNIT = 10.0  # a factor that no gap is: of a unit, however near to it the best one is
 # relative, that stated values are off by on any drive: they leave its square of the voltage open
 OFF = 0.03
+# of what is open: less a voltage of six steps does not leave of a sine (1 - 9 / pi^2 = 0.088),
+# which any other mistake makes
+AS_SINE = 0.07
 WORTH_ASKING = 0.02  # of the voltage: less is not worth asking a saturated model for
 # relative, of resistance (75 K), inductances (saturation, an air gap) and flux (a warm magnet):
 # within it no other convention is needed
@@ -63,6 +67,8 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
     read = [(r, balance(r.columns, drive)) for r in recordings]
     doubtful = [(r, b) for r, b in read if b.doubtful and not saturation_explains(r, drive)]
     found = explanations(doubtful, drive)
+    if found and _legs_explain(doubtful, found[0], drive):
+        found = []
     if _is_shift(recordings, doubtful, found, drive):
         return []  # `shifted` says so
     if found and not found[0].gentle:
@@ -83,6 +89,22 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
         for r, b in doubtful
         if b.share > 0.7
     ]
+
+
+def _legs_explain(
+    doubtful: Sequence[tuple[CampaignRecording, Balance]], found: Reading, drive: Drive
+) -> bool:
+    """Tell whether a voltage that each leg loses, one number, explains all recordings that the
+    reading found answers for, and costs no more than it."""
+    own = [
+        (left_by_legs(r, drive), b.share, float(share))
+        for (r, b), share, good in zip(doubtful, found.shares, found.answered, strict=True)
+        if good
+    ]
+    legs, before, shares = np.array(own).T
+    gained = np.mean(np.log(legs + FLOOR)) - np.mean(np.log(shares + FLOOR))
+    few = math.log(FALLS) * (found.count - 1) + ALIKE
+    return bool(np.all(legs < AS_SINE * before) and gained <= few)
 
 
 def _is_shift(

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 BEYOND = 8.0
 LEAST = 0.02  # of the largest usual current: smaller disturbances are left to the noise
 USUAL = 0.9  # of the rows: their largest current is a usual one
-MOST = 0.12  # of the rows: beyond it two disturbed ones in three stand near others (chosen)
+MOST = 0.06  # of the rows: beyond it some stand among so many others that none shows (measured)
 BACK = 0.25  # of what a reading leaves by: nearer than this it is back
 PULSE = 2.0  # times what a command of one row moves: an inductance a third of the stated one
 PASSES = 4
@@ -167,13 +167,17 @@ def _forth_and_back(step: Array, moved: Array, bound: float) -> NDArray[np.bool_
                 done = k + 2 + int(back[0])
                 bad[k + 1 : done] = True
                 break
+    if np.any(bad):  # at the ends nothing comes back
+        far = np.abs(step[[0, -1]]) > np.maximum(bound, pulse[[0, -2]])
+        bad[0] |= far[0] and not bad[1]
+        bad[-1] |= far[1] and not bad[-2]
     return bad
 
 
 def _usual(step: Array) -> Array:
     """Return the median of steps around each."""
     half = AROUND // 2
-    padded = np.pad(step, half, mode="edge")
+    padded = np.pad(step, half, mode="reflect")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, AROUND), axis=1))
 
 

@@ -121,6 +121,14 @@ WRONG = {
         "is t in days, as spreadsheets keep dates. map it with scale = 86400",
     ),
     "unit in the cell": (one_cell("1.5 A"), "row 50 .* its unit stands in the cell.*header .A."),
+    "not available": (
+        one_cell("#N/A"),
+        "row 50 of column 'i_a' is '#N/A', no number.*delete the row .the stamps of 't' show",
+    ),
+    "many empty cells": (
+        changed(i_a=["" if k % 9 == 5 else x for k, x in enumerate(columns()["i_a"])]),
+        "row 5 of column 'i_a' is empty.*.22 such rows.; record every sample",
+    ),
     "a word": (one_cell("#DIV/0!"), "row 50 of column 'i_a' is '#DIV/0!', no number"),
     "zero in the middle": (
         changed(**counts(2500.0, 1e9)),
