@@ -38,5 +38,5 @@ def test_a_unit_is_no_voltage_that_legs_lose():
     columns = {**r.columns, "u_alpha": 10.0 * r.u_alpha, "u_beta": 10.0 * r.u_beta}
     r = dataclasses.replace(r, columns=columns)
     assert left_by_legs(r, drive) > 0.07
-    with pytest.raises(BadInput, match="if (voltages are counts|currents are per unit) of"):
+    with pytest.raises(BadInput, match=r"if (voltages are counts|currents are per unit) of"):
         contradictions([r], drive)
