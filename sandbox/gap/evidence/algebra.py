@@ -59,10 +59,6 @@ class MostProbable(NamedTuple):
     objective: float
 
 
-# squared slope over a prior deviation beyond which the prior's own curvature, 1, is lost in it
-ROUNDED = 1.0 / float(np.finfo(float).eps)
-
-
 @dataclass(frozen=True)
 class Algebra:
     """Normal equations of all coordinates: A (p, p), g (p,), r'r at the values x (p,)."""
@@ -85,15 +81,13 @@ class Algebra:
         """Return the most probable values under a prior.
 
         Least squares within bounds, in prior deviations.  Where a prediction overflowed, or comes
-        so near it that rounding of its squares exceeds the prior's, nothing is probable: the
-        objective is infinite.
+        so near it that rounding leaves no positive curvature, nothing is probable: the objective is
+        infinite.
         """
         movable = prior.deviation > 0.0
-        size = prior.deviation[movable]
-        steepest = float(np.max(size**2 * np.diag(self.a)[movable], initial=0.0))
-        known = np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)
-        if not (known and steepest < ROUNDED):
+        if not (np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)):
             return MostProbable(self.x, movable, math.inf)
+        size = prior.deviation[movable]
         x = np.clip(prior.mean, prior.low, prior.high)
         start = x[movable]
         hessian = size[:, None] * self.a[np.ix_(movable, movable)] * size + np.eye(len(size))
@@ -101,7 +95,10 @@ class Algebra:
             size * (self.g + self.a @ (self.x - x))[movable] + (prior.mean[movable] - start) / size
         )
         low, high = (prior.low[movable] - start) / size, (prior.high[movable] - start) / size
-        step, inside = within_bounds(hessian, pull, low, high)
+        try:
+            step, inside = within_bounds(hessian, pull, low, high)
+        except np.linalg.LinAlgError:
+            return MostProbable(self.x, movable, math.inf)
         free = movable.copy()
         free[movable] = inside
         x[movable] = start + size * step

@@ -24,6 +24,7 @@ from sandbox.gap.unstated.unstated import Unstated
 
 # of an effect's wide prior: a move on which slopes hold (the curvature of a delay makes 5 % of it)
 STRAIGHT = 0.1
+AGAIN = 2  # times at most that the search goes on from a set that leaves far less
 SMALL = 1e-6  # probability below which a set is not listed
 
 
@@ -75,11 +76,35 @@ class _Weighing:
         return self.search.problem
 
     def answer(self) -> Inference:
-        """Return the answer."""
-        best, known = self.search.grown(*self.search.begun())
+        """Return the answer; where a set beside the best one leaves far less than it, the search
+        goes on from there: it stood at a poor point, and data count as far as what it left."""
+        first = self.first(*self.search.begun())
+        found = self.around(*first)
+        for _ in range(AGAIN):
+            least = min((e.fit for e in found.evaluated.values()), key=rms_of)
+            if not self.far_less(least, first[0].fit):
+                break
+            first = self.first(least, False)
+            found = self.around(*first)
+        return found
+
+    def first(
+        self, begun: Fit, rough: bool
+    ) -> tuple[EvaluatedModel, Mapping[tuple[int, str], float]]:
+        """Return the most probable set that is found from a fit on, and the variance that it
+        meets; rough: the fit is no more than the first part of one."""
+        best, known = self.search.grown(begun, rough)
         variance = misfit(best.point)
-        fitted = {best.effects: self.evaluated(best, variance, known)}
-        known = None
+        return self.evaluated(best, variance, known), variance
+
+    def far_less(self, new: Fit, old: Fit) -> bool:
+        """Return whether a fit leaves less than half of another one's excess, which is one."""
+        left, before = (rms_of(f) ** 2 - 1.0 for f in (new, old))
+        return rms_of(old) > self.problem.settings.gap and left < 0.5 * before
+
+    def around(self, first: EvaluatedModel, variance: Mapping[tuple[int, str], float]) -> Inference:
+        """Return the sets near the most probable one, weighed by the variance that it meets."""
+        fitted, self.stand_ins = {first.effects: first}, {}
         impossible: set[Set] = set()
         asked = [tuple(sorted(k)) for k in self.problem.rivals]
         while True:
@@ -90,6 +115,8 @@ class _Weighing:
                 break
             key = asked[0] if asked else near[0]
             new = self.search.fit_of(key, leader.fit, None)
+            if set(key) < set(leader.effects):
+                new = self.search.begun_anew(key, leader.fit, new)
             if new is None:
                 impossible.add(key)
             else:
@@ -146,12 +173,13 @@ class _Weighing:
             for k, v in by_name.items()
             if k not in fitted and k not in impossible
         }
+        far = rms_of(self.search.null) > NEAR
         near = [
             k
             for k, v in told.items()
             if v > 0.0
             or (v > -self.problem.settings.near and _far(sets, leader, k))
-            or (v > -REACH and len(k) + 1 == len(leader) and set(k) < set(leader))
+            or ((far or v > -REACH) and 0 < len(k) == len(leader) - 1 and set(k) < set(leader))
         ]
         near = sorted(near, key=lambda k: (-told[k], k))
         if leader not in self.stand_ins:

@@ -334,6 +334,17 @@ class Search:
             return found
         return self.best_form(found, [e for e in key if e in new or key == near.effects], rough)
 
+    def begun_anew(self, key: Set, near: Fit, found: Fit | None) -> Fit | None:
+        """Return the fit of a set, or one that begins at the nominal model with the sizes its
+        effects have in another fit, where that fits better: with what that one bent for an effect
+        more it may end at a poor point."""
+        p = self.problem
+        own = {k: v for k, v in near.point.values.items() if k.partition(".")[0] in key}
+        begun = replace(p.start, values={**p.start.values, **own})
+        leader = math.inf if found is None else found.objective
+        new = attempted(begun, key, p.fitted, smooth=True, leader=leader, workers=p.workers)
+        return found if new is None or not new.objective < leader else new
+
     def best_form(self, found: Fit, effects: Sequence[str], rough: bool) -> Fit:
         """Return a fit, or that of the same set with one of these effects in its other form where
         that fits better."""

@@ -13,6 +13,7 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from model.parameters import Drive
@@ -32,6 +33,7 @@ PASSES = 4
 LONGEST = 3  # rows that are disturbed one after the other
 FEWEST = 32  # rows that show what a current does from row to row
 AROUND = 9  # rows over which what a current does beside the command is told
+BLOCK = 10_000  # rows that are looked at together: memory
 DEVIATION = 1.4826  # times the median of a Gaussian's size
 
 
@@ -177,8 +179,11 @@ def _forth_and_back(step: Array, moved: Array, bound: float) -> NDArray[np.bool_
 def _usual(step: Array) -> Array:
     """Return the median of steps around each."""
     half = AROUND // 2
-    padded = np.pad(step, half, mode="reflect")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, AROUND), axis=1))
+    windows = sliding_window_view(np.pad(step, half, mode="reflect"), AROUND)
+    out = np.empty(len(step))
+    for first in range(0, len(step), BLOCK):  # a median copies all its windows
+        out[first : first + BLOCK] = np.median(windows[first : first + BLOCK], axis=1)
+    return out
 
 
 def beside(x: Array, moved: Array, bad: NDArray[np.bool_]) -> Array:
