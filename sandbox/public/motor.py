@@ -105,7 +105,7 @@ class MapsResult(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `maps.json` holds beyond its header and the names of files."""
-        content = {"motor": self.maps.motor, **self.maps.summary()}
+        content: dict[str, Any] = {"motor": self.maps.motor, **self.maps.summary()}
         content["cautions"] = list(cautions(self.drive))
         return content if self.flux_map is None else {**content, "flux_map": asdict(self.flux_map)}
 

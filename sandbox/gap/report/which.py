@@ -137,10 +137,10 @@ def _disputed(d: Diagnosis, sure: Sequence[str], told: Mapping[str, float]) -> s
     }
     ranked = sorted(held, key=lambda e: (-chances[e], e))
     said = {e: "something outside the library" if e == UNKNOWN else words(e) for e in held}
-    told = [f"{said[e]} ({percent(chances[e])})" for e in ranked[:MANY]]
+    listed = [f"{said[e]} ({percent(chances[e])})" for e in ranked[:MANY]]
     if len(ranked) > MANY:
-        told.append(f"{len(ranked) - MANY} more of at most {percent(chances[ranked[MANY]])} each")
-    return ", ".join(told)
+        listed.append(f"{len(ranked) - MANY} more of at most {percent(chances[ranked[MANY]])} each")
+    return ", ".join(listed)
 
 
 def _outside(d: Diagnosis, shares: Mapping[str, float], of_sets: Rivals) -> str:
@@ -183,7 +183,7 @@ def _listed(chosen: Sequence[Hypothesis], between: str, of_sets: Rivals) -> str:
 def doubtful(d: Diagnosis) -> list[str]:
     """Return the effects that only some of the likely hypotheses hold, the likeliest first."""
     own = [set(_named(h)) for h in d.ambiguity_set]
-    some = set().union(*own) - set.intersection(*own)
+    some = set[str]().union(*own) - set[str].intersection(*own)
     chance = {e: sum(h.probability for h in d.hypotheses if e in h.effects) for e in some}
     return sorted(some, key=lambda e: (-chance[e], e))
 
