@@ -29,7 +29,6 @@ from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_model
 from sandbox.gap.posterior.sets import Chosen, Set, SetPosterior, log_prior
 from sandbox.gap.settings import USUAL, Settings
-from sandbox.gap.unstated.pwm_counts import confirmed
 from sandbox.gap.unstated.unstated import NOTHING, Unstated, unstated
 from sandbox.replay.map_error import same_map
 
@@ -176,20 +175,11 @@ class Search:
             again = attempted(
                 new.at(here.point), here.effects, p.fitted, smooth=True, workers=p.workers
             )
-        if again is None or rms_of(again) >= rms_of(here) or not self.proved(new, here, again):
+        if again is None or rms_of(again) >= rms_of(here):
             self.looked = True
             return None
         self.state(new)
         return again
-
-    def proved(self, new: Unstated, here: Fit, again: Fit) -> bool:
-        """Return whether a fit that knows of counts proves them, where what the one here leaves
-        does not; data count as far as what the new one leaves says."""
-        if new.counts is None:
-            return True
-        met, settings = weights(misfit(again.point)), self.problem.settings
-        gained = log_posterior(again, met, settings) - log_posterior(here, met, settings)
-        return confirmed(new.counts, gained)
 
     def state(self, new: Unstated) -> None:
         """State in the campaign what was found, and fit ordinary deviations again."""

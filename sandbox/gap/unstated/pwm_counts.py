@@ -33,7 +33,6 @@ Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 FEWEST, MOST = 16, 20_000  # counts: what [drive] pwm_counts may be; 200 MHz at 5 kHz
 SURE = 0.95  # posterior probability of some number of counts
-ODDS = math.log(SURE / (1.0 - SURE))
 # nats: log of all numbers tried, and some; numbers that could not reach it are left away
 NEEDED = 20.0
 SAMPLES = 150_000  # that are looked at: the first ones of each recording
@@ -51,8 +50,7 @@ WHOLE = 1.5 * 2.0**52
 class Counted(NamedTuple):
     """Counts of half a PWM period that duties are rounded to: the most probable number, the range
     of those that hold 95 % of the probability; timer's clock (Hz); share of what it foretells that
-    is there; nats against no rounding; sure: whether the fit that did not know of it says so, or
-    one that does has to."""
+    is there; nats against no rounding."""
 
     value: int
     low: int
@@ -60,7 +58,6 @@ class Counted(NamedTuple):
     clock: float
     share: float
     log_bayes_factor: float
-    sure: bool = True
 
     @property
     def text(self) -> str:
@@ -104,21 +101,14 @@ class Part(NamedTuple):
         return Part(*(x[:n] for x in self))
 
 
-def pwm_counts(point: Point, near: float = 0.0) -> Counted | None:
+def pwm_counts(point: Point) -> Counted | None:
     """Return the counts that duties were rounded to, from what a fit leaves; None where recordings
-    show none, where [drive] states them, and for logs whose rows are several PWM periods apart.
-
-    near: nats below SURE up to which a number is told that is not sure: a fit that does not know
-    of rounding may have bent what foretells its course.
-    """
+    show none, where [drive] states them, and for logs whose rows are several PWM periods apart."""
     converter = point.prepared.campaign.drive.converter
     if converter.pwm_counts is not None or converter.periods_a_row > 1:
         return None
     likely = settled(parts_of(point))
-    if likely is None:
-        return None
-    short = ODDS - float(np.logaddexp.reduce(likely.told))
-    if not short < near:
+    if likely is None or not np.logaddexp.reduce(likely.told) > math.log(SURE / (1.0 - SURE)):
         return None
     best, own = int(np.argmax(likely.told)), likely.counts[credible(likely.told)]
     value, share = int(likely.counts[best]), float(likely.share[best])
@@ -130,7 +120,6 @@ def pwm_counts(point: Point, near: float = 0.0) -> Counted | None:
         clock,
         share,
         float((likely.told - log_prior(likely.counts))[best]),
-        short < 0.0,
     )
 
 
@@ -173,13 +162,6 @@ def looked(parts: Sequence[Part], variance: Sequence[float]) -> tuple[Counts, Ar
     along, square = weighed([p.first(some) for p in parts], variance, counts)
     counts = np.sort(counts[np.argsort(along - 0.5 * square + log_prior(counts))[-FINALISTS:]])
     return counts, *weighed(parts, variance, counts)
-
-
-def confirmed(found: Counted, gained: float) -> bool:
-    """Return whether a number of counts is sure, or a fit that knows of it makes it so; gained: its
-    nats."""
-    prior = float(log_prior(np.array([found.value]))[0])
-    return found.sure or gained + prior > ODDS
 
 
 def with_counts(drive: Drive, value: int) -> Drive:

@@ -63,4 +63,4 @@ def unstated(
     point = found.point
     drifts = None if excerpts else drifting(point, shown(point), known.drifting)
     looked = known.counts is None and drifts is None and most_left(found) > settings.gap
-    return Unstated(pwm_counts(point, settings.near) if looked else None, drifts)
+    return Unstated(pwm_counts(point) if looked else None, drifts)
