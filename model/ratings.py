@@ -16,6 +16,9 @@ from model.rating_pairs import link, mending, pairs_off
 # most doubles it, sqrt 2 for rms and 2 for peak to peak stay below; units that are mistaken differ
 # by 1000.
 TORQUE_OFF = 3.0
+# More torque than rated current gives at any angle is none that saturation adds: half way (in the
+# logarithm) to an rms value that stands for an amplitude.
+TORQUE_RMS = 2.0**0.25
 # Voltage at rated speed over what the link gives.  Field weakening reaches four to five times its
 # base speed; a motor that needs a tenth of its link is one whose speed stands in rad/s (9.5 times
 # too low), or whose link is not stated.
@@ -86,6 +89,8 @@ def _torque(m: Motor) -> list[Off]:
         found, off = magnet, magnet / m.rated_torque
     elif most < m.rated_torque / TORQUE_OFF:
         found, off = most, m.rated_torque / most if most else math.inf
+    elif most < m.rated_torque / TORQUE_RMS:
+        return [_rms(m, most)]
     else:
         return []
     return [
@@ -98,6 +103,16 @@ def _torque(m: Motor) -> list[Off]:
             "in mA or rms?",
         )
     ]
+
+
+def _rms(m: Motor, most: float) -> Off:
+    return Off(
+        f"rated_torque is {_plain(m.rated_torque)} N m, {_plain(m.rated_torque / most)} times the "
+        f"{_plain(most)} N m that rated_current gives at most (3/2 pole_pairs x magnet_flux x "
+        "rated_current, with reluctance)",
+        "; is rated_current or magnet_flux an rms value (multiply it by sqrt(2)), or rated_torque "
+        "the peak one?",
+    )
 
 
 def _plain(x: float) -> str:

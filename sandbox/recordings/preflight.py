@@ -22,7 +22,8 @@ from model.ratings import cautions
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES
 from sandbox.recordings.checks.changes import ANGLE, CURRENT, MOTOR, VOLTAGE
-from sandbox.recordings.checks.mistakes import contradictions, conventions_off
+from sandbox.recordings.checks.factors import conventions_off
+from sandbox.recordings.checks.mistakes import contradictions
 from sandbox.recordings.checks.pace import off_pace, without_sign
 from sandbox.recordings.checks.plausibility import (
     angle,

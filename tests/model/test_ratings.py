@@ -44,12 +44,18 @@ def test_a_value_in_another_unit_is_named(values, said):
 
 
 @pytest.mark.parametrize(
-    "values", [{"rated_current": 1.2 * 2**0.5}, {"rated_torque": 3.0}, {"rated_speed_rpm": 9000.0}]
+    "values", [{"rated_current": 1.2 * 2**0.5}, {"rated_torque": 1.2}, {"rated_speed_rpm": 9000.0}]
 )
 def test_what_a_motor_may_have_is_not_cautioned(values):
-    """Rms for peak, a torque of three times what the magnet gives, field weakening to five times
-    the base speed."""
+    """A third less torque than rated current gives, a torque rounded up, field weakening to five
+    times the base speed."""
     assert cautions(changed(**values)) == ()
+
+
+def test_an_rms_value_is_named_by_the_torque():
+    """No current gives more than 3/2 pole_pairs magnet_flux rated_current, with reluctance."""
+    (found,) = cautions(changed(rated_current=1.2 / 2**0.5))
+    assert "is rated_current or magnet_flux an rms value" in found
 
 
 SHEET = {
@@ -145,7 +151,7 @@ def test_a_flux_map_in_another_unit_is_named(amps, webers, said, tmp_path):
     np.savetxt(tmp_path / "map.csv", rows, delimiter=",", header="i_d,i_q,psi_d,psi_q", comments="")
     (tmp_path / "mine.toml").write_text(
         "[motor]\npole_pairs = 4\nresistance = 0.4\ninertia = 0.002\nrated_current = "
-        "6.0\nrated_torque = 3.4\n"
+        "6.0\nrated_torque = 2.2\n"
         'rated_speed_rpm = 3000.0\n[flux_map]\nfile = "map.csv"\ncells = [4, 4]\nsmooth = 1e-5\n'
         "[drive]\nsampling_period = 125e-6\ndc_bus_voltage = 320.0\n"
     )

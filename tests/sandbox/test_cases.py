@@ -101,7 +101,9 @@ def test_10_one_of_two_sensors_counts_the_other_way():
 
 def test_11_values_between_terminals_and_flux_per_mechanical_speed():
     assert "between two terminals" in doubted("11_line_values_in_motor", "line.toml")
-    assert "divide it by pole_pairs = 6 in [motor]" in refused("11_line_values_in_motor", "ke.toml")
+    assert "divide magnet_flux by pole_pairs = 6 in [motor]" in refused(
+        "11_line_values_in_motor", "ke.toml"
+    )
 
 
 @pytest.mark.parametrize(

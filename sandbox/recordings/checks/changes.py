@@ -45,7 +45,7 @@ class Change:
     of the inductances, and magnet flux;
     convention: a factor that drives really differ by; fitted: its factor was; mistakes: as how many
     it counts, one that was fitted as two; order: one of the phases, which in currents and voltages
-    both is an angle.
+    both is an angle; line: of a data sheet that gives values between two terminals.
     """
 
     part: str
@@ -60,6 +60,7 @@ class Change:
     fitted: bool = False
     mistakes: int = 1
     order: bool = False
+    line: bool = False
 
     @cached_property
     def changed(self) -> frozenset[str]:
@@ -397,37 +398,30 @@ def _phase_orders() -> Iterator[tuple[Callable[[Columns], Complex], str]]:
 def _of_motor(m: Motor) -> Iterator[Change]:
     """Yield other readings of the stated values; a flux map's own are not stated."""
 
-    def of(
-        guess: str, remedy: str, r: float = 1.0, inductance: float = 1.0, flux: float = 1.0
-    ) -> Change:
-        values = (r, inductance, inductance, flux)
-        return Change(MOTOR, "", guess, f"{remedy} in [motor]", values=values, convention=True)
+    def of(guess: str, remedy: str, r: float = 1.0, mean: float = 1.0, flux: float = 1.0) -> Change:
+        values, line = (r, mean, mean, flux), "between two terminals" in guess
+        words = f"{remedy} in [motor]"
+        return Change(MOTOR, "", guess, words, values=values, convention=True, line=line)
 
     if isinstance(m, MappedMotor):
         yield of("resistance is that between two terminals", "halve resistance", 0.5)
         yield of("resistance is in mohm", "divide resistance by 1000", 1e-3)
         return
-    line = "halve them: values of one phase"
-    yield of(
-        "resistance, inductance_d and inductance_q are those between two terminals", line, 0.5, 0.5
-    )
-    yield of("resistance is that between two terminals", "halve it", 0.5)
-    yield of("inductance_d and inductance_q are those between two terminals", line, 1.0, 0.5)
-    yield of("resistance is in mohm", "divide it by 1000", 1e-3)
-    yield of("inductance_d and inductance_q are in mH", "divide them by 1000", 1.0, 1e-3)
-    yield of("inductance_d and inductance_q are in uH", "divide them by 1e6", 1.0, 1e-6)
-    yield of("resistance is 1000 times too small", "multiply it by 1000", 1e3)
-    yield of(
-        "inductance_d and inductance_q are 1000 times too small", "multiply them by 1000", 1.0, 1e3
-    )
+    both = "inductance_d and inductance_q"
+    every = f"resistance, {both}"
+    yield of(f"{every} are those between two terminals", f"halve {every}", 0.5, 0.5)
+    one = f"{every} are those between one terminal and the two others together"
+    yield of(one, f"multiply {every} by 2/3", 2.0 / 3.0, 2.0 / 3.0)
+    yield of("resistance is that between two terminals", "halve resistance", 0.5)
+    yield of(f"{both} are those between two terminals", f"halve {both}", 1.0, 0.5)
+    yield of("resistance is in mohm", "divide resistance by 1000", 1e-3)
+    yield of(f"{both} are in mH", f"divide {both} by 1000", 1.0, 1e-3)
+    yield of(f"{both} are in uH", f"divide {both} by 1e6", 1.0, 1e-6)
+    yield of("resistance is 1000 times too small", "multiply resistance by 1000", 1e3)
+    yield of(f"{both} are 1000 times too small", f"multiply {both} by 1000", 1.0, 1e3)
     if m.inductance_d != m.inductance_q:
-        yield Change(
-            MOTOR,
-            "",
-            "inductance_d and inductance_q are exchanged",
-            "exchange them in [motor]",
-            values=(1.0, 1.0, -1.0, 1.0),
-        )
+        turned = (1.0, 1.0, -1.0, 1.0)
+        yield Change(MOTOR, "", f"{both} are exchanged", "exchange them in [motor]", values=turned)
     yield from (
         of(guess, remedy, flux=factor)
         for factor, guess, remedy in fluxes(float(m.pole_pairs), m.magnet_flux)
@@ -441,34 +435,34 @@ def fluxes(p: float, flux: float) -> Iterator[tuple[float, str, str]]:
         yield (
             1.0 / p,
             "magnet_flux is the back-EMF constant per mechanical rad/s",
-            f"divide it by pole_pairs = {p:g}",
+            f"divide magnet_flux by pole_pairs = {p:g}",
         )
         yield (
             1.0 / p / SQRT3,
             "magnet_flux is the back-EMF between two terminals per mechanical rad/s",
-            (f"divide it by sqrt(3) and pole_pairs = {p:g}"),
+            (f"divide magnet_flux by sqrt(3) and pole_pairs = {p:g}"),
         )
     yield (
         1.0 / (1.5 * p),
         "magnet_flux is the torque constant (N m/A)",
-        f"divide it by 1.5 pole_pairs = {1.5 * p:g}",
+        f"divide magnet_flux by 1.5 pole_pairs = {1.5 * p:g}",
     )
-    yield 1e-3, "magnet_flux is in mWb", "divide it by 1000"
-    yield 1.0 / SQRT3, "magnet_flux is that between two terminals", "divide it by sqrt(3)"
-    yield math.sqrt(2.0), "magnet_flux is an rms value", "multiply it by sqrt(2)"
+    yield 1e-3, "magnet_flux is in mWb", "divide magnet_flux by 1000"
+    yield 1.0 / SQRT3, "magnet_flux is that between two terminals", "divide magnet_flux by sqrt(3)"
+    yield math.sqrt(2.0), "magnet_flux is an rms value", "multiply magnet_flux by sqrt(2)"
     yield (
         math.sqrt(2.0 / 3.0),
         "magnet_flux is an rms value between two terminals",
-        "multiply it by sqrt(2/3)",
+        "multiply magnet_flux by sqrt(2/3)",
     )
-    yield 0.5, "magnet_flux is a peak-to-peak value", "halve it"
+    yield 0.5, "magnet_flux is a peak-to-peak value", "halve magnet_flux"
     if flux > 1.0:
         found = 60.0 / (math.tau * SQRT3 * flux * p)
         yield (
             found / flux,
             "magnet_flux is Kv (rpm/V)",
             (
-                f"write 60 / (2 pi sqrt(3) Kv pole_pairs) = {found:.4g}, where V is the "
-                "peak between two terminals,"
+                "write magnet_flux = 60 / (2 pi sqrt(3) Kv pole_pairs) = "
+                f"{found:.4g}, where V is the peak between two terminals,"
             ),
         )

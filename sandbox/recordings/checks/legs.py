@@ -12,7 +12,7 @@ import numpy as np
 
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
-from sandbox.recordings.checks.balance import PHASES, window_of
+from sandbox.recordings.checks.balance import PHASES, Complex, window_of
 from sandbox.recordings.checks.balance import balance as balance_of
 
 # of the link: the most that a leg loses (chosen: 3 us of dead time at 16 kHz; a rest in another
@@ -20,13 +20,21 @@ from sandbox.recordings.checks.balance import balance as balance_of
 MOST_LOST = 0.05
 
 
+def lost_by_legs(current: Complex) -> Complex:
+    """Return the voltage vector that legs lose, 1 V each with its current's sign."""
+    turns = np.exp(2j * math.pi / 3.0 * np.arange(3))
+    signs = (np.sign((current * np.conj(t)).real) * t for t in turns)
+    return np.asarray((2.0 / 3.0) * sum(signs))
+
+
 def left_by_legs(r: CampaignRecording, drive: Drive) -> float:
     """Return the share of a recording's voltage that stays unexplained once each leg loses the
     voltage that explains most, with its current's sign, up to MOST_LOST of the link."""
     size = window_of(r.columns)
     b = balance_of(r.columns, drive, size)
-    star = (2.0 / 3.0) * np.exp(2j * math.pi / 3.0 * np.arange(3))
-    signs = sum(s * np.sign(r[n][1:] + r[n][:-1]) for s, n in zip(star, PHASES, strict=True))
+    phases = (0.5 * (r[n][1:] + r[n][:-1]) for n in PHASES)
+    turns = np.exp(2j * math.pi / 3.0 * np.arange(3))
+    signs = lost_by_legs(sum(2.0 / 3.0 * t * x for t, x in zip(turns, phases, strict=True)))
     total = np.concatenate([[0j], np.cumsum(signs)])
     shape = (total[b.rows + size] - total[b.rows]) / size
     energy = float(np.vdot(shape, shape).real)

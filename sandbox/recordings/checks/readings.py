@@ -4,7 +4,8 @@ equation.
 What stays unexplained is V - R I - S di/dt - D d(exp(2j theta) conj(i))/dt - phi d(exp(j
 theta))/dt, averaged over windows: linear in the motor's values and in factors of voltage and
 current, a polynomial in exp(j zero) of a zero of the angle.  So one matrix of products for each
-reading of the signals tells every factor and every zero.
+reading of the signals tells every factor and every zero.  A sixth term is a voltage that each leg
+loses with its current's sign.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from sandbox.recordings.checks.changes import (
     voltage_of,
     voltages_held,
 )
+from sandbox.recordings.checks.legs import lost_by_legs
 from sandbox.recordings.rows.commands import mean_command
 
 EXPLAINED = 0.2  # share that undoing a mistake must reach ...
@@ -46,9 +48,10 @@ GIVEN = 0.99  # quantile of the commands that no link is too low for
 
 def count_of(changes: Sequence[Change], zero: float) -> int:
     """Return how many mistakes some changes and a zero of the angle are; one convention of currents
-    and voltages both is one."""
+    and voltages both is one, as is a data sheet's of all values between two terminals."""
     own = [c for c in changes if c.convention and c.part in (CURRENT, VOLTAGE)]
     both = len(own) == 2 and own[0].scale == own[1].scale
+    both |= len(changes) == 2 and all(c.line for c in changes)
     return sum(c.mistakes for c in changes) + (zero != 0.0) - both
 
 
@@ -150,8 +153,8 @@ class Products:
         self.link = max(nominal, float(np.median(self.columns["u_dc"])))
 
     def of(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
-        """Return the matrix (5, 5) of products, with signals and factor of the angle as some
-        changes read them."""
+        """Return the matrix (6, 6) of products, the last those of what legs lose, with signals and
+        factor of the angle as some changes read them."""
         return self._kept("products", self._products, current, voltage, turn)
 
     def _kept(self, what: str, made: Callable[..., Any], *key: Change | float | None) -> Any:
@@ -171,7 +174,7 @@ class Products:
             own,
             turn if self.drive.converter.periods_a_row > 1 else own,
         )
-        mean, i = self._kept("current", self._current, current, turn if self.turns_i else 1.0)
+        mean, i, lost = self._kept("current", self._current, current, turn if self.turns_i else 1.0)
         around = np.exp(1j * (turn * self.columns["theta"][self.at]))
         x = np.stack(
             [
@@ -180,6 +183,7 @@ class Products:
                 np.diff(i) / span,
                 np.diff(around**2 * np.conj(i)) / span,
                 np.diff(around) / span,
+                lost,
             ],
             axis=1,
         )
@@ -192,11 +196,13 @@ class Products:
         u = signal(self.columns) * self._moved(turn)
         return self._means(mean_command(u, read * self.columns["theta"], self.drive.converter)[:-1])
 
-    def _current(self, change: Change | None, turn: float) -> tuple[Complex, Complex]:
-        """Return the means of the current over windows, and its values where they begin."""
+    def _current(self, change: Change | None, turn: float) -> tuple[Complex, Complex, Complex]:
+        """Return the means of the current over windows, its values where they begin, and the means
+        of what legs lose, 1 V each."""
         signal = current_of if change is None or change.signal is None else change.signal
         i = signal(self.columns) * self._moved(turn)
-        return self._means(0.5 * (i[:-1] + i[1:])), i[self.at]
+        between = 0.5 * (i[:-1] + i[1:])
+        return self._means(between), i[self.at], self._means(lost_by_legs(between))
 
     def _moved(self, turn: float) -> Any:
         """Return what turns vectors that were made with the log's angle, read as `turn` times
@@ -213,12 +219,11 @@ class Products:
         scale = math.prod(abs(c.scale) for c in change if c.part == VOLTAGE)
         return scale * float(self._kept("largest", self._largest, signal)) <= self.link
 
-    def left(self, change: Sequence[Change], zero: float = 0.0) -> float:
-        """Return what stays unexplained beyond noise, which inductances make of the sensors'."""
+    def noise_of(self, change: Sequence[Change]) -> float:
+        """Return the share that the sensors' noise leaves of what some changes read."""
         scale = math.prod(c.scale * c.values[1] for c in change if c.part != VOLTAGE)
         scale /= math.prod(c.scale for c in change if c.part == VOLTAGE)
-        noise = self.noise * scale**2
-        return max(float(self.shares(change, np.array([zero]))[0]) - noise, 0.0)
+        return self.noise * scale**2
 
     def _largest(self, change: Change | None) -> float:
         signal = voltage_of if change is None or change.signal is None else change.signal
@@ -227,13 +232,25 @@ class Products:
     def shares(self, change: Sequence[Change], zeros: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what stays unexplained at each zero of the angle (rad), of the voltage as it is
         then read."""
-        m = self.drive.motor
+        scale, factors = self.factors(change, zeros)
+        products = self.products(change)[:5, :5]
+        rest = np.sum(np.conj(factors) * (products @ factors), axis=0).real
+        return np.maximum(rest, 0.0) / max(scale**2 * float(products[0, 0].real), 1e-300)
+
+    def products(self, change: Sequence[Change]) -> Any:
+        """Return the matrix (6, 6) of products with signals as some changes read them."""
         signal = {c.part: c for c in change if c.signal is not None}
+        turn = math.prod(c.turn for c in change)
+        return self.of(signal.get(CURRENT), signal.get(VOLTAGE), turn)
+
+    def factors(self, change: Sequence[Change], zeros: NDArray[np.float64]) -> tuple[float, Any]:
+        """Return the factor of voltages, and those of the five terms (5, zeros) as some changes
+        read them."""
+        m = self.drive.motor
         scale = {
             part: math.prod(c.scale for c in change if c.part == part)
             for part in (CURRENT, VOLTAGE)
         }
-        turn = math.prod(c.turn for c in change)
         values = np.prod([c.values for c in change], axis=0) if change else np.ones(4)
         half = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
         r, s, d, flux = values * (m.resistance, *half, m.magnet_flux)
@@ -247,6 +264,4 @@ class Products:
                 -flux * np.exp(at),
             ]
         )
-        products = self.of(signal.get(CURRENT), signal.get(VOLTAGE), turn)
-        rest = np.sum(np.conj(factors) * (products @ factors), axis=0).real
-        return np.maximum(rest, 0.0) / max(scale[VOLTAGE] ** 2 * float(products[0, 0].real), 1e-300)
+        return scale[VOLTAGE], factors

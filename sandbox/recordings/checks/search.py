@@ -122,7 +122,7 @@ def three(
     """Yield the readings of a further change, or of a zero, beside those found."""
     for x in found:
         if x.count < MOST:
-            more = ((*x.changes, c) for c in table if all(_beside(c, own) for own in x.changes))
+            more = ((*x.changes, c) for c in table if all(together(c, own) for own in x.changes))
             yield from readings_of(parts, (m for m in more if _few(m, x.zero)), x.zero)
             if not x.zero and (zero := _zero(parts, x.changes)):
                 yield from readings_of(parts, [x.changes], zero)
@@ -165,10 +165,10 @@ def _few(own: AsItIs, zero: float = 0.0) -> bool:
 def _pairs(table: Sequence[Change]) -> Iterator[AsItIs]:
     """Yield pairs of changes that change different things."""
     pairs = itertools.combinations(table, 2)
-    return ((a, b) for a, b in pairs if _beside(a, b) and _few((a, b)))
+    return ((a, b) for a, b in pairs if together(a, b) and _few((a, b)))
 
 
-def _beside(a: Change, b: Change) -> bool:
+def together(a: Change, b: Change) -> bool:
     """Tell whether two changes change different things."""
     return not a.changed & b.changed
 
@@ -200,7 +200,7 @@ def bases(
         found = of_base(part, best if part == CURRENT else 1.0 / best, drive, source)
         told = part == VOLTAGE or left(found) * BETTER < none
         far = abs(math.log(found.scale)) > math.log(BASE[part])
-        if told and far and all(_beside(found, c) for c in beside):
+        if told and far and all(together(found, c) for c in beside):
             yield found
 
 

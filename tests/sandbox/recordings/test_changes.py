@@ -12,7 +12,8 @@ from model.errors import BadInput
 from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.checks.balance import PHASES
 from sandbox.recordings.checks.changes import changes
-from sandbox.recordings.checks.mistakes import contradictions, conventions_off
+from sandbox.recordings.checks.factors import conventions_off
+from sandbox.recordings.checks.mistakes import contradictions
 from sandbox.recordings.staircase import check_sensors, rest_of_sum
 from tests.data import recordings_folder
 
@@ -100,11 +101,14 @@ def test_words_are_those_of_the_log():
 def test_a_magnet_flux_of_another_reading_is_named():
     m = bench()[1].motor
     text = told(magnet_flux=m.pole_pairs * m.magnet_flux)
-    assert f"per mechanical rad/s: divide it by pole_pairs = {m.pole_pairs} in [motor]" in text
+    assert (
+        f"per mechanical rad/s: divide magnet_flux by pole_pairs = {m.pole_pairs} in [motor]"
+        in text
+    )
     assert "magnet_flux is the torque constant (N m/A)" in told(
         magnet_flux=1.5 * m.pole_pairs * m.magnet_flux
     )
-    assert "magnet_flux is an rms value: multiply it" in told(
+    assert "magnet_flux is an rms value: multiply magnet_flux" in told(
         magnet_flux=m.magnet_flux / math.sqrt(2.0)
     ).replace("; then", ":")
 

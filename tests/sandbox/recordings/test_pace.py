@@ -9,7 +9,8 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.recordings.campaign import read_folder
-from sandbox.recordings.checks.mistakes import contradictions, conventions_off
+from sandbox.recordings.checks.factors import conventions_off
+from sandbox.recordings.checks.mistakes import contradictions
 from tests.data import recordings_folder
 from tests.sandbox.recordings.made_angles import read, turning
 
