@@ -12,8 +12,8 @@ import numpy as np
 from experiments.drawing import COLOURS, new_figure, save
 from experiments.ripple_at_bias import formula_slopes, ripple_scale, true_slopes
 from model.drive_files import load_drive
-from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.identify import identify
+from sandbox.replay.identification.locked_test import LockedBench, paper_campaign
 
 
 def main() -> None:

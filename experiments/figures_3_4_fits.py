@@ -15,7 +15,7 @@ from experiments.ripple_at_bias import formula_slopes, ripple_scale, true_slopes
 from model.drive_files import load_drive
 from model.energy import boundary_on_ray
 from model.errors import PhysicsError
-from sandbox.drive.locked_test import paper_levels
+from sandbox.replay.identification.locked_test import paper_levels
 
 NOISE = 0.005  # A on the peak of the ripple
 ROWS = ("ipm", "ipm_exchanged", "spm", "spm_exchanged")

@@ -15,8 +15,8 @@ from experiments.drawing import COLOURS, new_figure, save
 from model.drive_files import load_drive
 from model.energy import flux_from_current
 from model.parameters import Drive
-from sandbox.drive.locked_test import LockedBench, paper_campaign, staircase
 from sandbox.recordings.identify import identify
+from sandbox.replay.identification.locked_test import LockedBench, paper_campaign, staircase
 
 LEVELS = np.array([-1.9, 1.9, -1.0, 1.0, -1.9])
 DWELL = 40  # injection periods of 2 ms, so 80 ms a step

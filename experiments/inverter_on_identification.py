@@ -13,8 +13,8 @@ import numpy as np
 from experiments.drawing import COLOURS, new_figure, save
 from model.drive_files import load_drive
 from model.levels import NAMES
-from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.identify import identify
+from sandbox.replay.identification.locked_test import LockedBench, paper_campaign
 
 THRESHOLDS = (0.0, 1.0, 2.0, 4.0)
 

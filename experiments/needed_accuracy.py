@@ -15,8 +15,8 @@ from pathlib import Path
 from experiments import screens
 from experiments.on_cluster import on_dask
 from sandbox import tolerances
+from sandbox.evaluation.sweep.tolerances import lines
 from sandbox.output.files import plain, version
-from sandbox.sweep.tolerances import lines
 
 RESULTS = Path(__file__).parent / "results" / "tolerances"
 MOTORS = ("ipm_exchanged", "ipm", "spm_exchanged")

@@ -17,8 +17,8 @@ from model.energy import Energy
 from model.identification import first_order
 from model.levels import NAMES, D, Levels, Q
 from model.parameters import Drive
-from sandbox.drive.locked_test import paper_campaign, paper_levels
 from sandbox.recordings.identify import identify
+from sandbox.replay.identification.locked_test import paper_campaign, paper_levels
 
 PRINT = {
     "ipm": (5e-3, 1e-3, 0.11, 0.61, 1.34, 2.80, 0.42),

@@ -36,7 +36,7 @@ PAGES = [
             "estimators/LIMITS.md",
             "estimators/c/README.md",
             "sandbox/plant/README.md",
-            "sandbox/sweep/README.md",
+            "sandbox/evaluation/sweep/README.md",
             "sandbox/recordings/IMPORTING.md",
             "sandbox/recordings/CHECKING.md",
             "sandbox/recordings/RECORDING.md",

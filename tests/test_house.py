@@ -247,7 +247,7 @@ def test_the_diagnosis_names_no_effect():
     names = "|".join(effect_names())
     quoted = re.compile(rf"(?:cross_)?(?:{names})(?:\.\w*)?")
     for path in sorted(
-        p for room in ("gap", "replay", "motion") for p in (ROOT / "sandbox" / room).rglob("*.py")
+        p for room in ("gap", "replay") for p in (ROOT / "sandbox" / room).rglob("*.py")
     ):
         if path.name == "torques.py":  # the table of what an effect is in the shaft's equation
             continue
@@ -268,9 +268,9 @@ def test_the_plant_names_no_effect():
     """An effect is one file: neither the library nor the plant nor the closed loop has its name or
     imports its file.
 
-    `ports.py` is written from the cards; the locked test and `record` speak of a bench.
+    `ports.py` is written from the cards; `record` speaks of a bench.
     """
-    others = {"ports.py", "locked_test.py", "record.py"}
+    others = {"ports.py", "record.py"}
     names = "|".join(effect_names())
     rooms = [
         p
@@ -302,7 +302,7 @@ def test_the_plant_names_no_effect():
 def test_the_product_uses_every_file_of_the_sandbox():
     """What only experiments or tests use stands with them.  The paper's test is what a tutorial
     records; schemas are read by the documentation and by whoever reads results."""
-    others = {"sandbox/drive/locked_test.py", "sandbox/output/schema.py"}
+    others = {"sandbox/replay/identification/locked_test.py", "sandbox/output/schema.py"}
     used = set().union(*map(files_imported, SOURCES))
     free = {
         p.relative_to(ROOT).as_posix()

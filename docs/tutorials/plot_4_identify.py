@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from sandbox import identify, load_motor
-from sandbox.drive.locked_test import paper_campaign
+from sandbox.replay.identification.locked_test import paper_campaign
 
 truth = load_motor("ipm_exchanged")
 campaign = paper_campaign(truth, levels=np.linspace(-2.1, 2.1, 9))  # A

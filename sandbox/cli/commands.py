@@ -209,7 +209,7 @@ def sweep(
     effects_from: take.EffectsFrom = (),
     output: take.Parallel = take.Parallel(),
 ) -> None:
-    """Many runs: grids and random draws; goes on after a stop (see sandbox/sweep/README.md).
+    """Many runs: grids and random draws; goes on after a stop (sandbox/evaluation/sweep/README.md).
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def sweep(
 
 def kept(folder: Path, again: bool) -> str:
     """Return what an interrupted sweep has kept, and how it goes on."""
-    from sandbox.sweep.store import counts
+    from sandbox.evaluation.sweep.store import counts
 
     done, total = counts(folder)
     if not done:

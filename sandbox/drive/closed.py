@@ -17,7 +17,6 @@ from sandbox.drive.loop import LoopPlant
 from sandbox.plant import additions as add
 from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, features_of, machine_rows, timing_of
-from sandbox.replay.walking import at_rest
 
 
 def longest_step(
@@ -83,7 +82,7 @@ def turned_to(bench: LoopPlant, theta: float) -> LoopPlant:
     w = np.frombuffer(bytearray(bench.w.tobytes()), bench.w.dtype)[0]
     rest = np.zeros((2, 1))
     c, s = np.array([math.cos(theta)]), np.array([math.sin(theta)])
-    at_rest(w, c, s, rest)
+    add.at_rest(w, c, s, rest)
     d, q = w["magnet"] + rest[0], rest[1]
     w["psi_alpha"], w["psi_beta"] = c * d - s * q, s * d + c * q
     w["eddy_alpha"], w["eddy_beta"] = w["psi_alpha"], w["psi_beta"]

@@ -1,2 +1,2 @@
-"""Many tasks on several processes or on a cluster: what sweeps, the withheld check and the protocol
-run on."""
+"""What Python itself needs: many tasks on several processes or on a cluster; names that a user's files
+share with ours."""

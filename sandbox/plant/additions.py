@@ -73,6 +73,16 @@ def magnets(w, c_0, s_0):
             w.rest_d[j], w.rest_q[j] = w.rest_d[j] + d, w.rest_q[j] + q
 
 
+@kernel
+def at_rest(w, c, s, rest):
+    """Write the magnets' harmonics (2, lanes) in Wb at angles of cos c, sin s (lanes,)."""
+    for j in range(w.psi_alpha.size):
+        rest[0, j], rest[1, j], _, _ = ports.magnets(w, j, c[j], s[j])
+        for k in range(w.more_magnets):
+            d, q, _, _ = ports.further_magnets(w, k, j, c[j], s[j])
+            rest[0, j], rest[1, j] = rest[0, j] + d, rest[1, j] + q
+
+
 @inlined
 def looked_at(w, j, c_0, s_0, a, b):
     """Return the current (A), stationary frame, of the energy's terms beside the motor's own at a

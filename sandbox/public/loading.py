@@ -255,7 +255,7 @@ def motion_only(
     why = motion_log.motion_only(source)
     if why is None:
         return None
-    from sandbox.motion.checked import checked_motion
+    from sandbox.gap.motion.checked import checked_motion
 
     motion = motion_log.read_motion(source, why)
     return replace(motion, findings=(*motion.findings, *checked_motion(motion)))

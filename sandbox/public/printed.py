@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from sandbox.evaluation.compare import Comparison, Run
     from sandbox.evaluation.maps import Maps
     from sandbox.evaluation.score import ErrorDeg
-    from sandbox.identification.identified import OrdinaryIdentification
     from sandbox.recordings.identify import Identification
+    from sandbox.replay.identification.identified import OrdinaryIdentification
 
 
 def print_comparison(c: Comparison) -> None:

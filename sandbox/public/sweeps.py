@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
     from sandbox.engine.processes import Cluster
     from sandbox.evaluation.pages.compare_page import Known
+    from sandbox.evaluation.sweep.plan import Sweep
+    from sandbox.evaluation.sweep.summary import Group
+    from sandbox.evaluation.sweep.tolerances import ToleranceRow
     from sandbox.output.plots import AnyAxes, Figure
-    from sandbox.sweep.plan import Sweep
-    from sandbox.sweep.summary import Group
-    from sandbox.sweep.tolerances import ToleranceRow
 
 UNITS = {
     "tolerance": "1",
@@ -51,7 +51,7 @@ class SweepResult(Result):
     def groups(self) -> list[Group]:
         """Each combination of the grid: below which error 50, 95 and 99 % of its runs stay
         (degrees)."""
-        from sandbox.sweep.summary import groups_of
+        from sandbox.evaluation.sweep.summary import groups_of
 
         return groups_of(self.plan, self.to_table())
 
@@ -62,7 +62,7 @@ class SweepResult(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `sweep.json` holds beyond its header and the names of files."""
-        from sandbox.sweep.summary import as_json
+        from sandbox.evaluation.sweep.summary import as_json
 
         cost = {"cpu_seconds": self.cpu_seconds, "kernel_seconds": self.kernel_seconds}
         return as_json(self.plan, self.to_table()) | cost
@@ -70,7 +70,7 @@ class SweepResult(Result):
     def to_table(self) -> pyarrow.Table:
         """Return all runs as one pyarrow table, one row a run, units in the metadata of its
         columns."""
-        from sandbox.sweep.store import read_table
+        from sandbox.evaluation.sweep.store import read_table
 
         return read_table(self.folder)
 
@@ -82,7 +82,7 @@ class SweepResult(Result):
     def traces(self) -> Any:
         """Return the traces as an xarray Dataset (run, sample), read when used; BadInput where none
         were asked for."""
-        from sandbox.sweep.store import open_traces
+        from sandbox.evaluation.sweep.store import open_traces
 
         return open_traces(self.folder)
 
@@ -92,8 +92,8 @@ class SweepResult(Result):
 
         ax: axes of your own to draw in; see `Result.plot`.
         """
-        from sandbox.sweep.curves import yield_figure
-        from sandbox.sweep.summary import errors_of
+        from sandbox.evaluation.sweep.curves import yield_figure
+        from sandbox.evaluation.sweep.summary import errors_of
 
         table, groups = self.to_table(), self.groups
         errors, cell = errors_of(table), table["run"].to_numpy() % len(groups)
@@ -102,7 +102,7 @@ class SweepResult(Result):
 
     def report(self) -> None:
         """Print the errors of each group, and why runs have no result."""
-        from sandbox.sweep.summary import lines
+        from sandbox.evaluation.sweep.summary import lines
 
         print_table(f"{self.plan.name}: largest mean position error of a run", *lines(self.groups))
         for why in self.as_json()["sentences"][:3]:
@@ -148,7 +148,7 @@ class ToleranceResult(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `tolerances.json` holds beyond its header and the names of files."""
-        from sandbox.sweep.tolerances import OFF, as_json
+        from sandbox.evaluation.sweep.tolerances import OFF, as_json
 
         return {
             "motor": self.motor,
@@ -167,13 +167,13 @@ class ToleranceResult(Result):
 
         ax: axes of your own to draw in, one for each estimator; see `Result.plot`.
         """
-        from sandbox.sweep.curves import tolerance_figure
+        from sandbox.evaluation.sweep.curves import tolerance_figure
 
         return tolerance_figure(self.rows, f"{self.motor}, {self.scenario}", path, ax=ax)
 
     def report(self) -> None:
         """Print what is left of the gain at each tolerance."""
-        from sandbox.sweep.tolerances import lines
+        from sandbox.evaluation.sweep.tolerances import lines
 
         title = (
             f"{self.motor}, {self.scenario}: position error when the belief is known to ± so much"
@@ -183,9 +183,9 @@ class ToleranceResult(Result):
     def for_page(self) -> Known:
         """Return table and drawing as the page of a comparison shows them."""
         from sandbox.evaluation.pages.compare_page import Known
+        from sandbox.evaluation.sweep.tolerances import lines
         from sandbox.output.plots import page, svg_text
         from sandbox.output.vector import PHONE
-        from sandbox.sweep.tolerances import lines
 
         names = {row.estimator for row in self.rows}
         figure, panels = page((PHONE, 2.6 * len(names)), len(names), 1, sharey=True)
@@ -210,7 +210,7 @@ def sweep(
     Parameters
     ----------
     plan : str, Path or mapping
-        A TOML file (sandbox/sweep/README.md), or its tables as a mapping.
+        A TOML file (sandbox/evaluation/sweep/README.md), or its tables as a mapping.
     folder : str or Path
         Where finished blocks of runs are kept; a call that finds some goes on where they end.
     jobs : int, optional
@@ -253,8 +253,8 @@ def sweep(
     8 [6, 0]
     """  # noqa: E501
     from sandbox.engine.processes import Workers
-    from sandbox.sweep.plan import read_sweep, sweep_of
-    from sandbox.sweep.sweep import run_sweep
+    from sandbox.evaluation.sweep.plan import read_sweep, sweep_of
+    from sandbox.evaluation.sweep.sweep import run_sweep
 
     if isinstance(plan, (str, Path)):
         found = read_sweep(plan)
@@ -338,9 +338,9 @@ def tolerances(
     {('linear', 0.0): 6, ('saturated', 0.0): 0}
     """  # noqa: E501
     from sandbox.engine.processes import Workers
-    from sandbox.sweep.plan import tables_of
-    from sandbox.sweep.tolerances import Question
-    from sandbox.sweep.tolerances import tolerances as run_all
+    from sandbox.evaluation.sweep.plan import tables_of
+    from sandbox.evaluation.sweep.tolerances import Question
+    from sandbox.evaluation.sweep.tolerances import tolerances as run_all
 
     if type(draws) is not int or draws < 1:
         raise BadInput(f"draws = {draws!r:.40} is out of range; give a whole number of at least 1")

@@ -18,6 +18,7 @@ from sandbox.output.files import plain
 from sandbox.output.provenance import digest_of, libraries, made_by
 from sandbox.output.tables import print_prose
 from sandbox.public.calls import EFFECTS, LEFT_OUT, hashes
+from sandbox.public.loading import use_effects
 from sandbox.public.result import Result
 
 HEADER = (
@@ -46,21 +47,25 @@ LARGEST = 2**1000  # a whole number beyond is none of ours, and no float
 MAX_DIFFERENCES = 50  # differences that are told
 ROWS = "withheld.rows.jsonl"
 SCORED = "withheld score"
-FUNCTIONS = (
-    "simulate",
-    "compare",
-    "tolerances",
-    "sweep",
-    "protocol",
-    "audit",
-    "maps",
-    "identify",
-    "diagnose",
-    "replay",
-    "export_estimator",
-    "export_drive",
-    "convert_motor",
-)
+
+
+def functions() -> dict[str, Callable[..., Any]]:
+    """Return the functions whose results can be made once more, by name."""
+    from sandbox.public.campaigns.diagnosed import diagnose
+    from sandbox.public.campaigns.identified import identify
+    from sandbox.public.campaigns.replayed import replay
+    from sandbox.public.converting import convert_motor
+    from sandbox.public.exports.drive import export_drive
+    from sandbox.public.exports.estimator import export_estimator
+    from sandbox.public.motor import audit, maps
+    from sandbox.public.protocols import protocol
+    from sandbox.public.runs import compare, simulate
+    from sandbox.public.sweeps import sweep, tolerances
+
+    runs = (simulate, compare, tolerances, sweep, protocol)
+    of_motor, of_campaign = (audit, maps, convert_motor), (identify, diagnose, replay)
+    found = (*runs, *of_motor, *of_campaign, export_estimator, export_drive)
+    return {function.__name__: function for function in found}
 
 
 class Difference(NamedTuple):
@@ -239,9 +244,10 @@ def _again(path: Path, call: Mapping[str, Any]) -> Any:
     function, arguments = call["function"], dict(call["arguments"])
     if function == SCORED:
         return _scored(path.parent, call["inputs"])
-    if function not in FUNCTIONS:
+    known = functions()
+    if function not in known:
         raise BadInput(
-            f"a result of {brief(function)} cannot be made once more; verify {', '.join(FUNCTIONS)}"
+            f"a result of {brief(function)} cannot be made once more; verify {', '.join(known)}"
         )
     if foreign := sorted(set(arguments) & set(LEFT_OUT)):
         raise BadInput(
@@ -249,8 +255,6 @@ def _again(path: Path, call: Mapping[str, Any]) -> Any:
             "command once more"
         )
     _check_inputs(call["inputs"], hashes(arguments))
-    import sandbox
-
     files = arguments.pop(EFFECTS, [])
     if not isinstance(files, list) or not all(isinstance(x, str) and "\0" not in x for x in files):
         raise BadInput(
@@ -258,8 +262,8 @@ def _again(path: Path, call: Mapping[str, Any]) -> Any:
             "its command anew"
         )
     for file in files:
-        sandbox.use_effects(file)
-    run = getattr(sandbox, function)
+        use_effects(file)
+    run = known[function]
     with TemporaryDirectory() as place:
         if function == "sweep":
             arguments |= {"folder": place, "yes": True}
@@ -323,7 +327,7 @@ def _scored(folder: Path, inputs: Mapping[str, Any]) -> Any:
 def _swept(found: Any, folder: Path) -> Any:
     """Return what a sweep made again says, with the number of its runs that are not those of a
     folder."""
-    from sandbox.sweep.store import read_table
+    from sandbox.evaluation.sweep.store import read_table
 
     content = plain(found.as_json())
     try:

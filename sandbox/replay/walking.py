@@ -185,7 +185,7 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
     theta = r.motion.angle[0] - w["offset"] - off[0]
     c, s = np.cos(theta), np.sin(theta)
     rest = np.zeros((2, lanes))
-    at_rest(w, c, s, rest)
+    additions.at_rest(w, c, s, rest)
     flux = np.zeros((2, lanes))
     if r.loaded:
         without, current = flux_as_read(w, flux_map, r.read[0], c, s, flux)
@@ -206,16 +206,6 @@ def start_turning(w: Any, r: Inputs) -> None:
     w["speed"] = r.motion.speed[0]
     stiff = np.where(w["swing_rate"] > 0.0, w["swing_rate"], np.inf)
     w["twist"] = r.track["load"][0] * (w["motor_inv"] + w["load_inv"]) / stiff**2
-
-
-@kernel
-def at_rest(w, c, s, rest):
-    """Write the magnets' harmonics (2, lanes) in Wb at angles of cos c, sin s (lanes,)."""
-    for j in range(w.psi_alpha.size):
-        rest[0, j], rest[1, j], _, _ = ports.magnets(w, j, c[j], s[j])
-        for k in range(w.more_magnets):
-            d, q, _, _ = ports.further_magnets(w, k, j, c[j], s[j])
-            rest[0, j], rest[1, j] = rest[0, j] + d, rest[1, j] + q
 
 
 @kernel

@@ -44,7 +44,7 @@ PHYSICS = (  # replaced where the command line is tried: what stands before them
     "sandbox.gap.planning.visible.visible",
     "sandbox.withheld.scoring.blind.score",
     "sandbox.evaluation.protocol.reversal_case",
-    "sandbox.sweep.store.begin",
+    "sandbox.evaluation.sweep.store.begin",
     "sandbox.public.exports.estimator.exported",
     "sandbox.public.verifying._again",
 )

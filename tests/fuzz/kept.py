@@ -30,7 +30,7 @@ from sandbox.drive.design import design
 from sandbox.output.files import write_json
 from sandbox.output.provenance import made_by
 from sandbox.public.calls import EFFECTS, LEFT_OUT
-from sandbox.public.verifying import FUNCTIONS, verify
+from sandbox.public.verifying import functions, verify
 from tests.fuzz.arrays import forged_arrays
 from tests.fuzz.doors import Door
 from tests.fuzz.mutations import TREE, damaged_json
@@ -168,7 +168,7 @@ def make_calls(folder):
 def calls():
     """Return the arguments of every function that results name: what has no default is 'ipm'."""
     found = {}
-    for name in FUNCTIONS:
+    for name in functions():
         known = inspect.signature(getattr(sandbox, name)).parameters.values()
         own = [
             p
@@ -189,7 +189,7 @@ def odd_call(content, chance):
     if chance.random() < 0.2:
         return damaged_json(content.decode(), chance)
     whole = json.loads(content)
-    function = chance.choice([*FUNCTIONS, "withheld score", "use_effects", "__import__"])
+    function = chance.choice([*functions(), "withheld score", "use_effects", "__import__"])
     arguments = deepcopy(calls().get(function, {"motor": "ipm"}))
     for _ in range(chance.choice((0, 1, 1, 2, 3))):
         names = (

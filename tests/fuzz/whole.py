@@ -15,8 +15,11 @@ from model.effect_files import effects_of
 from model.energy import flux_from_current
 from model.fluxmap import FluxMap, write_map
 from sandbox.drive.design import design
-from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.drive.scenario import SCENARIOS, load_scenario
+from sandbox.evaluation.sweep import store
+from sandbox.evaluation.sweep.blocks import crashed, tasks_of
+from sandbox.evaluation.sweep.plan import read_sweep
+from sandbox.evaluation.sweep.sweep import check_size
 from sandbox.output.files import plain, write_json
 from sandbox.output.provenance import made_by
 from sandbox.public.campaigns.diagnosed import earlier_answer
@@ -25,10 +28,7 @@ from sandbox.public.verifying import verify
 from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
-from sandbox.sweep import store
-from sandbox.sweep.blocks import crashed, tasks_of
-from sandbox.sweep.plan import read_sweep
-from sandbox.sweep.sweep import check_size
+from sandbox.replay.identification.locked_test import LockedBench, paper_campaign
 from sandbox.withheld.scoring.blind import score, standard
 from sandbox.withheld.scoring.running import Check
 from sandbox.withheld.scoring.tables_of_rows import Scores, table

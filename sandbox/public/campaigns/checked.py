@@ -14,7 +14,7 @@ from model.effects.library import effect_names, load_effect
 from model.errors import BadInput
 from model.parameters import Drive
 from model.ratings import assumed, cautions
-from sandbox.motion.checked import noticed_in_motion, shaft_contradicted
+from sandbox.gap.motion.checked import noticed_in_motion, shaft_contradicted
 from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import CORRECTED
 from sandbox.output.tables import many, print_prose, print_table

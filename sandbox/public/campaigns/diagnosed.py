@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from model.effects.library import load_effect
 from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
-from sandbox.motion.checked import shaft_contradicted
+from sandbox.gap.motion.checked import shaft_contradicted
 from sandbox.output.columns import Column, columns_of
 from sandbox.output.tables import print_prose
 from sandbox.public.calls import records_call

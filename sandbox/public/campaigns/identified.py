@@ -13,9 +13,9 @@ from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
-    from sandbox.identification.identified import OrdinaryIdentification
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.recordings.identify import Identification
+    from sandbox.replay.identification.identified import OrdinaryIdentification
 
 AnyCampaign = str | Path | Campaign
 
@@ -119,15 +119,15 @@ def identify(
     Examples
     --------
     >>> from sandbox import identify, load_motor
-    >>> from sandbox.drive.locked_test import paper_campaign
+    >>> from sandbox.replay.identification.locked_test import paper_campaign
     >>> found = identify(paper_campaign(load_motor("ipm_exchanged")))
     >>> round(found.identification.fits["exact"].values["resistance"], 2)  # ohm
     12.15
     """
     from model.levels import NoStaircase
-    from sandbox.identification.identified import identify_ordinary
     from sandbox.recordings.identify import identify as fitted
     from sandbox.recordings.identify import staircases
+    from sandbox.replay.identification.identified import identify_ordinary
 
     own, why = read_campaign(campaign, columns, preset=preset), ""
     if staircases(own):

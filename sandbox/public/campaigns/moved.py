@@ -12,7 +12,7 @@ from sandbox.output.columns import Column, columns_of
 from sandbox.public.result import Result
 
 if TYPE_CHECKING:
-    from sandbox.motion.judging import Motion
+    from sandbox.gap.motion.judging import Motion
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.recordings.motion_log import MotionCampaign
 
@@ -30,7 +30,7 @@ class MotionResult(Result):
     @property
     def verdict(self) -> str:
         """'no_gap', 'explained', 'ambiguous' or 'unknown', of the mechanical part alone."""
-        from sandbox.motion.telling import verdict
+        from sandbox.gap.motion.telling import verdict
 
         return verdict(self.motion)
 
@@ -41,13 +41,13 @@ class MotionResult(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `diagnosis.json` holds beyond its header."""
-        from sandbox.motion.telling import document
+        from sandbox.gap.motion.telling import document
 
         return document(self.motion)
 
     def columns(self) -> dict[str, Column]:
         """Return one row a parameter of the best set: name, value, 95 % interval, unit."""
-        from sandbox.motion.telling import parameters
+        from sandbox.gap.motion.telling import parameters
 
         rows = [
             {
@@ -76,7 +76,7 @@ class MotionResult(Result):
 
     def to_html(self, path: str | Path) -> Path:
         """Write the report, one page with its figures inside (`.html`); return its path."""
-        from sandbox.motion.telling import page
+        from sandbox.gap.motion.telling import page
         from sandbox.output.document import write_page
         from sandbox.output.vector import dots_svg
 
@@ -94,7 +94,7 @@ class MotionResult(Result):
     def report(self) -> None:
         """Print the answers in sentences, orders of cogging and the residual of each recording as
         tables."""
-        from sandbox.motion.telling import cogging_rows, sentences, verdict
+        from sandbox.gap.motion.telling import cogging_rows, sentences, verdict
         from sandbox.output.sentences import VERDICTS
         from sandbox.output.tables import print_prose, print_table
 
@@ -116,7 +116,7 @@ class MotionResult(Result):
 
     def _write_more(self, out: Path) -> dict[str, Any]:
         """Write report.html and effects.toml."""
-        from sandbox.motion.telling import refitted
+        from sandbox.gap.motion.telling import refitted
 
         self.to_html(out / "report.html")
         refitted(self.motion).write(out)
@@ -125,6 +125,6 @@ class MotionResult(Result):
 
 def diagnose_motion(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> MotionResult:
     """Return which mechanical effects a campaign's motion shows; BadInput where it hardly moves."""
-    from sandbox.motion.judging import judge
+    from sandbox.gap.motion.judging import judge
 
     return MotionResult(judge(campaign, exclude))

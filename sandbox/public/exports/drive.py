@@ -13,8 +13,8 @@ from model.effects import library
 from model.errors import BadInput
 from model.parameters import Drive
 from model.spline import SplineEnergy
-from sandbox.export.fmu import VERSIONS, unit_of
-from sandbox.export.source import HEADER, HERE, SOURCE, Number, source_of
+from sandbox.drive.export.fmu import VERSIONS, unit_of
+from sandbox.drive.export.source import HEADER, HERE, SOURCE, Number, source_of
 from sandbox.output.tables import print_prose
 from sandbox.plant import sets
 from sandbox.public.calls import records_call

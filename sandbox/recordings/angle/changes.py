@@ -1,10 +1,10 @@
 """A motion told by sixths of a turn, at the changes alone: there the angle is known, between them
 it is drawn smoothly.
 
-A window of the motion's equation (`sandbox.motion.windows`) that lies within a sixth would see the
-drawing's own acceleration.  From change to change torques are averaged over the rows nearer to one
-than to any other, so that the integrals of a window, which weigh each row with its gaps, are those
-of all rows.
+A window of the motion's equation (`sandbox.gap.motion.windows`) that lies within a sixth would see
+the drawing's own acceleration.  From change to change torques are averaged over the rows nearer to
+one than to any other, so that the integrals of a window, which weigh each row with its gaps, are
+those of all rows.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ CODE = (
     "estimators/**/*.py",
     "model/**/*.toml",
     "sandbox/**/*.toml",
-    "sandbox/shadowing.py",
+    "sandbox/engine/shadowing.py",
 )
 
 

@@ -20,10 +20,10 @@ from sandbox.evaluation.protocol import Protocol, Unit
 from sandbox.evaluation.protocol import Row as Finished
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.evaluation.score import ErrorDeg, Row
+from sandbox.evaluation.sweep.tolerances import ToleranceRow, with_gains
 from sandbox.public.protocols import ProtocolResult
 from sandbox.public.runs import ComparisonResult
 from sandbox.public.sweeps import ToleranceResult
-from sandbox.sweep.tolerances import ToleranceRow, with_gains
 
 VOID = {"meta", "br", "wbr", "link", "img"}
 

@@ -12,8 +12,8 @@ from jsonschema import Draft202012Validator
 
 import sandbox
 from model.errors import BadInput
-from sandbox.drive.locked_test import paper_campaign
 from sandbox.output.schema import json_schema, schema_names
+from sandbox.replay.identification.locked_test import paper_campaign
 from tests.schemas import misfits
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -24,11 +24,11 @@ from sandbox import audit, maps, verify
 from sandbox.cli import main
 from sandbox.drive import design
 from sandbox.drive.feasible import first_state
+from sandbox.evaluation.sweep import store
+from sandbox.evaluation.sweep.plan import _found
 from sandbox.output.files import check_output
 from sandbox.public import verifying
 from sandbox.public.result import keep_other
-from sandbox.sweep import store
-from sandbox.sweep.plan import _found
 from sandbox.withheld.scoring.documents import check_report
 from sandbox.withheld.scoring.rows import read_rows
 from tests.sandbox.public.naming import python

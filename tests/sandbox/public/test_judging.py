@@ -112,7 +112,7 @@ def test_results_of_long_work_are_results(tmp_path):
 
 @of("sweep", "tolerances")
 def test_results_of_many_runs(tmp_path):
-    """What they hold: tests/sandbox/sweep."""
+    """What they hold: tests/sandbox/evaluation/sweep."""
     scene = {
         "scenario": {"start_up": False},
         "segment": [{"duration": 0.02, "load": 1.0, "settle": 0.01}],

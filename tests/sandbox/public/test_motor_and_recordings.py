@@ -13,8 +13,8 @@ import sandbox
 from model.drive_files import MOTORS
 from model.effect_files import effects_of
 from sandbox.cli import main
-from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.campaign import EXAMPLE
+from sandbox.replay.identification.locked_test import LockedBench, paper_campaign
 from tests.data import real_data
 from tests.sandbox.public.naming import SHORT, of
 from tests.schemas import misfits

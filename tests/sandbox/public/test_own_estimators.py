@@ -101,7 +101,7 @@ def test_estimators_in_c_from_the_page(tmp_path):
 
 @of("export_drive")
 def test_a_drive_from_the_page(tmp_path):
-    """What it does: tests/sandbox/export."""
+    """What it does: tests/sandbox/drive/export."""
     export = sandbox.export_drive("ipm_exchanged", "dead_time.time=2e-6", fmu=False)
     names = "sensorless_drive.h, sensorless_drive.c, closed_loop.c"
     assert repr(export) == f"<DriveExport: ipm_exchanged, {names}>"

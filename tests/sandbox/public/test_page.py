@@ -308,7 +308,7 @@ def test_a_compiled_library_of_our_name_is_named(tmp_path):
 
 def test_our_code_takes_names_from_submodules_alone():
     """So a user's `model.py`, whose attributes the package then has, never comes into it
-    (`sandbox/shadowing.py`)."""
+    (`sandbox/engine/shadowing.py`)."""
     root = Path(sandbox.__file__).parent.parent
     for folder in ("model", "estimators", "sandbox"):
         for path in (root / folder).rglob("*.py"):

@@ -10,10 +10,10 @@ import pytest
 import sandbox
 from model.errors import BadInput
 from sandbox import Scenario, Segment, read_campaign
-from sandbox.identification.ordinary import fit_ordinary
 from sandbox.recordings.angle.zero import UNSTATED, UNTOLD, with_zero
 from sandbox.recordings.campaign import CampaignRecording, Made
 from sandbox.recordings.importing import read_recordings
+from sandbox.replay.identification.ordinary import fit_ordinary
 from tests.sandbox.recordings.made_angles import (
     DRIVE,
     RPM,

@@ -12,12 +12,12 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from model.levels import NAMES, UNITS
 from model.parameters import Drive
-from sandbox.drive.locked_test import LockedBench, paper_campaign, staircase
 from sandbox.recordings.campaign import CampaignRecording, read_folder
 from sandbox.recordings.identify import identify
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.staircase import _rest_of_transient
 from sandbox.recordings.writing import write_campaign
+from sandbox.replay.identification.locked_test import LockedBench, paper_campaign, staircase
 from tests.data import recordings_folder
 
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")

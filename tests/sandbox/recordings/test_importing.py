@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox.cli import main
-from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.column_map import KIND
 from sandbox.recordings.importing import how_to_map, read_recordings, regular, source_of
 from sandbox.recordings.writing import write_campaign
+from sandbox.replay.identification.locked_test import LockedBench, paper_campaign
 
 DRIVE = load_drive("ipm_exchanged")
 H = DRIVE.converter.sampling_period

@@ -18,13 +18,13 @@ from model.arrays import read_arrays
 from model.drive_files import load_drive
 from model.errors import BadInput
 from model.given import read_toml
-from sandbox.drive.locked_test import LockedBench, paper_campaign
 from sandbox.recordings import foreign, importing
 from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.checks import balance
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats import matrices
 from sandbox.recordings.writing import write_campaign
+from sandbox.replay.identification.locked_test import LockedBench, paper_campaign
 
 GIGA = 1_000_000_000
 

@@ -1,0 +1,46 @@
+"""Every check of a motion before it is fitted: the same levels as those of recordings with
+voltages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from sandbox.gap.motion.load_side import ROWS, load_contradicted
+from sandbox.gap.motion.mistakes import contradictions, inertia_contradicted
+from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.checks.motion import loads, standing
+from sandbox.recordings.findings import Finding
+from sandbox.recordings.motion_log import MotionCampaign, motion_of
+from sandbox.recordings.preflight import REFUSED, Noticed, on_the_way, refusals_first, tried
+
+CHECKS = (standing, load_contradicted, contradictions, loads)  # a cause before its consequences
+
+
+def noticed_in_motion(campaign: MotionCampaign) -> list[Noticed]:
+    """Return all that is wrong, suspicious or changed in a campaign of motions."""
+    out = on_the_way(campaign.findings)
+    for check in CHECKS:
+        out += tried("", lambda check=check: check(campaign))  # type: ignore[misc]
+        if any(n.level == REFUSED for n in out):
+            break
+    return refusals_first(out)
+
+
+def checked_motion(campaign: MotionCampaign) -> Sequence[Finding]:
+    """Return what is suspicious in a campaign of motions; BadInput for the first thing that cannot
+    be right."""
+    return [f for check in CHECKS for f in check(campaign)]
+
+
+def shaft_contradicted(campaign: Campaign) -> list[Finding]:
+    """Return what the shaft of free rotors contradicts in a campaign whose currents, voltages and
+    angle agree: load, inertia and pole pairs; recordings of fewer than ROWS samples tell nothing of
+    it."""
+    free = tuple(
+        r for r in campaign.recordings if r.rotor == "free" and r.made is None and len(r.t) >= ROWS
+    )
+    if not free:
+        return []
+    motion = motion_of(replace(campaign, recordings=free), "")
+    return load_contradicted(motion) or inertia_contradicted(motion)

@@ -1,0 +1,336 @@
+"""Inertia, frictions and cogging from averages of the shaft's equation; each torque is linear in
+its sizes.
+
+Orders of cogging are added one by one, the one that explains most first, until none explains more
+than chance would among all that were tried.  Intervals allow for residuals that go together within
+a block of windows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.motion.torques import DRY, INERTIA, LAG, VISCOUS, against, users
+from sandbox.gap.motion.windows import Averages
+
+Array = NDArray[np.float64]
+# Of the log's fastest: over which dry friction changes its sign.  A tanh is 0.96 at twice its
+# width; a wider one bends where viscous friction is told, and takes from it what belongs to
+# presliding.
+WIDTHS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.03)
+USUAL_WIDTH = 0.005
+# of an order, seen in the angle: with fewer it stands for anything that depends on the place
+LEAST_PERIODS = 2.0
+MOST_ORDERS = 16
+HIGHEST = 200  # order per turn that is looked for
+PASSED = 0.1  # of a sine's square: an order that windows average away below it is not looked for
+BLOCKS = 24  # for intervals
+# of the usual step: how late or early current is read beside the angle in an ordinary log
+ORDINARY_LAG = 0.5
+SHORT = 8  # windows: fewer do not tell their own scatter
+STEADIEST = 0.1  # of the usual scatter: the least that a recording is believed to have
+TAIL = 3.0  # deviations from which a row counts less, as with Student-t residuals
+STUDENT = 2.07  # 95 % of Student's t with BLOCKS - 1 degrees of freedom
+
+
+@dataclass(frozen=True)
+class Design:
+    """The equations J a = torque + ..., one row a window: recordings stacked, with one offset in
+    common.
+
+    weight: one over the standard deviation of a row; block: which rows go together; step: s, usual
+    between samples;
+    of_users: columns of the user's effects by their sizes' names.
+    """
+
+    torque: Array
+    slope: Array
+    acceleration: Array
+    speed: Array
+    averages: tuple[Averages, ...]
+    owner: NDArray[np.int64]
+    weight: Array
+    block: NDArray[np.int64]
+    step: float
+    of_users: Mapping[str, Array] = field(default_factory=dict)
+
+    @cached_property
+    def fastest(self) -> float:
+        """The speed (rad/s) that samples exceed in one of a hundred."""
+        speeds = np.concatenate([np.abs(a.sample_speed) for a in self.averages])
+        return float(np.quantile(speeds, 0.99)) or 1.0
+
+    @cached_property
+    def widths(self) -> tuple[float, ...]:
+        """Speeds (rad/s) over which dry friction may change its sign."""
+        return tuple(share * self.fastest for share in WIDTHS)
+
+    def dry(self, width: float) -> Array:
+        """Return the column of dry friction that changes its sign over a width (rad/s)."""
+        return np.concatenate([a.mean(np.tanh(a.sample_speed / width)) for a in self.averages])
+
+    def order(self, n: int) -> Array:
+        """Return the two columns of a torque sin, cos of n times the angle on the rotor, (rows,
+        2)."""
+        return np.concatenate(
+            [
+                a.mean(np.stack([np.sin(n * a.angle), np.cos(n * a.angle)], axis=1))
+                for a in self.averages
+            ]
+        )
+
+    def only(self, keep: NDArray[np.bool_]) -> Design:
+        """Return the same with the weight of other rows at zero."""
+        return replace(self, weight=np.where(keep, self.weight, 0.0))
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Which torques a model has: free inertia and viscous friction, dry friction (its width,
+    rad/s), a first-order lag of the current's readings (s), orders of cogging, sizes of the user's
+    effects."""
+
+    inertia: bool = False
+    viscous: bool = False
+    dry: float | None = None
+    lag: bool = False
+    orders: tuple[int, ...] = ()
+    of_users: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """What is stated: inertia (None: free in any model), viscous friction, and their relative
+    deviations."""
+
+    inertia: float | None
+    viscous: float
+    inertia_deviation: float
+    viscous_deviation: float
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """A fitted model: sizes, their covariance, the residual (N m) of each row, and the sum of
+    weighted squares."""
+
+    terms: Terms
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    residual: Array
+    chi2: float
+    strain: float  # squares of how far stated values were moved, in their deviations
+    inflation: float  # how many windows say one thing
+
+    def value(self, name: str) -> float:
+        """Return a size."""
+        return float(self.values[self.names.index(name)])
+
+    def ci95(self, name: str) -> tuple[float, float]:
+        """Return a size's 95 % interval."""
+        k = self.names.index(name)
+        half = STUDENT * math.sqrt(max(float(self.covariance[k, k]), 0.0))
+        return float(self.values[k]) - half, float(self.values[k]) + half
+
+    def amplitude(self, order: int) -> tuple[float, float, float, float]:
+        """Return amplitude (N m) and its deviation, phase (rad) of sin(order x angle + phase) and
+        its deviation."""
+        k = self.names.index(f"sin {order}")
+        s, c = self.values[k : k + 2]
+        size = math.hypot(s, c)
+        unit = np.array([s, c]) / size
+        own = self.covariance[k : k + 2, k : k + 2]
+        across = np.array([-unit[1], unit[0]])
+        return (
+            size,
+            math.sqrt(unit @ own @ unit),
+            math.atan2(c, s),
+            math.sqrt(across @ own @ across) / size,
+        )
+
+
+def design_of(parts: Sequence[Averages]) -> Design:
+    """Return the stacked equations, all rows of one recording with the weight that its noise
+    gives."""
+    owner = np.repeat(np.arange(len(parts)), [len(a.torque) for a in parts])
+    block = np.concatenate(
+        [_blocks(len(a.torque), len(parts)) + 1000 * k for k, a in enumerate(parts)]
+    )
+    torque, slope, acceleration, speed = (
+        np.concatenate([getattr(a, name) for a in parts])
+        for name in ("torque", "slope", "acceleration", "speed")
+    )
+    step = float(np.median([a.step for a in parts]))
+    of_users = {
+        n.size: np.concatenate([a.mean(against(n, a.angle, a.sample_speed)) for a in parts])
+        for n in users()
+    }
+    return Design(
+        torque,
+        slope,
+        acceleration,
+        speed,
+        tuple(parts),
+        owner,
+        np.ones(len(owner)),
+        block,
+        step,
+        of_users,
+    )
+
+
+def _blocks(rows: int, recordings: int) -> NDArray[np.int64]:
+    return np.arange(rows) * max(BLOCKS // recordings, 2) // max(rows, 1)
+
+
+def columns_of(
+    design: Design, terms: Terms, nominal: Nominal
+) -> tuple[list[str], Array, Array, Array]:
+    """Return names, columns, and prior means and deviations (inf: free) of a model's sizes.
+
+    torque = J a + B omega + T_c dry + the user's - orders - offset, each row.
+    """
+    free = math.inf
+    j = nominal.inertia
+    names, mean = [INERTIA.size, VISCOUS.size], [0.0 if j is None else j, nominal.viscous]
+    wide = [
+        free if terms.inertia or j is None else nominal.inertia_deviation * j,
+        free if terms.viscous else nominal.viscous_deviation * nominal.viscous,
+    ]
+    columns = [design.acceleration[:, None], design.speed[:, None]]
+    if terms.dry is not None:
+        names, mean, wide = [*names, DRY.size], [*mean, 0.0], [*wide, free]
+        columns.append(design.dry(terms.dry)[:, None])
+    for size in terms.of_users:
+        names, mean, wide = [*names, size], [*mean, 0.0], [*wide, free]
+        columns.append(design.of_users[size][:, None])
+    names, mean, wide = (
+        [*names, LAG.size],
+        [*mean, 0.0],
+        [*wide, free if terms.lag else ORDINARY_LAG * design.step],
+    )
+    columns.append(-design.slope[:, None])  # true torque = as read + lag x its slope
+    for n in terms.orders:
+        names, mean, wide = [*names, f"sin {n}", f"cos {n}"], [*mean, 0.0, 0.0], [*wide, free, free]
+        columns.append(-design.order(n))
+    columns.append(-np.ones((len(design.torque), 1)))
+    return [*names, "offset"], np.hstack(columns), np.array([*mean, 0.0]), np.array([*wide, free])
+
+
+def fitted(design: Design, terms: Terms, nominal: Nominal) -> Shaft:
+    """Return the weighted least-squares fit of a model, deviations of what is stated as priors."""
+    names, columns, mean, wide = columns_of(design, terms, nominal)
+    fixed = wide == 0.0
+    start = np.where(fixed | np.isfinite(wide), mean, 0.0)
+    y = (design.torque - columns @ start) * design.weight
+    a = columns[:, ~fixed] * design.weight[:, None]
+    precision = np.where(np.isfinite(wide[~fixed]), np.maximum(wide[~fixed], 1e-300) ** -2.0, 0.0)
+    size = np.sqrt(np.sum(a * a, axis=0) + precision) + 1e-300
+    normal = (a / size).T @ (a / size) + np.diag(precision / size**2)
+    inverse = np.linalg.pinv(normal, rcond=1e-11, hermitian=True) / size / size[:, None]
+    move = inverse @ (a.T @ y)
+    values = start.copy()
+    values[~fixed] += move
+    residual = design.torque - columns @ values
+    scored = residual * design.weight
+    strain = float(np.sum(precision * (values - mean)[~fixed] ** 2))
+    covariance = np.zeros((len(names), len(names)))
+    covariance[np.ix_(~fixed, ~fixed)] = _sandwich(a, scored, design.block, inverse)
+    return Shaft(
+        terms,
+        tuple(names),
+        values,
+        covariance,
+        residual,
+        float(scored @ scored),
+        strain,
+        _inflation(scored, design),
+    )
+
+
+def _sandwich(a: Array, scored: Array, block: NDArray[np.int64], inverse: Array) -> Array:
+    """Return the covariance that allows for residuals going together within a block."""
+    _, place = np.unique(block, return_inverse=True)
+    sums = np.zeros((place.max() + 1, a.shape[1]))
+    np.add.at(sums, place, a * scored[:, None])
+    count = len(sums)
+    return inverse @ (sums.T @ sums) @ inverse * count / max(count - 1, 1)
+
+
+def _inflation(scored: Array, design: Design) -> float:
+    """Return 1 + twice the sum of the residual's correlations from window to window, up to the
+    first below 0.05."""
+    total, energy = 1.0, float(scored @ scored) or 1.0
+    for lag in range(1, 40):
+        same = design.owner[lag:] == design.owner[:-lag]
+        rho = float(np.sum((scored[lag:] * scored[:-lag])[same])) / energy
+        if rho < 0.05:
+            break
+        total += 2.0 * rho
+    return total
+
+
+def reweighted(design: Design, shaft: Shaft) -> Design:
+    """Return the equations with rows weighted by what their recording's residuals scatter, outliers
+    less.
+
+    A recording in which nothing changes, or of a few windows, scatters by chance as little as it
+    likes: none counts for more than STEADIEST of the usual scatter, a short one for the usual one.
+    """
+    weight = np.empty(len(design.weight))
+    parts = [shaft.residual[design.owner == k] for k in range(len(design.averages))]
+    spreads = [1.4826 * float(np.median(np.abs(x - np.median(x)))) for x in parts]
+    usual = max(float(np.median(np.repeat(spreads, [len(x) for x in parts]))), 1e-12)
+    for k, x in enumerate(parts):
+        own = design.owner == k
+        spread = max(spreads[k], usual if len(x) < SHORT else STEADIEST * usual)
+        # a jump between two rows counts little
+        weight[own] = 1.0 / np.hypot(spread, shaft.residual[own] / TAIL)
+    return replace(design, weight=np.where(design.weight > 0.0, weight, 0.0))
+
+
+def with_orders(design: Design, terms: Terms, nominal: Nominal, highest: int = HIGHEST) -> Terms:
+    """Return terms with the orders of cogging that explain more than chance, the strongest
+    first."""
+    tried = {}
+    travel = max(float(np.ptp(a.angle)) for a in design.averages)
+    for n in range(max(1, math.ceil(LEAST_PERIODS * math.tau / travel)), highest + 1):
+        pair = design.order(n) * design.weight[:, None]
+        if np.mean(pair[design.weight > 0.0] ** 2) > 0.5 * PASSED * np.mean(
+            design.weight[design.weight > 0.0] ** 2
+        ):
+            tried[n] = pair
+    rows = int(np.count_nonzero(design.weight))
+    while len(terms.orders) < MOST_ORDERS:
+        now = fitted(design, terms, nominal)
+        _, columns, _, wide = columns_of(design, terms, nominal)
+        q, _ = np.linalg.qr(columns[:, wide > 0.0] * design.weight[:, None])
+        rest = now.residual * design.weight
+        gains = {
+            n: _gain(pair - q @ (q.T @ pair), rest)
+            for n, pair in tried.items()
+            if n not in terms.orders
+        }
+        best = max(gains, key=lambda n: gains[n], default=None)
+        scale = now.chi2 / rows * now.inflation
+        if best is None or gains[best] / scale < 2.0 * math.log(
+            max(len(tried), 2)
+        ) + 2.0 * math.log(rows):
+            return terms
+        terms = replace(terms, orders=(*terms.orders, best))
+    return terms
+
+
+def _gain(pair: Array, rest: Array) -> float:
+    """Return by how much two columns lessen the sum of squares."""
+    normal, right = pair.T @ pair, pair.T @ rest
+    if np.linalg.det(normal) <= 1e-9 * np.trace(normal) ** 2:
+        return 0.0
+    return float(right @ np.linalg.solve(normal, right))

@@ -1,0 +1,159 @@
+"""What ordinary recordings say of a motor, as the command `identify` tells it: JSON, files for the
+simulator, words."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from model.effects.library import parameters
+from model.errors import PhysicsError
+from model.levels import UNITS
+from model.mapped import MappedMotor
+from sandbox.output.refitted import Refitted
+from sandbox.recordings.campaign import Campaign
+from sandbox.replay.identification.ordinary import (
+    ANGLE,
+    NAMES,
+    OF_EFFECT,
+    OrdinaryFit,
+    fit_ordinary,
+)
+
+LARGE_MISFIT = 5.0  # times what noise explains, as for levels of staircases
+SLOW = 2.0  # times L/R from row to row: what a command does to the current is over within a row
+ANSWERED = 0.5  # correlation from which commands are said to follow readings
+UNIT = {**UNITS, "magnet_flux": "Wb"}
+
+
+@dataclass(frozen=True, repr=False)
+class OrdinaryIdentification:
+    """A campaign of any commands, and what it says of the motor."""
+
+    campaign: Campaign
+    fit: OrdinaryFit
+    remarks: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<OrdinaryIdentification: {self.campaign.name}, {', '.join(self.fit.values)}>"
+
+    def summary(self) -> str:
+        """Return the campaign, what is told, and what the fit leaves."""
+        count = len(self.campaign.recordings)
+        left = f"{1e3 * self.fit.residual_rms:.3g} mA rms left"
+        return (
+            f"{self.campaign.name}, {count} ordinary recordings, told: "
+            f"{', '.join(self.fit.values)}; {left}"
+        )
+
+    def refitted(self) -> Refitted:
+        """Return the motor found and what stood between it and the readings, as files for the
+        simulator."""
+        fit, own = self.fit, self.campaign.drive
+        units = {name: p.unit for name, p in parameters().items()}
+        said = f"Identified from ordinary recordings of '{self.campaign.name}' by identify"
+        effects = {
+            name: value
+            for name, value in fit.nuisance.items()
+            if value and not name.startswith(ANGLE)
+        }
+        if isinstance(own.motor, MappedMotor):
+            scales = {
+                n: v / getattr(own.motor, n)
+                for n, v in fit.values.items()
+                if n.startswith("inductance")
+            }
+            effects |= {OF_EFFECT[n]: v for n, v in scales.items()}
+            effects |= {OF_EFFECT[n]: fit.values[n] for n in ("magnet_flux",) if n in fit.values}
+        provenance = {
+            **own.provenance,
+            **dict.fromkeys(fit.values, "identified: replay of ordinary recordings"),
+        }
+        drive = dataclasses.replace(own, motor=fit.motor, provenance=provenance)
+        return Refitted(
+            drive, effects, {}, {n: fit.ci95(n) for n in fit.values}, units, dict(fit.rms), said
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the command's JSON body; parameters that the recordings cannot tell stand in
+        `cannot_tell`."""
+        fit = self.fit
+        parameters = {
+            n: {"value": fit.values[n], "ci95": list(fit.ci95(n)), "unit": UNIT[n]}
+            for n in NAMES
+            if n in fit.values
+        }
+        method = {
+            "parameters": parameters,
+            "residual_rms": fit.residual_rms,
+            "misfit": fit.misfit,
+            "nuisance": dict(fit.nuisance),
+        }
+        return {
+            "campaign": self.campaign.name,
+            "levels": 0,
+            "methods": {"replay": method},
+            "cannot_tell": [
+                {"parameter": n, "why": fit.untold[n]} for n in NAMES if n in fit.untold
+            ],
+            "simulator": self.refitted().as_json(),
+            "remarks": list(self.remarks),
+        }
+
+
+def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentification:
+    """Return what a campaign's recordings say of R, L_d, L_q and magnet flux, whatever was
+    commanded; BadInput where they say nothing of any of them, PhysicsError where no values of these
+    explain them.
+
+    why: they are not taken as staircases, one sentence.
+    """
+    fit = fit_ordinary(campaign)
+    remarks = [f.text for f in campaign.findings] + [why] * bool(why)
+    made = dict.fromkeys(r.made.of for r in campaign.recordings if r.made is not None and r.made.of)
+    angle = f", or an angle that {', '.join(made)} tells too roughly" if made else ""
+    if fit.misfit > LARGE_MISFIT:
+        acts = f"something else acts (saturation, iron loss, delay, a shifted log{angle})"
+        raise PhysicsError(
+            f"{campaign.name}: with the best R, L_d, L_q and magnet flux, simulated and measured "
+            f"currents differ {math.sqrt(fit.misfit):.2g} times as much as the sensors' noise "
+            f"({math.sqrt(LARGE_MISFIT):.2g} at most): {answered(campaign) or acts}; values would "
+            "be wrong by more than their intervals: see `sensorless check`, or `sensorless "
+            "diagnose` for the cause"
+        )
+    if fit.samples < fit.of_samples:
+        remarks.append(
+            f"{fit.samples} of {fit.of_samples} samples are used, the same share of each recording"
+        )
+    return OrdinaryIdentification(campaign, fit, tuple(remarks))
+
+
+def answered(campaign: Campaign) -> str:
+    """Return in words that commands answer the noise of the readings in their own rows, where rows
+    are too far apart for the currents that follow from it; else nothing.
+
+    Fourth differences show the white part of both, in the rotor's frame.
+    """
+    m, period = campaign.drive.motor, campaign.drive.converter.sampling_period
+    if period < SLOW * max(m.inductance_d, m.inductance_q) / m.resistance:
+        return ""
+    both = commands = readings = 0.0
+    for r in campaign.recordings:
+        turn, (a, b) = np.exp(-1j * r.theta), r.current
+        u, i = (np.diff(x * turn, 4) for x in (r.u_alpha + 1j * r.u_beta, a + 1j * b))
+        both += float(np.vdot(i, u).real)
+        commands, readings = (
+            commands + float(np.vdot(u, u).real),
+            readings + float(np.vdot(i, i).real),
+        )
+    size = math.sqrt(commands * readings)
+    if size == 0.0 or both > -ANSWERED * size:
+        return ""
+    return (
+        f"commands answer the readings' noise in their rows (correlation {both / size:.2f}), so "
+        f"the controller acts between rows, which {period:.3g} s do not show; log every PWM period"
+    )
