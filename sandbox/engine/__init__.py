@@ -1,2 +1,2 @@
-"""What Python itself needs: many tasks on several processes or on a cluster; names that a user's files
-share with ours."""
+"""What Python itself needs: many tasks on several processes or on a cluster; names that the files
+of a user share with ours."""

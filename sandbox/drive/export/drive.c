@@ -69,7 +69,7 @@ int32_t sensorless_drive_init(sensorless_drive *drive, const sensorless_drive_pa
     drive->timing.max_edge_delay = commutation_latest(w);
     drive->timing.first = w->jitter > R(0.0) ? R(-1.0) : w->sample;
     drive->timing.last = w->jitter > R(0.0) ? R(1.0) : w->sample;
-    walking_at_rest(w, &c, &s, rest);
+    additions_at_rest(w, &c, &s, rest);
     w->psi_alpha = c * (w->magnet + rest[0]) - s * rest[1];
     w->psi_beta = s * (w->magnet + rest[0]) + c * rest[1];
     w->eddy_alpha = w->psi_alpha;

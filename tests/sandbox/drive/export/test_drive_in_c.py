@@ -6,7 +6,14 @@ import subprocess
 
 import numpy as np
 import pytest
-from tests.sandbox.export.driven import (
+
+from estimators.c.build import STRICT, compiler
+from model.effects import library
+from sandbox import export_estimator, load_motor
+from sandbox.drive.export.source import HEADER, SOURCE
+from sandbox.public.exports.drive import LOOP, export_drive
+from tests.balance import on_a_map
+from tests.sandbox.drive.export.driven import (
     CURRENT,
     READ,
     ROTORS,
@@ -20,13 +27,6 @@ from tests.sandbox.export.driven import (
     top_speed,
     within,
 )
-
-from estimators.c.build import STRICT, compiler
-from model.effects import library
-from sandbox import export_estimator, load_motor
-from sandbox.drive.export.source import HEADER, SOURCE
-from sandbox.public.exports.drive import LOOP, export_drive
-from tests.balance import on_a_map
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 GOAL = 1e-9  # of rated current, and rad

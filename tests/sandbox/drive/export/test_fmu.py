@@ -4,11 +4,18 @@ import shutil
 
 import numpy as np
 import pytest
-from tests.sandbox.export.driven import ANGLE, differences, python_run, quiet, sizes, top_speed
 
 from estimators.c.build import compiler
 from sandbox import load_motor
 from sandbox.public.exports.drive import export_drive
+from tests.sandbox.drive.export.driven import (
+    ANGLE,
+    differences,
+    python_run,
+    quiet,
+    sizes,
+    top_speed,
+)
 
 fmpy = pytest.importorskip("fmpy")
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.sandbox.motion.shafts import CONSTANT, COUNT, INERTIA, ORDERS, both_ways, campaign, shaft
 
 from model.effect_files import effects_of
 from model.effects.said import quantity
@@ -24,6 +23,15 @@ from sandbox.recordings.angle.changes import at_changes
 from sandbox.recordings.angle.commutation import STEP, between
 from sandbox.recordings.importing import source_of
 from sandbox.recordings.motion_log import MotionRecording, by_changes, read_motion
+from tests.sandbox.gap.motion.shafts import (
+    CONSTANT,
+    COUNT,
+    INERTIA,
+    ORDERS,
+    both_ways,
+    campaign,
+    shaft,
+)
 
 ROOT = Path(__file__).resolve().parents[4]
 
@@ -294,7 +302,7 @@ from model.effects.adopt import adopt
 adopt(sys.argv[1])
 from sandbox.gap.motion.judging import judge
 from sandbox.gap.motion.telling import document, refitted
-from tests.sandbox.motion.shafts import both_ways, campaign, shaft
+from tests.sandbox.gap.motion.shafts import both_ways, campaign, shaft
 found = judge(campaign(*(shaft(k, both_ways, dry=0.008, fan=4e-4, seconds=4.0) for k in range(2))))
 told = document(found)
 print(json.dumps([told["hypotheses"][0], told["where"], found.cannot, refitted(found).effects]))

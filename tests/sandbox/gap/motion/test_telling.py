@@ -4,7 +4,6 @@ linear axis in its own units."""
 import dataclasses
 
 import pytest
-from tests.sandbox.motion.shafts import INERTIA, both_ways, campaign, shaft
 
 from model.errors import BadInput
 from sandbox.gap.motion.judging import judge
@@ -12,6 +11,7 @@ from sandbox.gap.motion.telling import document, page, sentences
 from sandbox.output.sentences import VERDICTS, capital
 from sandbox.public.campaigns.moved import MotionResult
 from sandbox.recordings.motion_axis import LINEAR, ROTARY, axis_of, shafts_keys
+from tests.sandbox.gap.motion.shafts import INERTIA, both_ways, campaign, shaft
 
 OFFSET = -2e-3  # N m, of the recorded torque
 
