@@ -108,7 +108,7 @@ def _homes() -> dict[str, str]:
     return {alias.name: str(node.module) for node in found for alias in node.names}
 
 
-_HOME = _homes()
+HOME = _homes()  # the module of each name
 
 
 class Page(ModuleType):
@@ -116,7 +116,7 @@ class Page(ModuleType):
     function."""
 
     def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _HOME and isinstance(value, ModuleType)):
+        if not (name in HOME and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
 
 
@@ -128,9 +128,9 @@ def __getattr__(name: str) -> Any:
         from sandbox.output.provenance import version
 
         return version()
-    if name not in _HOME:
+    if name not in HOME:
         raise AttributeError(f"module 'sandbox' has no attribute '{name}'")
-    found = getattr(import_module(_HOME[name]), name)
+    found = getattr(import_module(HOME[name]), name)
     setattr(sys.modules["sandbox"], name, found)  # the next look costs nothing
     return found
 

@@ -14,6 +14,7 @@ import pytest
 
 import sandbox
 from model.parameters import Motor
+from sandbox.public.page import HOME
 from tests.sandbox.public.naming import ROOT, names_tested, python
 
 FUNCTIONS = [name for name in sandbox.__all__ if inspect.isfunction(getattr(sandbox, name))]
@@ -359,7 +360,7 @@ def test_a_plain_folder_found_before_ours_came_onto_the_path(tmp_path):
 
 
 def test_every_name_is_there_and_has_a_test():
-    assert set(sandbox.__all__) == set(sandbox._HOME) == names_tested()
+    assert set(sandbox.__all__) == set(HOME) == names_tested()
     assert len(sandbox.__all__) == len(set(sandbox.__all__))
     for name in sandbox.__all__:
         assert getattr(sandbox, name).__name__ == name
