@@ -130,8 +130,8 @@ CASES: dict[str, Case] = {
         "friction, viscous friction; `unknown`",
         "Believe both: 21.2 N and 196 N s/m are within 5 % of what was published, and so are the "
         "mass (94.8 kg) and the offset (3.2 N), which the answer fits but does not print "
-        "(`tests/sandbox/gap/motion/test_emps.py`). Nothing else is named. Believe `unknown`: "
-        "three floors are left, and nothing is known beyond these four numbers.",
+        "(`tests/sandbox/gap/motion/test_judging_emps.py`). Nothing else is named. Believe "
+        "`unknown`: three floors are left, and nothing is known beyond these four numbers.",
     ),
     "sew_map": Case(
         diagnosed.sew_map,

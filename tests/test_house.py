@@ -329,6 +329,16 @@ def test_rooms_of_the_diagnosis_stay_small():
             assert len(list(room.glob("*.py"))) <= 15, room
 
 
+def test_tests_mirror_the_code():
+    """A test's file stands where the code's does, by the same name, and a topic where there are
+    several: tests/model/test_energy_values.py tests model/energy.py."""
+    for path in (p for room in ROOMS for p in (ROOT / "tests" / room).rglob("test_*.py")):
+        folder = path.parent.relative_to(ROOT / "tests")
+        words = path.stem.removeprefix("test_").split("_")
+        names = ["_".join(words[: k + 1]) for k in range(len(words))]
+        assert any((ROOT / folder / f"{name}.py").is_file() for name in names), path
+
+
 def test_no_test_imports_another():
     """What several tests need stands in a file beside them, whose name does not begin with
     `test_`."""

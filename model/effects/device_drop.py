@@ -36,7 +36,7 @@ def mean_of_tanh(x, y):
     """Return the mean of tanh while its argument goes linearly from x to y, within 0.017.
 
     tanh as three soft signs, whose means have no logarithm: widths and shares are the minimax fit
-    for x >= 0 (tests/sandbox/plant/test_soft_sign.py fits them again).
+    for x >= 0 (tests/sandbox/plant/test_commutation_soft_sign.py fits them again).
     """
     narrow, middle = 0.277034 * mean_sign(x, y, 1.609714), 0.441430 * mean_sign(x, y, 0.797139)
     return narrow + middle + 0.281536 * mean_sign(x, y, 0.418666)

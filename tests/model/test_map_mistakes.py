@@ -12,7 +12,7 @@ import pytest
 from model.errors import BadInput
 from model.fluxmap import TURNS
 from model.map_mistakes import check_points, wild_points
-from model.map_points import read_points
+from model.map_points import MapPoints, read_points
 from tests.data import real_data
 from tests.model.planted_map import machine
 
@@ -157,3 +157,13 @@ def test_published_maps_are_right_on_their_own_axis_alone(file, magnet):
     assert said(path, magnet=magnet) == ""
     for other in set(TURNS) - {magnet}:
         assert f'magnet = "{magnet}" in [flux_map])?' in said(path, magnet=other)
+
+
+def test_a_magnet_off_the_d_axis_is_seen_where_a_map_ends_at_no_current_along_q():
+    """psi_q of 0.3 Wb at i_q = 0, the map's last column, and of 0.6 Wb at most."""
+    i_d, i_q = np.linspace(-2.0, 2.0, 5), np.linspace(-2.0, 0.0, 5)
+    x, y = np.meshgrid(i_d, i_q, indexing="ij")
+    d, q = x.ravel(), y.ravel()
+    with pytest.raises(BadInput, match="the magnet is not on the d axis"):
+        check_points(MapPoints("mine", d, q, 0.1 * d, 0.3 + 0.1 * q, ()))
+    check_points(MapPoints("mine", d, q, 0.1 * d, 0.1 * q, ()))

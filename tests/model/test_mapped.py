@@ -2,16 +2,19 @@
 missing."""
 
 import io
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from model import mapped
 from model.drive_files import load_drive, mapped_names
 from model.energy import flux_from_current, inductances
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, write_map
 from model.kernels.kept import note, read, write
 from model.mapped import held_by_data, mapped_motor
+from model.spline import SplineEnergy
 from tests.data import real_data
 
 TEXT = """
@@ -196,3 +199,20 @@ def test_currents_between_the_points_are_held_by_the_data():
     asked = np.array([[0.0, 0.0], [-10.0, 8.0], [-14.0, 14.0], [-14.0, -14.0], [5.0, 0.0]])
     assert held_by_data(motor, *asked.T).tolist() == [True, True, False, False, False]
     assert held_by_data(motor.linear, *asked.T).all()
+
+
+@pytest.mark.parametrize(("magnet", "kept"), [(-0.0009, 0.0), (-0.0011, -0.0011)])
+def test_a_flux_a_thousandth_below_zero_is_noise_of_a_motor_without_magnets(
+    monkeypatch, tmp_path, magnet, kept
+):
+    """The map goes down to -1 Wb.  A motor that keeps a negative flux is refused: its bounds say
+    so."""
+    spline = SplineEnergy(np.zeros((1, 1, 5, 5)), -1.0, -1.0, 1.0, 1.0, 10.0, 20.0)
+    monkeypatch.setattr(
+        mapped, "_remembered", lambda *_: SimpleNamespace(spline=spline, magnet=magnet)
+    )
+    seen = {}
+    monkeypatch.setattr(mapped, "build", lambda kind, values, where: seen.update(values) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        mapped.mapped_motor({}, {"file": "mine.csv"}, tmp_path)
+    assert seen["magnet_flux"] == kept

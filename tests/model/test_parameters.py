@@ -239,3 +239,18 @@ def test_a_slow_log_is_not_simulated():
     with pytest.raises(BadInput, match=r"that of a slow log; .* give sampling_period = 6\.25e-05"):
         check_inside(drive.motor, slow, complete(drive.motor, slow, {}))
     check_inside(drive.motor, slow.at_full_rate(), complete(drive.motor, slow, {}))
+
+
+def test_readings_inside_a_period_are_a_whole_number():
+    own = load_drive("ipm_exchanged").converter
+    assert dataclasses.replace(own, readings=8.0).readings == 8.0
+    with pytest.raises(BadInput, match=r"readings = 8.5 is not whole"):
+        dataclasses.replace(own, readings=8.5)
+
+
+def test_what_reads_a_link_scatters_by_a_tenth_of_it_at_most():
+    converter = load_drive("ipm_exchanged").converter
+    link = converter.dc_bus_voltage
+    assert dataclasses.replace(converter, link_noise=0.099 * link).link_noise == 0.099 * link
+    with pytest.raises(BadInput, match="link_noise"):
+        dataclasses.replace(converter, link_noise=0.101 * link)

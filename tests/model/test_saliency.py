@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import fsolve
 
 from model.drive_files import load_drive, motor_names
+from model.energy import currents, flux_from_current, hessian, min_eigenvalue
 from model.errors import BadInput, PhysicsError
 from model.saliency import (
     audit,
@@ -139,3 +140,34 @@ def test_motor_without_saliency_is_refused():
     motor = dataclasses.replace(load_drive("ipm").motor, inductance_q=0.0919)
     with pytest.raises(BadInput, match=r"no saliency.*L_d and L_q differ"):
         local_angle(motor.energy, 0.0, 1.0)
+
+
+def numerical_hessian(m, d, q, step=1e-6):
+    """Central differences of the currents, which are the energy's gradient."""
+    along_d = np.subtract(currents(m, d + step, q), currents(m, d - step, q))
+    along_q = np.subtract(currents(m, d, q + step), currents(m, d, q - step))
+    return np.array([along_d, along_q]).T / (2.0 * step)
+
+
+def test_the_slope_of_the_null_is_the_difference_of_the_eigenvalues():
+    """Of the inverse inductances, over that at zero current: L_dq counts by its double."""
+    motor = load_drive("ipm_exchanged").motor
+    m, found = motor.energy, audit(motor, rays=4, points=4)
+    for load, slope in zip(found.load[::6], found.slope[::6], strict=True):
+        d, q = flux_from_current(m, 0.0, load * motor.rated_current)
+        low, high = np.linalg.eigvalsh(numerical_hessian(m, float(d), float(q)))
+        assert slope == pytest.approx((high - low) / abs(m.gamma_d - m.gamma_q), rel=1e-6)
+
+
+def test_rays_of_an_audit_go_round_once():
+    """Four rays are the half axes: the least eigenvalue is that of the worst of them."""
+    motor = load_drive("ipm_exchanged").motor
+    found = audit(motor, rays=4, points=6)
+    least = math.inf
+    for angle in (0.0, 0.5, 1.0, 1.5):
+        for r in np.linspace(0.0, found.radius, 7):
+            i = r * np.cos(angle * math.pi), r * np.sin(angle * math.pi)
+            d, q = flux_from_current(motor.energy, *i)
+            least = min(least, min_eigenvalue(*hessian(motor.energy, float(d), float(q))))
+    assert found.min_eigenvalue == pytest.approx(least, rel=1e-9)
+    assert min(abs(x) for x in found.worst_current) < 1e-12

@@ -13,6 +13,7 @@ from model.drive_files import load_drive
 from model.energy import currents, flux_from_current, inductances, min_eigenvalue
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, read_map, write_map
+from model.spline_energy import _Box
 from tests.data import real_data
 
 
@@ -239,3 +240,8 @@ def test_choices_that_take_too_much_memory_are_not_tried():
     psi = np.linspace(-1.0, 1.0, 20_000)
     assert {c for c, _ in se.affordable(psi, psi)} == {(10, 8), (14, 12)}
     assert se.affordable(psi[:3600], psi[:3600]) == se.CHOICES
+
+
+def test_a_map_s_box_reaches_three_hundredths_beyond_its_data():
+    box = _Box(np.array([0.1, 0.3]), np.array([-0.5, 0.4]), (4, 4))
+    assert (box.low_d, box.high_d, box.high_q) == pytest.approx((0.094, 0.306, 0.515))

@@ -9,7 +9,7 @@ that were taken near the end say that it is one.  Near the most probable point a
     log evidence = -1/2 objective - 1/2 log det(A + P^-1) - sum log deviation,
 
 A summed over recordings (Laplace's approximation; MacKay, Neural Comput. 4 (1992) 415).  Checked
-against direct integration in tests/sandbox/gap/test_evidence.py.
+against direct integration in tests/sandbox/gap/evidence/test_algebra.py.
 """
 
 from __future__ import annotations

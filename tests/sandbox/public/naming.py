@@ -28,9 +28,9 @@ def of(*names):
 
 
 def names_tested():
-    """Return the names of the page that tests beside this file are marked with."""
+    """Return the names of the page that tests of the sandbox are marked with."""
     found = set()
-    for path in Path(__file__).parent.glob("test_*.py"):
+    for path in (ROOT / "tests" / "sandbox").rglob("test_*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if (
                 isinstance(node, ast.Call)

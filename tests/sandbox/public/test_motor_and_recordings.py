@@ -262,7 +262,7 @@ def test_a_bench_is_planned_and_its_campaign_checked(tmp_path):
 
 @of("verify")
 def test_verification_is_told_in_a_sentence(tmp_path):
-    """What it finds: tests/sandbox/public/test_verify.py."""
+    """What it finds: tests/sandbox/public/test_verifying.py."""
     found = sandbox.verify(sandbox.audit("ipm").save(tmp_path))
     assert repr(found).startswith(f"<Verification: {tmp_path / 'audit.json'}: ")
     assert found.summary().endswith("values of 'audit' are the same to the bit")

@@ -136,7 +136,7 @@ def test_effects_leave_no_theory():
 
 @of("use_effects")
 def test_effects_of_ones_own_are_refused_once_the_plant_is_there(tmp_path):
-    """What they do: tests/sandbox/plant/test_own_effects.py, in a process of its own."""
+    """What they do: tests/sandbox/plant/test_sets_own_effects.py, in a process of its own."""
     import_module("sandbox.plant.electrical")
     with pytest.raises(sandbox.BadInput, match="compiled already"):
         sandbox.use_effects(ROOT / "experiments" / "my_effects.py")

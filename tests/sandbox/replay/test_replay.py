@@ -259,7 +259,7 @@ def test_a_set_is_the_same_alone_and_beside_others():
 
 def test_one_step_a_period_is_far_below_the_noise_and_halving_gains_a_square_or_more():
     """Edges make most segments shorter than half a period, so that the first halving leaves them as
-    they are; the order itself is measured in tests/sandbox/plant/test_order.py."""
+    they are; the order itself is measured in tests/sandbox/plant/test_period_order.py."""
     prepared = prepare(campaign({}))
     assert prepared.steps == 1
     halved = [max(halving_error(with_steps(prepared, n))) for n in (1, 2, 4)]

@@ -20,13 +20,13 @@ ROOT = Path(__file__).resolve().parents[3]
 LOADED = sandbox.Scenario("loaded", (sandbox.Segment(0.2, load=1.0, settle=0.15),), start_up=False)
 ELSEWHERE = {  # files whose command takes long: checked where a test has run it anyway
     "bench": "experiments/results/bench.json",  # as the command wrote it
-    # likewise, with a date; a new one: tests/sandbox/gap/test_answers.py
+    # likewise, with a date; a new one: tests/sandbox/gap/report/test_answers.py
     "diagnosis": "docs/stored/diagnosis.json",
     # where `check`, `plan` and `verify` are tested: tests/sandbox/recordings, tests/sandbox/public
     "check": "",
     "plan": "",
     "verify": "",
-    "withheld": "",  # tests/sandbox/withheld/test_withheld_commands.py
+    "withheld": "",  # tests/sandbox/withheld/making/test_make_commands.py
 }
 SWEEP = {
     "run": {"estimator": "qnull", "seed": 1},

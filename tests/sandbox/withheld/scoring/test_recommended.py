@@ -30,7 +30,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_entry_can_be_recorded_and_replayed_at_the_truth(name, folder, tmp_path):
-    """Floor 1 within what encoder counts cost (free rotors: 1.2 as in test_withheld_make), also on
+    """Floor 1 within what encoder counts cost (free rotors: 1.2 as in making/test_make), also on
     a lower link."""
     grown = read_folder(grow(folder, tmp_path / "w000", (name, 0.5), DRAWN))
     assert [r.file for r in grown.recordings[:-1]] == [

@@ -81,7 +81,7 @@ def test_wrong_estimator_files(text, sentence, tmp_path):
 
 @of("load_estimator_library", "export_estimator")
 def test_estimators_in_c_from_the_page(tmp_path):
-    """What they do: tests/estimators/test_library.py and test_c.py."""
+    """What they do: tests/estimators/test_shared_library.py and test_c.py."""
     with pytest.raises(sandbox.BadInput, match="does not exist"):
         sandbox.load_estimator_library(tmp_path / "none.so")
     with pytest.raises(sandbox.BadInput, match="is neither a name nor a file nor a library"):

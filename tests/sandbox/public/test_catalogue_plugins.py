@@ -119,7 +119,7 @@ def test_a_package_of_somebody_else_is_installed_and_used(tmp_path):
 
 def test_an_effect_of_a_package_enters_the_plant(tmp_path):
     """Its equation at its port; what a whole plant with it does is in
-    tests/sandbox/plant/test_own_effects.py."""
+    tests/sandbox/plant/test_sets_own_effects.py."""
     fan = (ROOT / "experiments" / "my_effects.py").read_text(encoding="utf-8")
     points = "[sensorless.effects]\nfan = fan_pack.effects\n"
     done = used(

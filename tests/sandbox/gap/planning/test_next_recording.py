@@ -42,7 +42,7 @@ from sandbox.replay.replay import prepare, replay
 from tests.sandbox.gap.conftest import DRIVE, start
 
 stationary = stationary_kernel.py_func
-PAGE = Path(__file__).parents[3] / "sandbox" / "recordings" / "RECORDING.md"
+PAGE = Path(__file__).parents[4] / "sandbox" / "recordings" / "RECORDING.md"
 
 
 @pytest.fixture(scope="module")

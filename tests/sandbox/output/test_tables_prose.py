@@ -89,8 +89,8 @@ def test_answers_fit_eighty_columns(command, printed, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", sandbox.list_estimators())
 def test_cards_of_estimators_fit_eighty_columns(name, printed):
-    """Those of effects: tests/model/test_effects.py. The dearest cost in words that was seen is
-    that of Python."""
+    """Those of effects: tests/model/effects/test_library.py. The dearest cost in words that was
+    seen is that of Python."""
     cost = "saturated 123456, linear 123456 ns a step, measured now on ipm_exchanged (in Python)"
     card = estimator_card_text(sandbox.load_estimator(name), cost)
     assert max(map(len, card.splitlines())) <= 80

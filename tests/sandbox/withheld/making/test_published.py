@@ -38,7 +38,7 @@ from sandbox.withheld.making.make import campaign_of, switched
 from sandbox.withheld.making.published import core_loss, multiple, planted, resonance, table
 from tests.sandbox.withheld.known import true_set
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 def test_every_effect_has_ranges_with_sources_for_parameters_that_it_has():
@@ -200,7 +200,7 @@ def test_the_sign_of_a_current_has_other_shapes_and_widths(monkeypatch):
 )
 def test_what_is_drawn_from_a_range_is_in_the_data_as_the_seal_says(name, monkeypatch):
     """At the sealed truth, nothing fitted, the floor: limits as with the ladder's sizes
-    (test_withheld_make); without the effect, at the strong end of its range, a gap.  The sign of a
+    (test_make); without the effect, at the strong end of its range, a gap.  The sign of a
     current is the usual one, which replays know."""
     monkeypatch.setattr(draw_module, "sign_of", lambda motor, rng: {})
     drawn = draw(Case(0, "one", "ipm_exchanged", "scored", (name,), (1.0,), table="published"), 21)
