@@ -71,6 +71,29 @@ def test_a_newcomer_finds_the_core_in_two_steps():
         assert any(got in row for row in rows), got
 
 
+HOP = re.compile(r"`(\w+)` in \[\w+\.py\]\(([^)]+)\)")
+
+
+def test_each_hop_of_the_three_walks_is_named_by_one_before_it():
+    """Functions and classes stand in the files named; the code of a hop before names each.  A
+    sample goes through thirty files at most, as issue 51 asks."""
+    page = ROOT / "docs" / "explanation" / "walks.md"
+    walks = page.read_text().split("\n## ")[1:]
+    assert len(walks) == 3
+    for walk in walks:
+        rows = [line for line in walk.splitlines() if line.startswith("| `")]
+        hops = [HOP.match(row[2:]).groups() for row in rows]
+        assert len(hops) > 10
+        before = ""
+        for name, target in hops:
+            text = (page.parent / target).read_text()
+            assert re.search(rf"^(def|class) {name}\b", text, re.M), (name, target)
+            assert not before or re.search(rf"\b{name}\b", before), (name, target)
+            before += text
+    sample = {HOP.match(row[2:])[2] for row in walks[0].splitlines() if row.startswith("| `")}
+    assert len(sample) <= 30
+
+
 def test_continuous_integration_runs_the_second_command():
     """The line that `.ci/run` ends with is the README's, to the letter."""
     block = re.search(r"## Two commands.*?```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.S)[
