@@ -177,13 +177,13 @@ def wild_flux_notes(p: MapPoints, name: str) -> list[str]:
         rows = [(int(j) + 2, int(k) + 2) for j, k in np.argwhere(wild)]
         if not 0 < len(rows) <= max(1, FEW * psi.size):
             continue
-        told = [
+        texts = [
             f"{psi[j, k]:.4g} Wb at {p.where(order[j, k])}, where its neighbours give "
             f"{psi[j, k] - along_d[j - 2, k - 2]:.4g}"
             for j, k in rows[:NAMED]
         ]
         more = f", and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
-        out.append(f"{name}: {label} has wild points: {'; '.join(told)}{more}; {REMEDY}")
+        out.append(f"{name}: {label} has wild points: {'; '.join(texts)}{more}; {REMEDY}")
     return out
 
 
@@ -198,9 +198,9 @@ def off_fit_notes(energy: SplineEnergy, p: MapPoints, name: str) -> list[str]:
     if not 0 < len(wild) <= max(1, FEW * len(off)):
         return []
     worst = wild[np.argsort(-off[wild])]
-    told = [f"{p.where(k)}, {off[k]:.3g} Wb off the fit to all" for k in worst[:NAMED]]
+    texts = [f"{p.where(k)}, {off[k]:.3g} Wb off the fit to all" for k in worst[:NAMED]]
     more = f", and {len(wild) - NAMED} more" if len(wild) > NAMED else ""
-    return [f"{name}: wild points: {'; '.join(told)}{more}; {REMEDY}"]
+    return [f"{name}: wild points: {'; '.join(texts)}{more}; {REMEDY}"]
 
 
 def _off_neighbours(x: Array, values: Array) -> Array:

@@ -79,15 +79,15 @@ class MapPoints:
         """Return a point in words: its currents, and where it stands in its file."""
         least = 1e-9 * float(np.max(np.hypot(self.i_d, self.i_q)))  # below: left by a turn
         d, q = (0.0 if abs(x) < least else float(x) for x in (self.i_d[k], self.i_q[k]))
-        told, s = f"i_d = {d:.4g} A, i_q = {q:.4g} A", self.source
+        point, s = f"i_d = {d:.4g} A, i_q = {q:.4g} A", self.source
         if s is None:
-            return told
+            return point
         at = [int(n) + 1 for n in np.unravel_index(int(s.place[k]), s.shape)]
         if len(at) == 1 and s.path.suffix.lower() in TEXTS:
             lines = lines_of_rows(s.path)
             if at[0] <= len(lines):
-                return f"{told} (line {lines[at[0] - 1]})"
-        return f"{told} (row {at[0]}{f', column {at[1]}' if len(at) > 1 else ''})"
+                return f"{point} (line {lines[at[0] - 1]})"
+        return f"{point} (row {at[0]}{f', column {at[1]}' if len(at) > 1 else ''})"
 
     def on_grid(self) -> NDArray[np.int64] | None:
         """Return which point stands where on the map's rectangular grid of i_d and i_q, None where
@@ -282,15 +282,15 @@ def _from_amplitude(
     size, ahead = _first(data, columns["current"], "fiu"), _first(data, columns["advance"], "fiu")
     if size is None or ahead is None:
         return {}
-    largest, told = float(np.nanmax(np.abs(ahead))), ""
+    largest, unit = float(np.nanmax(np.abs(ahead))), ""
     if largest > math.tau:  # no unit said so
-        ahead, told = np.radians(ahead), f", in degrees, as it reaches {largest:.4g}"
+        ahead, unit = np.radians(ahead), f", in degrees, as it reaches {largest:.4g}"
     if size.ndim == ahead.ndim == 1 and size.size != ahead.size:
         size, ahead = np.meshgrid(size, ahead, indexing="ij")
     elif size.shape != ahead.shape:
         return {}
     notes.append(
-        f"{file}: currents from amplitude and phase advance (0: on q, 90 degrees: on -d{told})"
+        f"{file}: currents from amplitude and phase advance (0: on q, 90 degrees: on -d{unit})"
     )
     return {"i_d": -size * np.sin(ahead), "i_q": size * np.cos(ahead)}
 

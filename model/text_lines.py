@@ -203,8 +203,8 @@ def _refuse_lying(file: str, rows: Sequence[Sequence[str]]) -> None:
     """Raise BadInput for a table whose lines are the signals: a name, then more numbers than there
     are lines."""
     names = [x[0] for x in rows]
-    told = len(set(names)) == len(names) > 1 and all(NAMED.match(n) for n in names)
-    if told and all(len(x) > len(rows) + 1 and is_data(x[1:]) for x in rows):
+    header = len(set(names)) == len(names) > 1 and all(NAMED.match(n) for n in names)
+    if header and all(len(x) > len(rows) + 1 and is_data(x[1:]) for x in rows):
         raise BadInput(
             f"{file}: the table lies on its side: each line is a signal ('{names[0]}', "
             f"'{names[1]}'), each column a sample; transpose it (a spreadsheet pastes so) and "

@@ -34,7 +34,7 @@ class Golden:
     tuning: Tuning
     angles: tuple[float, ...]
     samples: np.ndarray
-    told: dict[str, np.ndarray]
+    estimates: dict[str, np.ndarray]
 
     def text(self) -> str:
         """Return the file: numbers of nine digits, a sample a line."""
@@ -49,7 +49,7 @@ class Golden:
             "angles": self.angles,
         }
         lines = [f'"{key}": {json.dumps(value)}' for key, value in head.items()]
-        for key, table in {"samples": self.samples, **self.told}.items():
+        for key, table in {"samples": self.samples, **self.estimates}.items():
             rows = ",\n".join(f"[{', '.join(f'{v:.9g}' for v in row)}]" for row in table)
             lines.append(f'"{key}": [\n{rows}]')
         return (
@@ -62,7 +62,7 @@ def read_golden(path: Path = FILE) -> Golden:
     found = json.loads(path.read_text(encoding="utf-8"))
     belief = found["belief"]
     energy = Energy(*(belief.pop(name) for name in Energy._fields))
-    told = {
+    estimates = {
         k: np.array(v)
         for k, v in found.items()
         if k not in ("motor", "belief", "tuning", "angles", "samples", "columns")
@@ -73,5 +73,5 @@ def read_golden(path: Path = FILE) -> Golden:
         Tuning(**found["tuning"]),
         tuple(found["angles"]),
         np.array(found["samples"]),
-        told,
+        estimates,
     )

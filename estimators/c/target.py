@@ -49,8 +49,8 @@ $samples
 };
 
 /* theta (rad), omega (rad/s) */
-static const double told[COUNT][2] = {
-$told
+static const double estimates[COUNT][2] = {
+$estimates
 };
 
 static union {
@@ -82,14 +82,14 @@ int main(void) {
         sample.u_beta = samples[k][3];
         sample.carrier = samples[k][4];
         sensorless_step(&memory, &sample, &estimate);
-        off = (double)estimate.theta - told[k][0];
+        off = (double)estimate.theta - estimates[k][0];
         while (off > 3.141592653589793) {
             off -= 6.283185307179586;
         }
         while (off < -3.141592653589793) {
             off += 6.283185307179586;
         }
-        fast = (double)estimate.omega - told[k][1];
+        fast = (double)estimate.omega - estimates[k][1];
         angle = off > angle ? off : -off > angle ? -off : angle;
         speed = fast > speed ? fast : -fast > speed ? -fast : speed;
     }
@@ -126,7 +126,7 @@ def check_program(golden: Golden, name: str) -> str:
         most=TOLERANCE_DEG,
         angles=", ".join(map(repr, golden.angles)),
         samples=_rows(golden.samples, "(sensorless_real)"),
-        told=_rows(golden.told[name][:, :2]),
+        estimates=_rows(golden.estimates[name][:, :2]),
     )
 
 

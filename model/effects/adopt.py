@@ -258,8 +258,8 @@ def _ask_once(card: Effect, at: At, values: dict[str, float], drive: Drive, *, o
     """Raise ValueError unless an equation that is asked once a batch returns numbers, the first 0
     where it is off."""
     quantities = [getattr(drive.motor, name) for name in PORTS[at.port].quantities]
-    told = at.equation(*(values[card.public(1, n)] for n in at.numbers), *quantities)
-    numbers = told if isinstance(told, tuple) else (told,)
+    answers = at.equation(*(values[card.public(1, n)] for n in at.numbers), *quantities)
+    numbers = answers if isinstance(answers, tuple) else (answers,)
     if not all(map(math.isfinite, numbers)) or min(numbers[1:], default=0.0) < 0.0:
         raise ValueError(
             f"its equation at '{at.port}' returns {numbers}; give finite ones, from the "

@@ -18,9 +18,9 @@ def scaled(gain_a, gain_b, gain_c, a, b, c):
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     wrong = {x: v[f"current_gain.gain_{x}"] for x in "abc" if v[f"current_gain.gain_{x}"] != 1.0}
-    told = ", ".join(f"phase {x} by {1.0 / g:.4g}" for x, g in wrong.items())
+    factors = ", ".join(f"phase {x} by {1.0 / g:.4g}" for x, g in wrong.items())
     return (
-        f"multiply the current readings ({told}): shunts, gain resistors or the scaling in "
+        f"multiply the current readings ({factors}): shunts, gain resistors or the scaling in "
         "the drive"
     )
 

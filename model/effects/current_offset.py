@@ -23,11 +23,11 @@ OF_THREE = math.sqrt(2.0 / 3.0)  # of one sensor's offset: its part beside the m
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     a, b = v["current_offset.offset_a"], v["current_offset.offset_b"]
-    told = ", ".join(
+    offsets = ", ".join(
         f"{quantity(x, 'A')} from phase {p}" for p, x in zip("abc", (a, b, -a - b), strict=True)
     )
     return (
-        f"subtract from the current readings: {told}; measure the offsets at rest, with the "
+        f"subtract from the current readings: {offsets}; measure the offsets at rest, with the "
         "legs switching"
     )
 

@@ -21,10 +21,10 @@ def off(amplitude_mech, phase, turn, pairs):
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     size, phase = v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
-    told = wave(f"{'−' if size < 0.0 else ''}{angle(size)}", 1, phase)
+    correction = wave(f"{'−' if size < 0.0 else ''}{angle(size)}", 1, phase)
     return (
-        f"centre the code disc or magnet ring, or subtract {told}, x the shaft's angle, from the "
-        "encoder's mechanical reading"
+        f"centre the code disc or magnet ring, or subtract {correction}, x the shaft's angle, from "
+        "the encoder's mechanical reading"
     )
 
 

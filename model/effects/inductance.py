@@ -16,14 +16,14 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
         return beside_map(
             ", ".join(f"L_{x} {percent(s - 1.0)} at zero current" for x, s in scales.items())
         )
-    told = (
+    changes = (
         (
             f"{stated(f'inductance_{x}', s * getattr(motor, f'inductance_{x}'), 'H')} "
             f"({percent(s - 1.0)})"
         )
         for x, s in scales.items()
     )
-    return f"set {' and '.join(told)} in the motor's file, the estimator and the current control"
+    return f"set {' and '.join(changes)} in the motor's file, the estimator and the current control"
 
 
 CARD = Effect(

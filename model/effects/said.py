@@ -82,18 +82,20 @@ def warmer(kelvin: float) -> str:
 def model_for(motor: Motor, values: Mapping[str, float], names: Sequence[str]) -> str:
     """Return what to do about coefficients of saturation; values: completed ones, as the effect has
     them."""
-    told = ", ".join(f"{n} = {values[f'saturation.{n}']:.4g} {PER_FLUXES[n[-2:]]}" for n in names)
+    coefficients = ", ".join(
+        f"{n} = {values[f'saturation.{n}']:.4g} {PER_FLUXES[n[-2:]]}" for n in names
+    )
     if motor.has_map:
-        return beside_map(told)
+        return beside_map(coefficients)
     return (
-        f"give the estimator and the current control a model with {told} (motor.toml has "
+        f"give the estimator and the current control a model with {coefficients} (motor.toml has "
         "them), or a flux map"
     )
 
 
-def beside_map(told: str) -> str:
+def beside_map(text: str) -> str:
     """Return what to do about iron or magnets that are not as the motor's flux map has them."""
     return (
-        f"not as the flux map has it: {told}; measure the map again as warm as the drive "
+        f"not as the flux map has it: {text}; measure the map again as warm as the drive "
         "runs, or take effects.toml"
     )

@@ -34,13 +34,13 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     a, b = v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"]
     least = min(a, b, 0.0)
-    told = ", ".join(
+    phases = ", ".join(
         f"{quantity(x - least, 'ohm')} in phase {p}"
         for p, x in zip("abc", (a, b, 0.0), strict=True)
         if x > least
     )
     return (
-        f"look for what a phase has more than the others ({told}): terminals, contactors, a "
+        f"look for what a phase has more than the others ({phases}): terminals, contactors, a "
         "repaired coil"
     )
 

@@ -62,12 +62,12 @@ def read_configuration(path: Path) -> Configuration:
     numbers = _one_axis(path.name, numbers_of(text, path.name))
     for program in PROGRAMS:
         if any(_last(numbers, key) is not None for key in program.known_by):
-            told = {k: t for k, t in program.convert(numbers).items() if t and t.value > 0.0}
-            if told:
+            quantities = {k: t for k, t in program.convert(numbers).items() if t and t.value > 0.0}
+            if quantities:
                 control = {k: v for k, v in program.control(numbers).items() if v is not None}
-                stated = {k: f"{t.value!r} {t.unit}".strip() for k, t in told.items()}
+                stated = {k: f"{t.value!r} {t.unit}".strip() for k, t in quantities.items()}
                 return Configuration(
-                    program.name, stated, control, {k: t.origin for k, t in told.items()}
+                    program.name, stated, control, {k: t.origin for k, t in quantities.items()}
                 )
     raise BadInput(f"{path.name}: nothing of a motor is known in it; {remedy}")
 

@@ -139,8 +139,8 @@ def _of_motor(
     untold: Mapping[str, str],
     named: Sequence[str],
 ) -> Setting:
-    told, own = found.get(name), stated.get(name)
-    if told is None:
+    measured, own = found.get(name), stated.get(name)
+    if measured is None:
         return Setting(
             name,
             own,
@@ -148,11 +148,11 @@ def _of_motor(
             None,
             untold.get(name, f"the result does not tell {name}; record what shows it"),
         )
-    row = Setting(name, own, told.value, told.ci95, "")
+    row = Setting(name, own, measured.value, measured.ci95, "")
     if row.verdict == "differs":
         said = (
-            f"set {told.value:.4g} {row.unit}; "
-            f"{_because(name, own or 0.0, told.value, stated, found)}"
+            f"set {measured.value:.4g} {row.unit}; "
+            f"{_because(name, own or 0.0, measured.value, stated, found)}"
         )
         if named:
             said += (
@@ -160,8 +160,10 @@ def _of_motor(
                 "it wrong"
             )
     else:
-        said = "as found" if own is not None else f"not stated; it is {told.value:.4g} {row.unit}"
-    return Setting(name, own, told.value, told.ci95, said)
+        said = (
+            "as found" if own is not None else f"not stated; it is {measured.value:.4g} {row.unit}"
+        )
+    return Setting(name, own, measured.value, measured.ci95, said)
 
 
 def _because(

@@ -78,9 +78,9 @@ def check(
     output.finish(found, folder)
     if not found.ok:
         count = len([n for n in found.noticed if n.level == "refused"])
-        told = f"{many(count, 'finding')} stop{'s' if count == 1 else ''} this campaign"
+        sentence = f"{many(count, 'finding')} stop{'s' if count == 1 else ''} this campaign"
         first = next(n.finding.text for n in found.noticed if n.level == "refused")
-        raise BadInput(f"{told}: {first}" if output.quiet else told)  # else it stands above
+        raise BadInput(f"{sentence}: {first}" if output.quiet else sentence)  # else it stands above
 
 
 def plan(

@@ -181,8 +181,8 @@ def judged(
             cost = injection_cost(drive, part, true, values, estimator.inside)
         predicted = None if effects else row.predicted_mean_deg
         missed = None if row.reference_held else why_missed(row, drive, true, estimator)
-        told = replace(row, cost=cost, predicted_mean_deg=predicted)
-        found.append(replace(told, why_lost=why, why_missed=missed))
+        whole = replace(row, cost=cost, predicted_mean_deg=predicted)
+        found.append(replace(whole, why_lost=why, why_missed=missed))
     return tuple(found)
 
 

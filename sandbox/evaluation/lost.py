@@ -111,16 +111,16 @@ def _no_null(motor: Motor, i_d: float, i_q: float) -> float | None:
 def reasons(rows: Iterable[Row]) -> list[str]:
     """Return a sentence for each reason why rows have lost lock or missed their speed, with the
     runs it is of."""
-    told = [(r, f"{r.estimator}, {r.belief}, {100.0 * r.load:+.0f} % load") for r in rows]
-    lost = grouped((r.why_lost, run) for r, run in told if r.lost_lock)
-    return [*lost, *grouped(((r.why_missed, run) for r, run in told), "speed missed")]
+    runs = [(r, f"{r.estimator}, {r.belief}, {100.0 * r.load:+.0f} % load") for r in rows]
+    lost = grouped((r.why_lost, run) for r, run in runs if r.lost_lock)
+    return [*lost, *grouped(((r.why_missed, run) for r, run in runs), "speed missed")]
 
 
-def grouped(told: Iterable[tuple[str | None, str]], what: str = "lost lock") -> list[str]:
+def grouped(reasons: Iterable[tuple[str | None, str]], what: str = "lost lock") -> list[str]:
     """Return a sentence for each reason, with the runs it is of; told: reason (None: nothing
     simple) and run."""
     runs: dict[str, list[str]] = {}
-    for why, run in told:
+    for why, run in reasons:
         if why:
             runs.setdefault(why, []).append(run)
     return [f"{what} ({'; '.join(dict.fromkeys(own))}): {why}" for why, own in runs.items()]

@@ -72,15 +72,15 @@ def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
     chosen = _chosen(
         marks, [b - a for _, a, b in blocks], _groups(campaign, [k for k, _, _ in blocks]), most
     )
-    recordings, told = [], []
+    recordings, taken = [], []
     for k, first, last in (blocks[place] for place in chosen):
         whole = campaign.recordings[k]
         own = (
             whole if last - first == n[k] else excerpt(whole, slice(first, last), settling, period)
         )
         recordings.append(own)
-        told.append(Excerpt(own.file, whole.file, first, last - first, n[k]))
-    found = Excerpts(tuple(told), sum(n), tuple(r.file for r in campaign.recordings))
+        taken.append(Excerpt(own.file, whole.file, first, last - first, n[k]))
+    found = Excerpts(tuple(taken), sum(n), tuple(r.file for r in campaign.recordings))
     return replace(campaign, recordings=tuple(recordings), excerpts=found)
 
 

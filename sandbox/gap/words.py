@@ -59,9 +59,9 @@ def names(effects: Sequence[str]) -> str:
     return " + ".join(words(e) for e in effects) if effects else "no effect"
 
 
-def listing(told: Sequence[str]) -> str:
+def listing(texts: Sequence[str]) -> str:
     """Return names as a sentence lists them: "a, b and c"."""
-    return " and ".join(x for x in (", ".join(told[:-1]), *told[-1:]) if x)
+    return " and ".join(x for x in (", ".join(texts[:-1]), *texts[-1:]) if x)
 
 
 def sizes(parameters: dict[str, Estimate]) -> str:
@@ -107,9 +107,11 @@ def _digits(x: float, width: float) -> str:
 def interval(value: float, low: float, high: float) -> str:
     """Return a share with its interval, to a tenth of a percent; "< 0.1 %" where that leaves
     nothing of it to see."""
-    told = [tenths(x) for x in (value, low, high)]
+    texts = [tenths(x) for x in (value, low, high)]
     return (
-        "< 0.1 %" if value and set(told) == {tenths(0.0)} else f"{told[0]} [{told[1]}, {told[2]}]"
+        "< 0.1 %"
+        if value and set(texts) == {tenths(0.0)}
+        else f"{texts[0]} [{texts[1]}, {texts[2]}]"
     )
 
 

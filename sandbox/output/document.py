@@ -79,8 +79,8 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], stacked: bool = F
 
     def cell(k: int, x: str) -> str:
         """Return the k-th cell of a row."""
-        told = f' data-head="{html_text(heads[k])}"' if stacked and x != "–" else ""
-        return f"<td{'' if not k else wraps if len(x) > LONG else kind}{told}>{prose(x)}</td>"
+        attribute = f' data-head="{html_text(heads[k])}"' if stacked and x != "–" else ""
+        return f"<td{'' if not k else wraps if len(x) > LONG else kind}{attribute}>{prose(x)}</td>"
 
     body = "".join(f"<tr>{''.join(cell(k, x) for k, x in enumerate(row))}</tr>" for row in rows)
     return (
@@ -106,8 +106,8 @@ def _verdict(text: str, head: str) -> str:
     mark = next((m for m in MARKS if f" {m}" in text), "")
     seen, _, goal = text.partition(f" {mark} ") if mark else (text, "", "")
     below = f"<small>{mark} {prose(goal)}</small>" if mark else ""
-    told = f' data-head="{html_text(head)}"' if seen else ""
-    return f"<td class='{MARKS.get(mark, 'none')}'{told}>{prose(seen) or '–'}{below}</td>"
+    attribute = f' data-head="{html_text(head)}"' if seen else ""
+    return f"<td class='{MARKS.get(mark, 'none')}'{attribute}>{prose(seen) or '–'}{below}</td>"
 
 
 def fold(head: str, content: str) -> str:

@@ -107,8 +107,8 @@ class Refitted:
             low, high = self.ci95.get(name, (None, None))
             unit = self.units.get(name, "")
             found = "fitted beside" if low is None else f"95 % interval {low:.5g} to {high:.5g}"
-            told = (unit, found, self.at_bound.get(name, ""))
-            notes[name.removeprefix("bench.")] = ", ".join(filter(None, told))
+            known = (unit, found, self.at_bound.get(name, ""))
+            notes[name.removeprefix("bench.")] = ", ".join(filter(None, known))
         effects = {k: v for k, v in self.effects.items() if not k.startswith("bench.")}
         bench = {
             k.removeprefix("bench."): v for k, v in self.effects.items() if k.startswith("bench.")

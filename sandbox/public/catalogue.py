@@ -263,14 +263,14 @@ def scenario_card(name: str) -> str:
         )
     ]
     for k, x in enumerate(s.segments, 1):
-        told = [f"{x.duration:g} s", f"load {100.0 * x.load:g} %"]
-        told += [f"i_d {100.0 * x.current_d:g} %"] * bool(x.current_d)
-        told += [f"speed {100.0 * x.speed:g} % of rated"] * (s.rotor != "locked")
-        told += [f"reached in {x.ramp:g} s"] * bool(x.ramp)
-        told += [
+        texts = [f"{x.duration:g} s", f"load {100.0 * x.load:g} %"]
+        texts += [f"i_d {100.0 * x.current_d:g} %"] * bool(x.current_d)
+        texts += [f"speed {100.0 * x.speed:g} % of rated"] * (s.rotor != "locked")
+        texts += [f"reached in {x.ramp:g} s"] * bool(x.ramp)
+        texts += [
             f"the last {x.duration - s.settle_of(x):.3g} s count" if x.score else "not evaluated"
         ]
-        rows.append(entry(f"stretch {k}", ", ".join(told), 22))
+        rows.append(entry(f"stretch {k}", ", ".join(texts), 22))
     return "\n".join(rows)
 
 

@@ -111,13 +111,13 @@ class Verification(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `verify.json` holds beyond its header."""
-        told = [d._asdict() for d in self.differences]
+        listed = [d._asdict() for d in self.differences]
         return {
             "result": self.result.as_posix(),
             "function": self.function,
             "values": self.values,
             "largest": self.largest,
-            "differences": told,
+            "differences": listed,
             "changed": self.changed,
             "same": self.same,
         }

@@ -77,14 +77,14 @@ def link_exponent(recordings: Sequence[CampaignRecording], drive: Drive) -> Expo
         mean = (
             sum((r.u_dc[b.rows + k] for k in range(WINDOW)), np.zeros(1)) / WINDOW / nominal - 1.0
         )
-        told, rest = _parts(b.voltage * mean), -_parts(b.rest)
+        commanded, rest = _parts(b.voltage * mean), -_parts(b.rest)
         known = _stated(r, b.rows, drive, b.voltage)
         noise = max(float(rest @ rest) / len(rest), 1e-12)
         inner = known.T @ known / noise + np.eye(known.shape[1]) / STATED**2
-        told_only = told - known @ np.linalg.solve(inner, known.T @ told) / noise
+        commanded_only = commanded - known @ np.linalg.solve(inner, known.T @ commanded) / noise
         top, bottom = (
-            top + float(told_only @ rest) / noise,
-            bottom + float(told_only @ told) / noise,
+            top + float(commanded_only @ rest) / noise,
+            bottom + float(commanded_only @ commanded) / noise,
         )
     return Exponent(top / bottom, ALIKE * bottom**-0.5) if bottom > 0.0 else Exponent(0.0, math.inf)
 

@@ -68,7 +68,7 @@ class Identification:
         late = n["delay"]
         effects |= {"pwm_delay.delay": late} if late > 0.0 else {"current_sampling.delay": -late}
         effects |= {"bench.soft_current": n["width"]}
-        told = {
+        origins = {
             **own.provenance,
             **dict.fromkeys(fit.values, "identified: exact fit to locked recordings"),
         }
@@ -77,7 +77,7 @@ class Identification:
             f"Identified from the locked recordings of '{self.campaign.name}' by identify: "
             "the exact fit"
         )
-        drive = dataclasses.replace(own, motor=self.motor(), provenance=told)
+        drive = dataclasses.replace(own, motor=self.motor(), provenance=origins)
         return Refitted(drive, effects, {}, ci95, units, {}, said)
 
     def as_json(self) -> dict[str, Any]:

@@ -249,8 +249,10 @@ def _zero_by_voltages(source: Source) -> bool:
     if not source.entries:
         return False
     table = source.table(source.entries[0][0])
-    told = OF_TORQUE & set(source_columns(table, source.mapped))
-    return not told and bool(by_states(table, source.mapped)) and has_voltages(table, source.mapped)
+    named = OF_TORQUE & set(source_columns(table, source.mapped))
+    return (
+        not named and bool(by_states(table, source.mapped)) and has_voltages(table, source.mapped)
+    )
 
 
 def _counted_once(

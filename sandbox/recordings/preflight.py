@@ -151,12 +151,12 @@ def _kind(column: str) -> str:
 def ratings(campaign: Campaign) -> list[Finding]:
     """Return a finding for each stated value of [motor] that does not go with the others; none of
     stand-ins."""
-    told = [
+    texts = [
         text
         for text in cautions(campaign.drive)
         if not any(name in text for name in campaign.stand_ins)
     ]
-    return [Finding(campaign.name, "", None, f"{campaign.name}: {text}") for text in told]
+    return [Finding(campaign.name, "", None, f"{campaign.name}: {text}") for text in texts]
 
 
 def further(campaign: Campaign) -> list[Finding]:
@@ -165,9 +165,9 @@ def further(campaign: Campaign) -> list[Finding]:
     each = (twice, silent, clipped, steps, ripple)
     found = [f for r in campaign.recordings for one in each for f in one(r, campaign.drive)]
     own = (campaign.recordings, campaign.drive)
-    told = [f for f in campaign.findings if f.rereads] or conventions_off(*own)
-    found += [f for f in told if f not in campaign.findings]
-    return [*found, *([] if told else off_pace(*own)), *ratings(campaign)]
+    off = [f for f in campaign.findings if f.rereads] or conventions_off(*own)
+    found += [f for f in off if f not in campaign.findings]
+    return [*found, *([] if off else off_pace(*own)), *ratings(campaign)]
 
 
 def tried(file: str, check: Callable[[], Iterable[Finding]]) -> list[Noticed]:

@@ -285,12 +285,12 @@ def check_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
     noise = 10.0 * (drive.converter.current_noise + drive.converter.current_resolution)
     phase = np.stack([r.columns[c] for c in PHASES])
     bound = noise + 0.02 * np.max(np.abs(phase))
-    rest, told = rest_of_sum(phase)
+    rest, shared = rest_of_sum(phase)
     findings = []
-    if float(np.std(told)) > max(
+    if float(np.std(shared)) > max(
         NOISES * float(np.std(rest)), SEEN * math.sqrt(float(np.mean(phase**2)))
     ):
-        k = int(np.argmax(np.abs(told)))
+        k = int(np.argmax(np.abs(shared)))
         text = (
             f"{r.file}: row {k}: the three currents sum to {phase[:, k].sum():.3g} A and the sum "
             "follows the currents: the sensors' gains differ (effect current_gain); calibrate "

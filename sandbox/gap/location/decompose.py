@@ -252,8 +252,10 @@ def _orders(own: Sequence[Inputs], z: Sequence[Complex], total: float) -> dict[i
         for a, b in whole_turns(r.motion.angle, PER_TURN, 2.0):
             wave = np.exp(-1j * np.outer(ORDERS, r.motion.angle[a:b]))
             turn = (b - a) * math.tau / abs(r.motion.angle[b - 1] - r.motion.angle[a])
-            told = 2.0 * (size + 1) <= max(turn, PER_TURN)
-            power += np.where(told, 1.5 * np.abs(wave @ values[a:b]) ** 2 / (b - a) - VARIANCE, 0.0)
+            resolved = 2.0 * (size + 1) <= max(turn, PER_TURN)
+            power += np.where(
+                resolved, 1.5 * np.abs(wave @ values[a:b]) ** 2 / (b - a) - VARIANCE, 0.0
+            )
     return {n: max(0.0, float(p)) / total for n, p in zip(ORDERS, power, strict=True)}
 
 

@@ -54,8 +54,8 @@ def outside(point: Point, spans: Mapping[str, float], chance: float = 1.0) -> di
     shares of what the library's effects could take up; chance: that there is anything outside it.
     Below SLIGHT no regression is made."""
     prepared = point.turned()
-    told = explained(point) if chance >= SLIGHT else (0.0, 0.0)
-    return shares(excesses(residuals(prepared, replay(prepared, [point.values]))), spans, told)
+    predicted = explained(point) if chance >= SLIGHT else (0.0, 0.0)
+    return shares(excesses(residuals(prepared, replay(prepared, [point.values]))), spans, predicted)
 
 
 def inverters(by_inverter: float, by_machine: float) -> float:
@@ -77,10 +77,10 @@ def shares(
         return dict(spans)
     bent = min(sizes["current"], THIRD * sizes["sum"])
     rest = sizes["current"] - bent
-    told, inverter = max(predicted), inverters(*predicted)
-    out = {name: (1.0 - told) * (1.0 - MACHINE) * rest * share for name, share in spans.items()}
-    out["machine"] += ((1.0 - told) * MACHINE + told * (1.0 - inverter)) * rest
-    out["inverter"] += told * inverter * rest
+    known, inverter = max(predicted), inverters(*predicted)
+    out = {name: (1.0 - known) * (1.0 - MACHINE) * rest * share for name, share in spans.items()}
+    out["machine"] += ((1.0 - known) * MACHINE + known * (1.0 - inverter)) * rest
+    out["inverter"] += known * inverter * rest
     out["sensor"] += bent + sizes["angle"]
     out["mechanics"] += sizes["motion"]
     whole = sum(out.values())

@@ -50,7 +50,7 @@ def readings(shown: Sequence[Residual], floor: float, amplitude: Array) -> Readi
     )
 
 
-def told(r: Readings) -> str:
+def described(r: Readings) -> str:
     """Return what the measured currents are wrong by, as a clause."""
     share = sum(r.constant.values())
     text = f"an error of the measured currents, {amperes(r.rms)} rms a phase"

@@ -26,7 +26,7 @@ from sandbox.gap.evidence.priors import of_effect, ordinary
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import Decomposition, decompose
 from sandbox.gap.location.outside import outside
-from sandbox.gap.location.readings import told
+from sandbox.gap.location.readings import described
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from sandbox.gap.words import times
@@ -183,11 +183,11 @@ def _further(findings: Sequence[Finding]) -> str:
     others = [
         (NAMES[name], percent(share)) for name, share in list(most.items())[1:] if share >= MUCH
     ]
-    told = [
+    texts = [
         f"{share}{'' if k else ' of the gap points'} to the {name}"
         for k, (name, share) in enumerate(others)
     ]
-    return f"A further {' and '.join(told)}." if told else ""
+    return f"A further {' and '.join(texts)}." if texts else ""
 
 
 def subsystems(d: Diagnosis) -> dict[str, float]:
@@ -311,7 +311,7 @@ def sentences(
     region = max(part.speeds, key=lambda r: part.speeds[r])
     mostly = region if part.speeds[region] > 0.6 else "all speeds"
     if channel == "currents" and of_readings:
-        what = told(part.readings) + _dependence(part.readings.amplitude)
+        what = described(part.readings) + _dependence(part.readings.amplitude)
     elif channel == "currents":
         direction, size = part.direction
         what = f"voltage {direction}" if size > 0.5 else "voltage in no single direction"
@@ -355,8 +355,8 @@ def _dependence(amplitude: Array) -> str:
             out.append(
                 f"{'does not depend on' if same else 'grows with' if ratio > 1.0 else 'falls with'} {of}"  # noqa: E501
             )
-    told = " and ".join(out).replace("on speed and does not depend on", "on speed or")
-    return f". Where currents are not near zero, its rms {told}" if told else ""
+    text = " and ".join(out).replace("on speed and does not depend on", "on speed or")
+    return f". Where currents are not near zero, its rms {text}" if text else ""
 
 
 def _details(

@@ -120,13 +120,13 @@ def _fitted(torque: Array, load: Array, rest: Array) -> float | None:
     return g if np.linalg.norm(left) < FITTED * np.linalg.norm(torque) else None
 
 
-def _by_size(net: Array, load: Array, told: Sequence[Mistake]) -> Mistake | None:
+def _by_size(net: Array, load: Array, mistakes: Sequence[Mistake]) -> Mistake | None:
     """Return the mistake without which much of the torque is left, and with which little; no
     friction fitted."""
     size = float(np.linalg.norm(net))
     if not size > 0.0:
         return None
-    left = {m: float(np.linalg.norm(net - m.factor * load)) / size for m in told}
+    left = {m: float(np.linalg.norm(net - m.factor * load)) / size for m in mistakes}
     best = min(left, key=lambda m: left[m])
     now = float(np.linalg.norm(net - load)) / size
     return best if left[best] < LEFT and now > max(WORSE * left[best], MUCH) else None

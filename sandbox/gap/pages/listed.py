@@ -49,10 +49,10 @@ def rows(r: Ranking) -> list[list[str]]:
     for effect, chance in ordered(r.inclusion.chances, r.shares.of).items():
         if chance >= SHOWN:
             share = r.shares.of.get(effect)
-            told = "–" if share is None else _between(share.value, share.ci95)
+            closing = "–" if share is None else _between(share.value, share.ci95)
             own = [f"{library.title(k)} {quantity(e)}" for k, e in r.sizes(effect).items()]
             size = ", ".join(own) if len(own) <= MAX_PARAMETERS else f"{own[0]}, ..., see below"
-            out.append([words(effect), f"{100.0 * chance:.1f} %", told, size or "–"])
+            out.append([words(effect), f"{100.0 * chance:.1f} %", closing, size or "–"])
     if r.unknown >= SHOWN:
         out.append(
             ["something outside the library", f"{100.0 * r.unknown:.1f} %", _unexplained(r), "–"]
@@ -74,12 +74,12 @@ def _between(share: float, ends: Sequence[float] | None) -> str:
 def confused_sentences(r: Ranking, neutral: Mapping[str, float]) -> Iterator[str]:
     """Yield which likely effects cannot be told from which others on these recordings; neutral:
     values of no effect."""
-    for effect, telling in r.told.items():
+    for effect, telling in r.tellings.items():
         if telling is None or telling.tellable or r.inclusion.chances[effect] < LISTED:
             continue
         alike = [x for x in telling.confused_with if x.log_evidence < SURE][:NAMED]
-        told = ", ".join(f"{_rival(x)} (cosine {x.cosine:.3f})" for x in alike)
-        if not told and _has_size(effect, r.sizes(effect), neutral):
+        rivals = ", ".join(f"{_rival(x)} (cosine {x.cosine:.3f})" for x in alike)
+        if not rivals and _has_size(effect, r.sizes(effect), neutral):
             yield (
                 f"{capital(words(effect))} may be no effect at all: the simulator's own "
                 "error could imitate it."
@@ -87,7 +87,7 @@ def confused_sentences(r: Ranking, neutral: Mapping[str, float]) -> Iterator[str
         else:
             yield (
                 f"{capital(words(effect))} cannot be told here from "
-                f"{told or 'no effect at all: it is too small'}."
+                f"{rivals or 'no effect at all: it is too small'}."
             )
 
 
@@ -135,7 +135,7 @@ def _moved(m: Moved) -> str:
 def not_run_sentences(r: Ranking) -> Iterator[str]:
     """Yield which estimators were not run, once for each reason; with which effects, where they ran
     with others."""
-    told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    differing: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for name in dict.fromkeys(n for own in r.moved.values() for n in own):
         reasons: dict[str, list[str]] = {}
         for effect, own in r.moved.items():
@@ -143,10 +143,10 @@ def not_run_sentences(r: Ranking) -> Iterator[str]:
                 reasons.setdefault(own[name].not_run, []).append(words(effect))
         ran = sum(name in own for own in r.moved.values())
         for why, effects in reasons.items():
-            told.setdefault((why, tuple(effects) if len(effects) < ran else ()), []).append(
+            differing.setdefault((why, tuple(effects) if len(effects) < ran else ()), []).append(
                 f"`{name}`"
             )
-    for (why, those), estimators in told.items():
+    for (why, those), estimators in differing.items():
         with_ = f" with {listing(those)}" if those else ""
         yield (
             f"{listing(estimators)} {'was' if len(estimators) == 1 else 'were'} not "
@@ -162,16 +162,16 @@ def less_sure_sentence(a: Answers) -> str:
     own = [e for e in best.effects if chances.get(e, 1.0) < best.probability - LESS]
     if not own:
         return ""
-    told = ", ".join(f"{words(e)} ({100.0 * chances[e]:.0f} %)" for e in own)
+    likely = ", ".join(f"{words(e)} ({100.0 * chances[e]:.0f} %)" for e in own)
     if r is not None and r.open_part is not None:
         return (
             "Beside a free regression of what no effect explains, these effects of that set "
-            f"are less sure: {told}."
+            f"are less sure: {likely}."
         )
     return (
         "This list also counts sets that were not fitted, of which the equations say "
         "that they explain nearly as much. "
-        f"So these effects of the most probable set are less sure than the set itself: {told}."
+        f"So these effects of the most probable set are less sure than the set itself: {likely}."
     )
 
 
@@ -216,22 +216,22 @@ def beside_first(
         or min(len(h.effects), len(first.effects)) <= FEW
     ):
         return names(by_share(h.effects, shares or {}))
-    told = [
+    texts = [
         f"{word} {listing([words(e) for e in own])}"
         for word, own in (("with", more), ("without", fewer))
         if own
     ]
-    return f"as row 1, {', '.join(told)}"
+    return f"as row 1, {', '.join(texts)}"
 
 
 def group_sentences(r: Ranking, following: Next | None = None) -> Iterator[str]:
     """Yield which effects cannot be parted here, and the recording that parts them: a planned one,
     where it does."""
     for group, chance in r.inclusion.groups:
-        told: dict[str, list[str]] = {}
+        parted: dict[str, list[str]] = {}
         for effect, by in parted_by(group, following).items():
-            told.setdefault(by, []).append(words(effect))
-        how = "; ".join(f"for {' and '.join(effects)}: {by}" for by, effects in told.items())
+            parted.setdefault(by, []).append(words(effect))
+        how = "; ".join(f"for {' and '.join(effects)}: {by}" for by, effects in parted.items())
         yield (
             f"One of {names(group).replace(' + ', ' or ')} is there ({100.0 * chance:.0f} "
             f"%). To part them, {how}."

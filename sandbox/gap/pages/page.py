@@ -103,8 +103,8 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     }
     for head, text in _three(a):
         yield answered(heads[head], text)
-    if told := answers.todo_texts(a):
-        yield "<h2>What to do</h2>" + bullets(told)
+    if todo := answers.todo_texts(a):
+        yield "<h2>What to do</h2>" + bullets(todo)
     yield "<h2>Hypotheses</h2>" + _hypotheses(
         a, [h for h in d.hypotheses if h.probability >= FEWEST]
     )
@@ -179,7 +179,7 @@ def _listed(a: Answers) -> Iterator[str]:
         yield f"<p>{prose(hidden)}</p>"
     notes = [listed.LIST_NOTE, *([listed.BESIDE] if r.beside_unknown else [])]
     yield f'<p class="soft">{prose(" ".join(notes))}</p>'
-    if lies := r.where.told() if r.where is not None else "":
+    if lies := r.where.text() if r.where is not None else "":
         yield f"<p>{prose(lies)}</p>"
     neutral = library.neutral(a.diagnosis.campaign.drive.motor)
     yield bullets([*listed.group_sentences(r, a.following), *listed.confused_sentences(r, neutral)])
@@ -313,9 +313,11 @@ def _detail(a: Answers) -> Iterator[str]:
         ]
         for k, v in vars(motor).items()
     ]
-    told = [[what, text] for what, text in d.campaign.drive.provenance.items()]
+    origins = [[what, text] for what, text in d.campaign.drive.provenance.items()]
     sources = (
-        f"<h3>Where its values come from</h3>{table(['value', 'source'], told)}" if told else ""
+        f"<h3>Where its values come from</h3>{table(['value', 'source'], origins)}"
+        if origins
+        else ""
     )
     yield fold(
         "The nominal model",

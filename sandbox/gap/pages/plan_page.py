@@ -71,8 +71,8 @@ def _experiment(k: int, p: Planned, drive: Drive) -> Iterator[str]:
     ]
     also = f" Injected beside: a square wave of {' and '.join(injected)}." if injected else ""
     link = f"DC link {p.entry.link * drive.converter.dc_bus_voltage:.4g} V."
-    told = f"Setpoints of {p.entry.name}, every millisecond in {p.entry.name}.csv. {link}{also}"
-    yield figure(lines_svg(setpoint_lines(p, drive), "time (s)", alike=True), told)
+    caption = f"Setpoints of {p.entry.name}, every millisecond in {p.entry.name}.csv. {link}{also}"
+    yield figure(lines_svg(setpoint_lines(p, drive), "time (s)", alike=True), caption)
 
 
 def setpoint_lines(

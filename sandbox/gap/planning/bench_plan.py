@@ -81,7 +81,7 @@ def plan(
         raise BadInput(
             "no experiment of the menu is within these limits; allow more current, speed or voltage"
         )
-    told: list[tuple[Entry, Visible]] = []
+    shown: list[tuple[Entry, Visible]] = []
     simulated: dict[str, Campaign] = {}
     for k, entry in enumerate(entries):
         if progress is not None:
@@ -89,10 +89,10 @@ def plan(
             progress(over(ends, WATCH.seconds - compiled, len(entries) + 1))
         try:
             simulated[entry.name] = _simulated(drive, entry)
-            told.append((entry, visible(simulated[entry.name], workers=workers)))
+            shown.append((entry, visible(simulated[entry.name], workers=workers)))
         except (BadInput, PhysicsError):  # the nominal motor cannot do it
             continue
-    chosen = _ordered(drive, told)
+    chosen = _ordered(drive, shown)
     if not chosen:
         raise BadInput(
             "within these limits no effect of typical size stands clear of the noise; "
@@ -126,10 +126,10 @@ def over(ends: Sequence[float], compiling: float, pieces: int) -> float:
     return last / (last + each * max(pieces - done, 0)) if last > 0.0 else done / pieces
 
 
-def _ordered(drive: Drive, told: Sequence[tuple[Entry, Visible]]) -> list[Planned]:
+def _ordered(drive: Drive, shown: Sequence[tuple[Entry, Visible]]) -> list[Planned]:
     """Return the experiments that add effects, the one that adds most first."""
     seen: set[str] = set()
-    rest, out = list(told), list[Planned]()
+    rest, out = list(shown), list[Planned]()
     while rest:
         news = [
             tuple(e for e, z in v.sizes.items() if z >= CLEAR and e not in seen) for _, v in rest

@@ -98,7 +98,7 @@ def stated(bench: Limits) -> str:
 
 def write_bench_table(path: Path, table: BenchTable, following: Next) -> None:
     """Write the table as CSV, what it is and what it will tell in comments above it."""
-    told = "; or ".join(" + ".join(s) or "no effect" for s in following.separates)
+    sets = "; or ".join(" + ".join(s) or "no effect" for s in following.separates)
     limits, allowed = table.limits, stated(table.bench)
     most = (
         f"{limits['current']:.4g} A peak, {limits['voltage']:.4g} V phase peak, "
@@ -109,7 +109,7 @@ def write_bench_table(path: Path, table: BenchTable, following: Next) -> None:
     )
     lines = [
         f"# {table.entry.description} ({table.settings}), for {following.seconds:g} s",
-        f"# tells apart, with probability {following.power:.2f}: {told}",
+        f"# tells apart, with probability {following.power:.2f}: {sets}",
         f"# at most: {most}; rotor {table.entry.rotor}"
         + (f"; [limits]: {allowed}" if allowed else ""),
         f'# afterwards, in campaign.toml: [[recording]] file = "..." {entry}',

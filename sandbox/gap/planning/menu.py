@@ -209,19 +209,19 @@ def _in_map(entry: Entry, drive: Drive) -> Entry:
 def settings(entry: Entry, drive: Drive) -> str:
     """Return an entry's largest values in the drive's units, as a person sets them on a bench."""
     rpm = 60.0 / math.tau / drive.motor.pole_pairs
-    told = [
+    parts = [
         f"i_{axis} {x.min():.3g} to {x.max():.3g} A"
         for axis, x in (("d", entry.i_d), ("q", entry.i_q))
         if x.any()
     ]
     if entry.rotor == "driven":
-        told.insert(0, f"{rpm * entry.speed.min():.0f} to {rpm * entry.speed.max():.0f} rpm")
-    told += [
+        parts.insert(0, f"{rpm * entry.speed.min():.0f} to {rpm * entry.speed.max():.0f} rpm")
+    parts += [
         f"{u:.3g} V square wave on {axis}"
         for axis, u in zip("dq", entry.injection, strict=True)
         if u
     ]
-    return ", ".join([*told, f"DC link {entry.link * drive.converter.dc_bus_voltage:.4g} V"])
+    return ", ".join([*parts, f"DC link {entry.link * drive.converter.dc_bus_voltage:.4g} V"])
 
 
 def tight(drive: Drive) -> tuple[float, float, float]:

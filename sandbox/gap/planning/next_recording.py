@@ -59,7 +59,7 @@ class Tried:
     follow, and that (n,) of what the simulator misses."""
 
     entry: Entry
-    told: Array
+    evidence: Array
     apart: Array
     missed: Array
 
@@ -67,7 +67,10 @@ class Tried:
         """Return the same for a recording so many times as long, as if that brought as much
         more."""
         return replace(
-            self, told=times * self.told, apart=times * self.apart, missed=times * self.missed
+            self,
+            evidence=times * self.evidence,
+            apart=times * self.apart,
+            missed=times * self.missed,
         )
 
 
@@ -113,30 +116,34 @@ def expected_evidence(
     """Return the log evidence (n,) for a over each of the others that an experiment is expected to
     bring if a is true, its part (n,) that they cannot follow, and that of what the simulator misses
     of a's effects."""
-    told, truth = simulate_experiment(campaign, entry, a)
-    (own, wide), *rest = (_surprise(told, truth, j, variance, workers) for j in (a, *others))
+    recorded, truth = simulate_experiment(campaign, entry, a)
+    (own, wide), *rest = (_surprise(recorded, truth, j, variance, workers) for j in (a, *others))
     apart = np.array([q - own for q, _ in rest])
-    return apart + np.array([w - wide for _, w in rest]), apart, _missed(told, truth, a) / variance
+    return (
+        apart + np.array([w - wide for _, w in rest]),
+        apart,
+        _missed(recorded, truth, a) / variance,
+    )
 
 
-def _missed(told: Campaign, truth: Mapping[str, float], a: EvaluatedModel) -> float:
+def _missed(recorded: Campaign, truth: Mapping[str, float], a: EvaluatedModel) -> float:
     """Return half the squares of what a simulator misses of a recording, by the gap that a's
     effects make."""
-    neutral = library.neutral(told.drive.motor)
+    neutral = library.neutral(recorded.drive.motor)
     gone = tuple(f"{e}." for e in a.effects)
     without = {**truth, **{k: v for k, v in neutral.items() if k.startswith(gone)}}
-    n = normal(Point(as_predicted(prepare(told, without, steps=1), truth), without), ())
+    n = normal(Point(as_predicted(prepare(recorded, without, steps=1), truth), without), ())
     count = sum(float(s.n.sum()) for s in n.segments)
     return 0.5 * (FLOOR * count + SHARE * n.summed().rr)
 
 
 def _surprise(
-    told: Campaign, truth: Mapping[str, float], j: EvaluatedModel, variance: float, workers: int
+    recorded: Campaign, truth: Mapping[str, float], j: EvaluatedModel, variance: float, workers: int
 ) -> tuple[float, float]:
     """Return how badly a hypothesis foretells a recording that a truth has told: what it cannot
     follow, its spread."""
     belief = dict(j.fit.point.values)
-    point = Point(as_predicted(prepare(told, belief, steps=1), truth), belief)
+    point = Point(as_predicted(prepare(recorded, belief, steps=1), truth), belief)
     own = [c for c in j.normal.coordinates if c.form not in (*OF_POINT, *STEPS)]
     n = normal(point, own, workers=workers)
     a, g, rr = n.summed()
@@ -229,7 +236,7 @@ def recommend(
         entries = [e for e in entries if e.rotor == "locked"]  # nothing says how fast it may turn
     found = [x for e in entries if (x := _tried(campaign, e, rivals[:2], variance, workers))]
     if len(rivals) > 2:
-        found.sort(key=lambda x: (power(rivals[:2], x), x.told.min()), reverse=True)
+        found.sort(key=lambda x: (power(rivals[:2], x), x.evidence.min()), reverse=True)
         found = [
             x for y in found[:CLOSER] if (x := _tried(campaign, y.entry, rivals, variance, workers))
         ]
@@ -237,7 +244,9 @@ def recommend(
     for length in LONGER if found else ():
         if max(power(rivals, x) for x in known) >= SURE:
             break
-        promising = max(found, key=lambda x: (power(rivals, x.longer(length)), float(x.told.min())))
+        promising = max(
+            found, key=lambda x: (power(rivals, x.longer(length)), float(x.evidence.min()))
+        )
         if power(rivals, promising.longer(length)) >= LEAST_POWER:
             slower = allowed(
                 campaign.drive, campaign.limits, length * usual_seconds(campaign.drive)
@@ -248,7 +257,7 @@ def recommend(
     if best is None:
         return None
     entry, separates = best.entry, tuple(j.effects for _, j in rivals)
-    gain, reached = float(best.told.min()), power(rivals, best)
+    gain, reached = float(best.evidence.min()), power(rivals, best)
     description = f"{entry.description} ({settings(entry, campaign.drive)})"
     return Next(entry.name, description, entry.seconds, separates, gain, reached)
 
@@ -256,11 +265,11 @@ def recommend(
 def _best(rivals: Rivals, known: Sequence[Tried]) -> Tried | None:
     """Return what surely settles it with the least gap, as a larger one shows more of the
     simulator's own error; else the most telling; None below LEAST_POWER."""
-    told = [(power(rivals, x), x) for x in known]
-    sure = [x for p, x in told if p >= SURE]
+    powers = [(power(rivals, x), x) for x in known]
+    sure = [x for p, x in powers if p >= SURE]
     if sure:
         return min(sure, key=lambda x: float(x.missed.max()))
-    likely = [(p, -x.entry.seconds, k) for k, (p, x) in enumerate(told) if p >= LEAST_POWER]
+    likely = [(p, -x.entry.seconds, k) for k, (p, x) in enumerate(powers) if p >= LEAST_POWER]
     return known[max(likely)[2]] if likely else None
 
 
@@ -270,7 +279,7 @@ def _tried(
     """Return what an entry tells about rivals; None where it cannot be simulated, or not with
     finite currents."""
     judged = [j for _, j in rivals]
-    told, apart, missed = (
+    evidence, apart, missed = (
         np.full((len(judged),) * 2, np.inf),
         np.zeros((len(judged),) * 2),
         np.zeros(len(judged)),
@@ -278,13 +287,15 @@ def _tried(
     try:
         for k, a in enumerate(judged):
             others = [m for m in range(len(judged)) if m != k]
-            told[k, others], apart[k, others], missed[k] = expected_evidence(
+            evidence[k, others], apart[k, others], missed[k] = expected_evidence(
                 campaign, entry, a, [judged[m] for m in others], variance, workers
             )
     except (BadInput, PhysicsError, np.linalg.LinAlgError):
         return None
-    finite = np.isfinite(told[~np.eye(len(judged), dtype=bool)]).all() and np.isfinite(apart).all()
-    return Tried(entry, told, apart, missed) if finite and np.isfinite(missed).all() else None
+    finite = (
+        np.isfinite(evidence[~np.eye(len(judged), dtype=bool)]).all() and np.isfinite(apart).all()
+    )
+    return Tried(entry, evidence, apart, missed) if finite and np.isfinite(missed).all() else None
 
 
 def power(rivals: Rivals, tried: Tried) -> float:
@@ -305,7 +316,7 @@ def power(rivals: Rivals, tried: Tried) -> float:
         shared = 0.5 * (apart[:, None] + apart[None, :] - between)  # by the cosine rule
         np.fill_diagonal(shared, apart)
         size, way = np.linalg.eigh(2.0 * (1.0 + 2.0 * LEANS**2 * tried.missed[k]) * shared)
-        evidence = tried.told[k, others] + (draws * np.sqrt(np.maximum(size, 0.0))) @ way.T
+        evidence = tried.evidence[k, others] + (draws * np.sqrt(np.maximum(size, 0.0))) @ way.T
         left = np.exp(np.clip(np.log(p[others] / own) - evidence, -700.0, 700.0)).sum(axis=1)
         out += float(own / p.sum() * np.mean(1.0 / (1.0 + left) >= CREDIBLE))
     return out

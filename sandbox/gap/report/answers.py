@@ -112,10 +112,12 @@ def answer(
     listed = ranking(d, workers)
     left_before = shown(d.before.point)
     odd = odd_phase(d.before.point, left_before)
-    told = map_found(d.best.evaluated.fit)
+    flux_map = map_found(d.best.evaluated.fit)
     error, why = (None, position) if isinstance(position, str) else (position, "")
     drawn = curves_found(d.best.evaluated)
-    return Answers(d, found, error, following, left, alike(d), listed, odd, apart, why, told, drawn)
+    return Answers(
+        d, found, error, following, left, alike(d), listed, odd, apart, why, flux_map, drawn
+    )
 
 
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
@@ -229,9 +231,12 @@ def _recording(a: Answers) -> str:
     """Return the recording that is recommended, and what it will tell."""
     if a.following is None:
         return ""
-    told, chance = "; ".join(names(s) for s in a.following.separates), likely(a.following.power)
+    separated, chance = (
+        "; ".join(names(s) for s in a.following.separates),
+        likely(a.following.power),
+    )
     text = f"Record: {a.following.description}, for {a.following.seconds:g} s."
-    return f"{text} That it leaves only the true one of these is {chance}: {told}."
+    return f"{text} That it leaves only the true one of these is {chance}: {separated}."
 
 
 def _unforetold(a: Answers) -> float | None:
@@ -311,14 +316,14 @@ def next_text(a: Answers) -> str:
             "acts beside, no recording of a "
             "known effect tells: record operating points that are not in the campaign yet."
         )
-    told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
-    if not told:
+    advice = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
+    if not advice:
         return "No effect is known that a recording could confirm."
     held = a.verdict == "ambiguous" and a.diagnosis.campaign.limits != NO_LIMITS
     none = (
         "Within [limits] no recording of the menu is likely to leave one of them. " if held else ""
     )
-    return f"{none}Recordings that show more, for {told}."
+    return f"{none}Recordings that show more, for {advice}."
 
 
 def _allowed(campaign: Campaign) -> str:
@@ -455,11 +460,15 @@ def _of_noise(d: Diagnosis) -> list[str]:
     return out
 
 
-def _of_the_model(told: Mapping[str, str]) -> list[str]:
+def _of_the_model(provenance: Mapping[str, str]) -> list[str]:
     """Return what of a nominal model's provenance limits the answers; the whole of it stands with
     the model."""
-    assumed = [what for what, text in told.items() if text.startswith("assumed")]
-    out = [f"Cannot show: {text}" for what, text in told.items() if what.startswith("cannot show")]
+    assumed = [what for what, text in provenance.items() if text.startswith("assumed")]
+    out = [
+        f"Cannot show: {text}"
+        for what, text in provenance.items()
+        if what.startswith("cannot show")
+    ]
     return out + (
         [
             (

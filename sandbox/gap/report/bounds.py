@@ -35,12 +35,12 @@ def sentence(held: Sequence[Held]) -> str:
     does."""
     if not held:
         return ""
-    told = [
+    texts = [
         f"the {_title(h.name)} stands at its bound of {_deviations(h)}: {_value(h)}" for h in held
     ]
     they, them, go = ("it", "it", "goes") if len(held) == 1 else ("they", "them", "go")
     return (
-        f"{capital('; '.join(told))}. Either {they} may be further off than [uncertainty] or "
+        f"{capital('; '.join(texts))}. Either {they} may be further off than [uncertainty] or "
         "[background] of the campaign says (usual sizes where they say nothing), or something that "
         f"is not named pushes {them}: as an ordinary deviation {they} {go} no further."
     )

@@ -62,10 +62,10 @@ def alike(d: Diagnosis) -> Alike | None:
     cosines = _cosines(a, b.effects) | _cosines(b, a.effects)
     if not cosines:
         return None
-    told = _way(a, b) / d.variance
-    kept = np.isfinite(told)
-    shares, told = WAY[kept], told[kept] - told[kept].max()
-    return Alike(a.effects, b.effects, cosines, tuple(map(float, shares)), tuple(map(float, told)))
+    gains = _way(a, b) / d.variance
+    kept = np.isfinite(gains)
+    shares, gains = WAY[kept], gains[kept] - gains[kept].max()
+    return Alike(a.effects, b.effects, cosines, tuple(map(float, shares)), tuple(map(float, gains)))
 
 
 def _cosines(j: EvaluatedModel, other: Sequence[str]) -> dict[str, float]:

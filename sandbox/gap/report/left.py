@@ -84,12 +84,12 @@ def beside_text(a: Answers) -> str:
         f"{ACTING[x.acts_as]} that depends on {HANGS[x.hangs_on]}" for x in described
     )
     worth = own.beside.worth
-    told = (
+    sentence = (
         "stands"
         if worth is None
         else f"predicts {percent_fine(worth)} of it on recordings left out"
     )
-    text = f"A free regression fitted beside the effects {told}" + (
+    text = f"A free regression fitted beside the effects {sentence}" + (
         f", mostly as {acts}." if acts else "."
     )
     named = [e for e in a.diagnosis.best.effects if e != UNKNOWN]

@@ -91,22 +91,22 @@ class Remaining:
             "frequency": None if self.frequency is None else asdict(self.frequency),
         }
 
-    def told(self) -> str:
+    def text(self) -> str:
         """Return where it lies as a sentence, `unknown.where`; '' where no region holds most of
         it."""
         most = [max(regions, key=lambda x: x.share) for regions in (self.speed, self.current)]
-        told = [
+        texts = [
             f"{tenths(x.share)} {x.region}{_range(x.low, x.high, x.unit)}"
             for x in most
             if x.share >= MOSTLY
         ]
-        told += [f"{tenths(o.share)} of {o.of} order {o.order}" for o in self.angle]
+        texts += [f"{tenths(o.share)} of {o.of} order {o.order}" for o in self.angle]
         if self.frequency is not None:
-            told.append(
+            texts.append(
                 f"{tenths(self.frequency.share)} at a fixed {self.frequency.hz:.0f} Hz "
                 "at locked rotor"
             )
-        return f"Of what remains after the fit, {', '.join(told)}." if told else ""
+        return f"Of what remains after the fit, {', '.join(texts)}." if texts else ""
 
 
 def _range(low: float, high: float | None, unit: str) -> str:
@@ -184,8 +184,8 @@ class OpenPart:
 
     def sized(self, name: str, j: EvaluatedModel) -> OpenPart:
         """Return the same with the parameters of one more effect, in a set that holds it."""
-        told = estimates_beside(j, self.beside.equations)
-        return replace(self, parameters={**self.parameters, name: own_of(name, told)})
+        sizes = estimates_beside(j, self.beside.equations)
+        return replace(self, parameters={**self.parameters, name: own_of(name, sizes)})
 
 
 def own_of(effect: str, parameters: Mapping[str, Estimate]) -> dict[str, Estimate]:
@@ -201,5 +201,5 @@ def open_part(d: Diagnosis, workers: int) -> OpenPart | None:
     if found is None:
         return None
     freed = replace(j.model, equations=found.equations.scaled(d.variance))
-    told = estimates_beside(j, found.equations)
-    return OpenPart(found, by_algebra(freed, j.effects), {e: own_of(e, told) for e in j.effects})
+    sizes = estimates_beside(j, found.equations)
+    return OpenPart(found, by_algebra(freed, j.effects), {e: own_of(e, sizes) for e in j.effects})

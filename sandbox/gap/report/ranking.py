@@ -46,7 +46,7 @@ class Ranking:
     open_part: OpenPart | None = None
     moved: Mapping[str, Mapping[str, Moved]] = field(default_factory=dict)
     where: Remaining | None = None
-    told: Mapping[str, Telling | None] = field(default_factory=dict)
+    tellings: Mapping[str, Telling | None] = field(default_factory=dict)
     rivals: Mapping[tuple[str, ...], Mapping[str, Share]] = field(default_factory=dict)
     of_best: tuple[str, ...] = ()  # effects of the best hypothesis
 
@@ -64,7 +64,7 @@ class Ranking:
                 "share": asdict(
                     Unexplained(0.0, None) if self.unexplained is None else self.unexplained
                 ),
-                "where": "" if self.where is None else self.where.told(),
+                "where": "" if self.where is None else self.where.text(),
                 "regions": None if self.where is None else self.where.as_json(),
                 "beside": None if self.open_part is None else self.open_part.as_json(),
             },
@@ -98,7 +98,7 @@ class Ranking:
         return self.open_part is not None and self.unknown >= LIKELY
 
     def _effect(self, name: str, chance: float) -> dict[str, Any]:
-        share, telling = self.shares.of.get(name), self.told.get(name)
+        share, telling = self.shares.of.get(name), self.tellings.get(name)
         group = self.inclusion.group_of(name)
         return {
             "name": name,
@@ -208,7 +208,7 @@ def completed(d: Diagnosis, r: Ranking) -> Ranking:
     and the share of every effect that is likely to be: those that are not in the best hypothesis as
     they are in the
     most probable set that holds them, by the equations at the best hypothesis' point."""
-    sets, sized, told = _Sets(d, r), dict(r.parameters), dict[str, Telling | None]()
+    sets, sized, tellings = _Sets(d, r), dict(r.parameters), dict[str, Telling | None]()
     of, part = dict(r.shares.of), r.open_part
     for e, chance in r.inclusion.chances.items():
         if chance < SLIGHT:
@@ -216,7 +216,7 @@ def completed(d: Diagnosis, r: Ranking) -> Ranking:
         j = sets.holding(e)
         if j is None:
             continue
-        told[e] = telling(j, e)
+        tellings[e] = telling(j, e)
         if not sized.get(e):
             sized[e] = own_of(e, estimates(j))
         if part is not None and e not in part.parameters:
@@ -224,7 +224,9 @@ def completed(d: Diagnosis, r: Ranking) -> Ranking:
         if chance > LIKELY and e not in of:
             shared = sets.shares(j)
             of |= {e: shared[e]} if e in shared else {}
-    r = replace(r, shares=replace(r.shares, of=of), parameters=sized, open_part=part, told=told)
+    r = replace(
+        r, shares=replace(r.shares, of=of), parameters=sized, open_part=part, tellings=tellings
+    )
     rivals = {} if verdict(d) == "no_gap" else sets.rivals(d)
     return replace(r, rivals=rivals, of_best=tuple(e for e in d.best.effects if e != UNKNOWN))
 

@@ -49,13 +49,13 @@ def refitted(d: Diagnosis) -> Refitted:
     )
     if UNKNOWN in d.best.effects:
         said += ", beside something outside the library (believe residuals, not names)"
-    told = dict(own.provenance)
+    origins = dict(own.provenance)
     untold = _untold(judged)
     for key in of_values:
-        told[key] = f"refitted to the recordings; nominal {getattr(own.motor, key):.6g}"
+        origins[key] = f"refitted to the recordings; nominal {getattr(own.motor, key):.6g}"
         if key in untold:
-            told[key] = "as stated: these recordings say nothing of it"
-    drive = dataclasses.replace(own, motor=motor, provenance=told)
+            origins[key] = "as stated: these recordings say nothing of it"
+    drive = dataclasses.replace(own, motor=motor, provenance=origins)
     units = {name: p.unit for name, p in library.parameters().items()} | {
         name: p.unit for name, p in BENCH.items()
     }

@@ -128,12 +128,13 @@ def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
     return f"{'; '.join(x for x in (first, rest) if x)}. Their sizes stand below."
 
 
-def _disputed(d: Diagnosis, sure: Sequence[str], told: Mapping[str, float]) -> str:
+def _disputed(d: Diagnosis, sure: Sequence[str], chance_of: Mapping[str, float]) -> str:
     """Return what only some of the likely hypotheses hold beside effects that all of them do, with
     its chance: the one that was told, or else the sum over hypotheses."""
     held = {e for h in d.ambiguity_set for e in h.effects} - set(sure)
     chances = {
-        e: told.get(e, sum(h.probability for h in d.hypotheses if e in h.effects)) for e in held
+        e: chance_of.get(e, sum(h.probability for h in d.hypotheses if e in h.effects))
+        for e in held
     }
     ranked = sorted(held, key=lambda e: (-chances[e], e))
     said = {e: "something outside the library" if e == UNKNOWN else words(e) for e in held}
@@ -174,10 +175,12 @@ def _listed(chosen: Sequence[Hypothesis], between: str, of_sets: Rivals) -> str:
     """Return hypotheses with their probabilities, the shares of the gap of each one's effects in
     the order of these, and `unknown` beside effects in words; of more than MANY how many there are.
     """
-    told = [_words(h, of_sets.get(tuple(_named(h)), {})) for h in chosen[:MANY]]
+    texts = [_words(h, of_sets.get(tuple(_named(h)), {})) for h in chosen[:MANY]]
     if rest := chosen[MANY:]:
-        told.append(f"{len(rest)} more sets ({percent(sum(h.probability for h in rest))} together)")
-    return between.join(told)
+        texts.append(
+            f"{len(rest)} more sets ({percent(sum(h.probability for h in rest))} together)"
+        )
+    return between.join(texts)
 
 
 def doubtful(d: Diagnosis) -> list[str]:
@@ -190,9 +193,9 @@ def doubtful(d: Diagnosis) -> list[str]:
 
 def _words(h: Hypothesis, shares: Mapping[str, float]) -> str:
     ranked = by_share(_named(h), shares)
-    told, chance = names(ranked), percent(h.probability)
+    text, chance = names(ranked), percent(h.probability)
     if UNKNOWN in h.effects:
         outside = "something outside the library"
-        told = f"{told} with {outside}" if ranked else outside
+        text = f"{text} with {outside}" if ranked else outside
     known = [tenths(shares[e]) for e in ranked if e in shares]
-    return f"{told} ({chance}{f'; of the gap {listing(known)}' if known else ''})"
+    return f"{text} ({chance}{f'; of the gap {listing(known)}' if known else ''})"

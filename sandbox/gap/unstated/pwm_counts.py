@@ -108,9 +108,11 @@ def pwm_counts(point: Point) -> Counted | None:
     if converter.pwm_counts is not None or converter.periods_a_row > 1:
         return None
     likely = settled(parts_of(point))
-    if likely is None or not np.logaddexp.reduce(likely.told) > math.log(SURE / (1.0 - SURE)):
+    if likely is None or not np.logaddexp.reduce(likely.log_posterior) > math.log(
+        SURE / (1.0 - SURE)
+    ):
         return None
-    best, own = int(np.argmax(likely.told)), likely.counts[credible(likely.told)]
+    best, own = int(np.argmax(likely.log_posterior)), likely.counts[credible(likely.log_posterior)]
     value, share = int(likely.counts[best]), float(likely.share[best])
     clock = 2.0 * value / (converter.sampling_period * converter.samples_a_period)
     return Counted(
@@ -119,7 +121,7 @@ def pwm_counts(point: Point) -> Counted | None:
         int(own.max()),
         clock,
         share,
-        float((likely.told - log_prior(likely.counts))[best]),
+        float((likely.log_posterior - log_prior(likely.counts))[best]),
     )
 
 
@@ -128,7 +130,7 @@ class Likely(NamedTuple):
     and the shares (m,) of what they foretell that are there."""
 
     counts: Counts
-    told: Array
+    log_posterior: Array
     share: Array
 
 
@@ -145,11 +147,13 @@ def settled(parts: Sequence[Part]) -> Likely | None:
         counts, along, square = found
         best = int(np.argmax(along - 0.5 * square + log_prior(counts)))
         left = [p._replace(y=p.y - added(p, counts[best])) for p in parts]
-        told = (along - 0.5 * square) / alike(left, variance, counts[best]) + log_prior(counts)
+        log_posterior = (along - 0.5 * square) / alike(left, variance, counts[best]) + log_prior(
+            counts
+        )
         before, same = counts[best], counts[best] == before
         if same:
             break
-    return Likely(counts, told, along / square)
+    return Likely(counts, log_posterior, along / square)
 
 
 def looked(parts: Sequence[Part], variance: Sequence[float]) -> tuple[Counts, Array, Array] | None:
@@ -240,9 +244,9 @@ def log_prior(counts: Counts) -> Array:
     return np.asarray(-np.log(counts) - math.log(math.log((MOST + 1.0) / FEWEST)))
 
 
-def credible(told: Array) -> NDArray[np.int64]:
+def credible(log_posterior: Array) -> NDArray[np.int64]:
     """Return the places of the fewest numbers that hold SURE of the posterior, none left aside."""
-    chance = np.exp(told - np.logaddexp.reduce(told))
+    chance = np.exp(log_posterior - np.logaddexp.reduce(log_posterior))
     order = np.argsort(-chance)
     return order[: 1 + int(np.searchsorted(np.cumsum(chance[order]), SURE))]
 

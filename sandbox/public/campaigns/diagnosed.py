@@ -64,23 +64,23 @@ class DiagnosisResult(Result):
         from sandbox.gap.report.diagnosis_json import document
 
         a = self.answers
-        told = document(
+        content = document(
             a.diagnosis, a.where, a.position, a.following, a.remains, a.alike, a.ranking
         )
-        if self.table is not None and told["next_recording"] is not None:
-            told["next_recording"] |= {
+        if self.table is not None and content["next_recording"] is not None:
+            content["next_recording"] |= {
                 "table": NAME,
                 "recording": dict(self.table.recording),
                 "limits": dict(self.table.limits),
             }
         drifts = a.diagnosis.drifting
-        told["recording_offsets"] = None if drifts is None else drifts.as_json()
+        content["recording_offsets"] = None if drifts is None else drifts.as_json()
         rounds = a.diagnosis.counted
-        told["pwm_counts"] = None if rounds is None else rounds.as_json()
-        told["flux_map"] = None if a.map_found is None else asdict(a.map_found)
-        told["curves"] = [asdict(c) for c in a.curves]
-        told["odd_phase"] = None if a.odd_phase is None else asdict(a.odd_phase)
-        return told | {"simulator": self.refitted.as_json(), "continued": self.continued}
+        content["pwm_counts"] = None if rounds is None else rounds.as_json()
+        content["flux_map"] = None if a.map_found is None else asdict(a.map_found)
+        content["curves"] = [asdict(c) for c in a.curves]
+        content["odd_phase"] = None if a.odd_phase is None else asdict(a.odd_phase)
+        return content | {"simulator": self.refitted.as_json(), "continued": self.continued}
 
     @cached_property
     def table(self) -> BenchTable | None:
@@ -310,12 +310,14 @@ def earlier_answer(place: str | Path) -> dict[str, Any]:
     remedy = "give the folder that an earlier `sensorless diagnose` wrote"
     text = given_bytes(path, MOST_JSON, remedy)
     try:
-        told = json.loads(text)
-        sets = [tuple(sorted(str(e) for e in one if e != UNKNOWN)) for one in told["ambiguity_set"]]
+        content = json.loads(text)
+        sets = [
+            tuple(sorted(str(e) for e in one if e != UNKNOWN)) for one in content["ambiguity_set"]
+        ]
         said = {
-            "verdict": str(told["verdict"]),
-            "ambiguity_set": told["ambiguity_set"],
-            "recommended": (told["next_recording"] or {}).get("entry"),
+            "verdict": str(content["verdict"]),
+            "ambiguity_set": content["ambiguity_set"],
+            "recommended": (content["next_recording"] or {}).get("entry"),
         }
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise BadInput(f"'{path}' is no diagnosis.json; {remedy}") from None

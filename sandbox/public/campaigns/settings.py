@@ -122,11 +122,11 @@ def check_settings(
         raise BadInput(
             f"bandwidth = {bandwidth_hz:g} Hz is out of range; give a current loop's, up to 1e5 Hz"
         )
-    folder, told = _result(Path(result))
+    folder, content = _result(Path(result))
     motor = read_toml(folder / "motor.toml") if is_file(folder / "motor.toml") else {}
     try:
-        found, untold = _found(motor, folder, told)
-        named = sorted({str(e) for e in _best(told).get("effects", []) if e in OF_VOLTAGE})
+        found, untold = _found(motor, folder, content)
+        named = sorted({str(e) for e in _best(content).get("effects", []) if e in OF_VOLTAGE})
         pairs = str(motor.get("motor", {}).get("pole_pairs", 1))
     except (AttributeError, LookupError, TypeError):
         # of another shape than identify and diagnose give it
@@ -143,7 +143,7 @@ def check_settings(
     own = _stated(read.stated, pairs) | read.control
     omega = None if bandwidth_hz is None else math.tau * bandwidth_hz
     return SettingsResult(
-        str(told["campaign"]), read.program, tuple(settings(own, found, untold, omega, named))
+        str(content["campaign"]), read.program, tuple(settings(own, found, untold, omega, named))
     )
 
 
@@ -153,13 +153,13 @@ def _result(path: Path) -> tuple[Path, dict[str, Any]]:
     for file in (folder / name for name in FILES.values()):
         if is_file(file):
             try:
-                told = json.loads(
+                content = json.loads(
                     given_bytes(file, MAX_BYTES, "give a result of identify or diagnose")
                 )
             except (ValueError, RecursionError) as error:
                 raise BadInput(f"{file}: no whole JSON ({error}); make the result again") from None
-            if isinstance(told, dict) and isinstance(told.get("campaign"), str):
-                return folder, told
+            if isinstance(content, dict) and isinstance(content.get("campaign"), str):
+                return folder, content
             raise BadInput(f"{file}: no result of identify or diagnose; make it again")
     raise BadInput(
         f"{path} holds neither identify.json nor diagnosis.json; give the folder that "
@@ -167,14 +167,14 @@ def _result(path: Path) -> tuple[Path, dict[str, Any]]:
     )
 
 
-def _best(told: Mapping[str, Any]) -> dict[str, Any]:
+def _best(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the first hypothesis of a diagnosis; nothing of an identification."""
-    every = told.get("hypotheses") or [{}]
+    every = content.get("hypotheses") or [{}]
     return every[0] if isinstance(every[0], dict) else {}
 
 
 def _found(
-    motor: Mapping[str, Any], folder: Path, told: Mapping[str, Any]
+    motor: Mapping[str, Any], folder: Path, content: Mapping[str, Any]
 ) -> tuple[dict[str, Found], dict[str, str]]:
     """Return the values that a result tells, with their intervals, and why others are not told."""
     own, ends = motor.get("motor", {}), motor.get("ci95", {})
@@ -183,8 +183,8 @@ def _found(
         value, both = finite(own.get(name)), [finite(x) for x in ends.get(name, ())]
         if value is not None and len(both) == 2 and both[0] is not None and both[1] is not None:
             found[name] = Found(value, (both[0], both[1]))
-    untold = {str(x["parameter"]): str(x["why"]) for x in told.get("cannot_tell", ())}
-    lost = _lost(motor, folder, _best(told))
+    untold = {str(x["parameter"]): str(x["why"]) for x in content.get("cannot_tell", ())}
+    lost = _lost(motor, folder, _best(content))
     return (found if lost is None else {**found, "dead_time": lost}), untold
 
 

@@ -101,7 +101,7 @@ def golden_of(drive: Drive, names: Iterable[str], belief: str = "saturated") -> 
     believed = belief_of(drive, belief)
     angles = tuple(float(f"{angle:.6g}") for angle in run.recording.theta[starts])
     bare = Golden(drive.name, believed, tuning, angles, samples, {})
-    return replace(bare, told={name: in_windows(one, bare) for name, one in own.items()})
+    return replace(bare, estimates={name: in_windows(one, bare) for name, one in own.items()})
 
 
 def in_windows(estimator: Estimator, golden: Golden) -> np.ndarray:

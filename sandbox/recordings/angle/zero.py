@@ -186,13 +186,13 @@ class _Turned:
         """Return the angle (n,) with its zero and its drift, the drift (rad over the recording),
         and how far parts stray from it (rad rms)."""
         sharp = np.ptp(self.curves, axis=1)
-        told = np.flatnonzero(sharp > SHARP * sharp.max())
-        if len(told) < 3:
+        clear = np.flatnonzero(sharp > SHARP * sharp.max())
+        if len(clear) < 3:
             return self.theta + self.zero, 0.0, 0.0
-        own = np.unwrap(ZEROS[np.argmin(self.curves[told], axis=1)])
-        place = self.middle[told] / len(self.theta)
-        rate, at = np.polyfit(place, own, 1, w=np.sqrt(sharp[told]))
-        stray = float(np.sqrt(np.average((own - at - rate * place) ** 2, weights=sharp[told])))
+        own = np.unwrap(ZEROS[np.argmin(self.curves[clear], axis=1)])
+        place = self.middle[clear] / len(self.theta)
+        rate, at = np.polyfit(place, own, 1, w=np.sqrt(sharp[clear]))
+        stray = float(np.sqrt(np.average((own - at - rate * place) ** 2, weights=sharp[clear])))
         line = at + rate * self.middle / len(self.theta)
         own_open = sum(float(self._open(np.array([z]))[k, 0]) for k, z in enumerate(line))
         if abs(rate) < DRIFTS or own_open * TWICE > self.least * float(self.energy.sum()):

@@ -171,16 +171,16 @@ def with_saturation(
     the windows."""
     size = window or window_of(r.columns)
     with np.errstate(all="ignore"):  # currents of a wrong unit
-        told = balance(r.columns, drive, size, saturated=True)
+        balanced = balance(r.columns, drive, size, saturated=True)
     asked = min(LOOKED, len(r.t) // size)
-    return told if len(told.rows) >= 0.5 * asked else None
+    return balanced if len(balanced.rows) >= 0.5 * asked else None
 
 
 def saturation_explains(r: CampaignRecording, drive: Drive) -> bool:
     """Return whether a recording agrees with the nominal model once its saturation is asked,
     too."""
-    told = with_saturation(r, drive)
-    return told is not None and not told.doubtful
+    balanced = with_saturation(r, drive)
+    return balanced is not None and not balanced.doubtful
 
 
 def percent(share: float) -> str:

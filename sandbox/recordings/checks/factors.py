@@ -193,5 +193,5 @@ def _left_by(r: CampaignRecording, b: Balance, drive: Drive) -> float:
     left = max(b.share - b.noise, 0.0)
     if left < WORTH_ASKING:
         return left
-    told: Any = with_saturation(r, drive)
-    return left if told is None else min(left, max(told.share - told.noise, 0.0))
+    balanced: Any = with_saturation(r, drive)
+    return left if balanced is None else min(left, max(balanced.share - balanced.noise, 0.0))

@@ -61,13 +61,13 @@ def off_pace(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Find
     """Return a finding where the voltage turns faster or slower than the angle: pole pairs, or a
     gear in between."""
     for r in recordings:
-        told = ratio_of(r, drive)
-        if told is None or abs(abs(told[0]) - 1.0) <= told[1]:
+        ratio = ratio_of(r, drive)
+        if ratio is None or abs(abs(ratio[0]) - 1.0) <= ratio[1]:
             continue
         text = (
-            f"{r.file}: the voltage turns {told[0]:.4g} times as fast as column 'theta'; with "
+            f"{r.file}: the voltage turns {ratio[0]:.4g} times as fast as column 'theta'; with "
             f"pole_pairs = {drive.motor.pole_pairs:g} that would be "
-            f"{drive.motor.pole_pairs * told[0]:.3g} pairs: correct pole_pairs, the angle's "
+            f"{drive.motor.pole_pairs * ratio[0]:.3g} pairs: correct pole_pairs, the angle's "
             "scale, or a gear between motor and encoder"
         )
         return [Finding(r.file, "theta", None, text)]
@@ -77,8 +77,8 @@ def off_pace(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Find
 def paces(parts: Sequence[Products]) -> Iterator[Change]:
     """Yield the angle's factor that the voltage shows where it turns at another pace: the one that
     leaves least of the recording that turns most, and the whole ones beside it."""
-    found = [(p, told) for p in parts if (told := ratio_of(p.recording, p.drive)) is not None]
-    found = [(p, told) for p, told in found if abs(abs(told[0]) - 1.0) > told[1]]
+    found = [(p, own) for p in parts if (own := ratio_of(p.recording, p.drive)) is not None]
+    found = [(p, own) for p, own in found if abs(abs(own[0]) - 1.0) > own[1]]
     if not found:
         yield from _whole(parts)
         yield from _any(parts)

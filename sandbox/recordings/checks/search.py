@@ -198,9 +198,9 @@ def bases(
             continue
         best = -0.5 * slope / bend
         found = of_base(part, best if part == CURRENT else 1.0 / best, drive, source)
-        told = part == VOLTAGE or left(found) * BETTER < none
+        clear = part == VOLTAGE or left(found) * BETTER < none
         far = abs(math.log(found.scale)) > math.log(BASE[part])
-        if told and far and all(together(found, c) for c in beside):
+        if clear and far and all(together(found, c) for c in beside):
             yield found
 
 

@@ -106,19 +106,20 @@ def shifts(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Shift]
     """Return the shift that explains recordings together far better, or else those of single
     ones."""
     linear = ((r, own) for r in recordings if (own := curves(r, drive)) and _now(own) > NOTICED)
-    told = {r.file: own for r, c in linear if _now(own := _as_it_stands(c, r, drive)) > NOTICED}
-    if not told:
+    noticed = {r.file: own for r, c in linear if _now(own := _as_it_stands(c, r, drive)) > NOTICED}
+    if not noticed:
         return []
-    most = min(len(c[VOLTAGES]) for c in told.values()) // 2
+    most = min(len(c[VOLTAGES]) for c in noticed.values()) // 2
     together: dict[tuple[str, ...], Array] = {
-        moved: np.mean([_inner(c[moved], most) for c in told.values()], axis=0) for moved in MOVED
+        moved: np.mean([_inner(c[moved], most) for c in noticed.values()], axis=0)
+        for moved in MOVED
     }
     best = _best(together)
-    found = [f for f, c in told.items() if _answers(c, best)]
-    if found and all(_left(c, best) <= _now(c) + NOTICED for c in told.values()):
-        return [_shift(best, told, found)]
-    alone = {f: _best(c) for f, c in told.items() if _now(c) > UNDISTURBED}
-    return [_shift(own, told, [f]) for f, own in alone.items() if _answers(told[f], own)]
+    found = [f for f, c in noticed.items() if _answers(c, best)]
+    if found and all(_left(c, best) <= _now(c) + NOTICED for c in noticed.values()):
+        return [_shift(best, noticed, found)]
+    alone = {f: _best(c) for f, c in noticed.items() if _now(c) > UNDISTURBED}
+    return [_shift(own, noticed, [f]) for f, own in alone.items() if _answers(noticed[f], own)]
 
 
 def _as_it_stands(
@@ -126,8 +127,8 @@ def _as_it_stands(
 ) -> dict[tuple[str, ...], Array]:
     """Return a recording's curves, at no shift what the saturated model leaves where that is
     less."""
-    told = with_saturation(r, drive, window=1)
-    if told is None or (left := max(told.share - told.noise, 0.0)) >= _now(c):
+    balanced = with_saturation(r, drive, window=1)
+    if balanced is None or (left := max(balanced.share - balanced.noise, 0.0)) >= _now(c):
         return c
     return {
         moved: np.concatenate([x[: len(x) // 2], [left], x[len(x) // 2 + 1 :]])
@@ -155,10 +156,10 @@ def is_turn(recordings: Sequence[CampaignRecording], shift: Shift) -> bool:
 
 def _shift(
     best: tuple[int, tuple[str, ...]],
-    told: dict[str, dict[tuple[str, ...], Array]],
+    noticed: dict[str, dict[tuple[str, ...], Array]],
     files: list[str],
 ) -> Shift:
-    own = told[files[0]]
+    own = noticed[files[0]]
     return Shift(*best, tuple(files), _now(own), _left(own, best))
 
 

@@ -43,9 +43,9 @@ def without_disturbed(campaign: Campaign) -> Campaign:
     squares, rows, findings, out = 0.0, 0, list[Finding](), list[CampaignRecording]()
     least = noticed(campaign)
     for r in campaign.recordings:
-        own, told, missed = _mended(r, campaign.drive, least)
+        own, notes, missed = _mended(r, campaign.drive, least)
         out.append(own)
-        findings += told
+        findings += notes
         squares, rows = squares + missed, rows + len(r.t)
     if not findings:
         return campaign

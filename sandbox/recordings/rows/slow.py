@@ -50,7 +50,7 @@ def with_slow_rows(campaign: Campaign) -> Campaign:
     c = campaign.drive.converter
     if c.periods_a_row == 1 or not campaign.recordings:
         return campaign
-    way, told = c.between_rows, "as [drive] between_rows says"
+    way, reason = c.between_rows, "as [drive] between_rows says"
     if way is None:
         share, deviation = interpolated(campaign)
         sure = (
@@ -58,9 +58,9 @@ def with_slow_rows(campaign: Campaign) -> Campaign:
             and min(abs(share), abs(share - 1.0)) < NEAR + deviation
         )
         way = INTERPOLATED if sure and share > 0.5 else HELD
-        told = f'as the recordings show; write between_rows = "{way}" in [drive] to state it'
+        reason = f'as the recordings show; write between_rows = "{way}" in [drive] to state it'
         if not sure:
-            told = (
+            reason = (
                 f'nothing in the recordings tells; [drive] between_rows = "{INTERPOLATED}" '
                 "is the other way"
             )
@@ -68,8 +68,8 @@ def with_slow_rows(campaign: Campaign) -> Campaign:
     first = campaign.recordings[0].file
     text = (
         f"{first}: rows are {c.periods_a_row} PWM periods apart: the drive is simulated in every "
-        f"period, its commands {WORDS[way]} ({told}). What happens within {c.sampling_period:.3g} "
-        "s is not seen: the current controller at work, injection above "
+        f"period, its commands {WORDS[way]} ({reason}). What happens within "
+        f"{c.sampling_period:.3g} s is not seen: the current controller at work, injection above "
         f"{0.5 / c.sampling_period:.4g} Hz, delays below a row; log every period to see it"
     )
     injected = [r.file for r in campaign.recordings if r.injection_axis != "none"]

@@ -66,7 +66,7 @@ def test_golden_vectors_are_the_twins(name):
     golden = read_golden()
     found = in_windows(load_estimator(name), golden)
     # the samples kept are rounded in their ninth digit, and each angle is some digits of them
-    np.testing.assert_allclose(found, golden.told[name], rtol=10 * DIGITS, atol=100 * DIGITS)
+    np.testing.assert_allclose(found, golden.estimates[name], rtol=10 * DIGITS, atol=100 * DIGITS)
 
 
 @needs_compiler
@@ -79,7 +79,9 @@ def test_in_c_on_golden_vectors(name, libraries):
     np.testing.assert_allclose(
         in_windows(libraries[name, True], golden), twin, rtol=1e-9, atol=1e-9
     )
-    narrow = wrapped(in_windows(libraries[name, False], golden)[:, 0] - golden.told[name][:, 0])
+    narrow = wrapped(
+        in_windows(libraries[name, False], golden)[:, 0] - golden.estimates[name][:, 0]
+    )
     assert np.degrees(np.abs(narrow)).max() <= TOLERANCE_DEG
 
 

@@ -30,7 +30,7 @@ def ranking(chances, unknown=0.0, **more):
         beside_unknown=False,
         unexplained=Unexplained(0.125, (0.0625, 0.25)),
         where=None,
-        told={},
+        tellings={},
         sizes=lambda e: own["parameters"].get(e, {}),
         shares=SimpleNamespace(of=own["of"], waterfall=own["waterfall"]),
         parameters=own["parameters"],

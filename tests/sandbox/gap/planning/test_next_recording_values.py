@@ -74,4 +74,4 @@ def test_rivals_on_one_side_go_together(between, sides):
 
 def test_a_longer_recording_brings_as_much_more():
     t = Tried(named(), np.array([[1.0]]), np.array([[2.0]]), np.array([3.0])).longer(4.0)
-    assert (t.told, t.apart, t.missed) == (4.0, 8.0, 12.0)
+    assert (t.evidence, t.apart, t.missed) == (4.0, 8.0, 12.0)
