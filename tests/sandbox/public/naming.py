@@ -28,9 +28,10 @@ def of(*names):
 
 
 def names_tested():
-    """Return the names of the page that tests of the sandbox are marked with."""
+    """Return the names of the page that tests of the page and of the commands are marked with."""
     found = set()
-    for path in (ROOT / "tests" / "sandbox").rglob("test_*.py"):
+    rooms = (ROOT / "tests" / "sandbox" / room for room in ("public", "cli"))
+    for path in (path for room in rooms for path in room.rglob("test_*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if (
                 isinstance(node, ast.Call)
