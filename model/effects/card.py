@@ -268,7 +268,8 @@ class Part:
     first_at: Mapping[str, float] = field(default_factory=dict)
 
 
-REPEATED = ("magnets", "energy", "torque")  # ports at which parts beyond the first can enter
+# ports at which parts beyond the first can enter
+REPEATED = ("magnets", "energy", "torque", "angle")
 
 
 class Limit(NamedTuple):

@@ -17,8 +17,7 @@ from model.compiled import kernel
 from model.frames import stationary
 from sandbox.drive.inside import commanded
 from sandbox.plant import additions as add
-from sandbox.plant import ports
-from sandbox.plant.sampling import read
+from sandbox.plant.sampling import misread, read
 
 SOONEST, LATEST = -0.45, 0.45  # of the period: instants of sampling, jitter included
 # places among the instants looked at: the sample for t_k and, where it is before its pattern, the
@@ -59,8 +58,8 @@ def encoder(w, features, theta, omega, step):
     off, slope = 0.0, 1.0
     if features & add.WOBBLE:
         pairs, turn, small = w.pairs[0], theta / w.pairs[0], 1e-6
-        off = ports.angle(w, 0, turn, pairs)
-        slope = 1.0 + (ports.angle(w, 0, turn + small, pairs) - off) / (small * pairs)
+        off = misread(w, 0, turn)
+        slope = 1.0 + (misread(w, 0, turn + small) - off) / (small * pairs)
     angle = theta + w.offset[0] + off
     return (step * math.floor(angle / step + 0.5) if step > 0.0 else angle), omega * slope
 

@@ -50,7 +50,7 @@ from sandbox.drive.loop import (
     sample_of,
 )
 from sandbox.drive.sensing import read_link
-from sandbox.switched.advance import measure, sensor
+from sandbox.switched.advance import measure, misread_slope, sensor
 from sandbox.switched.bench_numbers import SwitchedBench
 from sandbox.switched.blocked import coast
 from sandbox.switched.inverter import (
@@ -100,10 +100,7 @@ def run_signature(belief: Any, inside: Any, of_bench: Any = BENCH) -> Any:
 def encoder_slope(b, theta, speed):
     """Return the slope (rad/s, electrical) of an encoder's angle with its errors, without
     counts."""
-    slope = b.eccentricity / b.pole_pairs * math.cos(theta / b.pole_pairs + b.eccentricity_phase)
-    if b.resolver != 0.0:
-        slope += 2.0 * b.resolver * math.cos(2.0 * theta / b.pole_pairs + b.resolver_phase)
-    return b.pole_pairs * speed * (1.0 + slope)
+    return b.pole_pairs * speed * (1.0 + misread_slope(b, theta))
 
 
 @kernel

@@ -121,6 +121,9 @@ FURTHER = {  # those of further parts, so many rows each
     "inductance_harmonics_further_alpha_03": 5,
     "inductance_harmonics_further_order": 5,
     "inductance_harmonics_further_phase": 5,
+    "encoder_eccentricity_further_amplitude_mech": 3,
+    "encoder_eccentricity_further_order_mech": 3,
+    "encoder_eccentricity_further_phase": 3,
     "cogging_torque_further_amplitude": 5,
     "cogging_torque_further_order_mech": 5,
     "cogging_torque_further_phase": 5,
@@ -399,4 +402,16 @@ def further_torque(w, k, j, turn, omega):
         w.cogging_torque_further_phase[k, j],
         turn,
         omega,
+    )
+
+
+@inlined
+def further_angle(w, k, j, turn, pairs):
+    """Return the same of the k-th further part of each effect."""
+    return encoder_eccentricity.of_order(
+        w.encoder_eccentricity_further_amplitude_mech[k, j],
+        w.encoder_eccentricity_further_order_mech[k, j],
+        w.encoder_eccentricity_further_phase[k, j],
+        turn,
+        pairs,
     )

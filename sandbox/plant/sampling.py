@@ -195,10 +195,20 @@ def read(w):
         w.read_a[j], w.read_b[j], w.read_c[j] = a + w.common[j], b + w.common[j], c + w.common[j]
 
 
+@inlined
+def misread(w, j, turn):
+    """Return what lane j's angle is read off at a mechanical angle (rad), in rad electrical: all
+    parts of effects together."""
+    off = ports.angle(w, j, turn, w.pairs[j])
+    for k in range(w.more_angle):
+        off += ports.further_angle(w, k, j, turn, w.pairs[j])
+    return off
+
+
 @kernel
 def deviate(w, turn):
     """Write by how much the angle's reading will be off where the encoder's mechanical angle is
     `turn` (rad)."""
     for j in range(w.psi_alpha.size):
         true = turn - (w.offset[j] + w.next_deviation[j]) / w.pairs[j]
-        w.next_deviation[j] = ports.angle(w, j, true, w.pairs[j])
+        w.next_deviation[j] = misread(w, j, true)

@@ -20,6 +20,7 @@ from model.parameters import Converter, Motor
 from sandbox.plant import additions, ports
 from sandbox.plant.gates.modulation import is_plain, modulated, modulation_of
 from sandbox.plant.mechanics import swing
+from sandbox.plant.sampling import misread
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.rows.commands import every_period
@@ -127,11 +128,11 @@ class Inputs:
 
 @kernel
 def readings_off(w, turn, out):
-    """Add to readings (n, lanes) of the angle what the port `angle` says at mechanical angles turn
-    (n,) (rad)."""
+    """Add to readings (n, lanes) of the angle what they are off at mechanical angles turn (n,)
+    (rad)."""
     for k in range(len(turn)):
         for j in range(w.psi_alpha.size):
-            out[k, j] += ports.angle(w, j, turn[k], w.pairs[j])
+            out[k, j] += misread(w, j, turn[k])
 
 
 def with_columns(track: Any, columns: Mapping[str, Array]) -> Any:

@@ -124,18 +124,41 @@ def rotor_flux(b: SwitchedBench, state: Vector) -> tuple[float, float]:
 
 
 @kernel
-def encoder(b, theta):
-    """Return the electrical angle as the encoder reads it: offset, eccentricity, resolver's error,
-    nearest count.
+def misread(b, theta):
+    """Return what the encoder errs by (rad, electrical) beside its offset: eccentricity, further
+    orders of a turn, a resolver's error.
 
     A resolver's error of second order is resolver sin(2 theta_mech + phase) in mechanical rad, as
     of one pole pair.
     """
-    read = theta + b.encoder_offset
+    turn, off = theta / b.pole_pairs, 0.0
     if b.eccentricity != 0.0:
-        read += b.eccentricity * math.sin(theta / b.pole_pairs + b.eccentricity_phase)
+        off += b.eccentricity * math.sin(turn + b.eccentricity_phase)
     if b.resolver != 0.0:
-        read += b.pole_pairs * b.resolver * math.sin(2.0 * theta / b.pole_pairs + b.resolver_phase)
+        off += b.pole_pairs * b.resolver * math.sin(2.0 * turn + b.resolver_phase)
+    for k in range(len(b.wobble)):
+        off += b.wobble[k] * math.sin(b.wobble_order[k] * turn + b.wobble_phase[k])
+    return off
+
+
+@kernel
+def misread_slope(b, theta):
+    """Return its slope by the electrical angle (rad/rad)."""
+    turn = theta / b.pole_pairs
+    slope = b.eccentricity / b.pole_pairs * math.cos(turn + b.eccentricity_phase)
+    if b.resolver != 0.0:
+        slope += 2.0 * b.resolver * math.cos(2.0 * turn + b.resolver_phase)
+    for k in range(len(b.wobble)):
+        order = b.wobble_order[k]
+        slope += order * b.wobble[k] / b.pole_pairs * math.cos(order * turn + b.wobble_phase[k])
+    return slope
+
+
+@kernel
+def encoder(b, theta):
+    """Return the electrical angle as the encoder reads it: offset, what it errs by, nearest
+    count."""
+    read = theta + b.encoder_offset + misread(b, theta)
     return round(read / b.encoder_step) * b.encoder_step if b.encoder_step > 0.0 else read
 
 
@@ -263,13 +286,18 @@ def true_angle(b: SwitchedBench, read: ArrayLike) -> Vector:
     """Return the rotor angle (rad, electrical) behind an unquantised encoder reading: `encoder`
     undone."""
     base = np.asarray(read, dtype=float) - b.encoder_offset
-    theta = base
-    for _ in range(60):  # a contraction: both errors are far below one mechanical radian
-        resolver = b.pole_pairs * b.resolver * np.sin(2.0 * theta / b.pole_pairs + b.resolver_phase)
-        theta = (
-            base - b.eccentricity * np.sin(theta / b.pole_pairs + b.eccentricity_phase) - resolver
-        )
-    return np.asarray(theta)
+    theta = np.array(base).ravel()
+    undo(b, np.array(base).ravel(), theta)
+    return theta.reshape(base.shape)
+
+
+@kernel
+def undo(b, base, theta):
+    """Write the angles (n,) behind readings less the offset (n,): a contraction, as all errors are
+    far below one mechanical radian."""
+    for k in range(len(base)):
+        for _ in range(60):
+            theta[k] = base[k] - misread(b, theta[k])
 
 
 def _column(name: str, value: ArrayLike, n: int) -> Vector:

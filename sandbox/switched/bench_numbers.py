@@ -184,6 +184,10 @@ class SwitchedBench(NamedTuple):
     # rad/s, N m: friction beside dry and viscous one, straight between points
     rubbing_speed: Any = NOWHERE
     rubbing_torque: Any = NOWHERE
+    # of the encoder's reading, beside once a turn: rad electrical, orders of the mechanical angle
+    wobble: Any = NOWHERE
+    wobble_order: Any = NOWHERE
+    wobble_phase: Any = NOWHERE
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
     harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
     flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
@@ -227,6 +231,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         "common_offset": 0.0,
         **_bends(motor, v),
         **_rubbing(motor, v),
+        **_wobbles(motor, v),
     }
     table = _leg_table(motor, converter, v)
     step = _longest_step(period, v, shaft_rate, values["inertia"])
@@ -291,6 +296,27 @@ def _rubbing(motor: Motor, v: Mapping[str, float]) -> dict[str, Any]:
     return {"rubbing_speed": own * shares, "rubbing_torque": risen @ torques}
 
 
+def _wobbles(motor: Motor, v: Mapping[str, float]) -> dict[str, Any]:
+    """Return the further orders of the encoder's error; nothing where there are none."""
+    there = given(v, "encoder_eccentricity", "amplitude_mech")
+    if not there:
+        return {}
+    return {
+        "wobble": motor.pole_pairs * np.array([f["amplitude_mech"] for f in there]),
+        "wobble_order": np.array([f["order_mech"] for f in there]),
+        "wobble_phase": np.array([f["phase"] for f in there]),
+    }
+
+
+def given(v: Mapping[str, float], effect: str, *sizes: str) -> list[dict[str, float]]:
+    """Return the parameters of an effect's further parts that have a size."""
+    found = [
+        {n.split(".")[2]: x for n, x in v.items() if n.startswith(f"{effect}.{k}.")}
+        for k in range(2, 10)
+    ]
+    return [f for f in found if any(f.get(s) for s in sizes)]
+
+
 def _leg_table(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Any:
     """Return what a leg loses by the drive's table and by the effect's curve, whose terms rise
     straight to a share of a current and stay there, at the points of both; None where neither is
@@ -313,20 +339,11 @@ def _leg_table(motor: Motor, converter: Converter, v: Mapping[str, float]) -> An
 
 def _orders(motor: Motor, v: Mapping[str, float]) -> Harmonics | None:
     """Return the library's further orders as lists; None where there are none."""
-
-    def given(effect: str, *sizes: str) -> list[dict[str, float]]:
-        """Return the parameters of an effect's further parts that have a size."""
-        found = [
-            {n.split(".")[2]: x for n, x in v.items() if n.startswith(f"{effect}.{k}.")}
-            for k in range(2, 10)
-        ]
-        return [f for f in found if any(f.get(s) for s in sizes)]
-
-    flux = [FluxHarmonic(**f) for f in given("flux_harmonics", "psi_d", "psi_q")]
-    inductance = [InductanceHarmonic(**f) for f in given("inductance_harmonics", *INDUCTANCES)]
+    flux = [FluxHarmonic(**f) for f in given(v, "flux_harmonics", "psi_d", "psi_q")]
+    inductance = [InductanceHarmonic(**f) for f in given(v, "inductance_harmonics", *INDUCTANCES)]
     cogging = [
         CoggingHarmonic(f["order_mech"], f["amplitude"], f["phase"])
-        for f in given("cogging_torque", "amplitude")
+        for f in given(v, "cogging_torque", "amplitude")
     ]
     return harmonics(motor, flux, inductance, cogging) if flux or inductance or cogging else None
 

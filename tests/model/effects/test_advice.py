@@ -135,7 +135,15 @@ def test_no_card_fails_at_a_bound_or_on_a_motor_without_magnets(name):
                 "encoder_eccentricity__amplitude_mech": math.radians(0.3),
                 "encoder_eccentricity__phase": -0.5,
             },
-            "subtract 0.30° sin(x − 29°)",
+            "centre the code disc or magnet ring, or subtract 0.30° sin(x − 29°), x the",
+        ),
+        (
+            {
+                "encoder_eccentricity__amplitude_mech": math.radians(0.1),
+                "encoder_eccentricity__3.amplitude_mech": math.radians(0.2),
+                "encoder_eccentricity__3.order_mech": 4.0,
+            },
+            "subtract 0.10° sin(x) and 0.20° sin(4 x), x the",
         ),
         ({"current_filter__time_constant": 1.0 / (2.0 * math.pi * 5e3)}, "32 µs (5.0 kHz)"),
         ({"inductance__scale_d": 0.9}, "inductance_d = 0.0412 H (−10 %)"),

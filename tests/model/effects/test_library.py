@@ -170,6 +170,13 @@ def test_parse_refuses_with_advice(text, words):
         ({"pwm_delay.delay": 7.6e-4}, "delay: 0.00076 is .* below 0.00075 s, 3 sampling periods"),
         ({"current_sampling.delay": -1.3e-4}, "half the sampling period"),
         ({"dead_time.time": True}, "out of range"),
+        (  # 0.3 once a turn and 2 x 0.4: the reading's slope reaches 1 - 1.1
+            {
+                "encoder_eccentricity.amplitude_mech": 0.3,
+                "encoder_eccentricity.2.amplitude_mech": -0.4,
+            },
+            "amplitude_mech: 1.1 .*the reading must grow with the angle",
+        ),
     ],
 )
 def test_contradictions_are_refused(effects, words):

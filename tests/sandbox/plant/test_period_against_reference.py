@@ -214,6 +214,7 @@ def test_iron_beside_what_else_drops_is_of_second_order(name):
     assert many < 0.1 * CLOSE
 
 
+DISC = "encoder_eccentricity"
 STEP = 30  # periods until a load comes
 MOVED = {name: typical(name) for name in library.effect_names() if name != "encoder_offset"}
 MOVED |= {
@@ -221,6 +222,12 @@ MOVED |= {
     "load": {"bench.load_torque_gain": 0.1, "bench.load_torque_offset": 0.01},
     "teeth": TEETH | ORDERS,
     "both": {**typical("shaft_compliance"), **typical("cogging_torque"), **typical("iron_loss")},
+    "orders of the encoder": {
+        "encoder_eccentricity.2.amplitude_mech": 0.004,
+        "encoder_eccentricity.2.phase": 0.5,
+        "encoder_eccentricity.3.amplitude_mech": 0.001,
+        "encoder_eccentricity.3.order_mech": 4.0,
+    },
 }
 
 
@@ -247,9 +254,12 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
         states[:, 8],
         pairs * states[:, 9],
     )
-    size, phase = pairs * v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
-    read = theta + size * np.sin(theta / pairs + phase)
-    slope = speed * (1.0 + size / pairs * np.cos(theta / pairs + phase))
+    read, slope, turn = theta.copy(), np.ones_like(theta), theta / pairs
+    for k, order in (("", 1.0), *((f"{k}.", v[f"{DISC}.{k}.order_mech"]) for k in (2, 3, 4))):
+        size, phase = v[f"{DISC}.{k}amplitude_mech"], v[f"{DISC}.{k}phase"]
+        read += pairs * size * np.sin(order * turn + phase)
+        slope += order * size * np.cos(order * turn + phase)
+    slope *= speed
     found = replay(finer(from_duties(DRIVE, duty, read, slope, "free", load), 4), [values])
     change = np.ptp(np.diff(speed)) / PERIOD
     miss, gap = (

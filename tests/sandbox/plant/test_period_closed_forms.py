@@ -322,3 +322,18 @@ def test_encoder_offset_and_encoder_eccentricity_and_their_slope():
     assert read == pytest.approx(7.0 + 0.04 + 4 * 0.01 * math.sin(7.0 / 4 + 0.3), abs=1e-12)
     # a difference of 1e-6 rad
     assert slope == pytest.approx(50.0 * (1 + 0.01 * math.cos(7.0 / 4 + 0.3)), rel=1e-7)
+
+
+def test_further_orders_of_the_encoder_add_up():
+    """theta + p sum A_n sin(n theta_mech + phase_n), and the slope of it; parts 2 and 4, none
+    between."""
+    effects = {"encoder_eccentricity.amplitude_mech": 0.01, "encoder_eccentricity.phase": 0.3}
+    effects |= {"encoder_eccentricity.2.amplitude_mech": 0.004}
+    effects |= {"encoder_eccentricity.4.amplitude_mech": -0.002}
+    effects |= {"encoder_eccentricity.4.order_mech": 4.0, "encoder_eccentricity.4.phase": 1.1}
+    read, slope = Exact(effects, rotor="driven", theta=7.0, speed=12.5).encoder
+    waves, x = ((1.0, 0.01, 0.3), (2.0, 0.004, 0.0), (4.0, -0.002, 1.1)), 7.0 / 4
+    off = sum(a * math.sin(n * x + phase) for n, a, phase in waves)
+    bent = sum(n * a * math.cos(n * x + phase) for n, a, phase in waves)
+    assert read == pytest.approx(7.0 + 4 * off, abs=1e-12)
+    assert slope == pytest.approx(50.0 * (1 + bent), rel=1e-7)  # a difference of 1e-6 rad

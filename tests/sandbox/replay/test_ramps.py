@@ -85,6 +85,19 @@ def test_a_sine_of_once_a_turn_stays_in_the_motion_and_is_an_encoder_s_or_the_ro
     assert np.abs(motion.speed - speed)[100:400].max() < 0.1  # as of ramps alone
 
 
+@pytest.mark.parametrize(("once", "order"), [(0.01, 2), (0.0, 2), (0.01, 8)])
+def test_further_orders_of_a_turn_stay_in_the_motion(once, order):
+    """An encoder's second or eighth order, six counts large: ramps and a sine of once a turn miss
+    it, so that a smooth motion about them has all of it, to half of what rounding leaves of one
+    reading; who reads on takes an encoder's error off."""
+    true, _ = planted([0, 500, 1500, N], [0.0, 120.0, -80.0, -80.0])
+    turn = true / PAIRS
+    angle = true + PAIRS * (once * np.sin(turn + 0.4) + 0.01 * np.sin(order * turn + 1.1))
+    motion = driven_motion(counted(angle), PAIRS, PERIOD, COUNT)
+    assert motion.eccentric
+    assert np.sqrt(np.mean((motion.angle - angle) ** 2)) < 0.5 * DEVIATION
+
+
 def test_ramps_without_a_sine_tell_that_the_encoder_has_none():
     """Then the reading is one of straight ramps, and an eccentric encoder would show in it."""
     angle, _ = planted([0, 500, 1500, N], [0.0, 120.0, -80.0, -80.0])

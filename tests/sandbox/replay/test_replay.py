@@ -98,6 +98,28 @@ def test_effect_is_that_of_the_switched_bench(name):
         assert without.max() > 30 * EXACT or still > 5 * motion
 
 
+@pytest.mark.parametrize("once", [0.005, 0.0])
+def test_further_orders_of_an_encoder_are_those_of_the_switched_bench(once):
+    """Locked and free to the steps' error.  Driven, the order twice a turn is in a motion that is
+    smoothed behind counts, to half of what rounding leaves of one reading (`test_ramps`); without
+    it in the replay, currents are 20 times as far off."""
+    effects = {
+        "encoder_eccentricity.amplitude_mech": once,
+        "encoder_eccentricity.phase": 0.5,
+        "encoder_eccentricity.2.amplitude_mech": 0.002,
+        "encoder_eccentricity.2.phase": 1.0,
+    }
+    recorded = campaign(effects)
+    prepared = prepare(recorded, effects)
+    current, motion = gaps(recorded, prepared, effects)
+    first, _ = gaps(recorded, prepared, {k: v for k, v in effects.items() if ".2." not in k})
+    print(f"{current * 1e6} ppm of rated current, without the second order {first * 1e6}")
+    assert current[[0, 3]].max() < EXACT
+    assert current[[1, 2]].max() < 0.5 * counts_on_current()
+    assert motion < MOTION
+    assert (first > 20.0 * current).all()
+
+
 def test_the_bench_steps_over_no_corner_of_a_leg_s_sign():
     """Steps end at corners and are short enough to see them: 16 times finer ones change a reading
     by less than a tenth of EXACT.  One step a segment misses a current that turns back inside it,

@@ -8,7 +8,8 @@ import pytest
 from scipy.linalg import expm
 
 from model.effects.library import parameters
-from sandbox.switched.advance import flux_for, replay, start
+from sandbox.drive.switched_loop import encoder_slope
+from sandbox.switched.advance import encoder, flux_for, replay, start, true_angle
 from sandbox.switched.bench_numbers import bench, quiet
 from sandbox.switched.inverter import (
     CORE_ALPHA,
@@ -405,6 +406,29 @@ def test_encoder_offset_and_encoder_eccentricity_readings():
     assert out["theta"] == pytest.approx(
         theta + 0.04 + 4 * 0.01 * np.sin(theta / 4 + 0.3), abs=1e-12
     )
+
+
+def test_further_orders_of_the_encoder_s_reading():
+    """theta + p sum A_n sin(n theta_mech + phase_n); undone, and its slope by differences."""
+    b = make(
+        {
+            "encoder_eccentricity.amplitude_mech": 0.01,
+            "encoder_eccentricity.3.amplitude_mech": 0.004,
+            "encoder_eccentricity.3.phase": 0.7,
+            "encoder_eccentricity.4.amplitude_mech": 0.002,
+            "encoder_eccentricity.4.order_mech": 5.0,
+        }
+    )
+    theta = np.linspace(-10.0, 30.0, 500)
+    out = replay(b, "driven", np.zeros(500), np.zeros(500), U, theta=theta)
+    x = theta / 4
+    off = 0.01 * np.sin(x) + 0.004 * np.sin(2.0 * x + 0.7) + 0.002 * np.sin(5.0 * x)
+    assert out["theta"] == pytest.approx(theta + 4 * off, abs=1e-12)
+    assert np.abs(true_angle(b, out["theta"]) - theta).max() < 1e-12
+    h, speed = 1e-5, 12.0
+    for y in (0.3, 2.0, -5.0):
+        slope = (encoder(b, y + h) - encoder(b, y - h)) / (2 * h) * 4 * speed
+        assert encoder_slope(b, y, speed) == pytest.approx(slope, rel=1e-8)
 
 
 def test_encoder_counts_round_to_the_nearest():

@@ -107,6 +107,11 @@ FURTHER = {
     "inductance_harmonics.3.gamma": 0.05,
     "cogging_torque.5.amplitude": 0.02,
     "cogging_torque.5.order_mech": 12.0,
+    "encoder_eccentricity.amplitude_mech": 0.005,
+    "encoder_eccentricity.2.amplitude_mech": 0.003,
+    "encoder_eccentricity.2.phase": 0.9,
+    "encoder_eccentricity.4.amplitude_mech": 0.002,
+    "encoder_eccentricity.4.order_mech": 5.0,
 }
 
 
