@@ -17,41 +17,58 @@ TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9
 
 
 @inlined
-def late(time, capacitance, zone_width, zone_shape, hold, before, after, link):
+def by_zone(time, zone_width, zone_shape, hold):
+    """Return how late (s) an edge acts that a sign of the current with a zone delays, linear in it,
+    by a time of either sign; and ROUND where `rounded` has to be added."""
+    size = abs(time)
+    own = 0.5 * size * (1.0 + clip(hold * (1.0 / max(zone_width, SHARP))))
+    round_zone = (zone_shape > 0.0) & (abs(hold) < TAILS * zone_width)
+    return (own if time >= 0.0 else size - own), (ROUND if round_zone & (size > 0.0) else 0.0)
+
+
+@inlined
+def rounded(time, zone_width, zone_shape, hold):
+    """Return by how much later (s) than `by_zone` says an edge acts in a zone that is no straight
+    line."""
+    return 0.5 * time * (soft_sign(hold / zone_width, zone_shape) - clip(hold / zone_width))
+
+
+@inlined
+def late(time, capacitance, residual, zone_width, zone_shape, hold, before, after, link):
     """Return how late (s) an edge acts for constant slopes of its current, and who may say so.
 
     hold: current (A) that keeps the leg where it is; before, after: its slopes (A/s) with the leg
     there, and gone over.
-    Second: 0, right at any slopes; 1, at these; 2: `commutated` has to be asked; ROUND: it has to,
-    at any slopes.  A capacitance leaves no zone.
+    Second: 0, right at any slopes; 1, at these; 2: `commutated` has to be asked; ROUND, also beside
+    these: it has to, at any slopes.  The residual has a zone; so has the time without a
+    capacitance.
     """
-    size, charge, real = abs(time), 2.0 * capacitance * link, capacitance > 0.0
-    inverse = 1.0 / max(abs(hold) if real else zone_width, SHARP)
-    by_sign = 0.5 * size * (1.0 + clip(hold * inverse))
-    own = quick(size, charge, hold, inverse, before, after) if real else by_sign
-    round_zone = (zone_shape > 0.0) & (abs(hold) < TAILS * zone_width)
-    at_these = 2.0 if crossing(size, charge, hold, before, after) else 1.0
-    who = at_these if real else (ROUND if round_zone else 0.0)
-    return (own if time >= 0.0 else size - own), (who if size > 0.0 else 0.0)
+    size, charge, real = abs(time), 2.0 * capacitance * link, (capacitance > 0.0) & (time != 0.0)
+    zoned, asked = by_zone(residual + (0.0 if real else time), zone_width, zone_shape, hold)
+    own = quick(size, charge, hold, 1.0 / max(abs(hold), SHARP), before, after)
+    own = own if time >= 0.0 else size - own
+    who = 2.0 if crossing(size, charge, hold, before, after) else 1.0
+    return zoned + (own if real else 0.0), asked + (who if real else 0.0)
 
 
 @inlined
-def commutated(time, capacitance, zone_width, zone_shape, hold, before, after, link):
+def commutated(time, capacitance, residual, zone_width, zone_shape, hold, before, after, link):
     """Return by how much later (s) than `late` says an edge acts whose current is near zero."""
-    size = abs(time)
-    if capacitance > 0.0:
-        exact = lateness(size, capacitance, link, hold, before, after)
-    else:
-        exact = 0.5 * size * (1.0 + soft_sign(hold / zone_width, zone_shape))
-    own = late(time, capacitance, zone_width, zone_shape, hold, before, after, link)[0]
-    return (exact if time >= 0.0 else size - exact) - own
+    size, real = abs(time), (capacitance > 0.0) & (time != 0.0)
+    more = rounded(residual + (0.0 if real else time), zone_width, zone_shape, hold)
+    if not real:
+        return more
+    exact = lateness(size, capacitance, link, hold, before, after)
+    charge = 2.0 * capacitance * link
+    own = quick(size, charge, hold, 1.0 / max(abs(hold), SHARP), before, after)
+    return more + (exact - own if time >= 0.0 else own - exact)
 
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how late an edge may be."""
     yield Limit(
-        "dead_time.time",
-        abs(v["dead_time.time"]),
+        "dead_time.time + dead_time.residual",
+        abs(v["dead_time.time"]) + abs(v["dead_time.residual"]),
         0.5 * converter.update_period,
         "s, half the sampling period",
     )
@@ -59,7 +76,7 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
-    time, width = v["dead_time.time"], v["dead_time.zone_width"]
+    time, width = v["dead_time.time"] + v["dead_time.residual"], v["dead_time.zone_width"]
     if time < 0.0:
         return (
             f"lower the drive's dead-time compensation by {quantity(-time, 's')}: it adds too much"
@@ -96,7 +113,8 @@ CARD = Effect(
         "u_dc) where it does not arrive), and may come to zero meanwhile; mean loss u_dc t_d/T_s "
         "times the vector of signs (fundamental 4/pi, lines 6k); the pattern is late by t_d/2 on "
         "average. Without a capacitance: late by a sign of the current, linear within +-1.5 % of "
-        "rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own"
+        "rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own; "
+        "so is what a compensation leaves of it or adds too much (residual, ordinary on any drive)"
     ),
     formulas=(
         r"\overline{\Delta u} = -\,u_\text{dc}\,\frac{t_d}{T_s}\,\operatorname{sign}(i), "
@@ -116,8 +134,8 @@ CARD = Effect(
             0.0,
             -5e-6,
             5e-5,
-            2e-6,
-            ordinary=Ordinary("dead_time", 5e-8),
+            0.02,
+            "PWM period",
             title="dead time",
         ),
         Parameter(
@@ -131,6 +149,18 @@ CARD = Effect(
             spread=1.5,
             change=1e-10,
             title="output capacitance of each switch",
+        ),
+        Parameter(
+            "residual",
+            "s",
+            0.0,
+            -5e-6,
+            5e-6,
+            0.0,
+            fit="fixed",
+            ordinary=Ordinary("dead_time", 5e-4, "PWM period"),
+            change=1e-7,
+            title="dead time that a compensation leaves",
         ),
         Parameter(
             "zone_width",
@@ -158,14 +188,19 @@ CARD = Effect(
     ),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",
+    trace=0.0,  # what is there on any drive is its residual
     region="steps where a phase current crosses zero; size independent of current and speed",
     confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
     separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",  # noqa: E501
     at=(
-        At("edge", late, ("time", "capacitance", "zone_width", "zone_shape")),
-        At("commutation", commutated, ("time", "capacitance", "zone_width", "zone_shape")),
+        At("edge", late, ("time", "capacitance", "residual", "zone_width", "zone_shape")),
+        At(
+            "commutation",
+            commutated,
+            ("time", "capacitance", "residual", "zone_width", "zone_shape"),
+        ),
     ),
-    switches=("time",),
+    switches=("time", "residual"),
     limits=limits,
     do=do,
     otherwise=otherwise,

@@ -54,6 +54,7 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "dc_link_ripple_phase": "rad",
     "dead_time_time": "s",
     "dead_time_capacitance": "F",
+    "dead_time_residual": "s",
     "dead_time_zone_width": "A",
     "dead_time_zone_shape": "",
     "device_drop_threshold": "V",
@@ -154,6 +155,7 @@ def edge(w, j, hold, before, after, link):
     return dead_time.late(
         w.dead_time_time[j],
         w.dead_time_capacitance[j],
+        w.dead_time_residual[j],
         w.dead_time_zone_width[j],
         w.dead_time_zone_shape[j],
         hold,
@@ -169,6 +171,7 @@ def commutation(w, j, hold, before, after, link):
     return dead_time.commutated(
         w.dead_time_time[j],
         w.dead_time_capacitance[j],
+        w.dead_time_residual[j],
         w.dead_time_zone_width[j],
         w.dead_time_zone_shape[j],
         hold,

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from model.effects.library import check_inside, complete, neutral
+from model.errors import BadInput
 from model.parameters import MODULATIONS, OVERMODULATIONS, Converter, Motor
 from sandbox.switched.flux_map import FluxMap, flux_map_of
 from sandbox.switched.harmonics import (
@@ -50,7 +51,6 @@ SAME = {
     "core_time": "iron_loss.time_constant",
     "skin_resistance": "skin_effect.resistance",
     "skin_time": "skin_effect.time_constant",
-    "dead_time": "dead_time.time",
     "zone_width": "dead_time.zone_width",
     "zone_tanh": "dead_time.zone_shape",
     "sag": "dc_link_error.sag",
@@ -223,6 +223,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         **shaft,
         "core_conductance": 1.0 / v["iron_loss.core_resistance"],
         "capacitance": _capacitance(motor, v),
+        "dead_time": _dead_time(v),
         "slices": _slices(motor, v),
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
         "ripple_rate": math.tau * v["dc_link_ripple.frequency"],
@@ -383,6 +384,18 @@ def _capacitance(motor: Motor, v: Mapping[str, float]) -> float:
         3.0 * min(motor.inductance_d, motor.inductance_q)
     )
     return max(v["dead_time.capacitance"], least)
+
+
+def _dead_time(v: Mapping[str, float]) -> float:
+    """Return the dead time (s), with what a compensation leaves where edges know a sign of the
+    current, too; BadInput for that beside switches with a capacitance."""
+    time, residual = v["dead_time.time"], v["dead_time.residual"]
+    if residual and time > 0.0 and v["dead_time.capacitance"]:
+        raise BadInput(
+            f"dead_time.residual = {residual:g} s: the switched bench has no compensation beside "
+            "switches with a capacitance; give residual = 0, or capacitance = 0"
+        )
+    return time + residual
 
 
 def _slices(motor: Motor, v: Mapping[str, float]) -> float:

@@ -189,7 +189,7 @@ def test_the_two_parts_of_a_late_edge_add_up_at_currents_near_zero(hold, before)
     added got lost, and an edge acted at once that should have waited 2 us."""
     c, after = 1e-9, before + 3e4
     at = (hold, before, after, LINK)
-    first = late(TIME, c, 0.0, 0.0, *at)[0]
-    assert first + commutated(TIME, c, 0.0, 0.0, *at) == pytest.approx(
+    first = late(TIME, c, 0.0, 0.0, 0.0, *at)[0]
+    assert first + commutated(TIME, c, 0.0, 0.0, 0.0, *at) == pytest.approx(
         lateness(TIME, c, LINK, hold, before, after), abs=1e-15
     )
