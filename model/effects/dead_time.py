@@ -188,7 +188,7 @@ CARD = Effect(
     ),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",
-    trace=0.0,  # what is there on any drive is its residual
+    trace=0.01,  # what any drive has of it is its residual
     region="steps where a phase current crosses zero; size independent of current and speed",
     confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
     separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",  # noqa: E501
