@@ -326,6 +326,9 @@ class Effect:
     is on, by completed values, the motor (true) and its highest speed (rad/s, electrical); see
     `model.steps`.
 
+    ordinarily: of the parameters that may be ordinary, the one that is, by completed values, where
+    they stand for each other (default: all of them are).
+
     free: whether it is a form that fits nearly anything at its place, a curve; a diagnosis asks for
     it only where the other effects leave more than noise.  curve: how it is drawn.
 
@@ -367,6 +370,7 @@ class Effect:
     formulas: tuple[str, ...] = ()
     do: Callable[[Mapping[str, float], Motor, Converter], str] | None = None
     otherwise: Callable[[Mapping[str, float], float, Converter], dict[str, float]] | None = None
+    ordinarily: Callable[[Mapping[str, float]], str] | None = None
     free: bool = False
     curve: Curve | None = None
 

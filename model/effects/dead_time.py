@@ -91,12 +91,22 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     )
 
 
+def ordinarily(v: Mapping[str, float]) -> str:
+    """Return which number any drive has a little of: without a capacitance edges know the sum of
+    both only."""
+    return "residual" if v["dead_time.capacitance"] > 0.0 else "time"
+
+
 def otherwise(v: Mapping[str, float], width: float, converter: Converter) -> dict[str, float]:
     """Return the capacitance in place of a zone of half-width `width` (A), or none in place of one:
     the leg just slews over in the dead time at half of the width, where the volts lost by all edges
     have the same slope at zero."""
     if v["dead_time.capacitance"] > 0.0:
-        return {"dead_time.capacitance": 0.0}
+        return {
+            "dead_time.capacitance": 0.0,
+            "dead_time.time": v["dead_time.time"] + v["dead_time.residual"],
+            "dead_time.residual": 0.0,
+        }
     return {
         "dead_time.capacitance": 0.25 * width * abs(v["dead_time.time"]) / converter.dc_bus_voltage
     }
@@ -136,6 +146,7 @@ CARD = Effect(
             5e-5,
             0.02,
             "PWM period",
+            ordinary=Ordinary("dead_time", 5e-4, "PWM period"),
             title="dead time",
         ),
         Parameter(
@@ -188,7 +199,7 @@ CARD = Effect(
     ),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",
-    trace=0.01,  # what any drive has of it is its residual
+    trace=0.01,  # what any drive has of it is an ordinary deviation
     region="steps where a phase current crosses zero; size independent of current and speed",
     confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
     separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",  # noqa: E501
@@ -204,4 +215,5 @@ CARD = Effect(
     limits=limits,
     do=do,
     otherwise=otherwise,
+    ordinarily=ordinarily,
 )

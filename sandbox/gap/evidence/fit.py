@@ -87,7 +87,7 @@ def coordinates_of(
     for effect in effects:
         start = (begun or point).values
         wide |= {c.label: c for c in of_effect(effect, campaign.drive, start, point.values)}
-    own = ordinary(campaign)
+    own = ordinary(campaign, point.values)
     known = {c.label for c in own}
     return [wide.get(c.label, c) for c in own] + [c for c in wide.values() if c.label not in known]
 
@@ -358,7 +358,7 @@ class Descent:
 def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:
     """Return by label the ordinary deviations of a fit, those that its effects claim left out, and
     how many of their standard deviations they go."""
-    usual = {c.label: c.deviation for c in ordinary(f.point.prepared.campaign)}
+    usual = {c.label: c.deviation for c in ordinary(f.point.prepared.campaign, f.point.values)}
     return {
         c.label: (c, float(x - c.mean) / c.deviation)
         for c, x in zip(f.coordinates, f.normal.x, strict=True)

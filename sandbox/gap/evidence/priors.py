@@ -134,13 +134,13 @@ class Coordinate:
         return min(max(to, low), high)
 
 
-def ordinary(campaign: Campaign) -> list[Coordinate]:
+def ordinary(campaign: Campaign, at: Set | None = None) -> list[Coordinate]:
     """Return the ordinary deviations: `[uncertainty]` of the motor, `[background]` of the bench (or
-    usual ones)."""
+    usual ones); at: completed values, which tell the form of an effect, neutral by default."""
     motor = campaign.drive.motor
-    out = []
+    values, out = library.neutral(motor) if at is None else at, []
     for name, p in library.parameters().items():
-        if p.ordinary is not None:
+        if p.ordinary is not None and _is_ordinary(name, values):
             mean = p.neutral_for(motor)
             out.append(
                 Coordinate(name, mean, deviation_of(campaign, p.ordinary, mean), "linear", (name,))
@@ -153,6 +153,12 @@ def ordinary(campaign: Campaign) -> list[Coordinate]:
             )
     out = [replace(c, within=ORDINARY) for c in out if c.deviation > 0.0]
     return [*out, *soft_sign(motor)]
+
+
+def _is_ordinary(name: str, values: Set) -> bool:
+    """Return whether an effect's parameter that may be ordinary is, at completed values."""
+    card = library.load_effect(name.partition(".")[0])
+    return card.ordinarily is None or card.public(1, card.ordinarily(values)) == name
 
 
 def soft_sign(motor: Motor) -> list[Coordinate]:

@@ -243,7 +243,7 @@ def held_at_neutral(j: EvaluatedModel, effects: Sequence[str]) -> Prior:
     """Return a hypothesis' prior with effects, and traces of all others, at neutral; ordinary ones
     stay in reach."""
     campaign = j.fit.point.prepared.campaign
-    usual = {c.label: c for c in ordinary(campaign)}
+    usual = {c.label: c for c in ordinary(campaign, j.fit.point.values)}
     missing = {
         c.label: c for e in effects for c in of_effect(e, campaign.drive, j.fit.point.values)
     }

@@ -145,7 +145,7 @@ def held_ordinary(j: EvaluatedModel) -> list[Held]:
     """Return the ordinary deviations of a hypothesis' fit that stand at their bound, those that an
     effect has made wide left out; a recording's angle as `angles.<file>`, as in effects.toml."""
     s = spread(j)
-    usual = {c.label: c for c in ordinary(j.fit.point.prepared.campaign)}
+    usual = {c.label: c for c in ordinary(j.fit.point.prepared.campaign, j.fit.point.values)}
     out = []
     for k, c in enumerate(s.coordinates):
         narrow = c.deviation > 0.0 and (c.form == "turn" or usual.get(c.label) == c)

@@ -161,7 +161,7 @@ def linear_model(
     trace: share of the wide prior that a trace has; weights: of segments; known: equations that
     were taken at this very point.
     """
-    usual = ordinary(point.prepared.campaign)
+    usual = ordinary(point.prepared.campaign, point.values)
     columns = _Columns({c.label: c for c in usual}, {c.label: c for c in usual}, [], [])
     count = {
         e: sum(c.effect == e and c.part == 1 for c in candidates) for e in library.effect_names()
@@ -229,7 +229,7 @@ class _Columns:
     ) -> LinearModel:
         """Return the equations of all columns: of those that are known, else taken at the point."""
         usual, own = (
-            {c.label for c in ordinary(point.prepared.campaign)},
+            {c.label for c in ordinary(point.prepared.campaign, point.values)},
             [self.wide[label] for label in self.narrow],
         )
         n = (known.of(own) if known is not None else None) or normal(point, own, workers=workers)

@@ -408,12 +408,20 @@ def towards(best: Fit, key: Sequence[str], chosen: Sequence[Candidate]) -> Point
     """Return a fit's point with the effects that another set lacks at neutral, and those it has
     more begun; without effects so far, signs of currents go through zero as they usually do."""
     campaign = best.point.prepared.campaign
-    neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
-    gone = tuple(f"{e}." for e in best.effects if e not in key)
-    first = library.same_numbers()
+    neutral, first = library.neutral(campaign.drive.motor), library.same_numbers()
+    lacks = [library.load_effect(e) for e in best.effects if e not in key]
+    gone, values = tuple(f"{card.name}." for card in lacks), dict(best.point.values)
+    left = values | {k: x for k, x in neutral.items() if k.startswith(gone)}
+    for card in lacks:
+        if card.ordinarily is not None:
+            own, without = (
+                card.public(1, card.ordinarily(values)),
+                card.public(1, card.ordinarily(left)),
+            )
+            values |= {own: neutral[own], without: values[own]}
+    kept = {c.label for c in ordinary(campaign, left)}
     used = kept | {first.get(k, k) for k in neutral if k.partition(".")[0] in key}
-    owns = {first.get(k, k) for k in neutral if gone and k.startswith(gone)} - used
-    values = dict(best.point.values)
+    owns = {first.get(k, k) for k in neutral if k.startswith(gone)} - used
     for own in owns:
         values |= library.moved(own, neutral[own])
     if not best.effects:

@@ -214,7 +214,7 @@ def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
     others' sizes are that fit's.  Ordinary deviations follow by its equations, which have not seen
     those recordings either; where one is an effect, too, it deviates from that effect's size."""
     n, campaign, values = d.after.normal, d.campaign, d.after.point.values
-    usual = {c.label: c for c in ordinary(campaign)}
+    usual = {c.label: c for c in ordinary(campaign, values)}
     own = {e: of_effect(e, campaign.drive, values) for e in d.after.effects}
     missing = {c.label: c for e in gone for c in own[e]}
     claimed = {c.label for e in own if e not in gone for c in own[e]}

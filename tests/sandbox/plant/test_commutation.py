@@ -2,6 +2,7 @@
 reference."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -193,3 +194,35 @@ def test_the_two_parts_of_a_late_edge_add_up_at_currents_near_zero(hold, before)
     assert first + commutated(TIME, c, 0.0, 0.0, 0.0, *at) == pytest.approx(
         lateness(TIME, c, LINK, hold, before, after), abs=1e-15
     )
+
+
+@pytest.mark.parametrize("residual", [5e-8, -5e-8])
+@pytest.mark.parametrize("shape", [0.0, 1.0])
+@pytest.mark.parametrize("hold", [-2.0, -0.03, 0.0, 0.01, 2.0])
+def test_what_a_compensation_leaves_adds_to_real_commutation(residual, shape, hold):
+    """A drive's compensation moves the command by a sign of the current with a zone; switches and
+    diodes act behind it.  By its own formula: |r|/2 (1 + s) late, the other way round where it adds
+    too much, s the linear sign of the current or its tanh; behind that the dead time with a
+    capacitance as it is alone."""
+    c, width, at = 1e-9, 0.02, (hold, 1e3, 4e4, LINK)
+
+    def acts(time, left):
+        return late(time, c, left, width, shape, *at)[0] + commutated(
+            time, c, left, width, shape, *at
+        )
+
+    x = hold / width
+    s = math.tanh(x) if shape else min(max(x, -1.0), 1.0)
+    by_hand = 0.5 * abs(residual) + 0.5 * residual * s
+    # tanh beyond ten half-widths is taken for 1, which is 4e-9 of it
+    assert acts(0.0, residual) == pytest.approx(by_hand, abs=1e-8 * abs(residual))
+    alone = lateness(TIME, c, LINK, *at[:3])
+    assert acts(TIME, residual) == pytest.approx(alone + by_hand, abs=1e-8 * abs(residual) + 1e-15)
+
+
+def test_without_a_capacitance_dead_time_and_what_is_left_of_it_are_one():
+    """Both act by the same sign with the same zone: edges know their sum only."""
+    at = (0.01, 1e3, 4e4, LINK)
+    both = late(1e-6, 0.0, 3e-8, 0.02, 0.5, *at)
+    one = late(1e-6 + 3e-8, 0.0, 0.0, 0.02, 0.5, *at)
+    assert both == one
