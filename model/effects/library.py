@@ -189,8 +189,9 @@ def checked(name: str, value: float) -> float:
     if math.isinf(p.low) and not math.isfinite(value):
         raise BadInput(f"{name} = {value!r} is not finite; give a number in {p.unit}")
     if p.whole and (value != round(value) or value == 0.0):
+        negative = ", or a negative one" if p.low < 0.0 else ""
         raise BadInput(
-            f"{name} = {value:g} is no whole order; give 1, 2, ..., {p.high:g}, or a negative one"
+            f"{name} = {value:g} is no whole order; give 1, 2, ..., {p.high:g}{negative}"
         )
     return float(value)
 

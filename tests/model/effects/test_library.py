@@ -238,7 +238,8 @@ def test_every_file_says_what_its_kernels_return():
         ({"current_sampling.jitter": 1e-3}, "half the PWM period"),
         ({"winding_asymmetry.delta_a": -100.0}, "leaves a phase"),
         ({"flux_harmonics.psi_d6": 10.0}, "the magnet flux"),
-        ({"flux_harmonics.2.order": 6.5}, "no whole order"),
+        ({"flux_harmonics.2.order": 6.5}, "no whole order; give 1, 2, ..., 60, or a negative one"),
+        ({"encoder_eccentricity.2.order_mech": 2.5}, r"no whole order; give 1, 2, ..., 8$"),
         ({"inductance_harmonics.3.order": 0.0}, "no whole order"),
         (
             {f"inductance_harmonics.{k}.gamma": 4.0 for k in range(2, 7)},
