@@ -1,5 +1,5 @@
-"""Two effects that no library has: a fan on the load's shaft, and a resolver whose windings are not
-square."""
+"""Two effects of one's own: a fan on the load's shaft, and a resolver whose windings are not square
+(the library has its order as a further part of `encoder_eccentricity`)."""
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Parameter

@@ -1,5 +1,5 @@
-"""Effects of one's own, named by the diagnosis: a fan and a resolver that the library does not hold
-(`my_effects.py`).
+"""Effects of one's own, named by the diagnosis: a fan that the library does not hold, and a
+resolver's order by itself (`my_effects.py`).
 
 Recordings come from the switched bench, which has both and shares no code with the plant.  Each
 campaign is diagnosed twice by the command line: with the library alone, and with --effects-from
