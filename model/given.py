@@ -13,6 +13,8 @@ from model.errors import BadInput
 
 # bytes of a TOML file: a hundred times the longest of ours, an inverter's table in it
 LONGEST = 20_000_000
+EXISTING = "give the path of an existing TOML file"
+SMALLER = "keep long tables of numbers in files of their own, which it names"
 # of a dotted key in it: tomllib's time and memory grow with their square, 20 GB for 60 000
 MOST_PARTS = 50
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
@@ -73,10 +75,14 @@ def given_bytes(path: Path, most: int, remedy: str, smaller: str = "") -> bytes:
     return content
 
 
+def check_toml(path: Path) -> None:
+    """Raise BadInput where a TOML file is absent, no regular file, or too large."""
+    check_given(path, LONGEST, EXISTING, SMALLER)
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Return a TOML file's content; BadInput where it cannot be read or parsed."""
-    smaller = "keep long tables of numbers in files of their own, which it names"
-    content = given_bytes(path, LONGEST, "give the path of an existing TOML file", smaller)
+    content = given_bytes(path, LONGEST, EXISTING, SMALLER)
     try:
         text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
         if any(token.lastgroup == "key" for token in TOKENS.finditer(text)):

@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, as_toml, unknown
-from model.given import read_toml
+from model.given import check_toml, read_toml
 from model.inverter_table import with_points
 from model.number_table import Table
 from model.parameters import Converter, finite
 from sandbox.recordings.angle.zero import with_zeros
 from sandbox.recordings.campaign import (
     ROTORS,
+    TABLES,
     Campaign,
     CampaignRecording,
     Made,
@@ -129,6 +130,14 @@ class Source:
         return _pole_pairs(self.data, self.mapped, self.name)
 
 
+def check_asked(columns: str | Path | None, preset: str | None) -> None:
+    """Raise BadInput for a preset that is none, and for a column map that does not exist."""
+    if preset is not None:
+        check_preset(preset)
+    if columns is not None:
+        check_toml(Path(columns))
+
+
 def source_of(
     path: str | Path,
     columns: str | Path | None = None,
@@ -138,8 +147,7 @@ def source_of(
     """Return what a folder (or one table in it) and its column map state, no recording read;
     BadInput says what is wrong."""
     path = Path(path)
-    if preset is not None:
-        check_preset(preset)
+    check_asked(columns, preset)
     folder = path if path.is_dir() else path.parent
     if not path.exists():
         raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
@@ -351,9 +359,16 @@ def _tables(
     source, mapped = own.name, {}
     if columns is not None:
         extra = read_toml(columns)
+        if not extra:
+            raise BadInput(
+                f"{columns.name} states nothing; write [columns] with the log's names into it, or "
+                "leave --columns out"
+            )
         mapped = parse_columns(extra, columns.name)
         extra.pop("columns", None)
         for name in extra:
+            if name not in TABLES:
+                raise BadInput(f"{columns.name}: {unknown('table', name, ('columns', *TABLES))}")
             if name in data:
                 raise BadInput(
                     f"{columns.name}: [{name}] stands in campaign.toml too; keep one of them"

@@ -73,7 +73,7 @@ def _toml(c: Campaign, flux_map: StatedMap | None) -> str:
     motor = {
         k: v
         for k, v in dataclasses.asdict(without_map(c.drive.motor)).items()
-        if k != "name" and v != ""
+        if v != "" and (k != "name" or v != c.name)
     }
     stand_ins = c.stand_ins or (RATED if c.rated_from_data else ())
     motor = {k: v for k, v in motor.items() if k not in stand_ins}

@@ -501,6 +501,7 @@ def _read(
     if not path.exists():
         raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
     name = path.resolve().name
+    importing.check_asked(columns, preset)
     try:
         source = importing.source_of(path, None if columns is None else Path(columns), preset)
         why = motion_log.motion_only(source)

@@ -196,6 +196,15 @@ def test_a_drive_that_modulates_is_replayed_as_it_does(tmp_path):
     assert found.rms()[0] == pytest.approx(1.0, abs=0.04)
 
 
+def test_a_recorded_motor_keeps_its_name(tmp_path):
+    """So that the motor.toml of a diagnosis is called as the motor, not as the campaign."""
+    drive, scenario = bench_of(DRIVE), Scenario("run", (Segment(0.1),))
+    done = simulate(drive, scenario, load_estimator("qnull"), seed=3)
+    write_campaign(tmp_path / "c", campaign_of(drive, scenario, done.recording, "monday"))
+    own = read_folder(tmp_path / "c")
+    assert (own.name, own.drive.name) == ("monday", DRIVE.name)
+
+
 def test_blocked_gates_are_not_recorded():
     blocked = Scenario("run", (Segment(0.1), Segment(0.1, blocked=True)))
     with pytest.raises(BadInput, match="blocks the gates"):

@@ -264,6 +264,22 @@ def test_the_command_lists_what_it_found(tmp_path, capsys):
     assert not check(tmp_path / "empty").ok
 
 
+def test_a_map_that_states_nothing_is_told_and_a_preset_that_is_none_writes_nothing(
+    tmp_path, capsys
+):
+    good, out = write_campaign(tmp_path / "good", bench()), tmp_path / "o"
+    (tmp_path / "empty.toml").write_text("# nothing yet\n")
+    (tmp_path / "other.toml").write_text("[tool.ruff]\nline-length = 100\n")
+    for name, words in (("empty", "empty.toml states nothing"), ("other", "other.toml: unknown")):
+        told = check(good, columns=tmp_path / f"{name}.toml", effects=False)
+        assert not told.ok
+        assert words in told.mistakes[0]
+    assert main(["check", str(good), "--preset", "vecs", "--out", str(out)]) == 2
+    assert "did you mean 'vesc'?" in capsys.readouterr().err
+    assert main(["check", str(good), "--columns", "no.toml", "--out", str(out)]) == 2
+    assert not out.exists()
+
+
 def test_tables_that_nothing_describes_get_a_draft(tmp_path, capsys):
     """The draft is TOML, names what it recognises, and is a map once the motor stands in it."""
     t = np.arange(400) * 2e-3
