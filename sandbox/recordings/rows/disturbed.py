@@ -136,13 +136,15 @@ def disturbed(x: Array, moved: Array, least: float) -> tuple[NDArray[np.bool_], 
         return bad, 0.0
     for _ in range(PASSES):
         own = beside(x, moved, bad)
-        step = np.diff(own) - moved
-        step -= _usual(step)
+        raw = np.diff(own) - moved
+        step = raw - _usual(raw)
         bound = max(BEYOND * DEVIATION * float(np.median(np.abs(step))), least)
-        more = _forth_and_back(step, moved, bound)
+        more = bad | _forth_and_back(step, moved, bound)
+        more |= _at_the_ends(raw, moved, bound, more)
+        more &= bad | (np.abs(x - beside(x, moved, more)) > bound)
         if not np.any(more & ~bad):
             break
-        bad |= more
+        bad = more
     good = ~(bad[1:-1] | bad[:-2] | bad[2:])
     off = np.abs(0.5 * (step[:-1] - step[1:])[good])
     if not np.any(bad) or not off.size:
@@ -169,11 +171,25 @@ def _forth_and_back(step: Array, moved: Array, bound: float) -> NDArray[np.bool_
                 done = k + 2 + int(back[0])
                 bad[k + 1 : done] = True
                 break
-    if np.any(bad):  # at the ends nothing comes back
-        far = np.abs(step[[0, -1]]) > np.maximum(bound, pulse[[0, -2]])
-        bad[0] |= far[0] and not bad[1]
-        bad[-1] |= far[1] and not bad[-2]
     return bad
+
+
+def _at_the_ends(
+    raw: Array, moved: Array, bound: float, bad: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return which of the first and the last row (n,) leave what the steps beside it (n - 1,), on a
+    straight line, tell of its own: there nothing comes back."""
+    ends = np.zeros(len(bad), dtype=bool)
+    if not np.any(bad):  # whoever disturbs no row between disturbs no end
+        return ends
+    for end, toward in ((0, 1), (-1, -1)):
+        own = raw[::toward]
+        line = np.polyfit(np.arange(AROUND), own[1 : AROUND + 1], 1)
+        scatter = float(np.std(own[1 : AROUND + 1] - np.polyval(line, np.arange(AROUND))))
+        pulse = PULSE * abs(float(np.diff(moved[::toward][:2])[0]))
+        off = abs(float(own[0] - np.polyval(line, -1.0)))
+        ends[end] = off > max(bound, BEYOND * scatter, pulse) and not bad[::toward][1]
+    return ends
 
 
 def _usual(step: Array) -> Array:
@@ -193,5 +209,12 @@ def beside(x: Array, moved: Array, bad: NDArray[np.bool_]) -> Array:
         return x
     path = np.concatenate([[0.0], np.cumsum(moved)])
     rows, good = np.arange(len(x)), ~bad
-    out = np.interp(rows, rows[good], (x - path)[good]) + path
-    return np.where(bad, out, x)
+    rest = np.interp(rows, rows[good], (x - path)[good])
+    first, last = rows[good][[0, -1]]
+    for own, near in (
+        (slice(0, first), rows[good][:AROUND]),
+        (slice(last + 1, None), rows[good][-AROUND:]),
+    ):
+        if rows[own].size:  # beyond the last good row what the rows before did goes on
+            rest[own] = np.polyval(np.polyfit(near, (x - path)[near], 2), rows[own])
+    return np.where(bad, rest + path, x)
