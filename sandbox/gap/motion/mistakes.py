@@ -8,7 +8,7 @@ angle, time or current, so it moves the three by known factors.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,11 +106,13 @@ def contradictions(campaign: MotionCampaign) -> list[Finding]:
         text += (
             f"; it would be right if {', or if '.join(f'{m.guess} ({m.remedy})' for m in found)}"
         )
+    own = r.source
+    names = f"{own.get('t', 't')}, {_angle(own)}, {own.get('i_q', 'the currents')}"
     column = "theta" if seen.inertia > 0.0 else "i_q"
     if _strange(seen) and (found or seen.inertia < 0.0 or seen.fastest > FASTEST):
-        text += "" if found else "; check units and signs of t, theta and i_q"
+        text += "" if found else f"; check units and signs of {names}"
         raise Refused(Finding(r.file, column, None, text))
-    more = "; a wrong unit of t, theta, i_q or of what [motor] states" if not found else ""
+    more = f"; a wrong unit of {names} or of what [motor] states" if not found else ""
     if seen.inertia > USUAL:
         more += "; a load or a gear does that, too"
     return [Doubt(r.file, column, None, text + more)]
@@ -222,7 +224,7 @@ def _pace(read: Array, given: Array) -> float:
 def _contradicted(campaign: MotionCampaign, seen: Look) -> str:
     """Return in words what does not go together, empty where nothing stands out."""
     out, own = [], campaign.recordings[0].source
-    angle, speed = own.get("theta", "theta"), own.get("speed", "speed")
+    angle, speed = _angle(own), own.get("speed", "speed")
     if seen.fastest > FASTEST:
         rpm = (
             f"{seen.fastest * 60.0 / math.tau:.3g} rpm"
@@ -286,14 +288,10 @@ def mistakes(campaign: MotionCampaign, seen: Look) -> Iterator[Mistake]:
     """Yield the mistakes of an angle, a clock, currents, what [motor] states, and a gear, in the
     log's words."""
     own = campaign.recordings[0].source
-    angle, current, clock = (
-        own.get("theta", "theta"),
-        own.get("i_q", "the currents"),
-        own.get("t", "t"),
-    )
+    angle, current, clock = _angle(own), own.get("i_q", "the currents"), own.get("t", "t")
     reversed_ = f"'{angle}' is counted backwards"
-    turned = [*_angles(campaign, angle)]
-    yield Mistake(reversed_, "map it with scale = -1", angle=-1.0)
+    turned, made = [*_angles(campaign, angle)], _made(own)
+    yield Mistake(reversed_, "map it with scale = -1", -1.0, speed=-1.0 if made else 1.0)
     yield Mistake(
         f"'{current}' is counted out of the motor", "map it with scale = -1", current=-1.0
     )
@@ -303,6 +301,7 @@ def mistakes(campaign: MotionCampaign, seen: Look) -> Iterator[Mistake]:
             f"{m.guess} and counted backwards",
             f"{m.remedy}, and scale = -1",
             angle=-m.angle,
+            speed=-m.speed if made else m.speed,
             rank=1.0,
         )
     for unit, factor in _others(campaign, "t", "time"):
@@ -315,6 +314,7 @@ def mistakes(campaign: MotionCampaign, seen: Look) -> Iterator[Mistake]:
             f"{how}, and '{angle}' with scale = -1",
             -1.0,
             current=factor,
+            speed=-1.0 if made else 1.0,
             rank=1.0,
         )
     if (rated := campaign.stated.get("rated_current", 0.0)) > 0.0:
@@ -359,6 +359,16 @@ def _of_motor(campaign: MotionCampaign) -> Iterator[Mistake]:
         )
 
 
+def _made(own: Mapping[str, str]) -> bool:
+    """Tell whether the angle is made of the log's speed: what is off of one is off of both."""
+    return "theta" not in own and "speed" in own
+
+
+def _angle(own: Mapping[str, str]) -> str:
+    """Return the log's column that tells the angle."""
+    return own.get("theta", own.get("speed", "theta"))
+
+
 def _mechanical(campaign: MotionCampaign, name: str) -> bool:
     """Tell whether a column is mapped as the shaft's own, so that pole pairs have no part in it."""
     mapped = campaign.mapped.get(name)
@@ -367,14 +377,19 @@ def _mechanical(campaign: MotionCampaign, name: str) -> bool:
 
 def _angles(campaign: MotionCampaign, angle: str) -> Iterator[Mistake]:
     """Yield other units of the angle, and the electrical for the shaft's."""
-    pairs = campaign.stated.get("pole_pairs", 1.0)
-    mechanical = _mechanical(campaign, "theta")
-    for unit, factor in _others(campaign, "theta", "angle"):
-        yield Mistake(f"'{angle}' is in {unit}", f'map it with unit = "{unit}"', angle=factor)
+    pairs, made = campaign.stated.get("pole_pairs", 1.0), _made(campaign.recordings[0].source)
+    name, kind = ("speed", "speed") if made else ("theta", "angle")
+    mechanical = _mechanical(campaign, name)
+
+    def of(guess: str, remedy: str, factor: float) -> Mistake:
+        return Mistake(guess, remedy, angle=factor, speed=factor if made else 1.0)
+
+    for unit, factor in _others(campaign, name, kind):
+        yield of(f"'{angle}' is in {unit}", f'map it with unit = "{unit}"', factor)
     if pairs > 1.0:
         to = f"'{angle}' is electrical" if mechanical else f"'{angle}' is that of the shaft"
         how = "map it without mechanical" if mechanical else "map it with mechanical = true"
-        yield Mistake(to, how, angle=pairs if mechanical else 1.0 / pairs)
+        yield of(to, how, pairs if mechanical else 1.0 / pairs)
 
 
 def _others(campaign: MotionCampaign, name: str, kind: str) -> Iterator[tuple[str, float]]:
@@ -387,6 +402,7 @@ def _others(campaign: MotionCampaign, name: str, kind: str) -> Iterator[tuple[st
         "time": ("s", "ms", "us", "ns"),
         "current": ("A", "mA", "kA"),
         "angle": ("rad", "deg", "rev"),
+        "speed": ("rad/s", "rpm", "Hz"),
     }[kind]
     for unit in some:
         if not math.isclose(units[unit][0], now):

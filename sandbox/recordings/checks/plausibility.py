@@ -28,6 +28,7 @@ FINEST, WHOLE = 3e-3, 0.95  # of the largest change; of the rows: steps of an an
 BEFORE = 16  # samples over which it is seen moving
 NEAR_MIDDLE = 0.1  # relative: zero currents of a converter about its middle
 HEXAGON = 2.0 / 3.0  # of u_dc: largest phase voltage an inverter can give
+GIVEN = 0.99  # quantile of the commands: no single one counts
 UNITS_OFF = ((1e-3, "k"), (1e3, "m"))  # u_dc / nominal, prefix that explains it
 
 
@@ -61,7 +62,15 @@ def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
             "the controller divides by it: record the link voltage, or map u_dc = {value = ...}"
         )
         raise Refused(Finding(r.file, "u_dc", k, text))
+    asked = float(np.quantile(np.hypot(r.u_alpha, r.u_beta), GIVEN))
     for factor, prefix in UNITS_OFF:
+        if 0.5 < middle / nominal / factor < 2.0 and 0.5 * nominal < asked <= middle:
+            text = (
+                f"{r.file}: row 0 of column 'u_dc' is {r.u_dc[0]:.6g} V and commands reach "
+                f"{asked:.3g} V, [drive] dc_bus_voltage is {nominal:g} V; is it in "
+                f"{'k' if prefix == 'm' else 'm'}V? write {nominal * factor:g}"
+            )
+            raise Refused(Finding(r.file, "u_dc", 0, text))
         if 0.5 < middle / nominal / factor < 2.0:
             text = (
                 f"{r.file}: row 0 of column 'u_dc' is {r.u_dc[0]:.6g}, [drive] "

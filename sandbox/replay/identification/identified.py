@@ -16,6 +16,7 @@ from model.levels import UNITS
 from model.mapped import MappedMotor
 from sandbox.output.refitted import Refitted
 from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.checks.balance import plain
 from sandbox.replay.identification.ordinary import (
     ANGLE,
     NAMES,
@@ -117,10 +118,16 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
     made = dict.fromkeys(r.made.of for r in campaign.recordings if r.made is not None and r.made.of)
     angle = f", or an angle that {', '.join(made)} tells too roughly" if made else ""
     if fit.misfit > LARGE_MISFIT:
-        acts = f"something else acts (saturation, iron loss, delay, a shifted log{angle})"
+        c = campaign.drive.converter
+        rows = f", commands between rows {c.periods_a_row} PWM periods apart"
+        rows = rows if c.periods_a_row > 1 else ""
+        acts = (
+            "something else acts (saturation, iron loss, delay, a filter, a shifted log"
+            f"{rows}{angle})"
+        )
         raise PhysicsError(
             f"{campaign.name}: with the best R, L_d, L_q and magnet flux, simulated and measured "
-            f"currents differ {math.sqrt(fit.misfit):.2g} times as much as the sensors' noise "
+            f"currents differ {plain(math.sqrt(fit.misfit))} times as much as the sensors' noise "
             f"({math.sqrt(LARGE_MISFIT):.2g} at most): {answered(campaign) or acts}; values would "
             "be wrong by more than their intervals: see `sensorless check`, or `sensorless "
             "diagnose` for the cause"

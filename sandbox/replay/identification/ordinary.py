@@ -111,8 +111,8 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
     begin, why = linear(used)
     if set(why) == set(NAMES):
         raise BadInput(
-            f"{campaign.name}: {'; '.join(why.values())}: nothing to identify; record "
-            "steps of the current"
+            f"{campaign.name}: {why['resistance']}: nothing to identify; record steps of "
+            "the current"
         )
     nominal = {n: float(getattr(campaign.drive.motor, n)) for n in NAMES}
     starts = [

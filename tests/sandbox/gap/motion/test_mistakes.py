@@ -96,6 +96,27 @@ def test_a_mistake_is_named(tmp_path, change, words):
 
 
 @pytest.mark.parametrize(
+    ("unit", "factor", "words"),
+    [
+        ("rev/s", 1.0, ""),
+        ("rad/s", 60.0, "'speed' is in rpm (map it with unit = \"rpm\")"),
+        ("rpm", math.tau, "'speed' is in rad/s (map it with unit = \"rad/s\")"),
+        ("rev/s", PAIRS, "'speed' is electrical (map it without mechanical)"),
+        ("rev/s", -1.0, "'speed' is counted backwards (map it with scale = -1)"),
+    ],
+)
+def test_a_speed_that_stands_for_the_angle_is_named_by_its_own_units(tmp_path, unit, factor, words):
+    mapped = {
+        "t": {"column": "t"},
+        "speed": {"column": "speed", "unit": unit, "mechanical": True},
+        "i_q": {"column": "iq"},
+    }
+    found = checked(tmp_path, times(speed=factor), mapped, also=("speed",))
+    off = [text for level, text in found if level != "note"]
+    assert (not off) if not words else any(words in text for text in off), found
+
+
+@pytest.mark.parametrize(
     ("factor", "words"), [(1e4, "inertia is in kg cm^2"), (1e7, "inertia is in g cm^2")]
 )
 def test_a_stated_inertia_in_another_unit_is_named(tmp_path, factor, words):

@@ -202,6 +202,15 @@ def test_a_mistake_in_one_recording_is_named(name, file, change, message):
         check([new if r is wrong else r for r in bench.recordings], bench.drive)
 
 
+def test_a_stated_link_in_another_unit_is_not_blamed_on_the_log():
+    """A back-EMF of tens of volts comes from no link of 0.4 V."""
+    bench = _bench("p01")
+    converter = dataclasses.replace(bench.drive.converter, dc_bus_voltage=0.4)
+    drive = dataclasses.replace(bench.drive, converter=converter)
+    with pytest.raises(BadInput, match="is it in kV. write 400"):
+        check([bench["coast_down"]], drive)
+
+
 @pytest.mark.parametrize("counts", [256, 4096, 1 << 16])
 def test_the_step_of_an_encoder_shows_in_the_changes_of_its_angle(counts):
     """A speed from rest, written with eight digits; an even speed without steps has none, nor has
