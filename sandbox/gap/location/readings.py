@@ -34,19 +34,19 @@ class Readings:
     amplitude: Array
 
 
-def readings(shown: Sequence[Residual], floor: float, amplitude: Array) -> Readings:
-    """Return the errors of readings from residuals over their floor (A); amplitude: rms in floors,
-    as in `Readings`."""
+def readings(shown: Sequence[Residual], noise_std: float, amplitude: Array) -> Readings:
+    """Return the errors of readings from residuals in units of the noise (its standard deviation in
+    A); amplitude: rms in those units, as in `Readings`."""
     x = np.concatenate([r.current[:, :, 0] for r in shown])
     squares = max(float(np.sum(x**2 - 1.0)), 0.0)
     means = x.mean(axis=0)
     excess = np.maximum(len(x) * means**2 - 1.0, 0.0)  # a mean of noise alone has 1
     share = np.minimum(excess / squares, 1.0) if squares > 0.0 else np.zeros(3)
     return Readings(
-        floor * float(np.sqrt(squares / x.size)),
-        _by_phase(floor * means),
+        noise_std * float(np.sqrt(squares / x.size)),
+        _by_phase(noise_std * means),
         _by_phase(share),
-        floor * amplitude,
+        noise_std * amplitude,
     )
 
 

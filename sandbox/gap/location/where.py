@@ -75,7 +75,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Part:
+class SubsystemPart:
     """One subsystem's part of the gap: its share, and what is left without its effects, taken
     apart; of_readings: told as errors of the measured currents, in A."""
 
@@ -85,7 +85,7 @@ class Part:
     of_readings: bool = False
 
 
-def parts(d: Diagnosis) -> tuple[Part, ...]:
+def parts(d: Diagnosis) -> tuple[SubsystemPart, ...]:
     """Return the subsystems' parts that are spoken of, the largest first; none where there is no
     gap."""
     if verdict(d) == "no_gap":
@@ -95,7 +95,7 @@ def parts(d: Diagnosis) -> tuple[Part, ...]:
         if share >= LEAST:
             point = without(d, name, alone=share > 1.0 - LEAST)
             found.append(
-                Part(
+                SubsystemPart(
                     name, share, decompose(point, shown(point)), name == "sensor" and of_readings(d)
                 )
             )
@@ -124,7 +124,7 @@ def of_readings(d: Diagnosis) -> bool:
     return True
 
 
-def where(d: Diagnosis, found: Sequence[Part] | None = None) -> tuple[Finding, ...]:
+def where(d: Diagnosis, found: Sequence[SubsystemPart] | None = None) -> tuple[Finding, ...]:
     """Return the findings, the largest share first; none where surely nothing is wrong (`summary`
     says so).
 

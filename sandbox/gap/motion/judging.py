@@ -151,19 +151,19 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
         able = [e for e in able if e not in beyond]
         whole, design = _richest(plain, design, able, nominal)
     sets = _sets(design, able, whole, nominal)
-    floor = _floor(design, sets[0].shaft)
+    noise_std = _noise_std(design, sets[0].shaft)
     kept, out = design.only(~held), held if np.any(held) else np.ones(len(held), bool)
     terms = {
         e: _terms(e, whole.dry or design.widths[0], whole.orders) for e in _subsets(sets[0].effects)
     }
     terms |= {w.effects: w.shaft.terms for w in sets}
-    sizes = {e: _rms(plain, fitted(kept, t, nominal), floor, out) for e, t in terms.items()}
+    sizes = {e: _rms(plain, fitted(kept, t, nominal), noise_std, out) for e, t in terms.items()}
     none, best = fitted(kept, Terms(), nominal), fitted(kept, sets[0].shaft.terms, nominal)
     rows = tuple(
         (
             a.file,
-            _rms(plain, none, floor, design.owner == k),
-            _rms(plain, best, floor, design.owner == k),
+            _rms(plain, none, noise_std, design.owner == k),
+            _rms(plain, best, noise_std, design.owner == k),
             bool(np.all(held[design.owner == k])),
         )
         for k, a in enumerate(parts)
@@ -175,7 +175,7 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
         design,
         tuple(sets),
         left,
-        _rms(plain, _as_stated(design, nominal), floor, out),
+        _rms(plain, _as_stated(design, nominal), noise_std, out),
         sizes[()],
         after,
         rows,
@@ -362,7 +362,7 @@ def _as_stated(design: Design, nominal: Nominal) -> Shaft:
     return replace(shaft, values=values)
 
 
-def _floor(design: Design, shaft: Shaft) -> Array:
+def _noise_std(design: Design, shaft: Shaft) -> Array:
     """Return each row's noise (N m rms): the stated current noise, and that of the angle times the
     inertia.
 
@@ -394,10 +394,10 @@ def _floor(design: Design, shaft: Shaft) -> Array:
     return out
 
 
-def _rms(design: Design, shaft: Shaft, floor: Array, rows: NDArray[np.bool_]) -> float:
+def _rms(design: Design, shaft: Shaft, noise_std: Array, rows: NDArray[np.bool_]) -> float:
     """Return the rms over the noise floor of rows, with a shaft's own values."""
     _, columns, _, _ = columns_of(design, shaft.terms, Nominal(1.0, 0.0, 0.0, 0.0))
-    rest = (design.torque - columns @ shaft.values) / floor
+    rest = (design.torque - columns @ shaft.values) / noise_std
     return float(np.sqrt(np.mean(rest[rows] ** 2)))
 
 

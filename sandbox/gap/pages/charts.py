@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from sandbox.gap.location.curves import CurveFound
 from sandbox.gap.location.decompose import Decomposition
-from sandbox.gap.location.where import WHOSE, Part
+from sandbox.gap.location.where import WHOSE, SubsystemPart
 from sandbox.output.document import figure, fold, pairs, prose
 from sandbox.output.sentences import capital
 from sandbox.output.vector import bars_svg, lines_svg
@@ -22,7 +22,9 @@ SQUARES = (
 )
 
 
-def of_parts(parts: Sequence[Part], before: Decomposition, rest: Decomposition) -> Iterator[str]:
+def of_parts(
+    parts: Sequence[SubsystemPart], before: Decomposition, rest: Decomposition
+) -> Iterator[str]:
     """Yield charts of the parts that sentences speak of, the largest open; of the whole where none
     is spoken of."""
     if len(parts) < 2:

@@ -39,9 +39,12 @@ def waves(
         return list(own[np.arange(len(t)), np.argmax(np.abs(own), axis=1)].tolist())
 
     both = {"before": before[k], "after": after[k]}
-    floor = a.diagnosis.start.prepared.noise_std
+    noise_std = a.diagnosis.start.prepared.noise_std
     panels = [
-        (f"i_{p} (A)", {name: (t, peaks(floor * x.current[:, j, 0])) for name, x in both.items()})
+        (
+            f"i_{p} (A)",
+            {name: (t, peaks(noise_std * x.current[:, j, 0])) for name, x in both.items()},
+        )
         for j, p in enumerate("abc")
     ]
     own, rest = before[k].motion, after[k].motion
@@ -53,15 +56,17 @@ def waves(
             )
         )
     yield f"<h2>Residuals in {prose(r.file)}</h2>"
-    spectra = {name: looks.spectrum(floor * x.current[:, :, 0], period) for name, x in both.items()}
+    spectra = {
+        name: looks.spectrum(noise_std * x.current[:, :, 0], period) for name, x in both.items()
+    }
     lines = {name: (f.tolist(), size.tolist()) for name, (f, size) in spectra.items()}
     first, last = _worst(before[k].current[:, :, 0], max(2, round(WINDOW / period)))
     yield from pairs(
         [
             figure(
-                lines_svg(panels, "t (s)", bands=[floor] * 3 + [1.0]),
+                lines_svg(panels, "t (s)", bands=[noise_std] * 3 + [1.0]),
                 "Residual over time: measured minus simulated. Grey: one noise floor "
-                f"either way ({amperes(floor)}, rms of "
+                f"either way ({amperes(noise_std)}, rms of "
                 "the noise). Of each short interval the largest value is drawn.",
             ),
             figure(
@@ -70,13 +75,13 @@ def waves(
                     "t (s)",
                 ),
                 "Currents where the gap is largest, sample by sample, "
-                f"{1e3 * (last - first) * period:.0f} ms. The noise floor is {amperes(floor)}.",
+                f"{1e3 * (last - first) * period:.0f} ms. The noise floor is {amperes(noise_std)}.",
             ),
             figure(
                 lines_svg([("amplitude (A)", lines)], "frequency (Hz)", log="y"),
                 "Spectrum of the same residuals of the currents, all phases together, "
                 "without their means: the height of a "
-                f"line, in A. White noise alone is flat; its rms is {amperes(floor)}.",
+                f"line, in A. White noise alone is flat; its rms is {amperes(noise_std)}.",
             ),
         ]
     )

@@ -189,10 +189,10 @@ def _text(a: Answers) -> str:
         f"**Which?** {answers.which_text(a)}",
     ]
     lines += [f"**How far?** {answers.far_text(a)}", f"**Next?** {answers.next_text(a)}"]
-    floor = amperes(d.start.prepared.noise_std)
+    noise_std = amperes(d.start.prepared.noise_std)
     lines.append(
         "Grey: recorded. Orange: simulated before. Blue: simulated after. One noise "
-        f"floor is {floor}."
+        f"floor is {noise_std}."
     )
     rows = [
         f"| {k} | {file}{' (held out)' if held else ''} | {before:.2f} | {after:.2f} |"

@@ -20,7 +20,7 @@ from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.curves import CurveFound, curves_found
 from sandbox.gap.location.map_found import MapFound, map_found
 from sandbox.gap.location.outside import OddPhase, odd_phase
-from sandbox.gap.location.where import Finding, Part, parts, percent, summary, where
+from sandbox.gap.location.where import Finding, SubsystemPart, parts, percent, summary, where
 from sandbox.gap.planning.next_recording import Next, recommend
 from sandbox.gap.planning.todo import todo
 from sandbox.gap.posterior.hypotheses import UNKNOWN
@@ -55,7 +55,7 @@ class Answers:
     alike: Alike | None = None
     ranking: Ranking | None = None
     odd_phase: OddPhase | None = None
-    parts: tuple[Part, ...] = ()
+    parts: tuple[SubsystemPart, ...] = ()
     no_position: str = ""
     map_found: MapFound | None = None
     curves: tuple[CurveFound, ...] = ()

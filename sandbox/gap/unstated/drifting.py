@@ -130,12 +130,12 @@ def drifting(
     own = {file: np.array(x) for file, x in turns.items() if len(x) >= FEWEST}
     if not own:
         return None
-    floor = point.prepared.noise_std
-    means = np.array([floor * x[:, 0].mean(axis=0) for x in own.values()])
+    noise_std = point.prepared.noise_std
+    means = np.array([noise_std * x[:, 0].mean(axis=0) for x in own.values()])
     errors = np.array(
-        [floor * x[:, 0].std(axis=0, ddof=1).max() / math.sqrt(len(x)) for x in own.values()]
+        [noise_std * x[:, 0].std(axis=0, ddof=1).max() / math.sqrt(len(x)) for x in own.values()]
     )
-    even = np.array([floor**2 * np.sum(x[:, 1:].mean(axis=0) ** 2) / 2.0 for x in own.values()])
+    even = np.array([noise_std**2 * np.sum(x[:, 1:].mean(axis=0) ** 2) / 2.0 for x in own.values()])
     gone = np.array([known.differs(file) if known else NONE for file in own])
     middle = np.median(means + gone, axis=0)
     beside = means + gone - middle - gone

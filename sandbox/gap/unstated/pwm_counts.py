@@ -31,7 +31,7 @@ from sandbox.replay.transitions import SHARE, displaced, transitions
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
-FEWEST, MOST = 16, 20_000  # counts: what [drive] pwm_counts may be; 200 MHz at 5 kHz
+FEWEST_COUNTS, MOST_COUNTS = 16, 20_000  # counts: what [drive] pwm_counts may be; 200 MHz at 5 kHz
 SURE = 0.95  # posterior probability of some number of counts
 # nats: log of all numbers tried, and some; numbers that could not reach it are left away
 NEEDED = 20.0
@@ -85,7 +85,7 @@ class Counted(NamedTuple):
         }
 
 
-class Part(NamedTuple):
+class RecordingSlopes(NamedTuple):
     """A recording's first n samples: duties (n, 3), flux that a whole duty of each leg adds (n, 3,
     2) in Wb, transitions a (n, 2, 2) and c (n, 3, 2) in floors/Wb, residuals (n, 3) in floors."""
 
@@ -95,10 +95,10 @@ class Part(NamedTuple):
     c: Array
     y: Array
 
-    def first(self, share: float) -> Part:
+    def first(self, share: float) -> RecordingSlopes:
         """Return a share of its samples, the first ones."""
         n = max(1, int(share * len(self.duty)))
-        return Part(*(x[:n] for x in self))
+        return RecordingSlopes(*(x[:n] for x in self))
 
 
 def pwm_counts(point: Point) -> Counted | None:
@@ -134,7 +134,7 @@ class Likely(NamedTuple):
     share: Array
 
 
-def settled(parts: Sequence[Part]) -> Likely | None:
+def settled(parts: Sequence[RecordingSlopes]) -> Likely | None:
     """Return the likeliest numbers of counts, where data count as far as what the best of them
     leaves says: a residual that rounding makes is no misfit of a model that has it.  None where
     recordings cannot show any."""
@@ -156,7 +156,9 @@ def settled(parts: Sequence[Part]) -> Likely | None:
     return Likely(counts, log_posterior, along / square)
 
 
-def looked(parts: Sequence[Part], variance: Sequence[float]) -> tuple[Counts, Array, Array] | None:
+def looked(
+    parts: Sequence[RecordingSlopes], variance: Sequence[float]
+) -> tuple[Counts, Array, Array] | None:
     """Return the numbers that stand out most on the first samples, and their sums (`weighed`) on
     all of them."""
     counts = numbers(parts, variance)
@@ -173,7 +175,7 @@ def with_counts(drive: Drive, value: int) -> Drive:
     return replace(drive, converter=replace(drive.converter, pwm_counts=value))
 
 
-def parts_of(point: Point) -> list[Part]:
+def parts_of(point: Point) -> list[RecordingSlopes]:
     """Return the parts of all recordings."""
     prepared, out = point.turned(), []
     drive = prepared.campaign.drive
@@ -188,7 +190,7 @@ def parts_of(point: Point) -> list[Part]:
         duty = np.stack([track[f"d_{x}"] for x in "abc"], axis=1)
         kick = track["link"][:, None, None] * whole
         out.append(
-            Part(
+            RecordingSlopes(
                 duty,
                 kick,
                 own.a,
@@ -199,17 +201,17 @@ def parts_of(point: Point) -> list[Part]:
     return out
 
 
-def numbers(parts: Sequence[Part], variance: Sequence[float]) -> Counts:
+def numbers(parts: Sequence[RecordingSlopes], variance: Sequence[float]) -> Counts:
     """Return the numbers of counts whose rounding these recordings would show: what it adds falls
     as their square."""
     few = np.arange(500, 516)
     square = float(np.median(weighed(parts, variance, few)[1] * few**2.0))
-    most = min(MOST, math.floor(math.sqrt(0.5 * square / NEEDED)))
-    return np.arange(FEWEST, most + 1)
+    most = min(MOST_COUNTS, math.floor(math.sqrt(0.5 * square / NEEDED)))
+    return np.arange(FEWEST_COUNTS, most + 1)
 
 
 def weighed(
-    parts: Sequence[Part], variance: Sequence[float], counts: Counts
+    parts: Sequence[RecordingSlopes], variance: Sequence[float], counts: Counts
 ) -> tuple[Array, Array]:
     """Return for numbers of counts (m,) what they foretell times the residual, and its own square,
     over variances."""
@@ -221,14 +223,14 @@ def weighed(
     return sums[0], sums[1]
 
 
-def added(part: Part, count: int) -> Array:
+def added(part: RecordingSlopes, count: int) -> Array:
     """Return what rounding to a number of counts adds to readings (n, 3), in floors."""
     out = np.empty_like(part.y)
     foretold(part, np.array([float(count)]), LANES, np.zeros((2, 1)), out)
     return out
 
 
-def alike(parts: Sequence[Part], variance: Sequence[float], count: int) -> float:
+def alike(parts: Sequence[RecordingSlopes], variance: Sequence[float], count: int) -> float:
     """Return how large a square, in its own variance, residuals have along what other numbers near
     one foretell; 1 and more.  Where something else is missing that looks like rounding, it looks
     like that to any number."""
@@ -241,7 +243,7 @@ def alike(parts: Sequence[Part], variance: Sequence[float], count: int) -> float
 def log_prior(counts: Counts) -> Array:
     """Return the log prior odds (m,) of numbers of counts against no rounding: a timer that shows
     is as likely as none, and its number in every octave (density 1/N)."""
-    return np.asarray(-np.log(counts) - math.log(math.log((MOST + 1.0) / FEWEST)))
+    return np.asarray(-np.log(counts) - math.log(math.log((MOST_COUNTS + 1.0) / FEWEST_COUNTS)))
 
 
 def credible(log_posterior: Array) -> NDArray[np.int64]:

@@ -46,7 +46,7 @@ ALIKE = 0.2  # of the logarithm: two mistakes that cannot be told apart
 SMALLEST_ZERO = math.radians(10.0)  # a smaller one is a gap: an encoder's offset
 ROUND = math.radians(4.0)  # a zero so near to a whole twelfth of a turn is that
 SAME = 0.01  # relative, of the angle's factors
-MOST = 3  # mistakes at once
+MOST_MISTAKES = 3  # mistakes at once
 SOME = 4  # recordings of which several mistakes are tried
 BEAM = 64  # readings of two mistakes to which a third is added
 
@@ -121,7 +121,7 @@ def three(
 ) -> Iterator[Reading]:
     """Yield the readings of a further change, or of a zero, beside those found."""
     for x in found:
-        if x.count < MOST:
+        if x.count < MOST_MISTAKES:
             more = ((*x.changes, c) for c in table if all(together(c, own) for own in x.changes))
             yield from readings_of(parts, (m for m in more if _few(m, x.zero)), x.zero)
             if not x.zero and (zero := _zero(parts, x.changes)):
@@ -158,8 +158,8 @@ def _settled(tried: Sequence[Reading], count: int) -> bool:
 
 
 def _few(own: AsItIs, zero: float = 0.0) -> bool:
-    """Tell whether changes and a zero are MOST mistakes or fewer."""
-    return count_of(own, zero) <= MOST
+    """Tell whether changes and a zero are MOST_MISTAKES mistakes or fewer."""
+    return count_of(own, zero) <= MOST_MISTAKES
 
 
 def _pairs(table: Sequence[Change]) -> Iterator[AsItIs]:

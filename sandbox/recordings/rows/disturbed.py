@@ -26,7 +26,9 @@ Array = NDArray[np.float64]
 BEYOND = 8.0
 LEAST = 0.02  # of the largest usual current: smaller disturbances are left to the noise
 USUAL = 0.9  # of the rows: their largest current is a usual one
-MOST = 0.06  # of the rows: beyond it some stand among so many others that none shows (measured)
+MOST_DISTURBED = (
+    0.06  # of the rows: beyond it some stand among so many others that none shows (measured)
+)
 BACK = 0.25  # of what a reading leaves by: nearer than this it is back
 PULSE = 2.0  # times what a command of one row moves: an inductance a third of the stated one
 PASSES = 4
@@ -102,10 +104,10 @@ def _told(r: CampaignRecording, name: str, rows: NDArray[np.intp], mended: Array
         f"{r.file}: row {k} of column '{own}' is {x[k]:.4g} A, the rows beside it make it "
         f"{mended[k]:.3g} A"
     )
-    if rows.size > MOST * len(x):
+    if rows.size > MOST_DISTURBED * len(x):
         text += (
-            f" ({count}, {MOST:.0%} at most can be mended): readings were disturbed; repair the "
-            "sensor or its transfer and record again"
+            f" ({count}, {MOST_DISTURBED:.0%} at most can be mended): readings were disturbed; repair "
+            "the sensor or its transfer and record again"
         )
         raise Refused(Finding(r.file, name, k, text))
     text += (
