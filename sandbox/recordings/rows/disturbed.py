@@ -106,8 +106,8 @@ def _told(r: CampaignRecording, name: str, rows: NDArray[np.intp], mended: Array
     )
     if rows.size > MOST_DISTURBED * len(x):
         text += (
-            f" ({count}, {MOST_DISTURBED:.0%} at most can be mended): readings were disturbed; repair "
-            "the sensor or its transfer and record again"
+            f" ({count}, {MOST_DISTURBED:.0%} at most can be mended): readings were disturbed; "
+            "repair the sensor or its transfer and record again"
         )
         raise Refused(Finding(r.file, name, k, text))
     text += (
