@@ -218,6 +218,30 @@ def test_many_arguments_go_by_name_and_many_results_have_names():
         assert wide(tree_of(path)) == [], path
 
 
+def many(tree):
+    """Return the functions of a file, kernels apart, that take eight arguments and more, those by
+    name included."""
+    return {
+        node.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
+        and not any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list)
+        and len([a for a in (*node.args.args, *node.args.kwonlyargs) if a.arg != "self"]) > 7
+    }
+
+
+def test_functions_take_seven_arguments_at_most():
+    """But for the public page and the command line, whose arguments are the contract, and five that
+    are still to be parted."""
+    assert many(ast.parse("def f(a, b, c, d, *, e, f, g, h): pass")) == {"f"}
+    later = {"simulate.py": "simulate", "compare.py": "single", "fit.py": "attempted"}
+    later |= {"linear_model.py": "linear_model", "advance.py": "replay"}
+    contract = [ROOT / "sandbox" / room for room in ("public", "cli")]
+    for path in SOURCES:
+        if not {*path.parents} & {*contract}:
+            assert many(tree_of(path)) <= {later.get(path.name)}, path
+
+
 def test_no_path_of_one_machine():
     pattern = re.compile(r"(?<![\w.])/(home/\w+|root|work)/")
     for path in ROOT.rglob("*"):

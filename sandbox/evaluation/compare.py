@@ -100,14 +100,13 @@ def compare(
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
     effects: Mapping[str, float] | None = None,
-    limits: Limits = ANY,
 ) -> Comparison:
     """Run every estimator (name, file or object) with both beliefs, closed and open, on up to
     `jobs` threads.
 
     The seed fixes the sensors' noise, the same in every run; very long runs are recorded thinned;
-    `progress` is told the fraction done; effects: as `simulate`, with any there is no theory;
-    limits: of what is recommended. Raises BadInput or PhysicsError.
+    `progress` is told the fraction done; effects: as `simulate`, with any there is no theory.
+    Raises BadInput or PhysicsError.
     """
     loaded = distinct(estimators)
     if not loaded:
@@ -134,7 +133,7 @@ def compare(
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         runs = (first, *pool.map(one, cases[1:]))
     return Comparison(
-        drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}), limits
+        drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {})
     )
 
 

@@ -215,12 +215,10 @@ def protocol(
     seed: int = 0,
     workers: Workers = TWO,
     keep: Path | None = None,
-    limits: Limits = ANY,
     progress: Callable[[float], None] | None = None,
 ) -> Protocol:
     """Run every unit on threads, or on a dask cluster where one is given (estimators by name or
-    file); `keep` is a folder in which finished units wait for the rest; limits: of what
-    is recommended.
+    file); `keep` is a folder in which finished units wait for the rest.
 
     Estimators and motors are names, files or objects; units of objects and of estimators from files
     are not kept, as nobody knows whether they are still the same later.  Raises BadInput for what
@@ -265,7 +263,7 @@ def protocol(
                     missing,
                 )
             )
-    return Protocol(tuple(kept.rows[u] for u in todo), seed, limits=limits)
+    return Protocol(tuple(kept.rows[u] for u in todo), seed)
 
 
 def _distinct_motors(motors: Iterable[str | Path | Drive]) -> dict[str, str | Path | Drive]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -236,16 +236,14 @@ def protocol(
     from sandbox.engine.processes import Workers
     from sandbox.evaluation.protocol import protocol as run_all  # compiles
 
-    return ProtocolResult(
-        run_all(
-            *names,
-            seed=seed,
-            workers=Workers.asked(jobs, cluster),
-            keep=None if keep is None else Path(keep),
-            limits=limits,
-            progress=progress,
-        )
+    found = run_all(
+        *names,
+        seed=seed,
+        workers=Workers.asked(jobs, cluster),
+        keep=None if keep is None else Path(keep),
+        progress=progress,
     )
+    return ProtocolResult(replace(found, limits=limits))
 
 
 def check_names(

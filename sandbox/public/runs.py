@@ -4,7 +4,7 @@ belief."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -491,15 +491,7 @@ def compare(
     from sandbox.evaluation.compare import compare as run_all  # compiles
 
     limits = limits_of(quiet_below, loss_below)
-    return ComparisonResult(
-        run_all(
-            drive,
-            scene,
-            own,
-            seed=seed,
-            jobs=jobs,
-            progress=progress,
-            effects=added or None,
-            limits=limits,
-        )
+    found = run_all(
+        drive, scene, own, seed=seed, jobs=jobs, progress=progress, effects=added or None
     )
+    return ComparisonResult(replace(found, limits=limits))

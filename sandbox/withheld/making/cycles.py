@@ -79,13 +79,14 @@ def cycle(
     rotor: str,
     axis: str,
     kind: float | Array,
-    first: Array,
-    second: float | Array = 0.0,
+    *references: float | Array,
     load: float | Array = 0.0,
     speed: float | Array = 0.0,
 ) -> Cycle:
-    """Return a cycle from its columns, scalars spread over all samples."""
-    n = len(first)
+    """Return a cycle from its columns, scalars spread over all samples; references: the first one a
+    column, the second one 0 where it is left out."""
+    first, second = (*references, 0.0)[:2]
+    n = np.size(first)
     columns = [
         np.broadcast_to(np.asarray(c, dtype=float), (n,)) for c in (kind, first, second, load)
     ]
