@@ -24,24 +24,24 @@ from model.compiled import kernel, kernel_as
 from model.energy import hessian
 from model.frames import rotate
 
-PSI_A, PSI_B, LAST_A, LAST_B, BEGUN = range(FREE, FREE + 5)
+PSI_ALPHA, PSI_BETA, LAST_ALPHA, LAST_BETA, BEGUN = range(FREE, FREE + 5)
 OWN = 5
 DRAWN = 0.25  # g over the tracking loop's kp
 
 
 @kernel
-def current_flux(state, i_a, i_b, theta, belief):
+def current_flux(state, i_alpha, i_beta, theta, belief):
     """Return psi_i (Wb) and a = d psi_i / d theta (Wb/rad), both alpha, beta."""
-    i_d, i_q = rotate(i_a, i_b, -theta)
+    i_d, i_q = rotate(i_alpha, i_beta, -theta)
     d, q = believed_flux(state, belief.energy, i_d, i_q)
     dd, dq, qq = hessian(belief.energy, d, q)
     det = dd * qq - dq * dq
     l_dd, l_dq, l_qq = qq / det, -dq / det, dd / det
     d += belief.magnet_flux
     a_d, a_q = -q - (-l_dd * i_q + l_dq * i_d), d - (-l_dq * i_q + l_qq * i_d)  # J i = (-i_q, i_d)
-    p_a, p_b = rotate(d, q, theta)
-    a_a, a_b = rotate(a_d, a_q, theta)
-    return p_a, p_b, a_a, a_b
+    p_alpha, p_beta = rotate(d, q, theta)
+    a_alpha, a_beta = rotate(a_d, a_q, theta)
+    return p_alpha, p_beta, a_alpha, a_beta
 
 
 @kernel
@@ -51,22 +51,27 @@ def observe(state, sample, known, belief, tuning):
     known: 0 to 1, how far the angle is known from elsewhere.
     """
     h, g = tuning.sampling_period, DRAWN * tuning.kp
-    p_a, p_b, a_a, a_b = current_flux(state, sample.i_alpha, sample.i_beta, state[AXIS], belief)
+    p_alpha, p_beta, a_alpha, a_beta = current_flux(
+        state, sample.i_alpha, sample.i_beta, state[AXIS], belief
+    )
     if state[BEGUN] == 0.0:
-        state[BEGUN], state[PSI_A], state[PSI_B] = 1.0, p_a, p_b
-        state[LAST_A], state[LAST_B] = sample.i_alpha, sample.i_beta
+        state[BEGUN], state[PSI_ALPHA], state[PSI_BETA] = 1.0, p_alpha, p_beta
+        state[LAST_ALPHA], state[LAST_BETA] = sample.i_alpha, sample.i_beta
         return 0.0
-    i_a, i_b = 0.5 * (state[LAST_A] + sample.i_alpha), 0.5 * (state[LAST_B] + sample.i_beta)
-    state[LAST_A], state[LAST_B] = sample.i_alpha, sample.i_beta
-    state[PSI_A] += h * (sample.u_alpha - belief.resistance * i_a)
-    state[PSI_B] += h * (sample.u_beta - belief.resistance * i_b)
-    m_a, m_b = state[PSI_A] - p_a, state[PSI_B] - p_b
-    square = max(a_a * a_a + a_b * a_b, (0.05 * belief.magnet_flux) ** 2)
-    e = (m_a * a_a + m_b * a_b) / square
+    i_alpha, i_beta = (
+        0.5 * (state[LAST_ALPHA] + sample.i_alpha),
+        0.5 * (state[LAST_BETA] + sample.i_beta),
+    )
+    state[LAST_ALPHA], state[LAST_BETA] = sample.i_alpha, sample.i_beta
+    state[PSI_ALPHA] += h * (sample.u_alpha - belief.resistance * i_alpha)
+    state[PSI_BETA] += h * (sample.u_beta - belief.resistance * i_beta)
+    m_alpha, m_beta = state[PSI_ALPHA] - p_alpha, state[PSI_BETA] - p_beta
+    square = max(a_alpha * a_alpha + a_beta * a_beta, (0.05 * belief.magnet_flux) ** 2)
+    e = (m_alpha * a_alpha + m_beta * a_beta) / square
     along, across = g * known, max(g, 0.5 * abs(state[OMEGA]))
-    x_a, x_b = e * a_a, e * a_b
-    state[PSI_A] -= h * (along * x_a + across * (m_a - x_a))
-    state[PSI_B] -= h * (along * x_b + across * (m_b - x_b))
+    x_alpha, x_beta = e * a_alpha, e * a_beta
+    state[PSI_ALPHA] -= h * (along * x_alpha + across * (m_alpha - x_alpha))
+    state[PSI_BETA] -= h * (along * x_beta + across * (m_beta - x_beta))
     return e
 
 

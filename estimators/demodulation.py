@@ -22,9 +22,9 @@ from model.compiled import kernel
 # Slots of the state array.
 COUNT, PHASE, AXIS, OMEGA, OFFSET, FLUX_D, FLUX_Q, CURSOR = range(8)
 SUM_D, SUM_Q, M_11, M_21, RISE, OUTSIDE, ACCELERATION, LOAD_TORQUE, SLOW_OMEGA = range(8, 17)
-RING_A = 20
+RING_ALPHA = 20
 RING = 3 * MAX_PERIOD // 2
-RING_B, RING_F, RING_C, RING_S = (RING_A + k * RING for k in range(1, 5))
+RING_BETA, RING_F, RING_C, RING_S = (RING_ALPHA + k * RING for k in range(1, 5))
 FREE = RING_S + RING  # from here on an estimator's own
 
 
@@ -46,7 +46,7 @@ def demodulate(state, sample, axis, omega, tuning):
     half = tuning.period // 2
     n = 3 * half
     newest = int(state[CURSOR])
-    state[RING_A + newest], state[RING_B + newest], state[RING_F + newest] = (
+    state[RING_ALPHA + newest], state[RING_BETA + newest], state[RING_F + newest] = (
         sample.i_alpha,
         sample.i_beta,
         sample.carrier,
@@ -58,16 +58,16 @@ def demodulate(state, sample, axis, omega, tuning):
     mean_d = mean_q = y_d = y_q = 0.0
     for k in range(n):  # from the newest sample back
         weight = 1.0 if half <= k < 2 * half else 0.5
-        mean_d += weight * (c * state[RING_A + j] + s * state[RING_B + j])
-        mean_q += weight * (c * state[RING_B + j] - s * state[RING_A + j])
+        mean_d += weight * (c * state[RING_ALPHA + j] + s * state[RING_BETA + j])
+        mean_q += weight * (c * state[RING_BETA + j] - s * state[RING_ALPHA + j])
         c, s = c * dc + s * ds, s * dc - c * ds
         j = j - 1 if j > 0 else n - 1
     mean_d, mean_q = mean_d / (2 * half), mean_q / (2 * half)
     c, s, j = state[RING_C + newest], state[RING_S + newest], newest
     for k in range(n):
         weight = state[RING_F + j] if half <= k < 2 * half else 0.5 * state[RING_F + j]
-        r_alpha = weight * (state[RING_A + j] - (c * mean_d - s * mean_q))
-        r_beta = weight * (state[RING_B + j] - (s * mean_d + c * mean_q))
+        r_alpha = weight * (state[RING_ALPHA + j] - (c * mean_d - s * mean_q))
+        r_beta = weight * (state[RING_BETA + j] - (s * mean_d + c * mean_q))
         v_c, v_s = (c, s) if tuning.present else (state[RING_C + j], state[RING_S + j])
         y_d += v_c * r_alpha + v_s * r_beta
         y_q += v_c * r_beta - v_s * r_alpha

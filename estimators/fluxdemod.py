@@ -35,8 +35,8 @@ def step(state, sample, belief, tuning):
         return start(state, sample, belief, tuning)
     axis = predict(state, tuning)
     i_d, i_q = rotate(sample.i_alpha, sample.i_beta, -axis)
-    phi_a, phi_b = rotate(*believed_flux(state, belief.energy, i_d, i_q), axis)
-    fluxes = Sample(phi_a, phi_b, sample.u_alpha, sample.u_beta, sample.carrier)
+    phi_alpha, phi_beta = rotate(*believed_flux(state, belief.energy, i_d, i_q), axis)
+    fluxes = Sample(phi_alpha, phi_beta, sample.u_alpha, sample.u_beta, sample.carrier)
     mean_d, mean_q, y_d, y_q = demodulate(state, fluxes, axis, state[OMEGA], tuning)
     dd, dq, qq = hessian(belief.energy, mean_d, mean_q)
     trace = dd + qq

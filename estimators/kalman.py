@@ -30,25 +30,25 @@ START_FLUX = 0.02  # of the magnet's
 
 
 @kernel
-def stator_current(psi_a, psi_b, theta, belief):
+def stator_current(psi_alpha, psi_beta, theta, belief):
     """Return i_alpha, i_beta (A) of the believed motor."""
-    d, q = rotate(psi_a, psi_b, -theta)
+    d, q = rotate(psi_alpha, psi_beta, -theta)
     i_d, i_q = currents(belief.energy, d - belief.magnet_flux, q)
     return rotate(i_d, i_q, theta)
 
 
 @kernel
-def current_jacobian(psi_a, psi_b, theta, belief):
+def current_jacobian(psi_alpha, psi_beta, theta, belief):
     """Return G_aa, G_ab, G_bb (1/H) and j_a, j_b (A/rad): derivatives of i by psi and by theta."""
-    d, q = rotate(psi_a, psi_b, -theta)
+    d, q = rotate(psi_alpha, psi_beta, -theta)
     d -= belief.magnet_flux
     dd, dq, qq = hessian(belief.energy, d, q)
     x, y = rotate(dd - qq, 2.0 * dq, 2.0 * theta)  # the traceless part turns by twice the angle
     g_aa, g_ab, g_bb = 0.5 * (dd + qq + x), 0.5 * y, 0.5 * (dd + qq - x)
-    i_a, i_b = stator_current(psi_a, psi_b, theta, belief)
-    j_a = -i_b - (-g_aa * psi_b + g_ab * psi_a)  # J i - G J psi
-    j_b = i_a - (-g_ab * psi_b + g_bb * psi_a)
-    return g_aa, g_ab, g_bb, j_a, j_b
+    i_alpha, i_beta = stator_current(psi_alpha, psi_beta, theta, belief)
+    j_alpha = -i_beta - (-g_aa * psi_beta + g_ab * psi_alpha)  # J i - G J psi
+    j_beta = i_alpha - (-g_ab * psi_beta + g_bb * psi_alpha)
+    return g_aa, g_ab, g_bb, j_alpha, j_beta
 
 
 @kernel
@@ -78,21 +78,21 @@ def blur(s, tuning):
 
 
 @kernel
-def predict(s, u_a, u_b, belief, tuning):
+def predict(s, u_alpha, u_beta, belief, tuning):
     """Propagate mean (Heun) and covariance (Jacobian at the start) over one sampling period."""
     t, r = tuning.sampling_period, belief.resistance
     a, b, omega, theta = s[X], s[X + 1], s[X + 2], s[X + 3]
-    g_aa, g_ab, g_bb, j_a, j_b = current_jacobian(a, b, theta, belief)
-    i_a, i_b = stator_current(a, b, theta, belief)
-    da, db = u_a - r * i_a, u_b - r * i_b
-    n_a, n_b = stator_current(a + t * da, b + t * db, theta + t * omega, belief)
-    s[X] = a + 0.5 * t * (da + u_a - r * n_a)
-    s[X + 1] = b + 0.5 * t * (db + u_b - r * n_b)
+    g_aa, g_ab, g_bb, j_alpha, j_beta = current_jacobian(a, b, theta, belief)
+    i_alpha, i_beta = stator_current(a, b, theta, belief)
+    da, db = u_alpha - r * i_alpha, u_beta - r * i_beta
+    n_alpha, n_beta = stator_current(a + t * da, b + t * db, theta + t * omega, belief)
+    s[X] = a + 0.5 * t * (da + u_alpha - r * n_alpha)
+    s[X + 1] = b + 0.5 * t * (db + u_beta - r * n_beta)
     s[X + 3] = theta + t * omega
     for k in range(16):
         s[F + k] = 0.0
-    s[F], s[F + 1], s[F + 3] = 1.0 - t * r * g_aa, -t * r * g_ab, -t * r * j_a
-    s[F + 4], s[F + 5], s[F + 7] = -t * r * g_ab, 1.0 - t * r * g_bb, -t * r * j_b
+    s[F], s[F + 1], s[F + 3] = 1.0 - t * r * g_aa, -t * r * g_ab, -t * r * j_alpha
+    s[F + 4], s[F + 5], s[F + 7] = -t * r * g_ab, 1.0 - t * r * g_bb, -t * r * j_beta
     s[F + 10] = s[F + 15] = 1.0
     s[F + 14] = t
     sandwich(s, F, P, P)
@@ -110,30 +110,30 @@ def shrink(s, v):
 
 
 @kernel
-def update(s, i_a, i_b, belief, tuning):
+def update(s, i_alpha, i_beta, belief, tuning):
     """Correct with one current sample (Joseph form)."""
-    g_aa, g_ab, g_bb, j_a, j_b = current_jacobian(s[X], s[X + 1], s[X + 3], belief)
-    e_a, e_b = stator_current(s[X], s[X + 1], s[X + 3], belief)
-    e_a, e_b = i_a - e_a, i_b - e_b
+    g_aa, g_ab, g_bb, j_alpha, j_beta = current_jacobian(s[X], s[X + 1], s[X + 3], belief)
+    e_alpha, e_beta = stator_current(s[X], s[X + 1], s[X + 3], belief)
+    e_alpha, e_beta = i_alpha - e_alpha, i_beta - e_beta
     v = tuning.current_variance
     s_aa = s_ab = s_bb = 0.0
     for k in range(4):  # P H^T, two columns into the scratch W
         p = P + 4 * k
-        s[W + k] = s[p] * g_aa + s[p + 1] * g_ab + s[p + 3] * j_a
-        s[W + 4 + k] = s[p] * g_ab + s[p + 1] * g_bb + s[p + 3] * j_b
-    s_aa = g_aa * s[W] + g_ab * s[W + 1] + j_a * s[W + 3] + v
-    s_ab = g_aa * s[W + 4] + g_ab * s[W + 5] + j_a * s[W + 7]
-    s_bb = g_ab * s[W + 4] + g_bb * s[W + 5] + j_b * s[W + 7] + v
+        s[W + k] = s[p] * g_aa + s[p + 1] * g_ab + s[p + 3] * j_alpha
+        s[W + 4 + k] = s[p] * g_ab + s[p + 1] * g_bb + s[p + 3] * j_beta
+    s_aa = g_aa * s[W] + g_ab * s[W + 1] + j_alpha * s[W + 3] + v
+    s_ab = g_aa * s[W + 4] + g_ab * s[W + 5] + j_alpha * s[W + 7]
+    s_bb = g_ab * s[W + 4] + g_bb * s[W + 5] + j_beta * s[W + 7] + v
     det = s_aa * s_bb - s_ab * s_ab
     for k in range(4):  # I - K H into F
-        k_a = (s[W + k] * s_bb - s[W + 4 + k] * s_ab) / det
-        k_b = (s[W + 4 + k] * s_aa - s[W + k] * s_ab) / det
-        s[K + k], s[K + 4 + k] = k_a, k_b
-        s[X + k] += k_a * e_a + k_b * e_b
-        s[F + 4 * k] = -(k_a * g_aa + k_b * g_ab)
-        s[F + 4 * k + 1] = -(k_a * g_ab + k_b * g_bb)
+        k_alpha = (s[W + k] * s_bb - s[W + 4 + k] * s_ab) / det
+        k_beta = (s[W + 4 + k] * s_aa - s[W + k] * s_ab) / det
+        s[K + k], s[K + 4 + k] = k_alpha, k_beta
+        s[X + k] += k_alpha * e_alpha + k_beta * e_beta
+        s[F + 4 * k] = -(k_alpha * g_aa + k_beta * g_ab)
+        s[F + 4 * k + 1] = -(k_alpha * g_ab + k_beta * g_bb)
         s[F + 4 * k + 2] = 0.0
-        s[F + 4 * k + 3] = -(k_a * j_a + k_b * j_b)
+        s[F + 4 * k + 3] = -(k_alpha * j_alpha + k_beta * j_beta)
         s[F + 5 * k] += 1.0
     shrink(s, v)
 

@@ -27,45 +27,49 @@ SMALL_CURRENT, SMALL_ANGLE = 1e-4, 1e-4  # of the rated current; rad: steps of d
 
 
 @kernel
-def slope(s, i_a, i_b, theta, u_a, u_b, belief):
+def slope(s, i_alpha, i_beta, theta, u_alpha, u_beta, belief):
     """Return d i / dt (A/s) at a current, an angle and the state's speed."""
     omega = s[X + 2]
-    i_d, i_q = rotate(i_a, i_b, -theta)
+    i_d, i_q = rotate(i_alpha, i_beta, -theta)
     d, q = believed_flux(s, belief.energy, i_d, i_q)
     dd, dq, qq = hessian(belief.energy, d, q)
-    v_d, v_q = rotate(u_a - belief.resistance * i_a, u_b - belief.resistance * i_b, -theta)
+    v_d, v_q = rotate(
+        u_alpha - belief.resistance * i_alpha, u_beta - belief.resistance * i_beta, -theta
+    )
     v_d, v_q = v_d + omega * q, v_q - omega * (d + belief.magnet_flux)
     return rotate(dd * v_d + dq * v_q - omega * i_q, dq * v_d + qq * v_q + omega * i_d, theta)
 
 
 @kernel
-def predict(s, u_a, u_b, belief, tuning):
+def predict(s, u_alpha, u_beta, belief, tuning):
     """Propagate mean (Heun) and covariance (differences at the start) over one sampling period."""
     t, a, b, omega, theta = tuning.sampling_period, s[X], s[X + 1], s[X + 2], s[X + 3]
     x, y, small = SMALL_CURRENT * tuning.bias, SMALL_ANGLE, 1.0 + abs(omega) * SMALL_ANGLE
-    p_a, p_b = slope(s, a, b, theta, u_a, u_b, belief)
+    p_alpha, p_beta = slope(s, a, b, theta, u_alpha, u_beta, belief)
     for k in range(16):
         s[F + k] = 0.0
     for k in range(4):
         if k == 0:
-            q_a, q_b = slope(s, a + x, b, theta, u_a, u_b, belief)
+            q_alpha, q_beta = slope(s, a + x, b, theta, u_alpha, u_beta, belief)
             over = t / x
         elif k == 1:
-            q_a, q_b = slope(s, a, b + x, theta, u_a, u_b, belief)
+            q_alpha, q_beta = slope(s, a, b + x, theta, u_alpha, u_beta, belief)
             over = t / x
         elif k == 2:
             s[X + 2] = omega + small
-            q_a, q_b = slope(s, a, b, theta, u_a, u_b, belief)
+            q_alpha, q_beta = slope(s, a, b, theta, u_alpha, u_beta, belief)
             over = t / small
             s[X + 2] = omega
         else:
-            q_a, q_b = slope(s, a, b, theta + y, u_a, u_b, belief)
+            q_alpha, q_beta = slope(s, a, b, theta + y, u_alpha, u_beta, belief)
             over = t / y
-        s[F + k], s[F + 4 + k] = over * (q_a - p_a), over * (q_b - p_b)
+        s[F + k], s[F + 4 + k] = over * (q_alpha - p_alpha), over * (q_beta - p_beta)
         s[F + 5 * k] += 1.0
     s[F + 14] = t
-    e_a, e_b = slope(s, a + t * p_a, b + t * p_b, theta + t * omega, u_a, u_b, belief)
-    s[X], s[X + 1] = a + 0.5 * t * (p_a + e_a), b + 0.5 * t * (p_b + e_b)
+    e_alpha, e_beta = slope(
+        s, a + t * p_alpha, b + t * p_beta, theta + t * omega, u_alpha, u_beta, belief
+    )
+    s[X], s[X + 1] = a + 0.5 * t * (p_alpha + e_alpha), b + 0.5 * t * (p_beta + e_beta)
     s[X + 3] = theta + t * omega
     sandwich(s, F, P, P)
     gain = 0.5 * (belief.energy.gamma_d**2 + belief.energy.gamma_q**2)
@@ -75,9 +79,9 @@ def predict(s, u_a, u_b, belief, tuning):
 
 
 @kernel
-def update(s, i_a, i_b, tuning):
+def update(s, i_alpha, i_beta, tuning):
     """Correct with one current sample (Joseph form), the first two states themselves."""
-    v, e_a, e_b = tuning.current_variance, i_a - s[X], i_b - s[X + 1]
+    v, e_alpha, e_beta = tuning.current_variance, i_alpha - s[X], i_beta - s[X + 1]
     aa, ab, bb = s[P] + v, s[P + 1], s[P + 5] + v
     det = aa * bb - ab * ab
     for k in range(4):
@@ -85,7 +89,7 @@ def update(s, i_a, i_b, tuning):
         s[F + 4 * k], s[F + 4 * k + 1] = -(a * bb - b * ab) / det, -(b * aa - a * ab) / det
         s[F + 4 * k + 2] = s[F + 4 * k + 3] = 0.0
     for k in range(4):
-        s[X + k] -= s[F + 4 * k] * e_a + s[F + 4 * k + 1] * e_b
+        s[X + k] -= s[F + 4 * k] * e_alpha + s[F + 4 * k + 1] * e_beta
         # minus K: the sign goes out in squares
         s[K + k], s[K + 4 + k] = s[F + 4 * k], s[F + 4 * k + 1]
     for k in range(4):

@@ -32,8 +32,8 @@ from estimators.demodulation import (
     OFFSET,
     OMEGA,
     PHASE,
-    RING_A,
-    RING_B,
+    RING_ALPHA,
+    RING_BETA,
     RING_C,
     RING_F,
     RING_S,
@@ -80,7 +80,7 @@ def demodulated(state, sample, axis, omega, tuning):
     """
     n, h = 3 * (tuning.period // 2), tuning.sampling_period
     newest = int(state[CURSOR])
-    state[RING_A + newest], state[RING_B + newest] = sample.i_alpha, sample.i_beta
+    state[RING_ALPHA + newest], state[RING_BETA + newest] = sample.i_alpha, sample.i_beta
     state[RING_F + newest] = state[FLUX]
     state[RING_C + newest], state[RING_S + newest] = math.cos(axis), math.sin(axis)
     state[CURSOR] = (newest + 1) % n
@@ -96,7 +96,7 @@ def demodulated(state, sample, axis, omega, tuning):
     for k in range(n):
         j = (newest - k) % n
         f = state[RING_F + j] - mean_f - trend * (k - 0.5 * (n - 1))
-        a, b = state[RING_A + j], state[RING_B + j]
+        a, b = state[RING_ALPHA + j], state[RING_BETA + j]
         mean_d += (c * a + s * b) / n
         mean_q += (c * b - s * a) / n
         power += f * f
@@ -105,11 +105,11 @@ def demodulated(state, sample, axis, omega, tuning):
     for k in range(n):
         j = (newest - k) % n
         f = state[RING_F + j] - mean_f - trend * (k - 0.5 * (n - 1))
-        r_a = state[RING_A + j] - (c * mean_d - s * mean_q)
-        r_b = state[RING_B + j] - (s * mean_d + c * mean_q)
+        r_alpha = state[RING_ALPHA + j] - (c * mean_d - s * mean_q)
+        r_beta = state[RING_BETA + j] - (s * mean_d + c * mean_q)
         v_c, v_s = (c, s) if tuning.present else (state[RING_C + j], state[RING_S + j])
-        y_d += f * (v_c * r_a + v_s * r_b)
-        y_q += f * (v_c * r_b - v_s * r_a)
+        y_d += f * (v_c * r_alpha + v_s * r_beta)
+        y_q += f * (v_c * r_beta - v_s * r_alpha)
         c, s = c * dc + s * ds, s * dc - c * ds
     scale = 1.0 / (tuning.amplitude * max(power, 1e-6 * tuning.power))
     return mean_d, mean_q, y_d * scale, y_q * scale

@@ -29,8 +29,8 @@ from estimators.demodulation import (
     FREE,
     OMEGA,
     PHASE,
-    RING_A,
-    RING_B,
+    RING_ALPHA,
+    RING_BETA,
     RING_C,
     RING_S,
     blank,
@@ -76,14 +76,14 @@ def negative_sequence(state, sample, axis, omega, tuning):
         / (cmath.exp(2j * math.pi / period) - 1.0)
         * cmath.exp(2j * math.pi * state[TURN] / period)
     )
-    state[RING_A + newest], state[RING_B + newest] = sample.i_alpha, sample.i_beta
+    state[RING_ALPHA + newest], state[RING_BETA + newest] = sample.i_alpha, sample.i_beta
     state[RING_C + newest], state[RING_S + newest] = ideal.real, ideal.imag
     state[CURSOR] = (newest + 1) % n
     frame, back, j = cmath.exp(-1j * axis), cmath.exp(1j * h * omega), newest
     mean, product, raw, square = 0j, 0j, 0j, 0.0
     for k in range(n):
         weight = 1.0 if half <= k < 2 * half else 0.5
-        current = frame * complex(state[RING_A + j], state[RING_B + j])
+        current = frame * complex(state[RING_ALPHA + j], state[RING_BETA + j])
         flux = frame * complex(state[RING_C + j], state[RING_S + j])
         mean += weight * current
         raw += weight * flux

@@ -54,23 +54,26 @@ def spread(s):
 
 
 @kernel
-def propagate(s, at, u_a, u_b, belief, tuning):
+def propagate(s, at, u_alpha, u_beta, belief, tuning):
     """Take the sigma point at an offset through one Heun step."""
     t, r = tuning.sampling_period, belief.resistance
     a, b, omega, theta = s[at], s[at + 1], s[at + 2], s[at + 3]
-    i_a, i_b = stator_current(a, b, theta, belief)
-    da, db = u_a - r * i_a, u_b - r * i_b
-    n_a, n_b = stator_current(a + t * da, b + t * db, theta + t * omega, belief)
-    s[at], s[at + 1] = a + 0.5 * t * (da + u_a - r * n_a), b + 0.5 * t * (db + u_b - r * n_b)
+    i_alpha, i_beta = stator_current(a, b, theta, belief)
+    da, db = u_alpha - r * i_alpha, u_beta - r * i_beta
+    n_alpha, n_beta = stator_current(a + t * da, b + t * db, theta + t * omega, belief)
+    s[at], s[at + 1] = (
+        a + 0.5 * t * (da + u_alpha - r * n_alpha),
+        b + 0.5 * t * (db + u_beta - r * n_beta),
+    )
     s[at + 3] = theta + t * omega
 
 
 @kernel
-def predict(s, u_a, u_b, belief, tuning):
+def predict(s, u_alpha, u_beta, belief, tuning):
     """Propagate mean and covariance over one sampling period."""
     spread(s)
     for k in range(POINTS):
-        propagate(s, S + N * k, u_a, u_b, belief, tuning)
+        propagate(s, S + N * k, u_alpha, u_beta, belief, tuning)
     for i in range(N):
         total = MEAN_0 * s[S + i]
         for k in range(1, POINTS):
@@ -87,32 +90,36 @@ def predict(s, u_a, u_b, belief, tuning):
 
 
 @kernel
-def update(s, i_a, i_b, belief, tuning):
+def update(s, i_alpha, i_beta, belief, tuning):
     """Correct with one current sample, through points drawn anew after the prediction, as filterpy
     does."""
-    z_a = z_b = 0.0
+    z_alpha = z_beta = 0.0
     for k in range(POINTS):
         at, w = S + N * k, OTHERS if k else MEAN_0
         s[Z + 2 * k], s[Z + 2 * k + 1] = stator_current(s[at], s[at + 1], s[at + 3], belief)
-        z_a += w * s[Z + 2 * k]
-        z_b += w * s[Z + 2 * k + 1]
+        z_alpha += w * s[Z + 2 * k]
+        z_beta += w * s[Z + 2 * k + 1]
     s_aa = s_bb = tuning.current_variance
     s_ab = 0.0
     for i in range(N):
         s[C + i] = s[C + N + i] = 0.0  # P_xz: column a, then column b
     for k in range(POINTS):
         w = OTHERS if k else COVARIANCE_0
-        e_a, e_b = s[Z + 2 * k] - z_a, s[Z + 2 * k + 1] - z_b
-        s_aa, s_ab, s_bb = s_aa + w * e_a * e_a, s_ab + w * e_a * e_b, s_bb + w * e_b * e_b
+        e_alpha, e_beta = s[Z + 2 * k] - z_alpha, s[Z + 2 * k + 1] - z_beta
+        s_aa, s_ab, s_bb = (
+            s_aa + w * e_alpha * e_alpha,
+            s_ab + w * e_alpha * e_beta,
+            s_bb + w * e_beta * e_beta,
+        )
         for i in range(N):
             miss = w * (s[S + N * k + i] - s[X + i])
-            s[C + i] += miss * e_a
-            s[C + N + i] += miss * e_b
+            s[C + i] += miss * e_alpha
+            s[C + N + i] += miss * e_beta
     det = s_aa * s_bb - s_ab * s_ab
     for i in range(N):  # gains: columns a and b
         x, y = s[C + i], s[C + N + i]
         s[C + 8 + i], s[C + 12 + i] = (x * s_bb - y * s_ab) / det, (y * s_aa - x * s_ab) / det
-        s[X + i] += s[C + 8 + i] * (i_a - z_a) + s[C + 12 + i] * (i_b - z_b)
+        s[X + i] += s[C + 8 + i] * (i_alpha - z_alpha) + s[C + 12 + i] * (i_beta - z_beta)
     for i in range(N):
         for j in range(N):  # K S K^T = P_xz K^T
             s[P + N * i + j] -= s[C + i] * s[C + 8 + j] + s[C + N + i] * s[C + 12 + j]

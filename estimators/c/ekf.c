@@ -82,9 +82,9 @@ enum {
     M_11 = 10,
     M_21 = 11,
     RISE = 12,
-    RING_A = 20,
+    RING_ALPHA = 20,
     NEWTON_STEPS = 60,
-    RING_B = 116,
+    RING_BETA = 116,
     RING_F = 212,
     RING_C = 308,
     RING_S = 404,
@@ -113,8 +113,8 @@ static tuple_rrrr demodulate(real *state, const sensorless_sample *sample, real 
     int32_t half = tuning->period / 2;
     int32_t n = 3 * half;
     int32_t newest = (int32_t)state[CURSOR];
-    state[RING_A + newest] = sample->i_alpha;
-    state[RING_B + newest] = sample->i_beta;
+    state[RING_ALPHA + newest] = sample->i_alpha;
+    state[RING_BETA + newest] = sample->i_beta;
     state[RING_F + newest] = sample->carrier;
     state[RING_C + newest] = COS(axis);
     state[RING_S + newest] = SIN(axis);
@@ -131,8 +131,8 @@ static tuple_rrrr demodulate(real *state, const sensorless_sample *sample, real 
     /* from the newest sample back */
     for (int32_t k = 0; k < n; k++) {
         weight = (half <= k && k < 2 * half) ? R(1.0) : R(0.5);
-        mean_d += weight * (c * state[RING_A + j] + s * state[RING_B + j]);
-        mean_q += weight * (c * state[RING_B + j] - s * state[RING_A + j]);
+        mean_d += weight * (c * state[RING_ALPHA + j] + s * state[RING_BETA + j]);
+        mean_q += weight * (c * state[RING_BETA + j] - s * state[RING_ALPHA + j]);
         const real got_1 = c * dc + s * ds;
         const real got_2 = s * dc - c * ds;
         c = got_1;
@@ -146,8 +146,8 @@ static tuple_rrrr demodulate(real *state, const sensorless_sample *sample, real 
     j = newest;
     for (int32_t k = 0; k < n; k++) {
         weight = (half <= k && k < 2 * half) ? state[RING_F + j] : R(0.5) * state[RING_F + j];
-        real r_alpha = weight * (state[RING_A + j] - (c * mean_d - s * mean_q));
-        real r_beta = weight * (state[RING_B + j] - (s * mean_d + c * mean_q));
+        real r_alpha = weight * (state[RING_ALPHA + j] - (c * mean_d - s * mean_q));
+        real r_beta = weight * (state[RING_BETA + j] - (s * mean_d + c * mean_q));
         const tuple_rr got_3 = tuning->present ? (tuple_rr){c, s} : (tuple_rr){state[RING_C + j],
             state[RING_S + j]};
         real v_c = got_3._0;
@@ -370,9 +370,9 @@ static tuple_rr rotate(real x, real y, real angle) {
 }
 
 /* Return i_alpha, i_beta (A) of the believed motor. */
-static tuple_rr stator_current(real psi_a, real psi_b, real theta, const sensorless_belief *belief)
-    {
-    const tuple_rr got_1 = rotate(psi_a, psi_b, -theta);
+static tuple_rr stator_current(real psi_alpha, real psi_beta, real theta,
+    const sensorless_belief *belief) {
+    const tuple_rr got_1 = rotate(psi_alpha, psi_beta, -theta);
     real d = got_1._0;
     real q = got_1._1;
     const tuple_rr got_2 = currents(&belief->energy, d - belief->magnet_flux, q);
@@ -382,9 +382,9 @@ static tuple_rr stator_current(real psi_a, real psi_b, real theta, const sensorl
 }
 
 /* Return G_aa, G_ab, G_bb (1/H) and j_a, j_b (A/rad): derivatives of i by psi and by theta. */
-static tuple_rrrrr current_jacobian(real psi_a, real psi_b, real theta,
+static tuple_rrrrr current_jacobian(real psi_alpha, real psi_beta, real theta,
     const sensorless_belief *belief) {
-    const tuple_rr got_1 = rotate(psi_a, psi_b, -theta);
+    const tuple_rr got_1 = rotate(psi_alpha, psi_beta, -theta);
     real d = got_1._0;
     real q = got_1._1;
     d -= belief->magnet_flux;
@@ -399,13 +399,13 @@ static tuple_rrrrr current_jacobian(real psi_a, real psi_b, real theta,
     real g_aa = R(0.5) * (dd + qq + x);
     real g_ab = R(0.5) * y;
     real g_bb = R(0.5) * (dd + qq - x);
-    const tuple_rr got_4 = stator_current(psi_a, psi_b, theta, belief);
-    real i_a = got_4._0;
-    real i_b = got_4._1;
+    const tuple_rr got_4 = stator_current(psi_alpha, psi_beta, theta, belief);
+    real i_alpha = got_4._0;
+    real i_beta = got_4._1;
     /* J i - G J psi */
-    real j_a = -i_b - (-g_aa * psi_b + g_ab * psi_a);
-    real j_b = i_a - (-g_ab * psi_b + g_bb * psi_a);
-    return (tuple_rrrrr){g_aa, g_ab, g_bb, j_a, j_b};
+    real j_alpha = -i_beta - (-g_aa * psi_beta + g_ab * psi_alpha);
+    real j_beta = i_alpha - (-g_ab * psi_beta + g_bb * psi_alpha);
+    return (tuple_rrrrr){g_aa, g_ab, g_bb, j_alpha, j_beta};
 }
 
 /* Set the covariance from starting up: a variance of the first two states, those of speed and
@@ -480,7 +480,7 @@ static void blur(real *s, const sensorless_tuning *tuning) {
 }
 
 /* Propagate mean (Heun) and covariance (Jacobian at the start) over one sampling period. */
-static void predict(real *s, real u_a, real u_b, const sensorless_belief *belief,
+static void predict(real *s, real u_alpha, real u_beta, const sensorless_belief *belief,
     const sensorless_tuning *tuning) {
     real t = tuning->sampling_period;
     real r = belief->resistance;
@@ -492,28 +492,28 @@ static void predict(real *s, real u_a, real u_b, const sensorless_belief *belief
     real g_aa = got_1._0;
     real g_ab = got_1._1;
     real g_bb = got_1._2;
-    real j_a = got_1._3;
-    real j_b = got_1._4;
+    real j_alpha = got_1._3;
+    real j_beta = got_1._4;
     const tuple_rr got_2 = stator_current(a, b, theta, belief);
-    real i_a = got_2._0;
-    real i_b = got_2._1;
-    real da = u_a - r * i_a;
-    real db = u_b - r * i_b;
+    real i_alpha = got_2._0;
+    real i_beta = got_2._1;
+    real da = u_alpha - r * i_alpha;
+    real db = u_beta - r * i_beta;
     const tuple_rr got_3 = stator_current(a + t * da, b + t * db, theta + t * omega, belief);
-    real n_a = got_3._0;
-    real n_b = got_3._1;
-    s[X] = a + R(0.5) * t * (da + u_a - r * n_a);
-    s[X + 1] = b + R(0.5) * t * (db + u_b - r * n_b);
+    real n_alpha = got_3._0;
+    real n_beta = got_3._1;
+    s[X] = a + R(0.5) * t * (da + u_alpha - r * n_alpha);
+    s[X + 1] = b + R(0.5) * t * (db + u_beta - r * n_beta);
     s[X + 3] = theta + t * omega;
     for (int32_t k = 0; k < 16; k++) {
         s[F + k] = R(0.0);
     }
     s[F] = R(1.0) - t * r * g_aa;
     s[F + 1] = -t * r * g_ab;
-    s[F + 3] = -t * r * j_a;
+    s[F + 3] = -t * r * j_alpha;
     s[F + 4] = -t * r * g_ab;
     s[F + 5] = R(1.0) - t * r * g_bb;
-    s[F + 7] = -t * r * j_b;
+    s[F + 7] = -t * r * j_beta;
     s[F + 10] = R(1.0);
     s[F + 15] = R(1.0);
     s[F + 14] = t;
@@ -533,19 +533,19 @@ static void shrink(real *s, real v) {
 }
 
 /* Correct with one current sample (Joseph form). */
-static void update(real *s, real i_a, real i_b, const sensorless_belief *belief,
+static void update(real *s, real i_alpha, real i_beta, const sensorless_belief *belief,
     const sensorless_tuning *tuning) {
     const tuple_rrrrr got_1 = current_jacobian(s[X], s[X + 1], s[X + 3], belief);
     real g_aa = got_1._0;
     real g_ab = got_1._1;
     real g_bb = got_1._2;
-    real j_a = got_1._3;
-    real j_b = got_1._4;
+    real j_alpha = got_1._3;
+    real j_beta = got_1._4;
     const tuple_rr got_2 = stator_current(s[X], s[X + 1], s[X + 3], belief);
-    real e_a = got_2._0;
-    real e_b = got_2._1;
-    e_a = i_a - e_a;
-    e_b = i_b - e_b;
+    real e_alpha = got_2._0;
+    real e_beta = got_2._1;
+    e_alpha = i_alpha - e_alpha;
+    e_beta = i_beta - e_beta;
     real v = tuning->current_variance;
     real s_aa = R(0.0);
     real s_ab = R(0.0);
@@ -553,24 +553,24 @@ static void update(real *s, real i_a, real i_b, const sensorless_belief *belief,
     /* P H^T, two columns into the scratch W */
     for (int32_t k = 0; k < 4; k++) {
         int32_t p = P + 4 * k;
-        s[W + k] = s[p] * g_aa + s[p + 1] * g_ab + s[p + 3] * j_a;
-        s[W + 4 + k] = s[p] * g_ab + s[p + 1] * g_bb + s[p + 3] * j_b;
+        s[W + k] = s[p] * g_aa + s[p + 1] * g_ab + s[p + 3] * j_alpha;
+        s[W + 4 + k] = s[p] * g_ab + s[p + 1] * g_bb + s[p + 3] * j_beta;
     }
-    s_aa = g_aa * s[W] + g_ab * s[W + 1] + j_a * s[W + 3] + v;
-    s_ab = g_aa * s[W + 4] + g_ab * s[W + 5] + j_a * s[W + 7];
-    s_bb = g_ab * s[W + 4] + g_bb * s[W + 5] + j_b * s[W + 7] + v;
+    s_aa = g_aa * s[W] + g_ab * s[W + 1] + j_alpha * s[W + 3] + v;
+    s_ab = g_aa * s[W + 4] + g_ab * s[W + 5] + j_alpha * s[W + 7];
+    s_bb = g_ab * s[W + 4] + g_bb * s[W + 5] + j_beta * s[W + 7] + v;
     real det = s_aa * s_bb - s_ab * s_ab;
     /* I - K H into F */
     for (int32_t k = 0; k < 4; k++) {
-        real k_a = (s[W + k] * s_bb - s[W + 4 + k] * s_ab) / det;
-        real k_b = (s[W + 4 + k] * s_aa - s[W + k] * s_ab) / det;
-        s[K + k] = k_a;
-        s[K + 4 + k] = k_b;
-        s[X + k] += k_a * e_a + k_b * e_b;
-        s[F + 4 * k] = -(k_a * g_aa + k_b * g_ab);
-        s[F + 4 * k + 1] = -(k_a * g_ab + k_b * g_bb);
+        real k_alpha = (s[W + k] * s_bb - s[W + 4 + k] * s_ab) / det;
+        real k_beta = (s[W + 4 + k] * s_aa - s[W + k] * s_ab) / det;
+        s[K + k] = k_alpha;
+        s[K + 4 + k] = k_beta;
+        s[X + k] += k_alpha * e_alpha + k_beta * e_beta;
+        s[F + 4 * k] = -(k_alpha * g_aa + k_beta * g_ab);
+        s[F + 4 * k + 1] = -(k_alpha * g_ab + k_beta * g_bb);
         s[F + 4 * k + 2] = R(0.0);
-        s[F + 4 * k + 3] = -(k_a * j_a + k_b * j_b);
+        s[F + 4 * k + 3] = -(k_alpha * j_alpha + k_beta * j_beta);
         s[F + 5 * k] += R(1.0);
     }
     shrink(s, v);

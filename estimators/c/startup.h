@@ -81,9 +81,9 @@ enum {
     M_11 = 10,
     M_21 = 11,
     RISE = 12,
-    RING_A = 20,
+    RING_ALPHA = 20,
     NEWTON_STEPS = 60,
-    RING_B = 116,
+    RING_BETA = 116,
     RING_F = 212,
     RING_C = 308,
     RING_S = 404,
@@ -104,8 +104,8 @@ static tuple_rrrr demodulate(real *state, const sensorless_sample *sample, real 
     int32_t half = tuning->period / 2;
     int32_t n = 3 * half;
     int32_t newest = (int32_t)state[CURSOR];
-    state[RING_A + newest] = sample->i_alpha;
-    state[RING_B + newest] = sample->i_beta;
+    state[RING_ALPHA + newest] = sample->i_alpha;
+    state[RING_BETA + newest] = sample->i_beta;
     state[RING_F + newest] = sample->carrier;
     state[RING_C + newest] = COS(axis);
     state[RING_S + newest] = SIN(axis);
@@ -122,8 +122,8 @@ static tuple_rrrr demodulate(real *state, const sensorless_sample *sample, real 
     /* from the newest sample back */
     for (int32_t k = 0; k < n; k++) {
         weight = (half <= k && k < 2 * half) ? R(1.0) : R(0.5);
-        mean_d += weight * (c * state[RING_A + j] + s * state[RING_B + j]);
-        mean_q += weight * (c * state[RING_B + j] - s * state[RING_A + j]);
+        mean_d += weight * (c * state[RING_ALPHA + j] + s * state[RING_BETA + j]);
+        mean_q += weight * (c * state[RING_BETA + j] - s * state[RING_ALPHA + j]);
         const real got_1 = c * dc + s * ds;
         const real got_2 = s * dc - c * ds;
         c = got_1;
@@ -137,8 +137,8 @@ static tuple_rrrr demodulate(real *state, const sensorless_sample *sample, real 
     j = newest;
     for (int32_t k = 0; k < n; k++) {
         weight = (half <= k && k < 2 * half) ? state[RING_F + j] : R(0.5) * state[RING_F + j];
-        real r_alpha = weight * (state[RING_A + j] - (c * mean_d - s * mean_q));
-        real r_beta = weight * (state[RING_B + j] - (s * mean_d + c * mean_q));
+        real r_alpha = weight * (state[RING_ALPHA + j] - (c * mean_d - s * mean_q));
+        real r_beta = weight * (state[RING_BETA + j] - (s * mean_d + c * mean_q));
         const tuple_rr got_3 = tuning->present ? (tuple_rr){c, s} : (tuple_rr){state[RING_C + j],
             state[RING_S + j]};
         real v_c = got_3._0;

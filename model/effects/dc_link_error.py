@@ -15,10 +15,10 @@ LARGEST_SAG = 0.2  # of the link
 
 
 @inlined
-def sag(resistance, d_a, d_b, d_c, i_a, i_b):
+def sag(resistance, d_a, d_b, d_c, i_alpha, i_beta):
     """Return by how much the link sags (V) over a period of these duties, current (A) at its
     start."""
-    return resistance * drawn(d_a, d_b, d_c, i_a, i_b)
+    return resistance * drawn(d_a, d_b, d_c, i_alpha, i_beta)
 
 
 @inlined

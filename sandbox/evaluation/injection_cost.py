@@ -104,7 +104,7 @@ class Waveforms(NamedTuple):
 
 
 @kernel
-def _walk(m, how, i_d, i_q, theta, u_a, u_b, u_dc, legs, h, out):
+def _walk(m, how, i_d, i_q, theta, u_alpha, u_beta, u_dc, legs, h, out):
     """Fill out (4, n, points) with i_d, i_q (A), phi_d, phi_q (Wb) of n periods h (s); return
     whether flux was found.
 
@@ -117,13 +117,13 @@ def _walk(m, how, i_d, i_q, theta, u_a, u_b, u_dc, legs, h, out):
         if status != SOLVED:
             return False
         dd, dq, qq = hessian(m, d, q)
-        duty = modulated(how, u_a[k], u_b[k], u_dc[k])
-        whole_a, whole_b = commanded(h, h, duty, legs[k], u_dc[k])
+        duty = modulated(how, u_alpha[k], u_beta[k], u_dc[k])
+        whole_alpha, whole_beta = commanded(h, h, duty, legs[k], u_dc[k])
         c, s = math.cos(theta[k]), math.sin(theta[k])
         for j in range(points):
             x = j / points
             a, b = commanded(x * h, h, duty, legs[k], u_dc[k])
-            a, b = a - x * whole_a, b - x * whole_b
+            a, b = a - x * whole_alpha, b - x * whole_beta
             r_d, r_q = c * a + s * b, c * b - s * a
             out[0, k, j] = i_d[k] + x * (i_d[k + 1] - i_d[k]) + dd * r_d + dq * r_q
             out[1, k, j] = i_q[k] + x * (i_q[k + 1] - i_q[k]) + dq * r_d + qq * r_q
