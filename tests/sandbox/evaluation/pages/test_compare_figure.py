@@ -1,6 +1,6 @@
 """The comparison figure shows each mean, bar, theory line and lost lock, and is written whole."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,43 +9,36 @@ from matplotlib.text import Text
 
 from model.errors import BadInput
 from sandbox.evaluation.pages import compare_figure
+from sandbox.evaluation.score import ErrorDeg
 from sandbox.output.files import write_whole
+from tests.sandbox.evaluation.pages.made_runs import NO_ERROR, comparison_of, row_of, run_of
 
 LOADS = (0.0, 0.5, 1.0, 1.8)
 
 
 def _row(belief, closed, load, speed, lost):
     mean = -6.0 * load if belief == "linear" else 0.1
-    error = SimpleNamespace(mean=mean, rms=abs(mean), p95=abs(mean) + 1.0, max=abs(mean) + 2.0)
-    return SimpleNamespace(
-        estimator="qnull",
-        belief=belief,
-        closed_loop=closed,
-        load=load,
-        speed_rpm=speed,
-        error_deg=error,
-        predicted_mean_deg=mean if belief == "linear" else None,
-        lost_lock=lost,
-    )
+    error = ErrorDeg(mean, abs(mean), abs(mean) + 1.0, abs(mean) + 2.0)
+    predicted = mean if belief == "linear" else None
+    more = {"speed_rpm": speed, "predicted_mean_deg": predicted, "lost_lock": lost}
+    return row_of(belief, closed, load, error, **more)
 
 
 def _run(estimator, belief, closed, loads=LOADS, speeds=(60.0,) * 4, lost=()):
-    rows = tuple(
+    rows = [
         _row(belief, closed, load, speed, k in lost)
         for k, (load, speed) in enumerate(zip(loads, speeds, strict=True))
-    )
-    return SimpleNamespace(estimator=estimator, belief=belief, closed_loop=closed, rows=rows)
+    ]
+    return run_of(belief, closed, rows, estimator)
 
 
 def _comparison(**changes):
-    runs = tuple(
+    return comparison_of(
         _run(estimator, belief, closed, **changes)
         for estimator in ("qnull", "ekf")
         for closed in (True, False)
         for belief in ("saturated", "linear")
     )
-    named = SimpleNamespace(name="ipm_exchanged"), SimpleNamespace(name="staircase")
-    return SimpleNamespace(drive=named[0], scenario=named[1], runs=runs)
 
 
 def _panel(runs):
@@ -95,13 +88,12 @@ def test_segments_are_named_where_load_does_not_vary():
 
 
 def test_all_lost_and_missing_errors_can_be_drawn(tmp_path):
-    comparison = _comparison(lost=(0, 1, 2, 3))
-    none = SimpleNamespace(mean=None, rms=None, p95=None, max=None)
-    for run in comparison.runs:
-        for row in run.rows:
-            row.error_deg = none
-    comparison.runs = comparison.runs[:-2]
-    compare_figure.comparison_figure(comparison, tmp_path / "lost.png")
+    whole = _comparison(lost=(0, 1, 2, 3))
+    runs = [
+        replace(run, rows=tuple(replace(row, error_deg=NO_ERROR) for row in run.rows))
+        for run in whole.runs[:-2]
+    ]
+    compare_figure.comparison_figure(replace(whole, runs=tuple(runs)), tmp_path / "lost.png")
     assert (tmp_path / "lost.png").stat().st_size > 10_000
 
 
@@ -118,8 +110,7 @@ def test_unknown_suffix_and_no_runs_are_errors(tmp_path):
     with pytest.raises(BadInput, match="there is no folder"):
         write_whole(tmp_path / "none" / "page.html", b"")
     assert not list(tmp_path.iterdir())
-    empty = _comparison()
-    empty.runs = ()
+    empty = comparison_of(())
     with pytest.raises(ValueError, match="at least one run"):
         compare_figure.comparison_figure(empty, tmp_path / "figure.png")
     assert not list(tmp_path.iterdir())
@@ -127,8 +118,7 @@ def test_unknown_suffix_and_no_runs_are_errors(tmp_path):
 
 def test_a_narrow_figure_says_its_reading_whole():
     """One column of panels is narrower than the sentence below it."""
-    comparison = _comparison()
-    comparison.runs = [run for run in comparison.runs if run.estimator == "qnull"]
+    comparison = comparison_of(run for run in _comparison().runs if run.estimator == "qnull")
     figure = compare_figure.comparison_figure(comparison)
     figure.draw_without_rendering()
     said = figure.get_supxlabel()

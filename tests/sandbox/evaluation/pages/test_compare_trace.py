@@ -3,6 +3,7 @@
 import errno
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,7 +14,15 @@ from model.errors import BadInput
 from sandbox import view
 from sandbox.evaluation.pages import compare_trace
 from sandbox.evaluation.pages.compare_tables import comparison_text
+from sandbox.evaluation.score import ErrorDeg
 from sandbox.output import trace
+from tests.sandbox.evaluation.pages.made_runs import (
+    NO_ERROR,
+    comparison_of,
+    recording_of,
+    row_of,
+    run_of,
+)
 from tests.traces import read_properties, read_trace
 
 SAMPLES = 800
@@ -30,35 +39,17 @@ def _recording(seed, samples=SAMPLES):
     channels = ("omega", "omega_hat", "ripple_d", "ripple_q", "omega_ref", "load_torque", "i_q_ref")
     noise = {name: rng.standard_normal(samples) for name in channels}
     square = np.where(np.arange(samples) % 8 < 4, 0.2, -0.2)
-    return SimpleNamespace(
-        t=t,
-        theta=theta,
-        theta_hat=theta_hat,
-        error=np.angle(np.exp(1j * (theta - theta_hat))),
-        i_d=square,
-        i_q=1.2 + square,
-        load=np.where(t < 0.1, 0.5, 1.0),
-        tracking=(t > 0.02).astype(float),
-        **noise,
-    )
+    angles = {"t": t, "theta": theta, "theta_hat": theta_hat}
+    currents = {"i_d": square, "i_q": 1.2 + square}
+    states = {"load": np.where(t < 0.1, 0.5, 1.0), "tracking": (t > 0.02).astype(float)}
+    return recording_of(angles | currents | states | noise)
 
 
 def _row(belief, closed, load, start, predicted, lost=False):
-    error = SimpleNamespace(mean=-3.0, rms=3.1, p95=4.0, max=5.0)
-    none = SimpleNamespace(mean=None, rms=None, p95=None, max=None)
-    return SimpleNamespace(
-        estimator="qnull",
-        belief=belief,
-        closed_loop=closed,
-        load=load,
-        speed_rpm=30.0,
-        error_deg=none if lost else error,
-        predicted_mean_deg=predicted,
-        lost_lock=lost,
-        reference_held=True,
-        true_speed_rpm=None,
-        t_start=start,
-        t_end=start + 0.04,
+    error = NO_ERROR if lost else ErrorDeg(-3.0, 3.1, 4.0, 5.0)
+    times = {"t_start": start, "t_end": start + 0.04, "speed_rpm": 30.0}
+    return row_of(
+        belief, closed, load, error, predicted_mean_deg=predicted, lost_lock=lost, **times
     )
 
 
@@ -68,24 +59,14 @@ def _run(belief, closed, seed, samples=SAMPLES):
         _row(belief, closed, 0.5, 0.05, predicted),
         _row(belief, closed, 1.0, 0.15, predicted, not closed),
     )
-    loop = "closed" if closed else "open"
-    return SimpleNamespace(
-        estimator="qnull",
-        belief=belief,
-        closed_loop=closed,
-        recording=_recording(seed, samples),
-        rows=rows,
-        name=f"qnull/{loop}/{belief}",
-    )
+    return run_of(belief, closed, rows, recording=_recording(seed, samples))
 
 
 def _comparison(samples=SAMPLES):
     kinds = [(belief, closed) for closed in (True, False) for belief in ("saturated", "linear")]
-    return SimpleNamespace(
-        drive=SimpleNamespace(name="ipm_exchanged"),
-        scenario=SimpleNamespace(name="staircase", rotor="locked"),
-        runs=tuple(_run(*kind, seed, samples) for seed, kind in enumerate(kinds)),
-        properties={"version": "0.1.0", "seed": 7, "inductance_d": 0.0113, "note": "synthetic"},
+    return comparison_of(
+        (_run(*kind, seed, samples) for seed, kind in enumerate(kinds)),
+        **{"version": "0.1.0", "seed": 7, "inductance_d": 0.0113, "note": "synthetic"},
     )
 
 
@@ -153,8 +134,8 @@ def test_properties_say_how_it_was_made(written):
 def test_a_property_may_change_its_type_between_traces(tmp_path):
     comparison = _comparison(samples=64)
     for seed in (7, "none", 2.5):
-        comparison.properties = {"seed": seed}
-        compare_trace.write_trace(tmp_path / "comparison.rrd", comparison)
+        seeded = replace(comparison, properties={"seed": seed})
+        compare_trace.write_trace(tmp_path / "comparison.rrd", seeded)
         assert read_properties(tmp_path / "comparison.rrd")["seed"] == str(seed)
 
 
@@ -224,10 +205,8 @@ def test_a_full_disk_raises_what_it_is(tmp_path, monkeypatch):
 
 
 def test_no_runs_is_an_error(tmp_path):
-    comparison = _comparison(samples=64)
-    comparison.runs = ()
     with pytest.raises(ValueError, match="at least one run"):
-        compare_trace.write_trace(tmp_path / "none.rrd", comparison)
+        compare_trace.write_trace(tmp_path / "none.rrd", comparison_of(()))
 
 
 def test_view_names_what_is_missing(tmp_path):
