@@ -12,6 +12,7 @@ import pytest
 
 from model.errors import BadInput
 from sandbox import view
+from sandbox.drive.recording import Recording
 from sandbox.evaluation.pages import compare_trace
 from sandbox.evaluation.pages.compare_tables import comparison_text
 from sandbox.evaluation.score import ErrorDeg
@@ -186,10 +187,10 @@ def test_chunks_are_joined_in_order(tmp_path, monkeypatch):
 def test_a_failed_write_leaves_the_old_file_alone(tmp_path):
     path = tmp_path / "comparison.rrd"
     path.write_bytes(b"old")
-    broken = _comparison(samples=64)
-    broken.runs[-1].recording.theta_hat = np.zeros(3)
-    with pytest.raises(ValueError, match="dimensions"):
-        compare_trace.write_trace(path, broken)
+    whole = _comparison(samples=64)
+    torn = replace(whole.runs[-1], recording=Recording(np.zeros((64, 2))))  # two of its channels
+    with pytest.raises(IndexError, match="out of bounds"):
+        compare_trace.write_trace(path, replace(whole, runs=(*whole.runs[:-1], torn)))
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
 
