@@ -47,12 +47,13 @@ ROTORS = {"locked": loop.LOCKED, "driven": loop.DRIVEN, "free": loop.FREE}
 
 @dataclass(frozen=True)
 class Simulation:
-    """A finished run."""
+    """A finished run; values: all that the plant had, effects that are off included."""
 
     recording: Recording
     design: Design
     start_time: float  # s of starting up, before the scenario begins
     cpu_seconds: float
+    values: Mapping[str, float]
 
 
 def torque_at_load(drive: Drive, load: float) -> float:
@@ -137,10 +138,11 @@ def simulate(
     independent bench).  Raises BadInput or PhysicsError with one sentence.
     """
     check_call(estimator, belief, seed, stride, plant_step)
-    sets.complete(drive.motor, drive.converter, effects)  # before the design, which takes longer
-    return run_once(
+    # before the design, which takes longer
+    values = sets.complete(drive.motor, drive.converter, effects)
+    return _run_once(
         set_up(drive, scenario, estimator, belief, plant),
-        effects,
+        values,
         closed_loop=closed_loop,
         seed=seed,
         stride=stride,
@@ -186,6 +188,28 @@ def run_once(
     truth: AnyEnergy | None = None,
 ) -> Simulation:
     """Run what was made ready on a plant with effects; arguments and errors as `simulate`."""
+    return _run_once(
+        setup,
+        sets.complete(setup.drive.motor, setup.drive.converter, effects),
+        closed_loop=closed_loop,
+        seed=seed,
+        stride=stride,
+        plant_step=plant_step,
+        truth=truth,
+    )
+
+
+def _run_once(
+    setup: Setup,
+    values: Mapping[str, float],
+    *,
+    closed_loop: bool,
+    seed: int,
+    stride: int,
+    plant_step: float,
+    truth: AnyEnergy | None,
+) -> Simulation:
+    """The same with all values of the plant."""
     drive, scenario, estimator, believed = (
         setup.drive,
         setup.scenario,
@@ -193,7 +217,6 @@ def run_once(
         setup.believed,
     )
     gains, samples = setup.design, setup.samples
-    values = sets.complete(drive.motor, drive.converter, effects)
     true = true_motor(drive.motor, values, keep_map=True)
     injects = estimator.injection not in (NONE, PWM)
     check_feasible(dataclasses.replace(drive, motor=true), scenario, gains, injects)
@@ -235,7 +258,7 @@ def run_once(
     spent = time.thread_time() - begun
     if status != loop.DONE:
         raise _failure(status, at * h, _flux(setup.plant, bench), drive)
-    return Simulation(Recording.of(rows), gains, setup.start_time, spent)
+    return Simulation(Recording.of(rows), gains, setup.start_time, spent, values)
 
 
 def plant_named(plant: str) -> str:

@@ -26,7 +26,7 @@ from sandbox.evaluation.injection_cost import injection_cost
 from sandbox.evaluation.lost import why_lost, why_missed
 from sandbox.evaluation.score import Row, rows_of
 from sandbox.output.files import version
-from sandbox.plant.sets import BENCH, complete
+from sandbox.plant.sets import BENCH
 
 BELIEFS = ("linear", "saturated")
 ESTIMATORS = ("qnull", "inversion", "ekf")
@@ -168,8 +168,7 @@ def judged(
     """Return a row for each scored segment: the error, its theory where the plant has no effects,
     the cost."""
     rows = rows_of(drive, scenario, run.recording, run.start_time, estimator.name, belief, closed)
-    values = complete(drive.motor, drive.converter, effects)
-    true = true_motor(drive.motor, values, keep_map=True)
+    true = true_motor(drive.motor, run.values, keep_map=True)
     found = []
     asked = [s.current_d for s in scenario.segments if s.score]
     for row, load_d in zip(rows, asked, strict=True):
@@ -177,7 +176,7 @@ def judged(
         why = why_lost(row, drive, true, estimator, load_d) if row.lost_lock else None
         if not row.lost_lock:
             part = run.recording.between(row.t_start, row.t_end)
-            cost = injection_cost(drive, part, true, values, estimator.inside)
+            cost = injection_cost(drive, part, true, run.values, estimator.inside)
         predicted = None if effects else row.predicted_mean_deg
         missed = None if row.reference_held else why_missed(row, drive, true, estimator)
         whole = replace(row, cost=cost, predicted_mean_deg=predicted)
