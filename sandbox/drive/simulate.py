@@ -210,22 +210,15 @@ def _run_once(
     truth: AnyEnergy | None,
 ) -> Simulation:
     """The same with all values of the plant."""
-    drive, scenario, estimator, believed = (
-        setup.drive,
-        setup.scenario,
-        setup.estimator,
-        setup.believed,
-    )
-    gains, samples = setup.design, setup.samples
+    drive, scenario, estimator = setup.drive, setup.scenario, setup.estimator
+    believed, gains, samples = setup.believed, setup.design, setup.samples
     true = true_motor(drive.motor, values, keep_map=True)
     injects = estimator.injection not in (NONE, PWM)
     check_feasible(dataclasses.replace(drive, motor=true), scenario, gains, injects)
     tuning, h = gains.tuning, gains.tuning.sampling_period
     if samples // stride > MOST_SAMPLES:
-        raise BadInput(
-            f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten "
-            "the run or raise the stride"
-        )
+        text = f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run"
+        raise BadInput(f"{text} or raise the stride")
     first_angle = None if scenario.start_up else scenario.start_angle + scenario.start_error
     state = first_state(estimator, believed, tuning, first_angle)
     rows = np.zeros(-(-samples // stride), ROW)

@@ -40,11 +40,9 @@ def waves(
 
     both = {"before": before[k], "after": after[k]}
     noise_std = a.diagnosis.start.prepared.noise_std
+    current = {name: noise_std * x.current[:, :, 0] for name, x in both.items()}  # A
     panels = [
-        (
-            f"i_{p} (A)",
-            {name: (t, peaks(noise_std * x.current[:, j, 0])) for name, x in both.items()},
-        )
+        (f"i_{p} (A)", {name: (t, peaks(x[:, j])) for name, x in current.items()})
         for j, p in enumerate("abc")
     ]
     own, rest = before[k].motion, after[k].motion
@@ -56,9 +54,7 @@ def waves(
             )
         )
     yield f"<h2>Residuals in {prose(r.file)}</h2>"
-    spectra = {
-        name: looks.spectrum(noise_std * x.current[:, :, 0], period) for name, x in both.items()
-    }
+    spectra = {name: looks.spectrum(x, period) for name, x in current.items()}
     lines = {name: (f.tolist(), size.tolist()) for name, (f, size) in spectra.items()}
     first, last = _worst(before[k].current[:, :, 0], max(2, round(WINDOW / period)))
     yield from pairs(
