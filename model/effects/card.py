@@ -236,6 +236,7 @@ PORTS = {
         once=True,
         joined="last",
     ),
+    "backlash": Port((), 1, "rad that such a shaft turns freely, from end to end", once=True),
 }
 
 
@@ -336,8 +337,8 @@ class Effect:
     the converter; asked for where the effect is on (`model.effects.advice`).
 
     otherwise: values with which the effect has the other of its two forms, from completed values,
-    the half-width (A) of the zone in which a current's sign goes through zero, and the converter; a
-    fit compares both.
+    the half-width (A) of the zone in which a current's sign goes through zero, motor and converter;
+    a fit compares both.
 
     repeats: how many parts like its first it can have at once, that one included; they add up.
     Parameters of the first are `effect.parameter`, of the k-th (k from 2 on) `effect.k.parameter`,
@@ -369,7 +370,9 @@ class Effect:
     further: Part | None = None
     formulas: tuple[str, ...] = ()
     do: Callable[[Mapping[str, float], Motor, Converter], str] | None = None
-    otherwise: Callable[[Mapping[str, float], float, Converter], dict[str, float]] | None = None
+    otherwise: Callable[[Mapping[str, float], float, Motor, Converter], dict[str, float]] | None = (
+        None
+    )
     ordinarily: Callable[[Mapping[str, float]], str] | None = None
     free: bool = False
     curve: Curve | None = None
@@ -456,4 +459,6 @@ def scales(motor: Motor, converter: Converter) -> dict[str, float]:
         "pole pairs": float(motor.pole_pairs),
         "inertia": motor.inertia,
         "inertia x (2 pi 100 Hz)^2": motor.inertia * (math.tau * 100.0) ** 2,
+        "rated torque / (inertia x (2 pi 100 Hz)^2)": motor.rated_torque
+        / (motor.inertia * (math.tau * 100.0) ** 2),
     }

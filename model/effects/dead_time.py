@@ -97,7 +97,9 @@ def ordinarily(v: Mapping[str, float]) -> str:
     return "residual" if v["dead_time.capacitance"] > 0.0 else "time"
 
 
-def otherwise(v: Mapping[str, float], width: float, converter: Converter) -> dict[str, float]:
+def otherwise(
+    v: Mapping[str, float], width: float, motor: Motor, converter: Converter
+) -> dict[str, float]:
     """Return the capacitance in place of a zone of half-width `width` (A), or none in place of one:
     the leg just slews over in the dead time at half of the width, where the volts lost by all edges
     have the same slope at zero."""

@@ -1,4 +1,4 @@
-"""A shaft that twists between motor and load."""
+"""A shaft that twists between motor and load, with a gap that it crosses freely."""
 
 from __future__ import annotations
 
@@ -7,9 +7,14 @@ from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
 from model.effects.card import INF, At, Effect, Limit, Parameter
-from model.effects.said import quantity
+from model.effects.said import angle, quantity
 from model.errors import BadInput
 from model.parameters import Converter, Motor
+
+# of the twist under rated torque: a backlash to begin from.  With it a swing of a third of that
+# torque sees half the stiffness, by the describing function of a dead zone, 1 - 2 (asin x + x
+# sqrt(1 - x^2))/pi = 1/2 at x = 0.40 = (gap/2)/(gap/2 + twist/3)
+SHARE = 0.45
 
 
 def motor_inertia(v: Mapping[str, float]) -> float:
@@ -24,7 +29,7 @@ def motor_inertia(v: Mapping[str, float]) -> float:
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how much of the inertia the load may have, and how fast the shaft may swing; it takes
-    two numbers."""
+    two numbers, and backlash stands between them."""
     total, load, k = (
         v["inertia.inertia"],
         v["shaft_compliance.load_inertia"],
@@ -36,6 +41,11 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
         raise BadInput(
             f"shaft_compliance.{alone} alone does nothing; give "
             "shaft_compliance.stiffness and .load_inertia together"
+        )
+    if v["shaft_compliance.backlash"] > 0.0 and not load > 0.0:
+        raise BadInput(
+            "shaft_compliance.backlash alone does nothing; give "
+            "shaft_compliance.stiffness and .load_inertia, too"
         )
     if load > 0.0:
         swing = math.sqrt(k * (1.0 / load + 1.0 / (total - load)))
@@ -56,6 +66,23 @@ def two_masses(stiffness, load_inertia, damping_ratio, inertia):
     )
 
 
+@inlined
+def gap(backlash):
+    """Return how far (rad) the shaft turns freely."""
+    return backlash
+
+
+def otherwise(
+    v: Mapping[str, float], width: float, motor: Motor, converter: Converter
+) -> dict[str, float]:
+    """Return a backlash of a SHARE of the twist under rated torque in place of none, or none in
+    place of one."""
+    twist = motor.rated_torque / v["shaft_compliance.stiffness"]
+    return {
+        "shaft_compliance.backlash": 0.0 if v["shaft_compliance.backlash"] > 0.0 else SHARE * twist
+    }
+
+
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     k, load = v["shaft_compliance.stiffness"], v["shaft_compliance.load_inertia"]
@@ -65,6 +92,14 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
         if 0.0 < load < total
         else math.nan
     )
+    free = v["shaft_compliance.backlash"]
+    if free > 0.0:
+        return (
+            f"take out the play of {quantity(free, 'rad')} ({angle(free)}) between motor and load: "
+            "key, coupling, gear; or hold a torque on the shaft that never changes its sign. Keep "
+            f"the speed control below {quantity(0.3 * swing, 'Hz')}: closed, the shaft swings at "
+            f"{quantity(swing, 'Hz')}, and across the play at any rate below"
+        )
     return (
         f"keep the speed control below {quantity(0.3 * swing, 'Hz')}, or put a notch at "
         f"{quantity(swing, 'Hz')} into it: shaft and load swing there; or take a stiffer coupling"
@@ -73,12 +108,13 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
 
 CARD = Effect(
     name="shaft_compliance",
-    summary="a shaft that twists between motor and load",
+    summary="a shaft that twists between motor and load, with or without play",
     subsystem="mechanics",
     equation=(
         "two masses, total inertia unchanged: J_m dw/dt = ... - shaft, J_l dw_l/dt = shaft - "
         "load, shaft = K twist + D (w - w_l), D = 2 zeta sqrt(K J_m J_l/(J_m + J_l)); resonance "
-        "sqrt(K (1/J_m + 1/J_l))"
+        "sqrt(K (1/J_m + 1/J_l)). With a backlash the twist counts from the gap's edge: shaft = K "
+        "(twist less its clip to +-backlash/2) + D (w - w_l), none of both inside the gap"
     ),
     formulas=(
         r"J_m\,\frac{d w}{d t} = T - T_\text{friction} - T_\text{shaft}, \qquad "
@@ -86,10 +122,14 @@ CARD = Effect(
         r"T_\text{shaft} = K\,(\theta_m - \theta_l) + D\,(w - w_l), \qquad D = 2\zeta "
         r"\sqrt{\frac{K J_m J_l}{J_m + J_l}}, \qquad w_\text{res} = \sqrt{K "
         r"\Bigl(\frac{1}{J_m} + \frac{1}{J_l}\Bigr)}",
+        r"\theta_m - \theta_l \to (\theta_m - \theta_l) - \operatorname{clip}(\theta_m - "
+        r"\theta_l,\ \pm b/2), \qquad T_\text{shaft} = 0 \ \text{for}\ |\theta_m - \theta_l| < "
+        r"b/2",
     ),
     source=(
         "Ellis, Lorenz, Resonant load control methods for industrial servo drives, IEEE "
-        "IAS Annual Meeting 2000"
+        "IAS Annual Meeting 2000; Nordin, Gutman, Controlling mechanical systems with backlash: a "
+        "survey, Automatica 38 (2002) 1633 (dead zone)"
     ),
     parameters=(
         Parameter(
@@ -130,14 +170,31 @@ CARD = Effect(
             spread=0.7,
             title="damping ratio of the shaft",
         ),
+        Parameter(
+            "backlash",
+            "rad",
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            "rated torque / (inertia x (2 pi 100 Hz)^2)",
+            fit="log",
+            spread=1.0,
+            change=1.0,
+            title="backlash of the shaft",
+        ),
     ),
     axis="motion",
     order="a fixed frequency",
     region="free rotor after steps of load or torque",
     confused_with=("inertia", "cogging_torque", "dc_link_ripple"),
     separated_by="free rotor, step of load or torque, sampled for several periods of the resonance",
-    at=(At("shaft", two_masses, ("stiffness", "load_inertia", "damping_ratio")),),
-    switches=("stiffness",),
+    at=(
+        At("shaft", two_masses, ("stiffness", "load_inertia", "damping_ratio")),
+        At("backlash", gap, ("backlash",)),
+    ),
+    switches=("stiffness", "backlash"),
     limits=limits,
     do=do,
+    otherwise=otherwise,
 )

@@ -13,8 +13,8 @@ from sandbox.plant.electrical import THIRD, facing, pull, seen
 
 # what a batch may need beside the bare plant (bits)
 LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
-SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND, CURVE = (
-    1 << k for k in range(7, 18)
+SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND, CURVE, BACKLASH = (
+    1 << k for k in range(7, 19)
 )
 LAGS = IRON | SKIN | FILTER
 ANGULAR = MAGNETS | ENERGY

@@ -164,6 +164,7 @@ FIXED = {  # what effects fix once a batch, as `sandbox.plant.fixed` writes it
     "load_share": "of the inertia",
     "swing_rate": "of the shaft, rad/s",
     "swing_ratio": "its damping ratio",
+    "backlash": "of it, rad",
 }
 
 

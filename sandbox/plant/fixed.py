@@ -50,3 +50,4 @@ def fix(w, nominal):
         w.load_inv[j] = 1.0 / load if load > 0.0 else 0.0
         w.load_share[j], w.swing_rate[j] = load / inertia, rate
         w.swing_ratio[j] = MOST_DAMPED if ratio > MOST_DAMPED else ratio
+        w.backlash[j] = ports.backlash(w, j)

@@ -1,17 +1,17 @@
 """The shaft over a step: rigid, or two masses; exact for torques that are constant in it.
 
 Rotor and load together turn like one mass; beside it, twist and slip of a compliant shaft swing
-about their rest.
+about their rest, and cross the gap of one with backlash (`sandbox.plant.backlash`).
 """
 
 from __future__ import annotations
 
 import math
 
-from model.compiled import kernel
-from model.lanes import fading, sine_cosine
+from model.compiled import inlined, kernel
 from sandbox.plant import additions as add
 from sandbox.plant import ports
+from sandbox.plant.backlash import swing_across, swung
 
 
 @kernel
@@ -39,27 +39,40 @@ def step_shaft(w, features, h, load, imposed):
         w.speed[j] += h * a
         w.net[j], w.taken[j] = net, taken
     if features & add.TWIST:
-        swing(w, h)
+        swing(w, features, h)
 
 
 @kernel
-def swing(w, h):
+def swing(w, features, h):
     """Move twist and slip (difference of both speeds) on by h: a damped swing about the twist at
-    rest.
+    rest, or one across a gap."""
+    if features & add.BACKLASH:
+        for j in range(w.psi_alpha.size):
+            if w.backlash[j] > 0.0 and w.swing_rate[j] > 0.0:
+                push = w.net[j] * w.motor_inv[j] + w.taken[j] * w.load_inv[j]
+                half, rate, ratio = 0.5 * w.backlash[j], w.swing_rate[j], w.swing_ratio[j]
+                w.twist[j], w.slip[j] = swing_across(
+                    w.twist[j], w.slip[j], push, half, rate, ratio, h
+                )
+            else:
+                swing_lane(w, j, h)
+    else:
+        for j in range(w.psi_alpha.size):
+            swing_lane(w, j, h)
 
-    A lane whose shaft is rigid (swing_rate 0) has neither.
+
+@inlined
+def swing_lane(w, j, h):
+    """Do so for lane j without a gap.
+
+    One whose shaft is rigid (swing_rate 0) has neither twist nor slip.
     """
-    for j in range(w.psi_alpha.size):
-        there = 1.0 if w.swing_rate[j] > 0.0 else 0.0
-        rate, ratio = w.swing_rate[j] + (1.0 - there), w.swing_ratio[j]
-        root = math.sqrt(1.0 - ratio * ratio)
-        decay = fading(-ratio * rate * h)
-        s, c = sine_cosine(rate * root * h)
-        s /= rate * root
-        rest = (w.net[j] * w.motor_inv[j] + w.taken[j] * w.load_inv[j]) / (rate * rate)
-        x, v = w.twist[j] - rest, w.slip[j]
-        w.twist[j] = there * (rest + decay * ((c + ratio * rate * s) * x + s * v))
-        w.slip[j] = there * (decay * ((c - ratio * rate * s) * v - rate * rate * s * x))
+    there = 1.0 if w.swing_rate[j] > 0.0 else 0.0
+    rate, ratio = w.swing_rate[j] + (1.0 - there), w.swing_ratio[j]
+    root = math.sqrt(1.0 - ratio * ratio)
+    rest = (w.net[j] * w.motor_inv[j] + w.taken[j] * w.load_inv[j]) / (rate * rate)
+    x, v = swung(w.twist[j] - rest, w.slip[j], rate, ratio, root, h)
+    w.twist[j], w.slip[j] = there * (rest + x), there * v
 
 
 @kernel

@@ -40,7 +40,7 @@ NO_TIME = 1e-11  # s: speed over a shorter one is rounding
 # of the period: what curvature makes of shorter segments is far below 1e-9 of the current
 BENDING = 1e-3
 # what a plain step knows nothing of
-ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED | add.RUB | add.COMMUTE)
+ADDED = ~(add.MOTION | add.TWIST | add.BACKLASH | add.DRAWN | add.DELAYED | add.RUB | add.COMMUTE)
 # of the way from a segment's middle to its ends: two places give means of third degree
 GAUSS = 0.5773502691896258
 LAST = EDGES + 3

@@ -106,6 +106,7 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "shaft_compliance_stiffness": "N m/rad",
     "shaft_compliance_load_inertia": "kg m^2",
     "shaft_compliance_damping_ratio": "",
+    "shaft_compliance_backlash": "rad",
     "viscous_friction_coefficient": "N m s/rad",
 }
 FURTHER = {  # those of further parts, so many rows each
@@ -361,6 +362,12 @@ def shaft(w, j, inertia):
         w.shaft_compliance_damping_ratio[j],
         inertia,
     )
+
+
+@inlined
+def backlash(w, j):
+    """Return rad that such a shaft turns freely, from end to end."""
+    return shaft_compliance.gap(w.shaft_compliance_backlash[j])
 
 
 @inlined

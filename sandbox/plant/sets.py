@@ -47,6 +47,7 @@ PORT_BITS = {
     "filter": add.FILTER,
     "delay": add.DELAYED,
     "shaft": add.TWIST,
+    "backlash": add.BACKLASH,
 }
 
 
@@ -67,6 +68,7 @@ SOUND = {
         "swing_rate": NONE_BELOW,
         "swing_ratio": NONE_BELOW,
     },
+    "backlash": {"backlash": NONE_BELOW},
 }
 PASSIVE = dict.fromkeys(SOUND, "finite numbers") | {
     "iron": "a conductance, a time constant, both at least 0",
@@ -74,6 +76,7 @@ PASSIVE = dict.fromkeys(SOUND, "finite numbers") | {
     "filter": "a time constant of at least 0",
     "instant": "finite, a variance of at least 0",
     "shaft": "0 <= the load's inertia < all of it, no negative damping",
+    "backlash": "an angle of at least 0",
 }
 
 

@@ -320,7 +320,8 @@ def _motion(
         net = torque + of_shaft(batch, turn, speed / pairs)
         taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         mean = 0.5 * (net + np.append(net[1:], net[-1]))
-        swung = swinging(batch, net, taken, period) if features & additions.TWIST else 0.0
+        twists = features & additions.TWIST
+        swung = swinging(batch, features, net, taken, period) if twists else 0.0
         acceleration = pairs * ((mean - taken) / m.inertia + swung)
         noise = (
             pairs
@@ -383,7 +384,7 @@ def of_shaft(w, turn, omega):
 
 
 @kernel
-def swinging(w, net, taken, period):
+def swinging(w, features, net, taken, period):
     """Return what a compliant shaft adds to the motor's acceleration, mean over the interval from
     each sample on, (n,) in rad/s^2 mechanical, from rest: the load's share of the slip's change;
     the load's torque is constant in it."""
@@ -392,7 +393,7 @@ def swinging(w, net, taken, period):
     for k in range(len(net)):
         before = w.slip[0]
         w.net[0], w.taken[0] = 0.5 * (net[k] + net[min(k + 1, len(net) - 1)]), taken[k]
-        swing(w, period)
+        swing(w, features, period)
         out[k] = w.load_share[0] * (w.slip[0] - before) / period
     return out
 

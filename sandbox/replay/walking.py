@@ -205,7 +205,9 @@ def start_turning(w: Any, r: Inputs) -> None:
     by the load."""
     w["speed"] = r.motion.speed[0]
     stiff = np.where(w["swing_rate"] > 0.0, w["swing_rate"], np.inf)
-    w["twist"] = r.track["load"][0] * (w["motor_inv"] + w["load_inv"]) / stiff**2
+    load = r.track["load"][0]
+    w["twist"] = load * (w["motor_inv"] + w["load_inv"]) / stiff**2
+    w["twist"] += 0.5 * np.sign(load) * w["backlash"]  # at that edge of a gap
 
 
 @kernel

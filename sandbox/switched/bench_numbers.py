@@ -39,7 +39,8 @@ RUBBING_CORNERS = (0.01, 0.025, 0.064, 0.16, 0.4, 1.0, 2.5)  # of a speed of ref
 NOWHERE = np.zeros(1)
 LEAST_SLICES = 64.0  # of a dead time in which a leg slews
 MOST_SWING = 50.0  # rad of a leg's swing in a dead time: faster ones are as good as no capacitance
-# a current that reaches a corner of its sign and turns back inside a step is not seen
+# a current that reaches a corner of its sign and turns back inside a step is not seen, nor is a
+# shaft that does so at an edge of its gap
 STEPS_WITH_CORNERS = 16.0
 # the bench's numbers that are a parameter of an effect as it is
 SAME = {
@@ -70,6 +71,7 @@ SAME = {
     "cogging": "cogging_torque.amplitude",
     "cogging_order": "cogging_torque.order_mech",
     "cogging_phase": "cogging_torque.phase",
+    "backlash": "shaft_compliance.backlash",
 }
 # effects whose parameters have the same names there
 SAME_NAMES = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
@@ -138,6 +140,7 @@ class SwitchedBench(NamedTuple):
     load_inertia: float  # 0: rigid shaft
     stiffness: float
     damping: float
+    backlash: float  # rad that the shaft turns freely, from end to end
     step: float  # longest integration step, s
     audit: float  # other than 0: sum up energies (all effects but hysteresis and shorted turns)
     # The rest stands in no library and is off by default; `unlisted` has units and bounds.
@@ -419,7 +422,7 @@ def _longest_step(
     inertia: on the motor's side, which dry friction brings to rest within its width.
     """
     step = period / STEPS_A_PERIOD
-    if v["device_drop.threshold"] > 0.0:
+    if v["device_drop.threshold"] > 0.0 or v["shaft_compliance.backlash"] > 0.0:
         step = period / STEPS_WITH_CORNERS
     if math.isfinite(v["iron_loss.core_resistance"]):
         step = min(step, 0.25 * v["iron_loss.time_constant"])

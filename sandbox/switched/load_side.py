@@ -13,6 +13,9 @@ speed omega:
   gear;
 - load_lag: the torque follows what it is told by a first-order lag, period by period, from none at
   the start.
+
+What joins it to the motor stands here, too: a spring, and a damper beside it, on either end of a
+gap.
 """
 
 from __future__ import annotations
@@ -26,6 +29,18 @@ from model.compiled import inlined, kernel
 def load_angle(b, theta, twist):
     """Return the load's mechanical angle (rad); theta: rad electrical, of the motor."""
     return theta / b.pole_pairs - twist
+
+
+@inlined
+def wound(b, twist):
+    """Return by how much (rad) a shaft is twisted beyond the ends of its gap; 0 inside."""
+    return twist - min(max(twist, -0.5 * b.backlash), 0.5 * b.backlash)
+
+
+@inlined
+def shaft_damping(b, twist):
+    """Return what damps a shaft (N m s/rad): nothing inside its gap."""
+    return 0.0 if b.backlash > 0.0 and wound(b, twist) == 0.0 else b.damping
 
 
 @inlined

@@ -51,7 +51,14 @@ from sandbox.switched.harmonics import (
 )
 from sandbox.switched.leg import given, soft_sign, soft_signs, unlisted_drop
 from sandbox.switched.link import link_voltage
-from sandbox.switched.load_side import crank_inertia, drag, load_acceleration, load_angle
+from sandbox.switched.load_side import (
+    crank_inertia,
+    drag,
+    load_acceleration,
+    load_angle,
+    shaft_damping,
+    wound,
+)
 from sandbox.switched.machine_state import DRIVEN, LOCKED, Moving, Powers
 
 A = complex(-0.5, 0.5 * math.sqrt(3.0))  # exp(2 pi j / 3)
@@ -243,7 +250,7 @@ def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
     if b.load_inertia == 0.0:
         a = load_acceleration(b, b.inertia, net - load_torque, angle, load_speed)
         return a, a
-    shaft = b.stiffness * twist + b.damping * (speed - load_speed)
+    shaft = b.stiffness * wound(b, twist) + shaft_damping(b, twist) * (speed - load_speed)
     return (net - shaft) / b.inertia, load_acceleration(
         b, b.load_inertia, shaft - load_torque, angle, load_speed
     )
@@ -295,7 +302,7 @@ def powers(b, t, by, wanted, x):
         loss += abs(x.core) ** 2 / b.core_conductance
     rubbing = friction(b, x.speed) * x.speed
     if b.load_inertia != 0.0:
-        rubbing += b.damping * (x.speed - x.load_speed) ** 2
+        rubbing += shaft_damping(b, x.twist) * (x.speed - x.load_speed) ** 2
     supply, commanded = v.real * i.real + v.imag * i.imag, ideal.real * i.real + ideal.imag * i.imag
     output = (
         by.load_torque + drag(b, load_angle(b, x.theta, x.twist), x.load_speed)
@@ -310,7 +317,7 @@ def reservoir(b, psi, core, skin, theta, speed, load_speed, twist):
     if b.core_conductance != 0.0:
         stored += 0.5 * b.core_time / b.core_conductance * abs(core) ** 2
     total = 1.5 * stored + 0.5 * (
-        b.inertia * speed**2 + b.load_inertia * load_speed**2 + b.stiffness * twist**2
+        b.inertia * speed**2 + b.load_inertia * load_speed**2 + b.stiffness * wound(b, twist) ** 2
     )
     total += 0.5 * crank_inertia(b, load_angle(b, theta, twist)) * load_speed**2
     if b.cogging != 0.0:

@@ -188,6 +188,8 @@ def _other_forms(point: Point, effect: str) -> Iterator[Candidate]:
     drive, card = point.prepared.campaign.drive, library.load_effect(effect)
     if card.otherwise is None:
         return
+    if all(p.fit in ("log", "fixed") for p in card.parameters):
+        return  # nothing but shapes, no size: a fit that has them tries the other form
     for width in ZONES:
         first = {
             **point.values,
@@ -196,7 +198,8 @@ def _other_forms(point: Point, effect: str) -> Iterator[Candidate]:
         (size,) = (c for c in of_effect(effect, drive, first) if c.form == "linear")
         typical = size.mean + size.deviation / WIDE
         values = {**first, **size.changes(first, typical)}
-        start = card.otherwise(values, width * soft_current(drive.motor), drive.converter)
+        width = width * soft_current(drive.motor)
+        start = card.otherwise(values, width, drive.motor, drive.converter)
         if possible(point, {**values, **start}):
             yield Candidate(effect, start, chord=typical - size.mean)
 

@@ -346,7 +346,10 @@ class Search:
                 continue
             at = replace(
                 point,
-                values={**point.values, **card.otherwise(point.values, width, drive.converter)},
+                values={
+                    **point.values,
+                    **card.otherwise(point.values, width, drive.motor, drive.converter),
+                },
             )
             new = attempted(
                 at, found.effects, p.fitted, rough=0.0, leader=found.objective, workers=p.workers

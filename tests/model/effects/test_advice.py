@@ -108,6 +108,16 @@ def test_no_card_fails_at_a_bound_or_on_a_motor_without_magnets(name):
             },
             "f/(800 Hz)",
         ),
+        # play of 3 mrad = 0.17 degrees; closed: sqrt(300 N m/rad (1/6e-4 + 1/5e-4 kg m^2))/(2 pi)
+        (
+            {
+                "shaft_compliance__stiffness": 300.0,
+                "shaft_compliance__load_inertia": 5e-4,
+                "shaft_compliance__backlash": 3e-3,
+                "inertia__inertia": 1.1e-3,
+            },
+            "take out the play of 3.0 mrad (0.17°) between motor and load",
+        ),
         ({"saturation__alpha_30": 10.0}, "alpha_30 = 10 A/Wb²"),
         ({"saturation__alpha_04": 10.0}, "alpha_04 = 10 A/Wb³"),
         # half of the dead time's volts are lost where a leg just slews over in it, i t/(2 C) = u;

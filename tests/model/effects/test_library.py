@@ -233,6 +233,7 @@ def test_every_file_says_what_its_kernels_return():
             "resonance.*rigid shaft",
         ),
         ({"shaft_compliance.stiffness": 100.0}, "alone does nothing"),
+        ({"shaft_compliance.backlash": 1e-3}, "backlash alone does nothing"),
         ({"inductance_harmonics.gamma_6": 30.0}, "gamma_6: 30 .*not convex"),
         ({"dc_link_ripple.amplitude": 1000.0}, "below 400 V"),
         ({"current_sampling.jitter": 1e-3}, "half the PWM period"),

@@ -252,7 +252,9 @@ class Reference:
         if not (j_l and math.isfinite(k)):
             return (net - load) / j, (net - load) / j, 0.0
         damping = 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(k * (j - j_l) * j_l / j)
-        through = k * y[TWIST] + damping * (omega - load_omega)
+        half = 0.5 * v["shaft_compliance.backlash"]
+        wound = y[TWIST] - min(max(y[TWIST], -half), half)
+        through = k * wound + (damping * (omega - load_omega) if wound or not half else 0.0)
         return (net - through) / (j - j_l), (through - load) / j_l, omega - load_omega
 
     def start(self, theta: float = 0.0, current: complex = 0j) -> Array:

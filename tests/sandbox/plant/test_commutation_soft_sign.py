@@ -133,7 +133,7 @@ def test_a_rigid_shaft_beside_a_compliant_one_does_not_slip():
         w[row][:] = value
     w["swing_rate"][0] = 500.0
     for _ in range(20):
-        mechanics.swing(w, 1e-4)
+        mechanics.swing(w, 0, 1e-4)
     assert (w["twist"][1], w["slip"][1]) == (0.0, 0.0)
     rest = (0.3 * 1e3 - 0.1 * 2e3) / 500.0**2
     t = 20e-4

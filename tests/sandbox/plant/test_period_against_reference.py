@@ -221,6 +221,7 @@ MOVED |= {
     "nothing": {},
     "load": {"bench.load_torque_gain": 0.1, "bench.load_torque_offset": 0.01},
     "teeth": TEETH | ORDERS,
+    "backlash": {**typical("shaft_compliance"), "shaft_compliance.backlash": 5e-4},
     "both": {**typical("shaft_compliance"), **typical("cogging_torque"), **typical("iron_loss")},
     "orders of the encoder": {
         "encoder_eccentricity.2.amplitude_mech": 0.004,
@@ -279,6 +280,7 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
         "coulomb_friction",
         "inertia",
         "shaft_compliance",
+        "backlash",
     ):
         assert (
             np.abs(

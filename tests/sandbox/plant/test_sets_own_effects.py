@@ -37,7 +37,7 @@ from model.effects.current_sampling import taken
 from model.effects.iron_loss import branch
 from model.effects.library import load_effect
 from model.effects.pwm_delay import later
-from model.effects.shaft_compliance import two_masses
+from model.effects.shaft_compliance import gap, two_masses
 from model.effects.skin_effect import ladder
 EFFECTS = tuple(
     replace(load_effect(name), name=f"my_{name}", limits=None, longest=None)

@@ -9,6 +9,7 @@ from scipy.linalg import expm
 
 from model.effects.library import parameters
 from sandbox.drive.switched_loop import encoder_slope
+from sandbox.plant.backlash import swing_across
 from sandbox.switched.advance import encoder, flux_for, replay, start, true_angle
 from sandbox.switched.bench_numbers import bench, quiet
 from sandbox.switched.inverter import (
@@ -489,6 +490,33 @@ def test_shaft_compliance_resonates_at_its_frequency():
     )
     momentum = 6e-4 * state[SPEED] + 4e-4 * state[SPEED + 1]
     assert momentum == pytest.approx(-tau * n * TS, rel=1e-9)
+
+
+def test_backlash_joins_the_shaft_beyond_its_gap():
+    """A load step across the gap against the plant's exact pieces (its own test: against SciPy),
+    damped in contact alone.  A crossing inside a Runge-Kutta step of h = T_s/16 misses at most a
+    stage's damping, 2 ratio rate slip h/2, of the slip; three crossings move the twist by no more
+    than that times the whole time."""
+    stiffness, load_inertia, tau, gap, ratio = 300.0, 4e-4, 0.05, 2e-4, 0.02
+    effects = {
+        "shaft_compliance.stiffness": stiffness,
+        "shaft_compliance.load_inertia": load_inertia,
+        "shaft_compliance.damping_ratio": ratio,
+        "shaft_compliance.backlash": gap,
+    }
+    b = make(effects, NO_MAGNET)
+    rate = math.sqrt(stiffness * (1 / 6e-4 + 1 / 4e-4))
+    state, x, v, n, found, expected, fastest = start(b), 0.0, 0.0, 60, [], [], 0.0
+    for _ in range(n):
+        found.append(state[TWIST])
+        expected.append(x)
+        advance(state, b, FREE, 0.0, 0.0, U, tau, 0.0)
+        x, v = swing_across(x, v, tau / load_inertia, 0.5 * gap, rate, ratio, TS)
+        fastest = max(fastest, abs(v))
+    jump = 2.0 * ratio * rate * fastest * TS / 32.0
+    assert min(expected[20:]) < 0.5 * gap < max(expected)  # it comes back into the gap
+    assert np.array(found) == pytest.approx(np.array(expected), abs=3.0 * jump * n * TS)
+    assert 3.0 * jump * n * TS < 0.05 * max(expected)
 
 
 def test_driven_rotor_follows_the_imposed_motion():

@@ -122,13 +122,18 @@ REST = (
     {"pwm_delay.delay": 2e-5, "current_sampling.delay": 5e-6},
     {"bench.soft_shape": 0.5, "dead_time.time": 2e-6, "bench.load_torque_gain": 0.02},
     {"dead_time.time": 3e-6, "dead_time.zone_width": 0.1, "dead_time.zone_shape": 1.0},
+    {
+        "shaft_compliance.stiffness": 50.0,
+        "shaft_compliance.load_inertia": 4e-4,
+        "shaft_compliance.backlash": 1e-3,
+    },
 )
 
 
 @pytest.mark.parametrize("extra", REST)
 def test_what_typical_sizes_do_not_reach(drive, plain, extra):
     """Further orders, samples before their pattern, jitter by the same chances, the sign around
-    zero current."""
+    zero current, backlash."""
     assert max(compared(drive, plain, "free", extra)) < GOAL
 
 

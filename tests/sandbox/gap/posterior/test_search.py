@@ -90,6 +90,18 @@ def test_orders_that_a_further_part_may_have_are_columns_of_their_own(small_fold
     assert abs(a[k, m]) < 0.2 * np.sqrt(a[k, k] * a[m, m])
 
 
+def test_other_forms_are_candidates_where_a_size_is_to_be_told(small_folder):
+    """Far from the floor dead time is a candidate in both of its forms; a shaft, which is nothing
+    but shapes, in its first one alone: a fit tries the other, with a backlash."""
+    found = candidates(start(small_folder), left=2.0 * NEAR)
+    assert {c.start["dead_time.capacitance"] > 0.0 for c in found if c.effect == "dead_time"} == {
+        False,
+        True,
+    }
+    assert {c.start["shaft_compliance.backlash"] for c in found if c.effect == "shaft_compliance"}
+    assert not any(c.start.get("shaft_compliance.backlash") for c in found)
+
+
 def test_nothing_moved_leaves_what_there_is_and_noise_counts_whole(small_folder):
     model = linear_model(start(small_folder), [Candidate("current_offset")], (), 0.01, {})
     variance = dict.fromkeys(no_weights(model.normal), 3.0)
