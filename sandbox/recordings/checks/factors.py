@@ -93,11 +93,13 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
 
 
 def _told(own: Fitted, other: Fitted) -> bool:
-    """Tell whether another reading is worth a caution; one of an angle, an order or a base, which
-    no value of the motor could stand for, has to leave far less."""
+    """Tell whether another reading is worth a caution: it leaves less with the motor's values as
+    stated; one of an angle, an order or a base, which no value of the motor could stand for, far
+    less."""
     x = other.reading
     more = BETTER * FALLS ** (x.count - 1) * (other.after + OFF**2)
-    far = more <= own.after + OFF**2 or (not x.zero and all(c.convention for c in x.changes))
+    convention = not x.zero and all(c.convention for c in x.changes)
+    far = more <= own.after + OFF**2 or (convention and other.after < own.after)
     return far and other.cost + math.log(LIKELIER) <= own.cost and other.off <= ODD
 
 
