@@ -322,7 +322,7 @@ class Search:
         new = set(key) - set(near.effects)
         if found is None or (rough and not new):
             return found
-        return self.best_form(found, [e for e in key if e in new or key == near.effects], rough)
+        return self.best_form(found, [e for e in key if e in new or not rough], rough)
 
     def begun_anew(self, key: Set, near: Fit, found: Fit | None) -> Fit | None:
         """Return the fit of a set, or one that begins at the nominal model with the sizes its
@@ -337,7 +337,7 @@ class Search:
 
     def best_form(self, found: Fit, effects: Sequence[str], rough: bool) -> Fit:
         """Return a fit, or that of the same set with one of these effects in its other form where
-        that fits better."""
+        that fits better; rough: both are no more than the first part of one."""
         p, point = self.problem, found.point
         drive, width = point.prepared.campaign.drive, point.values["bench.soft_current"]
         for effect in effects:
@@ -352,17 +352,16 @@ class Search:
                 },
             )
             new = attempted(
-                at, found.effects, p.fitted, rough=0.0, leader=found.objective, workers=p.workers
+                at,
+                found.effects,
+                p.fitted,
+                smooth=not rough,
+                leader=found.objective,
+                rough=0.0 if rough else math.inf,
+                workers=p.workers,
             )
             if new is not None and new.objective < found.objective:
-                whole = (
-                    None
-                    if rough
-                    else attempted(
-                        new.point, found.effects, p.fitted, smooth=True, workers=p.workers
-                    )
-                )
-                found = whole or new
+                found = new
         return found
 
     def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
