@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from model.parameters import Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Excerpt, Excerpts
-from sandbox.replay.inputs import AT_REST
+from sandbox.replay.inputs import begins_at_rest
 
 Array = NDArray[np.float64]
 # samples that are all used: the largest campaign of the blind checks holds 169 920
@@ -216,15 +216,15 @@ def begun(campaign: Campaign) -> Campaign:
     motor, period = campaign.drive.motor, campaign.drive.converter.sampling_period
     settling = rows_to_settle(motor, period)
     return replace(
-        campaign, recordings=tuple(_begun(r, motor, settling, period) for r in campaign.recordings)
+        campaign, recordings=tuple(_begun(campaign, r, settling) for r in campaign.recordings)
     )
 
 
-def _begun(r: CampaignRecording, motor: Motor, settling: int, period: float) -> CampaignRecording:
+def _begun(campaign: Campaign, r: CampaignRecording, settling: int) -> CampaignRecording:
     """Return one of them."""
-    alpha, beta = r.current
+    period = campaign.drive.converter.sampling_period
     before = even(min(settling, 0.5 * len(r.t)))
-    if r.settling or not before or math.hypot(alpha[0], beta[0]) <= AT_REST * motor.rated_current:
+    if r.settling or not before or begins_at_rest(campaign, r):
         return r
     columns = {key: x[before:] for key, x in r.columns.items()} | {"t": r.t[before:] - r.t[before]}
     first = {key: x[:before] for key, x in r.columns.items()} | {"t": r.t[:before] - r.t[before]}
