@@ -77,7 +77,7 @@ HOP = re.compile(r"`(\w+)` in \[\w+\.py\]\(([^)]+)\)")
 def test_each_hop_of_the_three_walks_is_named_by_one_before_it():
     """Functions and classes stand in the files named; the code of a hop before names each.  A
     sample goes through thirty files at most, as issue 51 asks."""
-    page = ROOT / "docs" / "explanation" / "walks.md"
+    page = ROOT / "sandbox" / "WALKS.md"
     walks = page.read_text().split("\n## ")[1:]
     assert len(walks) == 3
     for walk in walks:

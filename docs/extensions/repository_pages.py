@@ -44,6 +44,7 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/withheld": "experiments/results/withheld/README.md",
     "results/made/practice": "experiments/results/diagnosis/practice.md",
     "results/made/experiments": "experiments/README.md",
+    "explanation/made/walks": "sandbox/WALKS.md",
     "explanation/made/diagnosis_in_detail": "sandbox/gap/README.md",
     "explanation/made/withheld_check": "sandbox/withheld/README.md",
 }
