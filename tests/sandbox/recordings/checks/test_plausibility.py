@@ -207,7 +207,7 @@ def test_a_stated_link_in_another_unit_is_not_blamed_on_the_log():
     bench = _bench("p01")
     converter = dataclasses.replace(bench.drive.converter, dc_bus_voltage=0.4)
     drive = dataclasses.replace(bench.drive, converter=converter)
-    with pytest.raises(BadInput, match="is it in kV. write 400"):
+    with pytest.raises(BadInput, match=r"is it in kV. write 400"):
         check([bench["coast_down"]], drive)
 
 
