@@ -11,7 +11,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location import where
 from sandbox.gap.location.decompose import decompose
-from sandbox.gap.location.readings import Readings, told
+from sandbox.gap.location.readings import Readings, described
 from sandbox.gap.location.where import of_readings, sentences
 from sandbox.gap.words import amperes
 from sandbox.plant.sets import complete
@@ -98,9 +98,9 @@ def test_an_error_that_is_not_constant_is_told_by_its_size():
     r = Readings(
         0.017, dict.fromkeys("abc", 0.0), dict.fromkeys("abc", 0.1), np.full((4, 4), np.nan)
     )
-    assert told(r) == "an error of the measured currents, 17 mA rms a phase"
+    assert described(r) == "an error of the measured currents, 17 mA rms a phase"
     most = dataclasses.replace(r, constant=dict.fromkeys("abc", 0.2))
-    assert told(most).endswith("; 60 % of it is constant (+0 A in a, +0 A in b, +0 A in c)")
+    assert described(most).endswith("; 60 % of it is constant (+0 A in a, +0 A in b, +0 A in c)")
 
 
 @pytest.mark.parametrize(
