@@ -228,6 +228,7 @@ PORTS = {
         once=True,
     ),
     "offset": Port((), 1, "rad electrical that all readings of the angle are off", once=True),
+    "latency": Port((), 1, "s by which readings of the angle are older than their rows", once=True),
     "shaft": Port(
         ("inertia",),
         3,

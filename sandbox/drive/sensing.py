@@ -60,7 +60,7 @@ def encoder(w, features, theta, omega, step):
         pairs, turn, small = w.pairs[0], theta / w.pairs[0], 1e-6
         off = misread(w, 0, turn)
         slope = 1.0 + (misread(w, 0, turn + small) - off) / (small * pairs)
-    angle = theta + w.offset[0] + off
+    angle = theta + w.offset[0] + off - omega * w.latency[0]
     return (step * math.floor(angle / step + 0.5) if step > 0.0 else angle), omega * slope
 
 

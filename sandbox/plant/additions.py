@@ -24,8 +24,8 @@ DIFFERENCE, LEAST_DIFFERENCE = 1e-4, 1e-12
 
 @kernel
 def orient(w, share, speed):
-    """Write what the rotor stands behind the angle handed in: offset, deviation, and the pattern's
-    delay.
+    """Write what the rotor stands behind the angle handed in: offset and deviation; it goes on by
+    the pattern's delay, and by what the reading is old.
 
     share: of the period, at which the deviation is taken between the samples; speed: rad/s
     electrical.
@@ -39,7 +39,7 @@ def orient_lane(w, j, share, speed):
     """Do so for lane j."""
     d = w.deviation[j]
     w.off_s[j], w.off_c[j] = sine_cosine(
-        w.offset[j] + d + share * (w.next_deviation[j] - d) - speed * w.delay[j]
+        w.offset[j] + d + share * (w.next_deviation[j] - d) - speed * (w.delay[j] + w.latency[j])
     )
 
 

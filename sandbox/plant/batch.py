@@ -158,6 +158,7 @@ FIXED = {  # what effects fix once a batch, as `sandbox.plant.fixed` writes it
     "skin_rate": "1/s",
     "filter_rate": "1/s",
     "offset": "of the angle's reading, rad electrical",
+    "latency": "by which the angle's reading is older than its row, s",
     "inertia_inv": "1/(kg m^2), all of it",
     "motor_inv": "1/(kg m^2), the motor's side",
     "load_inv": "the load's",

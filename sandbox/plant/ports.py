@@ -88,6 +88,7 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "encoder_eccentricity_amplitude_mech": "rad",
     "encoder_eccentricity_phase": "rad",
     "encoder_offset_offset": "rad",
+    "encoder_offset_latency": "s",
     "cogging_torque_amplitude": "N m",
     "cogging_torque_order_mech": "",
     "cogging_torque_phase": "rad",
@@ -350,6 +351,12 @@ def instant(w, j):
 def offset(w, j):
     """Return rad electrical that all readings of the angle are off."""
     return encoder_offset.turned(w.encoder_offset_offset[j])
+
+
+@inlined
+def latency(w, j):
+    """Return s by which readings of the angle are older than their rows."""
+    return encoder_offset.old(w.encoder_offset_latency[j])
 
 
 @inlined

@@ -46,6 +46,7 @@ PORT_BITS = {
     "skin": add.SKIN,
     "filter": add.FILTER,
     "delay": add.DELAYED,
+    "latency": add.DELAYED,
     "shaft": add.TWIST,
     "backlash": add.BACKLASH,
 }
@@ -62,6 +63,7 @@ SOUND = {
     "filter": {"filter_rate": NONE_BELOW},
     "instant": {"sample": ANY, "jitter": NONE_BELOW},
     "offset": {"offset": ANY},
+    "latency": {"latency": ANY},
     "shaft": {
         "motor_inv": NONE_BELOW,
         "load_share": NONE_BELOW,

@@ -347,7 +347,7 @@ def _motion(
     i_alpha, i_beta = _true_currents(r, batch)
     off = np.zeros((len(angle), 1))
     for _ in range(2):
-        turn = (angle - batch["offset"][0] - off[:, 0]) / pairs
+        turn = (angle - batch["offset"][0] - off[:, 0] + batch["latency"][0] * speed) / pairs
         off[:] = 0.0
         readings_off(batch, turn, off)
         torque = torque_of(m.energy, m.magnet_flux, float(pairs), i_alpha, i_beta, pairs * turn)

@@ -77,7 +77,7 @@ def correct(w, track, k, moved, row, first):
     """Write the innovation of the encoder's reading over its standard deviation to a row of
     `moved`, and correct the motion with it."""
     for j in range(w.psi_alpha.size):
-        seen = track[k].read - w.offset[j] - w.deviation[j]
+        seen = track[k].read - w.offset[j] - w.deviation[j] + w.latency[j] * track[k].speed
         if k == 0:
             w.angle[j] = seen - w.pairs[j] * w.load_share[j] * w.twist[j]
         miss = seen - (w.angle[j] + w.pairs[j] * w.load_share[j] * w.twist[j])
@@ -104,8 +104,9 @@ def predict(w, features, track, k, period):
     """Move a free rotor on by a period under its mean torque; friction at the motion smoothed for
     all sets."""
     for j in range(w.psi_alpha.size):
-        w.turn[j] = track[k].middle_turn - (w.offset[j] + w.deviation[j]) / w.pairs[j]
         w.omega[j] = track[k].middle_omega
+        w.turn[j] = track[k].middle_turn - (w.offset[j] + w.deviation[j]) / w.pairs[j]
+        w.turn[j] += w.latency[j] * w.omega[j]
     step_shaft(w, features, period, track[k].load, 0.0)
 
 

@@ -182,7 +182,7 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
         off[:] = 0.0
         if r.motion.eccentric:
             readings_off(w, turn, off)
-    theta = r.motion.angle[0] - w["offset"] - off[0]
+    theta = r.motion.angle[0] - w["offset"] - off[0] + w["latency"] * r.motion.speed[0]
     c, s = np.cos(theta), np.sin(theta)
     rest = np.zeros((2, lanes))
     additions.at_rest(w, c, s, rest)

@@ -216,7 +216,8 @@ def measure(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, rn
     i_a = sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng)
     i_b = sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng)
     i_c = sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng)
-    theta = encoder(b, state[THETA])
+    # to the first order in its age, as the plant's
+    theta = encoder(b, state[THETA] - b.encoder_latency * b.pole_pairs * state[SPEED])
     if b.jitter > 0.0:
         half = 0.45 * b.period
         state[OFFSET] = min(max(b.sampling_delay + b.jitter * rng.standard_normal(), -half), half)

@@ -62,6 +62,7 @@ SAME = {
     "sampling_delay": "current_sampling.delay",
     "jitter": "current_sampling.jitter",
     "encoder_offset": "encoder_offset.offset",
+    "encoder_latency": "encoder_offset.latency",
     "eccentricity_phase": "encoder_eccentricity.phase",
     "coulomb": "coulomb_friction.torque",
     "coulomb_width": "coulomb_friction.width",
@@ -126,6 +127,7 @@ class SwitchedBench(NamedTuple):
     resolution: float
     encoder_step: float
     encoder_offset: float
+    encoder_latency: float
     eccentricity: float
     eccentricity_phase: float
     coulomb: float

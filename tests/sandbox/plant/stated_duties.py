@@ -58,7 +58,7 @@ def reference(drive, values, duty, speed=SPEED, theta=0.3, **more):
     """Return readings and states of the readable reference: at constant speed, or (speed None)
     moved by its torque."""
     v = complete(drive.motor, drive.converter, values)
-    true = theta - v["encoder_offset.offset"]
+    true = theta - v["encoder_offset.offset"] + v["encoder_offset.latency"] * (speed or 0.0)
     trajectory = None if speed is None else lambda t: (true + speed * t, speed)
     plant = Reference(
         drive.motor,

@@ -229,6 +229,7 @@ MOVED |= {
         "encoder_eccentricity.3.amplitude_mech": 0.001,
         "encoder_eccentricity.3.order_mech": 4.0,
     },
+    "an encoder read late": {"encoder_offset.latency": 2e-5},
 }
 
 
@@ -239,8 +240,8 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
 
     Bounds: the torque's course inside a period is taken as its mean, so that the angle misses by
     T^3/12 times the slope of the acceleration a period, T^2/12 times its change in all; friction is
-    taken at the middle of the period. A delayed pattern sees the angle at the period's mean speed:
-    the sample then reads off by G psi a d T/2.
+    taken at the middle of the period. A delayed pattern, and an angle read late, go by the period's
+    mean speed: the sample then reads off by G psi a d T/2.
     """
     n, pairs, values = 70, DRIVE.motor.pole_pairs, MOVED[name]
     u = 0.06 * np.exp(1j * (1.9 + 0.5 * np.sin(np.arange(n) / 40.0)))
@@ -255,7 +256,8 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
         states[:, 8],
         pairs * states[:, 9],
     )
-    read, slope, turn = theta.copy(), np.ones_like(theta), theta / pairs
+    read = theta - v["encoder_offset.latency"] * speed
+    slope, turn = np.ones_like(theta), theta / pairs
     for k, order in (("", 1.0), *((f"{k}.", v[f"{DISC}.{k}.order_mech"]) for k in (2, 3, 4))):
         size, phase = v[f"{DISC}.{k}amplitude_mech"], v[f"{DISC}.{k}phase"]
         read += pairs * size * np.sin(order * turn + phase)
@@ -268,7 +270,7 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
         apart(DRIVE, found.currents[0][:, :, 0], readings),
     )
     print(f"{name}: motion {miss:.1e} rad of {np.ptp(theta):.2f}, currents {gap * 1e6:.1f} ppm")
-    delay = v["pwm_delay.delay"]
+    delay = v["pwm_delay.delay"] + v["encoder_offset.latency"]
     late = DRIVE.motor.magnet_flux / DRIVE.motor.inductance_d / DRIVE.motor.rated_current
     assert gap < EXACT + late * np.abs(np.diff(speed)).max() * delay * 0.5
     assert miss < 3.0 * PERIOD**2 / 12.0 * change + 1e-5

@@ -324,6 +324,15 @@ def test_encoder_offset_and_encoder_eccentricity_and_their_slope():
     assert slope == pytest.approx(50.0 * (1 + 0.01 * math.cos(7.0 / 4 + 0.3)), rel=1e-7)
 
 
+def test_an_encoder_that_answers_late_reads_an_older_angle():
+    """theta - latency omega, omega = 4 pole pairs of 12.5 rad/s; its slope is the speed."""
+    read, slope = Exact(
+        {"encoder_offset.latency": 2e-4}, rotor="driven", theta=7.0, speed=12.5
+    ).encoder
+    assert read == pytest.approx(7.0 - 2e-4 * 50.0, abs=1e-12)
+    assert slope == pytest.approx(50.0, rel=1e-12)
+
+
 def test_further_orders_of_the_encoder_add_up():
     """theta + p sum A_n sin(n theta_mech + phase_n), and the slope of it; parts 2 and 4, none
     between."""

@@ -80,7 +80,6 @@ def test_what_only_replaces_numbers_costs_nothing():
         "current_gain",
         "current_linearity",
         "current_offset",
-        "encoder_offset",
     }
     timed = {"current_sampling"}  # by the batch's timing
     for name in library.effect_names():

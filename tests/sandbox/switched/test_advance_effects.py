@@ -409,6 +409,13 @@ def test_encoder_offset_and_encoder_eccentricity_readings():
     )
 
 
+def test_an_encoder_that_answers_late_reads_an_older_angle():
+    """theta less the way of its latency at the electrical speed, 4 pole pairs."""
+    b, theta = make({"encoder_offset.latency": 3e-5}), np.linspace(0.0, 3.0, 50)
+    out = replay(b, "driven", np.zeros(50), np.zeros(50), U, theta=theta, speed=np.full(50, 120.0))
+    assert out["theta"] == pytest.approx(theta - 3e-5 * 4 * 120.0, abs=1e-12)
+
+
 def test_further_orders_of_the_encoder_s_reading():
     """theta + p sum A_n sin(n theta_mech + phase_n); undone, and its slope by differences."""
     b = make(
