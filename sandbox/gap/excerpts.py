@@ -30,9 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
+from model.frames import stationary
 from model.parameters import Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Excerpt, Excerpts
-from sandbox.replay.inputs import begins_at_rest
+from sandbox.replay.inputs import AT_REST, noise_floor
 
 Array = NDArray[np.float64]
 # samples that are all used: the largest campaign of the blind checks holds 169 920
@@ -42,6 +43,10 @@ PARTS = 24  # blocks of so many samples: twice the recordings that those campaig
 FEWEST = 6  # blocks, where states take long to settle and blocks are longer for it
 LEAST = 20_000  # samples, below which a campaign is not cut: PARTS blocks of 80 ms at 10 kHz
 SETTLED = 5.0  # time constants L/R: of a wrong start 0.7 % is left
+# noise floors of a reading, within which one is what sensors read at rest: where noise is twice as
+# large as stated, one of 120 recordings at rest has a reading beyond, and loses rows
+STARTED = 6.0
+MOST_OF = 3  # recordings of which the median is what most of them read
 # of rated values, that the campaign's whole length counts as: blocks that differ by less spread
 # over it
 APART = 0.1
@@ -229,6 +234,39 @@ def _begun(campaign: Campaign, r: CampaignRecording, settling: int) -> CampaignR
     columns = {key: x[before:] for key, x in r.columns.items()} | {"t": r.t[before:] - r.t[before]}
     first = {key: x[:before] for key, x in r.columns.items()} | {"t": r.t[:before] - r.t[before]}
     return replace(r, columns=columns, settling=first, starts_at=r.starts_at + before * period)
+
+
+def begins_at_rest(campaign: Campaign, r: CampaignRecording) -> bool:
+    """Return whether a recording begins without current for sure: its first readings are small, and
+    nothing but noise beside what most recordings with small ones begin with (their sensors'
+    offsets).  One that is sampled late may look as if it did not."""
+    small = AT_REST * campaign.drive.motor.rated_current
+    if _size(_first_readings(r)) > small:
+        return False
+    period = campaign.drive.converter.sampling_period
+    near = STARTED * noise_floor(campaign.drive.converter)
+    begun = [x for x in campaign.recordings if x.starts_at < (len(_settling(x)) + 0.5) * period]
+    alike = [x for x in map(_first_readings, begun) if _size(x) <= small]
+    own, usual = _first_readings(r), np.zeros(3)
+    if len(alike) >= MOST_OF:
+        usual = np.median(alike, axis=0)
+    return bool(min(np.abs(own).max(), np.abs(own - usual).max()) <= near)
+
+
+def _settling(r: CampaignRecording) -> Array:
+    """Return the times of the rows in which states settle."""
+    return np.asarray(r.settling.get("t", np.empty(0)))
+
+
+def _first_readings(r: CampaignRecording) -> Array:
+    """Return the first readings (3,) of a recording, those in which states settle included, A."""
+    rows = r.settling or r.columns
+    return np.array([rows[name][0] for name in ("i_a", "i_b", "i_c")], dtype=float)
+
+
+def _size(readings: Array) -> float:
+    """Return the amplitude of the current that three readings (3,) are, A."""
+    return math.hypot(*stationary(*(float(x) for x in readings)))
 
 
 def rows_to_settle(motor: Motor, period: float) -> int:

@@ -42,10 +42,6 @@ SENSOR_STEPS = (
     4
 )
 AT_REST = 0.05  # of rated current: a first reading beyond is a start under current
-# noise floors of a reading, within which one is what sensors read at rest: where noise is twice as
-# large as stated, one of 120 recordings at rest has a reading beyond
-STARTED = 6.0
-MOST_OF = 3  # recordings of which the median is what most of them read
 LEGS = np.array([[1.0, 0.0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
 
 
@@ -227,6 +223,8 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
     columns |= {name: np.repeat(x, held) for name, x in own.items()}
     track = with_columns(np.zeros(n * held, TRACK), columns)
     read_currents = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
+    off = at_rest_reading(batch_of(motor, converter, [complete(motor, converter, base)], 1))
+    current = math.hypot(*stationary(*(float(x) for x in read_currents[0] - off)))
     return Inputs(
         r.file,
         r.rotor,
@@ -235,45 +233,13 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
         motion,
         math.sqrt(variance),
         float(motor.pole_pairs),
-        not begins_at_rest(campaign, r),
+        current > AT_REST * motor.rated_current,
         abs(float(motion.speed[0])) > count / period,
         r.origin,
         round(r.starts_at / period),
         held,
         zero=0.0 if r.made is None else r.made.zero,
     )
-
-
-def begins_at_rest(campaign: Campaign, r: CampaignRecording) -> bool:
-    """Return whether a recording begins without current: its first readings are small, and nothing
-    but noise beside what most recordings with small ones begin with (their sensors' offsets)."""
-    small = AT_REST * campaign.drive.motor.rated_current
-    if _size(_first_readings(r)) > small:
-        return False
-    period = campaign.drive.converter.sampling_period
-    near = STARTED * noise_floor(campaign.drive.converter)
-    begun = [x for x in campaign.recordings if x.starts_at < (len(_settling(x)) + 0.5) * period]
-    alike = [x for x in map(_first_readings, begun) if _size(x) <= small]
-    own, usual = _first_readings(r), np.zeros(3)
-    if len(alike) >= MOST_OF:
-        usual = np.median(alike, axis=0)
-    return bool(min(np.abs(own).max(), np.abs(own - usual).max()) <= near)
-
-
-def _settling(r: CampaignRecording) -> Array:
-    """Return the times of the rows in which states settle."""
-    return np.asarray(r.settling.get("t", np.empty(0)))
-
-
-def _first_readings(r: CampaignRecording) -> Array:
-    """Return the first readings (3,) of a recording, those in which states settle included, A."""
-    rows = r.settling or r.columns
-    return np.array([rows[name][0] for name in ("i_a", "i_b", "i_c")], dtype=float)
-
-
-def _size(readings: Array) -> float:
-    """Return the amplitude of the current that three readings (3,) are, A."""
-    return math.hypot(*stationary(*(float(x) for x in readings)))
 
 
 def link_of(r: CampaignRecording, converter: Converter, u_dc: Array) -> Array:
@@ -378,6 +344,11 @@ def _true_currents(r: CampaignRecording, batch: Any) -> tuple[Array, Array]:
         phases += np.linalg.solve(slope.T, (read - shown).T).T
     alpha, beta = stationary(phases[:, 0], phases[:, 1], phases[:, 2])
     return np.asarray(alpha), np.asarray(beta)
+
+
+def at_rest_reading(batch: Any) -> Array:
+    """Return what the three sensors (3,) read without current, A."""
+    return _one_reading(batch, np.zeros(3)) + batch["common"][0]
 
 
 def _one_reading(batch: Any, phases: Array) -> Array:

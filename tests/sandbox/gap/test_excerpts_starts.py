@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from sandbox.gap.excerpts import begins_at_rest
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.replay.inputs import begins_at_rest, noise_floor
+from sandbox.replay.inputs import noise_floor
 from tests.sandbox.replay.benches import DRIVE
 
 OFFSET = np.array([0.02, 0.01, -0.03])  # A, of 1.2 A rated: 2 % of it at most
