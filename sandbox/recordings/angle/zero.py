@@ -40,6 +40,8 @@ STRAY = 0.01
 UNSTATED = 0.2
 # rad: most that a zero is left open by, as far as a slope in it holds (sin 0.5 = 0.48)
 UNTOLD = 0.5
+LED = 3  # times that a lag is looked for, in the angle led by what was found before
+LATEST = 0.02  # s, a lag that moves no zero by STRAY cannot be told
 TWICE = 2.0  # times less must stay open the other way round, or with a drift
 
 
@@ -49,8 +51,9 @@ def with_zeros(campaign: Campaign) -> Campaign:
     if all(r.made is None for r in campaign.recordings):
         return campaign
     share = campaign.uncertainty.get("inductance_q", UNSTATED)
-    done = [with_zero(r, campaign.drive, share) for r in campaign.recordings]
-    findings = (*campaign.findings, *(f for _, f in done if f is not None))
+    led, late = _without_lag(campaign)
+    done = [with_zero(r, campaign.drive, share) for r in led]
+    findings = (*campaign.findings, *late, *(f for _, f in done if f is not None))
     recordings = tuple(r for r, _ in done)
     unseen = _unseen(recordings, campaign.drive)
     if unseen:
@@ -61,6 +64,76 @@ def with_zeros(campaign: Campaign) -> Campaign:
         )
         findings = (*findings, Finding(r.file, "theta", None, f"{text}counts as noise"))
     return dataclasses.replace(campaign, recordings=recordings, findings=findings, unseen=unseen)
+
+
+def _without_lag(campaign: Campaign) -> tuple[tuple[CampaignRecording, ...], list[Finding]]:
+    """Return recordings whose angles of a speed are turned on by what that lags, with a finding;
+    as they are where voltages show no lag."""
+    own = [
+        r
+        for r in campaign.recordings
+        if r.made is not None and "speed" in r.source and not r.made.either_way
+    ]
+    turned = [_Turned(r, campaign.drive, 1.0) for r in own if r.rotor != "locked"]
+    lag, late = 0.0, turned
+    for _ in range(LED):  # zeros of parts are those of their mean speeds
+        lag += _lag(late)
+        late = [_Turned(_led(t.r, lag), campaign.drive, 1.0) for t in turned]
+    if not lag or _cost(late) + math.log(TWICE) > _cost(turned):
+        return campaign.recordings, []
+    r = turned[0].r
+    column = r.source["speed"]
+    text = (
+        f"{r.file}: column '{column}' {'lags' if lag > 0.0 else 'leads'} by {1e3 * abs(lag):.2g} "
+        "ms, as voltages show (a filter of the drive); the angle made of it is turned on by that"
+    )
+    led = tuple(_led(r, lag) if r in own else r for r in campaign.recordings)
+    return led, [Finding(r.file, "theta", None, text)]
+
+
+def _led(r: CampaignRecording, lag: float) -> CampaignRecording:
+    """Return a recording whose angle is turned on by a lag (s) times its speed."""
+    theta = r.theta + lag * np.gradient(r.theta, r.t)
+    return dataclasses.replace(r, columns={**r.columns, "theta": theta})
+
+
+def _lag(turned: Sequence[_Turned]) -> float:
+    """Return the lag (s) that zeros of parts of recordings show against their speeds, each
+    recording with a zero and a drift of its own; 0 where no speed varies."""
+    rows, read, weights = [], [], []
+    for k, x in enumerate(turned):
+        sharp, speed = np.ptp(x.curves, axis=1), x.speeds()
+        told = np.flatnonzero(sharp > SHARP * sharp.max())
+        if len(told) < 4:
+            continue
+        own = np.unwrap(_lowest(x.curves[told]))
+        each = np.zeros((len(told), 2 * len(turned)))
+        each[:, 2 * k], each[:, 2 * k + 1] = 1.0, x.middle[told] / len(x.theta)
+        rows.append(np.column_stack([speed[told], each]))
+        read.append(own)
+        weights.append(np.sqrt(sharp[told] / sharp.max()))
+    if not rows:
+        return 0.0
+    w = np.concatenate(weights)
+    a, b = np.concatenate(rows) * w[:, None], np.concatenate(read) * w
+    rest = a[:, 0] - a[:, 1:] @ np.linalg.lstsq(a[:, 1:], a[:, 0], rcond=None)[0]
+    energy = float(rest @ rest)
+    return float(rest @ b) / energy if energy * LATEST**2 > STRAY**2 else 0.0
+
+
+def _lowest(curves: Array) -> Array:
+    """Return where curves over ZEROS are lowest, by the parabola through the three points there."""
+    k, n = np.argmin(curves, axis=1), curves.shape[1]
+    before, least, after = (
+        np.take_along_axis(curves, ((k + d) % n)[:, None], axis=1)[:, 0] for d in (-1, 0, 1)
+    )
+    bend = np.maximum(before - 2.0 * least + after, 1e-300)
+    return np.asarray(ZEROS[k] + 0.5 * (before - after) / bend * (ZEROS[1] - ZEROS[0]))
+
+
+def _cost(turned: Sequence[_Turned]) -> float:
+    """Return the mean logarithm of what stays open of recordings, beside a drift that is none."""
+    return float(np.mean([math.log(x.least + DRIFTS**2 / 12.0) for x in turned]))
 
 
 def _by_states(r: CampaignRecording) -> bool:
@@ -169,6 +242,11 @@ class _Turned:
         total = max(float(self.energy.sum()), 1e-300)
         self.least = float(self._open(np.array([self.zero])).sum()) / total
         self.moved = float(np.ptp(self.curves.sum(axis=0))) / total
+
+    def speeds(self) -> Array:
+        """Return the mean speed of each part (rad/s)."""
+        bounds = np.round(np.linspace(0, len(self.theta) - 1, len(self.products) + 1)).astype(int)
+        return np.asarray(np.diff(self.theta[bounds]) / np.diff(self.r.t[bounds]))
 
     def _open(self, zeros: Array) -> Array:
         """Return the squares that stay open in each part (parts, zeros)."""

@@ -19,6 +19,7 @@ from tests.sandbox.recordings.made_angles import (
     RPM,
     SWING,
     ZERO,
+    H,
     N,
     off,
     read,
@@ -93,6 +94,30 @@ def test_a_speed_that_is_a_little_off_is_followed(tmp_path):
     assert "it drifts by -0.3" in text
     # with the drift in: 0.3^2 / 12, 0.75 %
     assert float(re.search(r"\(([\d.e-]+) % stay open\)", text)[1]) < 0.05
+
+
+@pytest.mark.parametrize("lag", [2e-3, 4e-3])
+def test_a_speed_that_lags_is_led(tmp_path, lag):
+    """A filter of first order, y += a (x - y), delays a slow swing by (1 - a) / a rows: 60 rad/s in
+    2 ms are 0.12 rad (7 degrees) either way; its own start-up is left out."""
+    columns, theta = turning(SWING)
+    late = np.empty(N)
+    late[0] = SWING[0]
+    for k in range(1, N):
+        late[k] = late[k - 1] + H / lag * (SWING[k] - late[k - 1])
+    mapping = '[columns]\nspeed = {column="erpm", unit="rpm"}'
+    found = read(tmp_path, {**columns, "erpm": late * RPM}, mapping)
+    assert np.abs(off(found["run"].theta, theta))[100:].max() < 1.0
+    text = " ".join(f.text for f in found.findings)
+    told = float(re.search(r"'erpm' lags by ([\d.]+) ms", text)[1])
+    assert told == pytest.approx(1e3 * (lag - H), rel=0.04)
+
+
+def test_a_speed_that_does_not_lag_is_left_as_it_is(tmp_path):
+    columns, _ = turning(SWING)
+    mapping = '[columns]\nspeed = {column="erpm", unit="rpm"}'
+    found = read(tmp_path, {**columns, "erpm": np.round(SWING * RPM)}, mapping)
+    assert not any("lags" in f.text or "leads" in f.text for f in found.findings)
 
 
 def test_rows_without_stamps_are_counted_by_the_sampling_period(tmp_path):
