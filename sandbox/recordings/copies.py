@@ -2,6 +2,8 @@
 once.
 
 Rows are compared as they were read, window by window: sensors' noise makes no two stretches alike.
+One log that was written twice with other digits differs by half of the last one at most, in every
+row; noise makes two runs differ by more in many.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ DIFFERENT = 32  # of them that differ from the row before: a signal at rest is a
 SHORTEST = 64  # rows of a remainder that is kept
 # odd, from the golden ratio: spreads bits (Knuth, multiplicative hashing)
 MIX = np.uint64(0x9E3779B97F4A7C15)
+SINGLE, EXACT = 1e-6, 1e-12  # relative: digits of single precision, and of double
 SEEN = ("i_a", "i_b", "i_c", "theta")  # what sensors read
 
 
@@ -62,9 +65,38 @@ def copied(signals: Sequence[Sequence[Array]]) -> list[Copied]:
                     best = _grown(
                         signals[at], signals[of], Copied(at, of, first, end, first + shift)
                     )
+        again = (k for k in range(at) if _written_again(signals[at], signals[k]))
+        if best is None and (of := next(again, None)) is not None:
+            best = Copied(at, of, 0, len(signals[at][0]), 0)
         if best is not None:
             out.append(best)
     return out
+
+
+def _written_again(own: Sequence[Array], other: Sequence[Array]) -> bool:
+    """Tell whether all signals are those of another recording but for the digits they are written
+    with."""
+    if len(own[0]) != len(other[0]) or len(own[0]) < WINDOW:
+        return False
+    some = max(len(np.unique(x)) for x in own) >= DIFFERENT
+    pairs = zip(own, other, strict=True)
+    return some and all(
+        float(np.max(np.abs(x - y))) <= max(_half_digit(x), _half_digit(y)) for x, y in pairs
+    )
+
+
+def _half_digit(x: Array) -> float:
+    """Return half of the last decimal place that a signal is written with, of seven digits where it
+    has more."""
+    largest = float(np.max(np.abs(x)))
+    for places in range(7):
+        scaled = x * 10.0**places
+        if (
+            float(np.max(np.abs(scaled - np.rint(scaled))))
+            <= EXACT * max(largest, 1.0) * 10.0**places
+        ):
+            return 0.5 * 10.0**-places * (1.0 + SINGLE)
+    return SINGLE * largest
 
 
 def _hashes(signals: Sequence[Array]) -> Hashes:

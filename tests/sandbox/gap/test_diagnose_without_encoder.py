@@ -41,7 +41,7 @@ def test_a_weak_magnet_is_found_and_nothing_false_is_sure(tmp_path):
     """20 % of the flux, back within 0.5 %; what an encoder does is no candidate."""
     campaign = without_angle(tmp_path / "log")
     assert set(out_of_sight(campaign)) >= {"encoder_offset", "encoder_eccentricity"}
-    d = diagnosis_of(campaign, exclude=("pwm_delay", "current_sampling", "current_filter"))
+    d = diagnosis_of(campaign)
     assert d.best.effects == ("magnet_flux",)
     assert verdict(d) in ("explained", "ambiguous")
     sure = set.intersection(*(set(h.effects) for h in d.ambiguity_set))

@@ -24,6 +24,20 @@ def test_a_stretch_that_stands_elsewhere_is_found_to_the_row(rows):
     assert copied([list(a), list(b)]) == [Copied(1, 0, 301, 301 + rows, 444)]
 
 
+@pytest.mark.parametrize("places", [2, 4])
+def test_a_copy_with_other_digits_is_found(places):
+    a = noisy(900)
+    assert copied([list(a), list(np.round(a, places))]) == [Copied(1, 0, 0, 900, 0)]
+    assert copied([list(a), list(a.astype(np.float32).astype(float))]) == [Copied(1, 0, 0, 900, 0)]
+
+
+def test_one_experiment_twice_is_no_copy():
+    """An injection that is the same in both, noise of a hundredth, digits coarser than that."""
+    ripple = np.tile([1.0, 1.0, -1.0, -1.0], 225)
+    one, two = (np.round(ripple + 0.01 * noisy(900), d) for d in (5, 2))
+    assert copied([list(one), list(two)]) == []
+
+
 def test_signals_at_rest_are_no_copies():
     rest = np.zeros((2, 2000))
     assert copied([list(rest), list(rest)]) == []
