@@ -65,9 +65,9 @@ def copied(signals: Sequence[Sequence[Array]]) -> list[Copied]:
                     best = _grown(
                         signals[at], signals[of], Copied(at, of, first, end, first + shift)
                     )
-        again = (k for k in range(at) if _written_again(signals[at], signals[k]))
-        if best is None and (of := next(again, None)) is not None:
-            best = Copied(at, of, 0, len(signals[at][0]), 0)
+        again = [k for k in range(at) if best is None and _written_again(signals[at], signals[k])]
+        if again:
+            best = Copied(at, again[0], 0, len(signals[at][0]), 0)
         if best is not None:
             out.append(best)
     return out
