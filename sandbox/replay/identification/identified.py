@@ -119,18 +119,17 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
     angle = f", or an angle that {', '.join(made)} tells too roughly" if made else ""
     if fit.misfit > LARGE_MISFIT:
         c = campaign.drive.converter
-        rows = f", commands between rows {c.periods_a_row} PWM periods apart"
+        rows = f", rows {c.periods_a_row} PWM periods apart"
         rows = rows if c.periods_a_row > 1 else ""
         acts = (
             "something else acts (saturation, iron loss, delay, a filter, a shifted log"
             f"{rows}{angle})"
         )
         raise PhysicsError(
-            f"{campaign.name}: with the best R, L_d, L_q and magnet flux, simulated and measured "
-            f"currents differ {plain(math.sqrt(fit.misfit))} times as much as the sensors' noise "
+            f"{campaign.name}: with the best R, L_d, L_q and magnet flux, currents miss the "
+            f"measured ones by {plain(math.sqrt(fit.misfit))} times the sensors' noise "
             f"({math.sqrt(LARGE_MISFIT):.2g} at most): {answered(campaign) or acts}; values would "
-            "be wrong by more than their intervals: see `sensorless check`, or `sensorless "
-            "diagnose` for the cause"
+            "be off by more than their intervals: see `sensorless check` or `sensorless diagnose`"
         )
     if fit.samples < fit.of_samples:
         remarks.append(

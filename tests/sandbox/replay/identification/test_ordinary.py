@@ -178,7 +178,7 @@ def test_recordings_that_no_motor_explains_are_refused(tmp_path, capsys):
         main(["identify", str(tmp_path / "record"), "--out", str(tmp_path / "out"), "--quiet"]) == 3
     )
     said = capsys.readouterr().err
-    assert "times as much as the sensors' noise (2.2 at most)" in said
+    assert "times the sensors' noise (2.2 at most)" in said
     assert "sensorless diagnose" in said
 
 
