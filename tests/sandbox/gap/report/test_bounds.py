@@ -131,7 +131,8 @@ def held_fit(pull, *, widened=False):
     g[place] = 100.0 * pull / sd[place]
     part = Segment(0, "current", np.arange(2), a[None], g[None], np.zeros(1), np.ones(1))
     n = Normal(tuple(own), mean, (part,), 1.0)
-    point = SimpleNamespace(values={}, prepared=SimpleNamespace(campaign=campaign))
+    values = complete(DRIVE.motor, DRIVE.converter)
+    point = SimpleNamespace(values=values, prepared=SimpleNamespace(campaign=campaign))
     fitted = SimpleNamespace(normal=n, coordinates=n.coordinates, point=point)
     return SimpleNamespace(
         fit=fitted, equations=algebra(n), normal=n, prior=prior_of(own), effects=()
