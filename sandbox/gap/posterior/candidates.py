@@ -115,6 +115,13 @@ def free_forms(point: Point, exclude: Sequence[str] = ()) -> list[Candidate]:
     return [x for c in cards if c.free and c.name not in exclude for x in _beginnings(point, c)]
 
 
+def begins_further(effect: str) -> bool:
+    """Return whether an effect may be there by a further part alone: its first part is one order
+    that no scan moves, as an encoder's error once a turn, and amplitudes have a phase."""
+    card = library.load_effect(effect)
+    return card.repeats > 1 and bool(card.polar) and not any(p.scan for p in card.parameters)
+
+
 def further(point: Point, effects: Sequence[str]) -> list[Candidate]:
     """Return the next part of effects that can have several, at the orders that explain most of the
     residual."""

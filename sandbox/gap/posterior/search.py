@@ -24,7 +24,13 @@ from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
 from sandbox.gap.evidence.misfit import misfit, weights
 from sandbox.gap.evidence.normal import Normal, Point, part_of
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
-from sandbox.gap.posterior.candidates import Candidate, candidates, free_forms, further
+from sandbox.gap.posterior.candidates import (
+    Candidate,
+    begins_further,
+    candidates,
+    free_forms,
+    further,
+)
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_model
 from sandbox.gap.posterior.sets import Chosen, Set, SetPosterior, log_prior
@@ -247,7 +253,10 @@ class Search:
         leaves, as slopes say, until that is the best one, REWEIGHTED times at most.  So what is
         behind a large gap is named in one round.
         """
-        p, more, variance = self.problem, further(here.point, here.effects), misfit(here.point)
+        p, variance = self.problem, misfit(here.point)
+        left = rms_of(here) > p.settings.gap
+        alone = {c.effect for c in found if left and begins_further(c.effect)}
+        more = further(here.point, sorted({*here.effects, *alone}))
         model = linear_model(
             here.point,
             [*found, *more],

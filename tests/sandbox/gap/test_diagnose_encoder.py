@@ -16,3 +16,17 @@ def test_a_late_encoder_is_no_pair_of_delays():
         x = d.parameters[0][name]
         # three standard deviations, 1.53 halves of 95 %
         assert abs(x.value - true) < 1.53 * 0.5 * (x.high - x.low), name
+
+
+def test_an_encoder_that_errs_twice_a_turn_alone_is_found():
+    """A resolver's error: no part of it is of the first order, which the effect's first part is."""
+    put_in = {
+        "encoder_eccentricity.2.amplitude_mech": 0.004,
+        "encoder_eccentricity.2.order_mech": 2.0,
+        "encoder_eccentricity.2.phase": 0.5,
+    }
+    d = diagnosis_of(small_campaign(put_in, TURNING), workers=1)
+    assert d.best.effects == ("encoder_eccentricity",)
+    assert d.best.probability > 0.9
+    x = d.parameters[0]["encoder_eccentricity.2.amplitude_mech"]
+    assert abs(x.value - 0.004) < 1.53 * 0.5 * (x.high - x.low)
