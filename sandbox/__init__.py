@@ -15,3 +15,5 @@ from sandbox.public.page import __all__, __dir__, __getattr__  # noqa: E402, F40
 
 if TYPE_CHECKING:  # for editors and type checkers
     from sandbox.public.page import *  # noqa: F403
+
+    __version__: str

@@ -47,10 +47,12 @@ BLOCKS = {
         ),
     ),
     "shaft": Block(
-        "shaft, load", ("torque", "friction", "load", "shaft"), ("inertia", "viscous_friction")
+        "shaft, load",
+        ("torque", "friction", "load", "shaft", "backlash"),
+        ("inertia", "viscous_friction"),
     ),
     "current": Block("current sensors", ("reading", "filter", "instant")),
-    "encoder": Block("encoder", ("angle", "offset")),
+    "encoder": Block("encoder", ("angle", "offset", "latency")),
 }
 
 

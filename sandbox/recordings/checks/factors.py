@@ -41,7 +41,7 @@ WORTH_ASKING = 0.02  # of the voltage: less is not worth asking a saturated mode
 # and flux (a warm magnet)
 USUAL = (0.15, 0.125, 0.075)
 WEIGHT = 4.0  # independent pieces of evidence that recordings count as, however many (chosen)
-LIKELIER = 2.0  # odds at which a caution is worth its line, mistakes being rare already (FALLS)
+LIKELIER = 1.25  # odds at which a caution is worth its line, mistakes being rare already (FALLS)
 ODD = 2.0  # of the cost: values two standard deviations off, which no single mistake leaves
 TURNS = 8  # of the iteration towards the best values
 CLOSE = 1e-4  # of the values' logarithms, at which it ends

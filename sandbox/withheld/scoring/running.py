@@ -33,6 +33,7 @@ CODE = (
     "model/**/*.toml",
     "sandbox/**/*.toml",
     "sandbox/engine/shadowing.py",
+    "sandbox/public/page.py",
 )
 
 
