@@ -332,8 +332,7 @@ class Effect:
     they stand for each other (default: all of them are).
 
     free: whether it is a form that fits nearly anything at its place, a curve; a diagnosis asks for
-    it only where the other effects leave more than noise.  holds: effects that are points of it:
-    never claimed beside it.  curve: how it is drawn.
+    it only where the other effects leave more than noise.  curve: how it is drawn.
 
     do: what a person should do about it, one sentence from completed values, the nominal motor and
     the converter; asked for where the effect is on (`model.effects.advice`).
@@ -377,7 +376,6 @@ class Effect:
     )
     ordinarily: Callable[[Mapping[str, float]], str] | None = None
     free: bool = False
-    holds: tuple[str, ...] = ()
     curve: Curve | None = None
 
     def part(self, k: int) -> Part:

@@ -173,6 +173,5 @@ CARD = Effect(
     switches=VOLTS,
     do=do,
     free=True,
-    holds=("device_drop",),
     curve=Curve("current", "A", "voltage a leg loses", "V", places, curve, said),
 )

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from sandbox.gap.evidence.algebra import prior_of
-from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, most_left, rms_of
+from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
 from sandbox.gap.evidence.misfit import misfit, weights
 from sandbox.gap.evidence.normal import Normal, Point, part_of
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
@@ -196,10 +196,10 @@ class Search:
 
     def freed(self, here: Fit) -> bool:
         """Return whether curves join the candidates: once, where no set of the others leaves but
-        noise in every recording."""
+        noise."""
         known = {c.effect for c in self.found} | set(self.chosen)
         new = [c for c in free_forms(here.point, self.problem.exclude) if c.effect not in known]
-        if most_left(here) <= self.problem.settings.gap or not new:
+        if rms_of(here) <= self.problem.settings.gap or not new:
             return False
         self.found = [*self.candidates(), *new]
         return True

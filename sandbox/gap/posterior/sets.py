@@ -53,8 +53,7 @@ def contained(effect: str) -> frozenset[str]:
         own.partition(".")[0]: double.partition(".")[0]
         for double, own in library.same_numbers().items()
     }
-    own = {whole[effect]} if effect in whole else set()
-    return frozenset(own | set(library.load_effect(effect).holds))
+    return frozenset({whole[effect]} if effect in whole else ())
 
 
 def possible(effects: Iterable[str]) -> bool:
