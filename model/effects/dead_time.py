@@ -200,7 +200,6 @@ CARD = Effect(
     ),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",
-    trace=0.01,  # what any drive has of it is an ordinary deviation
     region="steps where a phase current crosses zero; size independent of current and speed",
     confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
     separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",  # noqa: E501

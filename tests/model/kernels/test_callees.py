@@ -21,7 +21,9 @@ def stepped(function):
     return x, v
 
 
-def test_wide_vectors_change_no_bit_and_are_ours_alone():
+def test_wide_vectors_change_no_bit_and_are_ours_alone(monkeypatch, tmp_path):
+    """Compiled here: code that is read back from a cache has no text that tells."""
+    monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
     ours, plain = kernel(orbit), numba.njit(error_model="numpy")(orbit)
     for a, b in zip(stepped(ours), stepped(plain), strict=True):
         assert a.tobytes() == b.tobytes()

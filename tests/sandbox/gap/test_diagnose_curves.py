@@ -19,7 +19,6 @@ def bent():
     return diagnosis_of(small_campaign({}, CASES + TURNING, outside=outside), workers=1)
 
 
-@pytest.mark.xfail(reason="unknown in its place since whole fits try every form")
 def test_sensors_that_bend_are_a_curve(bent):
     """J scatters by 0.8 % (`test_five_at_once`); five deviations are allowed."""
     assert bent.best.effects == ("current_linearity",)
@@ -27,7 +26,6 @@ def test_sensors_that_bend_are_a_curve(bent):
     assert bent.size.after == pytest.approx(1.0, abs=0.04)
 
 
-@pytest.mark.xfail(reason="unknown in its place since whole fits try every form")
 def test_its_curve_is_the_cubic_up_to_the_largest_current(bent):
     """Its band holds the cubic, a common gain beside it apart: that no recording tells from one of
     the motor's own."""
