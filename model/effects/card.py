@@ -328,8 +328,8 @@ class Effect:
     is on, by completed values, the motor (true) and its highest speed (rad/s, electrical); see
     `model.steps`.
 
-    ordinarily: of the parameters that may be ordinary, the one that is, by completed values, where
-    they stand for each other (default: all of them are).
+    ordinarily: of the parameters that may be ordinary, those that the form has in which the effect
+    is, by completed values (default: all of them, in every form).
 
     free: whether it is a form that fits nearly anything at its place, a curve; a diagnosis asks for
     it only where the other effects leave more than noise.  curve: how it is drawn.
@@ -374,7 +374,7 @@ class Effect:
     otherwise: Callable[[Mapping[str, float], float, Motor, Converter], dict[str, float]] | None = (
         None
     )
-    ordinarily: Callable[[Mapping[str, float]], str] | None = None
+    ordinarily: Callable[[Mapping[str, float]], tuple[str, ...]] | None = None
     free: bool = False
     curve: Curve | None = None
 

@@ -91,10 +91,10 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     )
 
 
-def ordinarily(v: Mapping[str, float]) -> str:
-    """Return which number any drive has a little of: without a capacitance edges know the sum of
+def ordinarily(v: Mapping[str, float]) -> tuple[str, ...]:
+    """Return of which numbers any drive has a little: without a capacitance edges know the sum of
     both only."""
-    return "residual" if v["dead_time.capacitance"] > 0.0 else "time"
+    return ("time", "residual") if v["dead_time.capacitance"] > 0.0 else ("time",)
 
 
 def otherwise(

@@ -136,11 +136,15 @@ class Coordinate:
 
 def ordinary(campaign: Campaign, at: Set | None = None) -> list[Coordinate]:
     """Return the ordinary deviations: `[uncertainty]` of the motor, `[background]` of the bench (or
-    usual ones); at: completed values, which tell the form of an effect, neutral by default."""
+    usual ones); at: completed values, which tell the form of an effect, neutral by default.
+
+    Nobody knows in which form a drive has what is ordinary: all numbers of the form that is on are,
+    and its shapes are free.
+    """
     motor = campaign.drive.motor
     values, out = library.neutral(motor) if at is None else at, []
     for name, p in library.parameters().items():
-        if p.ordinary is not None and _is_ordinary(name, values):
+        if p.ordinary is not None and name in _of_form(name, values):
             mean = p.neutral_for(motor)
             out.append(
                 Coordinate(name, mean, deviation_of(campaign, p.ordinary, mean), "linear", (name,))
@@ -152,13 +156,53 @@ def ordinary(campaign: Campaign, at: Set | None = None) -> list[Coordinate]:
                 Coordinate(name, mean, deviation_of(campaign, b.ordinary, mean), "linear", (name,))
             )
     out = [replace(c, within=ORDINARY) for c in out if c.deviation > 0.0]
-    return [*out, *soft_sign(motor)]
+    forms = [c for card in _with_forms() for c in _shapes(card, campaign, values)]
+    return [*out, *forms, *soft_sign(motor)]
 
 
-def _is_ordinary(name: str, values: Set) -> bool:
-    """Return whether an effect's parameter that may be ordinary is, at completed values."""
+def is_ordinary(card: Effect, campaign: Campaign, values: Set) -> bool:
+    """Return whether an effect is no larger than any drive may have it, all numbers of its form
+    together."""
+    if card.ordinarily is None:
+        return False
+    own = {card.public(1, name) for name in card.ordinarily(values)}
+    known = [c for c in ordinary(campaign, values) if c.label in own]
+    away = sum(abs(values[c.label] - c.mean) / c.deviation for c in known)
+    return len(known) == len(own) and away <= ORDINARY
+
+
+def _with_forms() -> list[Effect]:
+    """Return the effects that are ordinary in several forms."""
+    cards = map(library.load_effect, library.effect_names())
+    return [card for card in cards if card.ordinarily is not None]
+
+
+def _of_form(name: str, values: Set) -> tuple[str, ...]:
+    """Return the parameters that the form has in which an effect is, at completed values."""
     card = library.load_effect(name.partition(".")[0])
-    return card.ordinarily is None or card.public(1, card.ordinarily(values)) == name
+    if card.ordinarily is None:
+        return (name,)
+    return tuple(card.public(1, own) for own in card.ordinarily(values))
+
+
+def _shapes(card: Effect, campaign: Campaign, values: Set) -> list[Coordinate]:
+    """Return the shapes of the form in which an effect is, about those that its other form says of
+    an ordinary size."""
+    own = [p for p in card.parameters if p.fit == "log" and values[card.public(1, p.name)] != 0.0]
+    if not own or card.otherwise is None:
+        return []
+    motor, converter = campaign.drive.motor, campaign.drive.converter
+    usual = library.neutral(motor)
+    for p in card.parameters:
+        if p.ordinary is not None:
+            usual[card.public(1, p.name)] = deviation_of(campaign, p.ordinary, 0.0)
+    about = card.otherwise(usual, soft_current(motor), motor, converter)
+    names = [card.public(1, p.name) for p in own]
+    return [
+        Coordinate(name, math.log(about[name]), p.spread, "log", (name,))
+        for name, p in zip(names, own, strict=True)
+        if about.get(name, 0.0) > 0.0
+    ]
 
 
 def soft_sign(motor: Motor) -> list[Coordinate]:

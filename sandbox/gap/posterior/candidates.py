@@ -49,15 +49,18 @@ class Candidate:
     def coordinates(self, point: Point, label: str = "") -> list[Coordinate]:
         """Return the columns that the candidate adds to the equations at a point where the effect
         is off."""
-        drive, values = point.prepared.campaign.drive, {**point.values, **self.start}
-        card, along = library.load_effect(self.effect), tuple(self.start.items())
+        card, start = library.load_effect(self.effect), dict(self.start)
+        if card.ordinarily is not None:  # it may be on, in a form that is ordinary
+            start = {k: x for k, x in start.items() if x or not point.values[k]}
+        drive, values = point.prepared.campaign.drive, {**point.values, **start}
+        along = tuple(start.items())
         if self.part > 1:
             own = of_part(card, self.part, drive, values)
             return [replace(c, label=f"{c.label}{label}", along=along) for c in own]
         own = of_effect(self.effect, drive, values)
-        off = [c for c in own if c.form != "log" and c.names[0] not in self.start]
+        off = [c for c in own if c.form != "log" and c.names[0] not in start]
         if not off:  # nothing but shapes: there or not, one straight way between
-            first = next(iter(self.start))
+            first = next(iter(start))
             return [Coordinate(f"{self.effect}{label}", 0.0, 1.0, "share", (first,), along)]
         if self.chord:
             off = [

@@ -36,9 +36,6 @@ ROUNDS, SETTLED = 8, 0.5
 TRACE = 4.0  # deviations that a trace may have, to either side
 # of its deviation: how far a candidate of nothing but shapes may move that is not named
 HELD = 1e-4
-# of a trace: what a size has of one whose ordinary deviation another number of its effect is (the
-# plant meets dead time to 50 ppm of rated current: chosen, far above that)
-STOOD_FOR = 0.01
 
 
 @dataclass(frozen=True)
@@ -211,21 +208,15 @@ class _Columns:
             (c.effect, c.part) == (candidate.effect, candidate.part) for c in self.candidates
         )
 
-    def stood_for(self, c: Coordinate) -> bool:
-        """Return whether another number of its effect is the ordinary one at this point."""
-        p = library.parameters().get(c.names[0])
-        return p is not None and p.ordinary is not None and c.names[0] not in self.narrow
-
     def add(self, candidate: Candidate, own: Sequence[Coordinate], trace: float) -> None:
         """Add a candidate's columns; those that are ordinary deviations are there already."""
         usual = trace * library.load_effect(candidate.effect).trace
         for c in own:
-            share = usual * (STOOD_FOR if self.stood_for(c) else 1.0)
             shape = c.form == "log" or (c.form not in STEPS and c.names[0] in candidate.start)
             narrow = (
                 c
                 if shape
-                else replace(c, deviation=(HELD if c.form in STEPS else share) * c.deviation)
+                else replace(c, deviation=(HELD if c.form in STEPS else usual) * c.deviation)
             )
             self.narrow.setdefault(c.label, narrow)
             if c.deviation >= self.wide.get(c.label, c).deviation:

@@ -23,7 +23,7 @@ from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
 from sandbox.gap.evidence.misfit import misfit, weights
 from sandbox.gap.evidence.normal import Normal, Point, part_of
-from sandbox.gap.evidence.priors import ordinary, with_usual_sign
+from sandbox.gap.evidence.priors import is_ordinary, ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import (
     Candidate,
     begins_further,
@@ -420,20 +420,16 @@ def towards(best: Fit, key: Sequence[str], chosen: Sequence[Candidate]) -> Point
     more begun; without effects so far, signs of currents go through zero as they usually do."""
     campaign = best.point.prepared.campaign
     neutral, first = library.neutral(campaign.drive.motor), library.same_numbers()
+    values = dict(best.point.values)
     lacks = [library.load_effect(e) for e in best.effects if e not in key]
-    gone, values = tuple(f"{card.name}." for card in lacks), dict(best.point.values)
+    lacks = [card for card in lacks if not is_ordinary(card, campaign, values)]
+    gone = tuple(f"{card.name}." for card in lacks)
     left = values | {k: x for k, x in neutral.items() if k.startswith(gone)}
-    for card in lacks:
-        if card.ordinarily is not None:
-            own, without = (
-                card.public(1, card.ordinarily(values)),
-                card.public(1, card.ordinarily(left)),
-            )
-            values |= {own: neutral[own], without: values[own]}
     kept = {c.label for c in ordinary(campaign, left)}
     used = kept | {first.get(k, k) for k in neutral if k.partition(".")[0] in key}
     owns = {first.get(k, k) for k in neutral if k.startswith(gone)} - used
-    for own in owns:
+    formed = tuple(f"{card.name}." for card in lacks if card.ordinarily is not None)
+    for own in owns | {k for k in kept if k.startswith(formed)}:
         values |= library.moved(own, neutral[own])
     if not best.effects:
         values = with_usual_sign(values, campaign.drive.motor)

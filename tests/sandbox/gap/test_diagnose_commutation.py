@@ -56,3 +56,13 @@ def test_what_a_compensation_leaves_is_no_device_drop():
     for name, true in put_in.items():
         x = d.parameters[0][name]
         assert abs(x.value - true) < 1.53 * 0.5 * (x.high - x.low), name
+
+
+@pytest.mark.parametrize("capacitance", [1e-12, 1e-10])
+def test_an_ordinary_dead_time_is_no_discovery_in_any_form(capacitance):
+    """Twice the deviation that any drive may have (50 ns), by switches and diodes: what an ordinary
+    one by a sign of the current leaves of it is no dead time to name, nor another effect."""
+    put_in = {"dead_time.time": 1e-7, "dead_time.capacitance": capacitance}
+    d = diagnosis_of(small_campaign(put_in, CASES + TURNING), workers=1)
+    assert d.best.effects == ()
+    assert d.best.probability > 0.9

@@ -18,7 +18,7 @@ from sandbox.gap.posterior.estimates import estimates
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.inference import infer
 from sandbox.gap.posterior.linear_model import linear_model, no_weights
-from sandbox.gap.posterior.search import Problem, Search, left_by, log_posterior
+from sandbox.gap.posterior.search import Problem, Search, left_by, log_posterior, towards
 from sandbox.gap.settings import USUAL
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_folder
@@ -238,3 +238,19 @@ def test_excerpts_only_say_where_the_search_begins(small_folder):
     assert second.sets["dead_time",] == pytest.approx(first.sets["dead_time",], abs=0.01)
     one, two = (estimates(x.best)["dead_time.time"] for x in (first, second))
     assert two.value == pytest.approx(one.value, abs=0.46 * 0.5 * (one.high - one.low))
+
+
+def test_a_form_that_is_ordinary_stays_where_its_effect_is_left_out(small_folder):
+    """80 ns in all, of 50 ns that are a deviation, keep their capacitance, of which a drive has
+    one, too; 800 ns are none that a drive has by itself: all of them go."""
+    here = start(small_folder)
+    small = {"dead_time.time": 6e-8, "dead_time.capacitance": 1e-10, "dead_time.residual": 2e-8}
+    large = small | {"dead_time.time": 8e-7}
+    for put_in, left in ((small, small), (large, dict.fromkeys(large, 0.0))):
+        at = dataclasses.replace(here, values={**here.values, **put_in})
+        own = fit(at, ("dead_time",), weights_of(len(at.prepared.recordings)), rough=0.0)
+        own = dataclasses.replace(own, point=at)
+        begun = towards(own, (), ()).values
+        assert {name: begun[name] for name in left} == left
+        names = {c.names[0] for c in coordinates_of(towards(own, (), ()), ())}
+        assert ("dead_time.capacitance" in names) == (left is small)
