@@ -27,7 +27,7 @@ from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import Balance, balance, percent, with_saturation
 from sandbox.recordings.checks.changes import Change, changes, source_of
 from sandbox.recordings.checks.legs import MOST_LOST
-from sandbox.recordings.checks.readings import BETTER, FALLS, Products, Reading
+from sandbox.recordings.checks.readings import BETTER, FALLS, Products, Reading, terms_of
 from sandbox.recordings.checks.search import ALIKE, bases, likeliest, readings_of, single, together
 from sandbox.recordings.findings import Finding
 
@@ -134,11 +134,11 @@ def _fitted(parts: Sequence[Products], x: Reading) -> Fitted:
 def _form(p: Products, x: Reading) -> Array:
     """Return the real form (6, 6) of which values of the motor, 1 as stated, and a voltage that
     legs lose make the unexplained share."""
-    scale, factors = p.factors(x.changes, np.array([x.zero]))
-    own = np.concatenate([factors[:, 0], [-1.0]])
-    products = p.products(x.changes)
+    read = terms_of(x.changes, p.drive.motor)
+    own = np.concatenate([p.factors(read, x.zero), [-1.0]])
+    products = p.products(read)
     form = np.conj(own)[:, None] * products * own[None, :]
-    return np.asarray(form.real / max(scale**2 * float(products[0, 0].real), 1e-300))
+    return np.asarray(form.real / max(read.scale**2 * float(products[0, 0].real), 1e-300))
 
 
 def _left(forms: Array, off: Array, most: Array, noise: Array) -> Array:

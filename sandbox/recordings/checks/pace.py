@@ -19,7 +19,7 @@ from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import Complex
 from sandbox.recordings.checks.changes import ANGLE, Change
-from sandbox.recordings.checks.readings import ZEROS, Products
+from sandbox.recordings.checks.readings import Products
 from sandbox.recordings.findings import Finding, Refused
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ def paces(parts: Sequence[Products]) -> Iterator[Change]:
     part, (ratio, off) = min(found, key=lambda x: x[1][1])
     count = math.ceil(2.0 * off * float(np.ptp(part.columns["theta"])) / BLUR)
     tried = ratio + off * np.linspace(-1.0, 1.0, min(max(count, 3), MOST_TRIED))
-    left = [float(part.shares((_turned(x),), ZEROS).min()) for x in tried]
+    left = part.least(tried)
     best = float(tried[int(np.argmin(left))])
     pairs = part.drive.motor.pole_pairs
     yield from of_pace(best, float(pairs))
@@ -113,11 +113,11 @@ def _any(parts: Sequence[Products]) -> Iterator[Change]:
     piece = Products(dataclasses.replace(part.recording, columns=own), part.drive, 0.0, 0.0)
     step = BLUR / float(np.ptp(theta[begin:end]))
     tried = np.arange(-FARTHEST, FARTHEST + step, min(step, MOST_STEP))
-    left = [float(piece.shares((_turned(x),), ZEROS).min()) for x in tried]
+    left = piece.least(tried)
     near = tried[np.argsort(left)[:REFINED]]
     count = min(math.ceil(2.0 * step * float(np.ptp(theta)) / BLUR), MOST_TRIED)
     fine = np.concatenate([x + step * np.linspace(-1.0, 1.0, max(count, 3)) for x in near])
-    left = [float(part.shares((_turned(x),), ZEROS).min()) for x in fine]
+    left = part.least(fine)
     best = float(fine[int(np.argmin(left))])
     if best != 0.0:
         yield from of_pace(best, pairs)

@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import Drive
+from model.parameters import Drive, Motor
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import UNDISTURBED, Columns, Complex, window_of
 from sandbox.recordings.checks.changes import (
@@ -43,6 +43,7 @@ FALLS = 8.0  # times by which one more mistake must lessen it, and a convention 
 FLOOR = 0.005  # share that a right reading may leave: what is below tells nothing
 ROWS = 20_000  # of a recording, those with most voltage
 ZEROS = np.linspace(-math.pi, math.pi, 720, endpoint=False)
+VALUES = 10_000  # at once: rows of windows times paces
 GIVEN = 0.99  # quantile of the commands that no link is too low for
 
 
@@ -125,6 +126,32 @@ class Reading:
         )
 
 
+class Terms(NamedTuple):
+    """How some changes read the five terms: whose signals, the angle's factor, that of voltages,
+    and those of the terms (5)."""
+
+    current: Change | None
+    voltage: Change | None
+    turn: float
+    scale: float
+    factors: NDArray[np.float64]
+
+
+def terms_of(change: Sequence[Change], motor: Motor) -> Terms:
+    """Return how some changes read the five terms of a motor's balance."""
+    signal = {c.part: c for c in change if c.signal is not None}
+    i, u = (math.prod(c.scale for c in change if c.part == part) for part in (CURRENT, VOLTAGE))
+    half = 0.5 * (motor.inductance_d + motor.inductance_q)
+    gap = 0.5 * (motor.inductance_d - motor.inductance_q)
+    r, s, d, flux = (
+        math.prod(c.values[k] for c in change) * value
+        for k, value in enumerate((motor.resistance, half, gap, motor.magnet_flux))
+    )
+    turn = math.prod(c.turn for c in change)
+    factors = np.array([u, -r * i, -s * i, -d * i, -flux])
+    return Terms(signal.get(CURRENT), signal.get(VOLTAGE), turn, u, factors)
+
+
 @dataclass
 class Products:
     """Products of the five terms of a recording's balance, for each reading of its signals; see the
@@ -141,6 +168,9 @@ class Products:
         # made with the angle that the log holds
         self.turns_u = voltages_held(source_of(r))[0] == "u_d"
         self.turns_i = currents_held(source_of(r))[0] == "i_d"
+        i = int(self.turns_i)
+        # by how many zeros of the angle each of the five terms is turned
+        self.turns = np.array([int(self.turns_u), i, i, 2 - i, 1])
         self.size = window_of(r.columns)
         own = slice(0, len(r.t))
         if len(r.t) > ROWS:
@@ -150,6 +180,8 @@ class Products:
         self.columns: Columns = {n: x[own] for n, x in r.columns.items()}
         self.at = np.arange(0, len(self.columns["theta"]), self.size)
         nominal = r.dc_bus_voltage or self.drive.converter.dc_bus_voltage
+        # whether signals are others at another pace of the angle
+        self.moved = self.turns_u or self.turns_i or self.drive.converter.periods_a_row > 1
         self.link = max(nominal, float(np.median(self.columns["u_dc"])))
 
     def of(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
@@ -165,29 +197,26 @@ class Products:
         return self.known[own]
 
     def _products(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
-        span = self.drive.converter.sampling_period * self.size
+        return self._together(self._signals(current, voltage, turn), turn)
+
+    def _signals(
+        self, current: Change | None, voltage: Change | None, turn: float
+    ) -> tuple[Complex, Complex, Complex, Complex]:
+        """Return over windows the mean voltage and current, the current where they begin, and the
+        means of what legs lose."""
         own = turn if self.turns_u else 1.0
-        u = self._kept(
-            "voltage",
-            self._voltage,
-            voltage,
-            own,
-            turn if self.drive.converter.periods_a_row > 1 else own,
-        )
-        mean, i, lost = self._kept("current", self._current, current, turn if self.turns_i else 1.0)
+        read = turn if self.drive.converter.periods_a_row > 1 else own
+        u = self._kept("voltage", self._voltage, voltage, own, read)
+        return u, *self._kept("current", self._current, current, turn if self.turns_i else 1.0)
+
+    def _together(self, signals: Sequence[Complex], turn: Any) -> Any:
+        """Return the products of the terms; signals and the angle's factor may be of many paces."""
+        u, mean, i, lost = signals
+        span = self.drive.converter.sampling_period * self.size
         around = np.exp(1j * (turn * self.columns["theta"][self.at]))
-        x = np.stack(
-            [
-                u,
-                mean,
-                np.diff(i) / span,
-                np.diff(around**2 * np.conj(i)) / span,
-                np.diff(around) / span,
-                lost,
-            ],
-            axis=1,
-        )
-        return x.conj().T @ x
+        slopes = [np.diff(y) / span for y in (i, around**2 * np.conj(i), around)]
+        x = np.stack(np.broadcast_arrays(u, mean, *slopes, lost), axis=-1)
+        return np.conj(np.swapaxes(x, -1, -2)) @ x
 
     def _voltage(self, change: Change | None, turn: float, read: float) -> Complex:
         """Return the means of the voltage over windows; read: how many times itself the angle is
@@ -232,36 +261,53 @@ class Products:
     def shares(self, change: Sequence[Change], zeros: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what stays unexplained at each zero of the angle (rad), of the voltage as it is
         then read."""
-        scale, factors = self.factors(change, zeros)
-        products = self.products(change)[:5, :5]
-        rest = np.sum(np.conj(factors) * (products @ factors), axis=0).real
-        return np.maximum(rest, 0.0) / max(scale**2 * float(products[0, 0].real), 1e-300)
+        read = terms_of(change, self.drive.motor)
+        return self._by_zero(self.products(read)[None], read, np.exp(1j * zeros))[0]
 
-    def products(self, change: Sequence[Change]) -> Any:
-        """Return the matrix (6, 6) of products with signals as some changes read them."""
-        signal = {c.part: c for c in change if c.signal is not None}
-        turn = math.prod(c.turn for c in change)
-        return self.of(signal.get(CURRENT), signal.get(VOLTAGE), turn)
-
-    def factors(self, change: Sequence[Change], zeros: NDArray[np.float64]) -> tuple[float, Any]:
-        """Return the factor of voltages, and those of the five terms (5, zeros) as some changes
-        read them."""
-        m = self.drive.motor
-        scale = {
-            part: math.prod(c.scale for c in change if c.part == part)
-            for part in (CURRENT, VOLTAGE)
-        }
-        values = np.prod([c.values for c in change], axis=0) if change else np.ones(4)
-        half = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
-        r, s, d, flux = values * (m.resistance, *half, m.magnet_flux)
-        by_i, at = float(self.turns_i), 1j * zeros
-        factors = np.stack(
-            [
-                scale[VOLTAGE] * np.exp(self.turns_u * at),
-                -r * scale[CURRENT] * np.exp(by_i * at),
-                -s * scale[CURRENT] * np.exp(by_i * at),
-                -d * scale[CURRENT] * np.exp((2.0 - by_i) * at),
-                -flux * np.exp(at),
+    def least(self, turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what stays unexplained at the best of ZEROS, of angles that turn so many times as
+        fast."""
+        at, few = np.exp(1j * ZEROS), max(1, VALUES // len(self.at))
+        read = terms_of((), self.drive.motor)
+        out = []
+        for own in (turns[k : k + few] for k in range(0, len(turns), few)):
+            signals = [
+                self._signals(None, None, float(x)) for x in (own if self.moved else own[:1])
             ]
-        )
-        return scale[VOLTAGE], factors
+            together = [np.array(x) for x in zip(*signals, strict=True)]
+            products = self._together(together, own[:, None])
+            out.append(self._by_zero(products, read, at).min(axis=1))
+        return np.concatenate(out)
+
+    def _by_zero(self, products: Any, read: Terms, at: Complex) -> Any:
+        """Return the unexplained shares (matrices of products, zeros): polynomials in exp(j zero),
+        whose values `at` are."""
+        form = products[:, :5, :5] * np.outer(read.factors, read.factors)
+        step = self.turns - self.turns[:, None]
+        none, once, twice = (form[:, step == k].sum(axis=1)[:, None] for k in range(3))
+        rest = none.real + 2.0 * (once * at + twice * at**2).real
+        square = np.maximum(read.scale**2 * products[:, :1, 0].real, 1e-300)
+        return np.maximum(rest, 0.0) / square
+
+    def share(self, read: Terms, zero: float) -> float:
+        """Return the same at one zero: of many changes one after the other, whose products are the
+        same."""
+        form, square = self._kept("form", self._form, read.current, read.voltage, read.turn, zero)
+        rest = float(read.factors @ form @ read.factors)
+        return max(rest, 0.0) / max(read.scale**2 * square, 1e-300)
+
+    def _form(
+        self, current: Change | None, voltage: Change | None, turn: float, zero: float
+    ) -> tuple[NDArray[np.float64], float]:
+        """Return what the terms' factors are weighed by, and what the voltage's is alone."""
+        products = self.of(current, voltage, turn)[:5, :5]
+        at = np.exp(1j * zero * self.turns)
+        return (np.conj(at)[:, None] * products * at).real, float(products[0, 0].real)
+
+    def products(self, read: Terms) -> Any:
+        """Return the matrix (6, 6) of products with signals as some changes read them."""
+        return self.of(read.current, read.voltage, read.turn)
+
+    def factors(self, read: Terms, zero: float) -> Any:
+        """Return the factors of the five terms as some changes read them at a zero of the angle."""
+        return read.factors * np.exp(1j * zero * self.turns)

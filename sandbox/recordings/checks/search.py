@@ -38,6 +38,7 @@ from sandbox.recordings.checks.readings import (
     Products,
     Reading,
     count_of,
+    terms_of,
 )
 
 # factors, or their inverse, beyond any gain of a sensor or a link
@@ -92,8 +93,8 @@ def readings(parts: Sequence[Products], drive: Drive) -> list[Reading]:
     some = _some(parts)
     more = list(two(some, drive, table))
     if not _settled(more, 2):
-        more += three(some, table, sorted(more, key=lambda x: x.cost)[:BEAM])
-    best = sorted((x for x in more if x.answered.any()), key=lambda x: x.cost)[:BEAM]
+        more += three(some, table, sorted(more, key=_likelier)[:BEAM])
+    best = sorted((x for x in more if x.answered.any()), key=_likelier)[:BEAM]
     for x in best:
         tried += readings_of(parts, [x.changes], x.zero)
     return tried
@@ -147,8 +148,15 @@ def readings_of(
     before, noise = np.array([p.before for p in parts]), np.array([p.noise for p in parts])
     for own in every:
         if all(p.possible(own) for p in parts):
-            shares = np.array([p.shares(own, np.array([zero]))[0] for p in parts])
+            read = terms_of(own, parts[0].drive.motor)
+            shares = np.array([p.share(read, zero) for p in parts])
             yield Reading(own, zero, shares, before, noise)
+
+
+def _likelier(x: Reading) -> float:
+    """Return what readings are put in order by: those that rounding alone tells apart stay as they
+    were tried."""
+    return round(x.cost, 9)
 
 
 def _settled(tried: Sequence[Reading], count: int) -> bool:
@@ -182,10 +190,10 @@ def bases(
     What is left is a parabola in the factor of the currents, and in one over that of the voltages.
     A factor of currents is told where currents that are none leave BETTER times more.
     """
-    source, at = source_of(parts[0].recording), np.array([zero])
+    source, motor = source_of(parts[0].recording), drive.motor
 
     def left(*own: Change) -> float:
-        return sum(float(p.shares((*beside, *own), at)[0]) for p in parts)
+        return sum(p.share(terms_of((*beside, *own), motor), zero) for p in parts)
 
     for part in (CURRENT, VOLTAGE):
         if part == VOLTAGE and voltages_held(source) == DUTIES:
