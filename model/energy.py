@@ -134,6 +134,18 @@ def flux_from_current(
     Raises PhysicsError where H is not strictly convex between zero flux and the solution, naming
     the point at which convexity ends and the eigenvalue there.
     """
+    d, q = flux_or_nan(m, i_d, i_q)
+    if np.isnan(d).any():
+        a, b = np.broadcast_arrays(np.asarray(i_d, dtype=float), np.asarray(i_q, dtype=float))
+        first = np.unravel_index(np.argmax(np.isnan(d)), a.shape)
+        raise _outside(m, float(a[first]), float(b[first]))
+    return d, q
+
+
+def flux_or_nan(
+    m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the same, not a number where `flux_from_current` raises."""
     a, b = np.broadcast_arrays(np.asarray(i_d, dtype=float), np.asarray(i_q, dtype=float))
     d, q, inside = np.empty(a.shape), np.empty(a.shape), np.empty(a.shape, dtype=bool)
     for at in np.ndindex(a.shape):
@@ -143,9 +155,7 @@ def flux_from_current(
     for k in range(0, len(solved), AT_ONCE):
         some = solved[k : k + AT_ONCE]
         inside.flat[some] = is_convex_to(m, d.flat[some], q.flat[some])
-    if not inside.all():
-        first = np.unravel_index(np.argmin(inside), a.shape)
-        raise _outside(m, float(a[first]), float(b[first]))
+    d[~inside] = q[~inside] = np.nan
     return d, q
 
 

@@ -14,7 +14,6 @@ a wrong unit.
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,8 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.energy import AnyEnergy, flux_from_current
-from model.errors import PhysicsError
+from model.energy import AnyEnergy, flux_or_nan
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.rows.commands import mean_command
@@ -143,12 +141,8 @@ def _differences(
 def _saturated_flux(energy: AnyEnergy, current: Complex) -> Complex:
     """Return d + j q (Wb) (n,) of currents d + j q (A), not a number where the model does not hold
     them."""
-    out = np.full(len(current), np.nan, dtype=np.complex128)
-    for k, i in enumerate(current):
-        with contextlib.suppress(PhysicsError):
-            d, q = flux_from_current(energy, float(i.real), float(i.imag))
-            out[k] = complex(float(d), float(q))
-    return out
+    d, q = flux_or_nan(energy, current.real, current.imag)
+    return np.asarray(d + 1j * q)
 
 
 def window_of(columns: Columns) -> int:
