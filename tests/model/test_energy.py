@@ -164,6 +164,15 @@ def test_convexity_needs_trace_and_determinant():
     assert not en.is_convex_to(m, 0.1, 0.1)
 
 
+def test_of_many_currents_those_outside_have_no_flux():
+    """Beyond the SPM's gap, and of nothing; the others as one by one, to the bit."""
+    m = load_drive("spm").motor.energy
+    found = np.array(en.flux_or_nan(m, [1.0, -7.5, 0.5, math.nan], [0.2, 0.0, -0.3, 0.0]))
+    assert np.isnan(found).tolist() == [[False, True, False, True]] * 2
+    for k, (i_d, i_q) in ((0, (1.0, 0.2)), (2, (0.5, -0.3))):
+        assert tuple(found[:, k]) == en.flux_from_current(m, i_d, i_q)
+
+
 def test_not_finite_current_is_refused():
     with pytest.raises(PhysicsError, match="not finite"):
         en.flux_from_current(load_drive("ipm").motor.energy, math.nan, 0.0)

@@ -46,6 +46,7 @@ BASE = {CURRENT: 5.0, VOLTAGE: 3.0}
 ALIKE = 0.2  # of the logarithm: two mistakes that cannot be told apart
 SMALLEST_ZERO = math.radians(10.0)  # a smaller one is a gap: an encoder's offset
 ROUND = math.radians(4.0)  # a zero so near to a whole twelfth of a turn is that
+ROUNDING = 1e-9  # relative, of what two equal zeros leave
 SAME = 0.01  # relative, of the angle's factors
 MOST_MISTAKES = 3  # mistakes at once
 SOME = 4  # recordings of which several mistakes are tried
@@ -218,7 +219,8 @@ def _zero(parts: Sequence[Products], own: AsItIs) -> float:
     made = any(c.part == ANGLE for c in own)
     if all("theta" in source_of(p.recording) or made for p in parts):
         total = sum(p.shares(own, ZEROS) for p in parts)
-        best = float(ZEROS[int(np.argmin(total))])
+        # half a turn more is the same where all vectors were made with the angle
+        best = float(min(ZEROS[total <= np.min(total) * (1.0 + ROUNDING)], key=abs))
         near = round(best / (math.pi / 6.0)) * math.pi / 6.0
         best = near if abs(best - near) < ROUND else best
         if abs(best) >= SMALLEST_ZERO and float(np.ptp(total)) > FLOOR:
