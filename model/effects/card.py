@@ -297,8 +297,10 @@ class Limit(NamedTuple):
 
 class Curve(NamedTuple):
     """What an effect that is a curve draws: names and units of its axes, by completed values and
-    the motor the places (n,) where it is shown, its value (n,) there, and (with the converter) one
+    the motor the places (n,) where it is shown, with the converter its value (n,) there and one
     sentence of what it is in simpler forms.
+
+    beside: effects of simpler forms at the same place, which its value holds, too.
     """
 
     across: str
@@ -306,8 +308,9 @@ class Curve(NamedTuple):
     of: str
     unit: str
     places: Callable[[Mapping[str, float], Motor], Array]
-    value: Callable[[Mapping[str, float], Motor, Array], Array]
+    value: Callable[[Mapping[str, float], Motor, Converter, Array], Array]
     said: Callable[[Mapping[str, float], Motor, Converter], str]
+    beside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

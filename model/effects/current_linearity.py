@@ -48,7 +48,7 @@ def places(v: Mapping[str, float], motor: Motor) -> Array:
     return np.linspace(0.0, FARTHEST * motor.rated_current, 26)
 
 
-def curve(v: Mapping[str, float], motor: Motor, current: Array) -> Array:
+def curve(v: Mapping[str, float], motor: Motor, converter: Converter, current: Array) -> Array:
     """Return the error of readings (A, any shape) at currents (A), by completed values."""
     i = np.asarray(current, dtype=float)
     x = np.abs(i) / (v["current_linearity.reference"] or motor.rated_current)
@@ -57,7 +57,7 @@ def curve(v: Mapping[str, float], motor: Motor, current: Array) -> Array:
 
 def said(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return how large the error is at rated current and at twice that."""
-    rated, twice = curve(v, motor, motor.rated_current * np.array([1.0, 2.0]))
+    rated, twice = curve(v, motor, converter, motor.rated_current * np.array([1.0, 2.0]))
     share = 100.0 / motor.rated_current
     return (
         f"The sensors read {quantity(rated, 'A')} ({share * rated:+.2g} %) off at rated current, "
@@ -67,7 +67,7 @@ def said(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
-    (rated,) = curve(v, motor, np.array([motor.rated_current]))
+    (rated,) = curve(v, motor, converter, np.array([motor.rated_current]))
     return (
         f"compare the sensors with a reference up to the largest current ({quantity(rated, 'A')} "
         "off at rated current), correct the readings by the curve, or choose a wider range: "

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from model.commutation import clip, crossing, lateness, quick
+import numpy as np
+from numpy.typing import NDArray
+
+from model.commutation import clip, crossing, lateness, quick, static_sign
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Ordinary, Parameter
+from model.effects.device_drop import sign
 from model.effects.said import quantity
 from model.lanes import soft_sign
 from model.parameters import Converter, Motor
 
+Array = NDArray[np.float64]
 SHARP = 1e-30  # A: in place of nothing to divide by
 ROUND = 0.125  # between 0 and 1 also where several effects add up theirs
 TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9
@@ -89,6 +94,24 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
         f"set the dead-time compensation to {quantity(time, 's')}{soft} (raise it by that, "
         "where there is one)"
     )
+
+
+def leg_loss(v: Mapping[str, float], converter: Converter, current: Array) -> Array:
+    """Return what a leg loses by it (V, any shape) at constant currents (A), mean over a PWM
+    period, by completed values."""
+    i = np.asarray(current, dtype=float)
+    time, capacitance = v["dead_time.time"], v["dead_time.capacitance"]
+    width, shape = v["dead_time.zone_width"], v["dead_time.zone_shape"]
+    zone = {"bench.soft_current": width, "bench.soft_shape": shape} if width else v
+    late = v["dead_time.residual"] * sign(zone, i)
+    if capacitance > 0.0 and time:
+        corner = 2.0 * capacitance * converter.dc_bus_voltage / abs(time)
+        slews = np.array([-static_sign(-x, corner) for x in np.abs(i).ravel()]).reshape(i.shape)
+        late = late + 0.5 * time * np.sign(i) * (1.0 + slews)
+    else:
+        late = late + time * sign(zone, i)
+    period = converter.sampling_period * converter.samples_a_period
+    return np.asarray(converter.dc_bus_voltage / period * late)
 
 
 def ordinarily(v: Mapping[str, float]) -> tuple[str, ...]:

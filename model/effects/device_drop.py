@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+from numpy.typing import NDArray
+
 from model.compiled import inlined
 from model.effects.card import At, Effect, Parameter
 from model.effects.said import quantity
 from model.parameters import Converter, Motor
+
+Array = NDArray[np.float64]
 
 
 @inlined
@@ -59,6 +64,24 @@ def lost(threshold, before, after, shape):
 def slope(on_resistance):
     """Return the resistance (ohm) of the devices that conduct."""
     return on_resistance
+
+
+def leg_loss(v: Mapping[str, float], current: Array) -> Array:
+    """Return what a leg loses by it (V, any shape) at constant currents (A), by completed
+    values."""
+    return np.asarray(
+        v["device_drop.threshold"] * sign(v, current) + v["device_drop.on_resistance"] * current
+    )
+
+
+def sign(v: Mapping[str, float], current: Array) -> Array:
+    """Return the sign of currents (A, any shape) as it goes through zero, sharp where values say
+    nothing of its zone."""
+    width, shape = v.get("bench.soft_current", 0.0), v.get("bench.soft_shape", 0.0)
+    if not width:
+        return np.sign(current)
+    x = np.asarray(current, dtype=float) / width
+    return (1.0 - shape) * np.clip(x, -1.0, 1.0) + shape * np.tanh(x)
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:

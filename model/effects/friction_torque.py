@@ -55,7 +55,7 @@ def places(v: Mapping[str, float], motor: Motor) -> Array:
     return np.append(0.0, reference(v, motor) * np.array(CORNERS))
 
 
-def curve(v: Mapping[str, float], motor: Motor, speed: Array) -> Array:
+def curve(v: Mapping[str, float], motor: Motor, converter: Converter, speed: Array) -> Array:
     """Return the friction's torque (N m, any shape) at mechanical speeds (rad/s), by completed
     values."""
     x = np.asarray(speed, dtype=float) / reference(v, motor)
@@ -91,7 +91,7 @@ def said(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what dry and viscous friction make of the curve up to rated speed, as least squares
     fit them."""
     w = reference(v, motor) * np.linspace(0.02, 1.0, 50)
-    torque = curve(v, motor, w)
+    torque = curve(v, motor, converter, w)
     forms = np.stack([np.ones_like(w), w], axis=1)
     (dry, viscous), *_ = np.linalg.lstsq(forms, torque, rcond=None)
     left = torque - forms @ (dry, viscous)
@@ -105,8 +105,11 @@ def said(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     speeds = places(v, motor)[1:]
-    points = [f"[{w:.3g}, {t:.3g}]" for w, t in zip(speeds, curve(v, motor, speeds), strict=True)]
-    most = float(np.max(np.abs(curve(v, motor, speeds))))
+    points = [
+        f"[{w:.3g}, {t:.3g}]"
+        for w, t in zip(speeds, curve(v, motor, converter, speeds), strict=True)
+    ]
+    most = float(np.max(np.abs(curve(v, motor, converter, speeds))))
     return (
         f"add this curve (rad/s, N m: {', '.join(points)}) to the torque's reference in the sense "
         f"of rotation{on_q(most, motor)} at most; far from the first day's: look at bearings, "

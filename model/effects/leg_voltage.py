@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import inlined
+from model.effects import dead_time, device_drop
 from model.effects.card import At, Curve, Effect, Parameter
 from model.effects.said import quantity
 from model.parameters import Converter, Motor
@@ -25,6 +26,7 @@ CORNERS = (0.0125, 0.02, 0.032, 0.05, 0.08, 0.125, 0.2, 0.32, 0.5, 0.8, 1.25, 2.
 # of the link, what a dead time of 0.2 us takes of 0.1 ms: a term in a diagnosis; a run with typical
 # terms has a quarter
 USUAL, TYPICAL = 0.002, 0.0005
+SIMPLER = ("dead_time", "device_drop")  # forms of what a leg loses that are points of it
 VOLTS = tuple(f"v_{k + 1}" for k in range(len(CORNERS)))
 
 
@@ -75,8 +77,15 @@ def corners(v: Mapping[str, float], motor: Motor) -> Array:
     return (v["leg_voltage.reference"] or motor.rated_current) * np.array(CORNERS)
 
 
+def whole(v: Mapping[str, float], motor: Motor, converter: Converter, current: Array) -> Array:
+    """Return what a leg loses in all (V, any shape) at constant currents (A), by completed values:
+    the curve with dead time and drop."""
+    known = device_drop.leg_loss(v, current) + dead_time.leg_loss(v, converter, current)
+    return np.asarray(curve(v, motor, current) + known)
+
+
 def curve(v: Mapping[str, float], motor: Motor, current: Array) -> Array:
-    """Return the leg's voltage error (V, any shape) at currents (A), by completed values."""
+    """Return the curve's own voltage error (V, any shape) at currents (A), by completed values."""
     x = np.asarray(current, dtype=float)
     volts = [v[f"leg_voltage.{n}"] for n in VOLTS]
     return np.asarray(
@@ -85,15 +94,25 @@ def curve(v: Mapping[str, float], motor: Motor, current: Array) -> Array:
 
 
 def places(v: Mapping[str, float], motor: Motor) -> Array:
-    """Return the currents (A) at which the curve is shown: its corners, and 0."""
-    return np.append(0.0, corners(v, motor))
+    """Return the currents (A) at which the curve is shown: 0 and its corners, between which it is
+    straight, and some between them where a simpler form is there, too."""
+    ends = np.append(0.0, corners(v, motor))
+    if not simpler(v):
+        return ends
+    more = ends[:-1, None] + np.diff(ends)[:, None] * np.linspace(0.0, 1.0, 4, endpoint=False)
+    return np.append(more.ravel(), ends[-1])
+
+
+def simpler(v: Mapping[str, float]) -> bool:
+    """Return whether a simpler form of what a leg loses is there, by completed values."""
+    return bool(v["dead_time.time"] or v["device_drop.threshold"])
 
 
 def said(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what a threshold and a resistance make of the curve up to rated current, as least
     squares fit them."""
     i = motor.rated_current * np.linspace(0.02, 1.0, 50)
-    u = curve(v, motor, i)
+    u = whole(v, motor, converter, i)
     forms = np.stack([np.ones_like(i), i], axis=1)
     (threshold, ohm), *_ = np.linalg.lstsq(forms, u, rcond=None)
     left = u - forms @ (threshold, ohm)
@@ -110,9 +129,10 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     amps = corners(v, motor)
     points = [f"[{i:.3g}, {u:.3g}]" for i, u in zip(amps, curve(v, motor, amps), strict=True)]
+    beside = " beside its dead time and drop" if simpler(v) else ""
     return (
-        "compensate each leg by this curve (A, V), or state it as what the drive loses: [drive] "
-        f"inverter_table = [[0, 0], {', '.join(points)}]"
+        f"compensate each leg by this curve (A, V){beside}, or state it as what the drive loses: "
+        f"[drive] inverter_table = [[0, 0], {', '.join(points)}]"
     )
 
 
@@ -173,5 +193,5 @@ CARD = Effect(
     switches=VOLTS,
     do=do,
     free=True,
-    curve=Curve("current", "A", "voltage a leg loses", "V", places, curve, said),
+    curve=Curve("current", "A", "voltage a leg loses", "V", places, whole, said, SIMPLER),
 )

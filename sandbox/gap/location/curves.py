@@ -42,17 +42,17 @@ def _curve(effect: str, j: EvaluatedModel) -> CurveFound | None:
     if card.curve is None:
         return None
     s, values = spread(j), dict(j.fit.point.values)
-    own = [k for k, c in enumerate(s.coordinates) if not c.of_point and c.effect == effect]
+    here = (effect, *card.curve.beside)
+    own = [k for k, c in enumerate(s.coordinates) if not c.of_point and c.effect in here]
     for k in own:
         c = s.coordinates[k]
         values |= c.changes(values, c.bounded(float(s.x[k])))
     at = card.curve.places(values, drive.motor)
-    value, slopes = card.curve.value(values, drive.motor, at), []
+    value, slopes = card.curve.value(values, drive.motor, drive.converter, at), []
     for k in own:
         c, step = s.coordinates[k], STEP * float(s.sd[k])
-        moved = card.curve.value(
-            {**values, **c.changes(values, c.value(values) + step)}, drive.motor, at
-        )
+        there = {**values, **c.changes(values, c.value(values) + step)}
+        moved = card.curve.value(there, drive.motor, drive.converter, at)
         slopes.append((moved - value) / step if step else np.zeros(len(at)))
     plain = algebra(j.fit.normal).covariance(prior_of(j.fit.coordinates))[np.ix_(own, own)]
     size = np.sqrt(np.diag(plain))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from sandbox.gap.evidence.algebra import prior_of
-from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
+from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, most_left, rms_of
 from sandbox.gap.evidence.misfit import misfit, weights
 from sandbox.gap.evidence.normal import Normal, Point, part_of
 from sandbox.gap.evidence.priors import is_ordinary, ordinary, with_usual_sign
@@ -199,7 +199,7 @@ class Search:
         noise."""
         known = {c.effect for c in self.found} | set(self.chosen)
         new = [c for c in free_forms(here.point, self.problem.exclude) if c.effect not in known]
-        if rms_of(here) <= self.problem.settings.gap or not new:
+        if most_left(here) <= self.problem.settings.gap or not new:
             return False
         self.found = [*self.candidates(), *new]
         return True

@@ -25,7 +25,9 @@ def test_the_kernel_is_the_curve(reference):
     v = completed(**dict(zip(TERMS, sizes, strict=True)), reference=reference)
     i = np.array([-2.5, 0.3, 1.7]) * RATED
     got = np.array(bent(*sizes, reference or RATED, *i)) - i
-    np.testing.assert_allclose(got, curve(v, DRIVE.motor, i), rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(
+        got, curve(v, DRIVE.motor, DRIVE.converter, i), rtol=1e-9, atol=1e-15
+    )
 
 
 def test_a_cubic_of_three_percent_is_told_in_percent():

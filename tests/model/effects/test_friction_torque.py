@@ -31,7 +31,9 @@ def test_the_kernel_is_the_curve(reference):
     own = reference or RATED
     speeds = own * np.array([-3.0, -0.7, -0.02, -1e-3, 0.0, 1e-3, 0.03, 0.2, 0.9, 2.0, 3.0])
     got = [drag(*sizes, own, w) for w in speeds]
-    np.testing.assert_allclose(got, curve(v, DRIVE.motor, speeds), rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(
+        got, curve(v, DRIVE.motor, DRIVE.converter, speeds), rtol=1e-12, atol=1e-14
+    )
 
 
 def test_dry_and_viscous_friction_are_told_as_these():
@@ -51,7 +53,9 @@ def test_the_curve_that_it_proposes_is_the_curve():
     points = np.array(json.loads(f"[[0, 0], {told}]"))
     w = np.linspace(0.0, 2.4, 97) * RATED  # three digits are given
     np.testing.assert_allclose(
-        np.interp(w, *points.T), curve(v, DRIVE.motor, w), atol=5e-3 * np.abs(points[:, 1]).max()
+        np.interp(w, *points.T),
+        curve(v, DRIVE.motor, DRIVE.converter, w),
+        atol=5e-3 * np.abs(points[:, 1]).max(),
     )
     assert np.allclose(points[1:, 0], places(v, DRIVE.motor)[1:], rtol=5e-3)
 

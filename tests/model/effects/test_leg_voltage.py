@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive
-from model.effects import library
-from model.effects.leg_voltage import CARD, CORNERS, VOLTS, curve, lost, said
+from model.effects import dead_time, device_drop, library
+from model.effects.leg_voltage import CARD, CORNERS, VOLTS, curve, lost, said, whole
 
 DRIVE = load_drive("ipm_exchanged")
 
@@ -73,3 +73,35 @@ def test_the_table_that_it_proposes_is_the_curve():
     i = np.linspace(0.0, 3.0, 301) * DRIVE.motor.rated_current
     # three digits are given
     assert np.allclose(np.interp(i, *points.T), curve(v, DRIVE.motor, i), atol=5e-3 * 1.8)
+
+
+@pytest.mark.parametrize("capacitance", [0.0, 2e-10])
+@pytest.mark.parametrize("current", [-2.0, -0.02, 0.0, 0.004, 0.05, 1.0])
+def test_the_whole_curve_holds_dead_time_and_drop_as_the_plant_has_them(current, capacitance):
+    """At a constant current a leg that it keeps up rises late and falls at once: the difference of
+    both latenesses, each by the plant's equations, times the link, once a period; the drop is the
+    plant's mean at one current."""
+    v = completed(v_3=0.4) | {
+        "dead_time.time": 2e-6,
+        "dead_time.capacitance": capacitance,
+        "dead_time.residual": 1e-7,
+        "device_drop.threshold": 1.5,
+        "device_drop.on_resistance": 0.2,
+        "bench.soft_current": 0.03,
+        "bench.soft_shape": 0.25,
+    }
+    link = DRIVE.converter.dc_bus_voltage
+    numbers = (2e-6, capacitance, 1e-7, 0.03, 0.25)
+
+    def edge(hold):
+        ends = (hold, 0.0, 0.0, link)
+        return dead_time.late(*numbers, *ends)[0] + dead_time.commutated(*numbers, *ends)
+
+    lateness = edge(current) - edge(-current)
+    own = link * lateness / DRIVE.converter.sampling_period
+    x = current / 0.03
+    drop = device_drop.lost(1.5, x, x, 0.25) + 0.2 * current
+    simple = float(curve(v, DRIVE.motor, np.array(current)))
+    found = float(whole(v, DRIVE.motor, DRIVE.converter, np.array(current)))
+    # 0.017 of the drop: `mean_of_tanh` is a fit of tanh
+    assert found == pytest.approx(simple + own + drop, abs=0.25 * 0.017 * 1.5 + 1e-9)
