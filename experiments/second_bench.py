@@ -8,8 +8,9 @@ truth of a campaign) are added to results/second_bench/rows.jsonl one by one, an
 where it was interrupted; a diagnosis that fails counts as wrong.  What rivals answer on the same
 campaigns stands in rivals.jsonl beside it (`sandbox/withheld/baselines`).
 
-Run: python -m experiments.second_bench WORK [--hours H]     (two minutes a campaign on one core)
-     python -m experiments.second_bench WORK --rivals susie,stepwise [--hours H]
+Run: python -m experiments.second_bench WORK [--hours H] [--jobs N]
+         (one to two minutes a campaign on one core)
+     python -m experiments.second_bench WORK --rivals susie,stepwise [--hours H] [--jobs N]
          (of campaigns that have a row)
      python -m experiments.second_bench --recompute          (the page from the rows)
 """
@@ -18,10 +19,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import time
 from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from experiments.second_bench_scores import UNKNOWN, page
 from experiments.testbench.make import make
@@ -85,38 +88,83 @@ def one_row(folder: Path, name: str, kind: str, truth: dict[str, Any]) -> dict[s
     }
 
 
-def run(work: Path, hours: float) -> None:
-    """Make, diagnose and score until all is done or the time is over."""
-    end = time.monotonic() + 3600.0 * hours
-    known = {row["name"] for row in lines(ROWS)}
-    RESULTS.mkdir(parents=True, exist_ok=True)
+class Asked(NamedTuple):
+    """A campaign of the plan that is to be diagnosed: its folder, name and kind, its truth, and the
+    rival who does it ("": the diagnosis)."""
+
+    folder: Path
+    name: str
+    kind: str
+    truth: dict[str, Any]
+    method: str = ""
+
+
+def asked(work: Path, known: set[str]) -> Iterator[Asked]:
+    """Yield the campaigns of the plan that have no row, each batch made when its turn comes."""
     for kind, k in batches():
         folder = work / f"{kind}-{k}"
         make(folder, kind, AT_ONCE, SEED + k, quiet=True)
         for name, truth in unpack(folder)["truths"].items():
             own = f"{kind}-{k}-{name}"
-            if own in known or not (folder / name / "campaign.toml").exists():
-                continue
-            if time.monotonic() > end:
+            if own not in known and (folder / name / "campaign.toml").exists():
+                yield Asked(folder / name, own, kind, truth)
+
+
+def of_rivals(work: Path, methods: list[str], known: set[tuple[str, str]]) -> Iterator[Asked]:
+    """Yield the campaigns that have a row, for each rival that has not answered on them."""
+    for row in lines(ROWS):
+        kind, k, name = row["name"].split("-")
+        make(work / f"{kind}-{k}", kind, AT_ONCE, SEED + int(k), quiet=True)
+        for method in methods:
+            if (row["name"], method) not in known:
+                folder = work / f"{kind}-{k}" / name
+                yield Asked(folder, row["name"], kind, row["truth"], method)
+
+
+def answer(one: Asked) -> dict[str, Any]:
+    """Return the row of a campaign."""
+    if one.method:
+        return rival_row(one)
+    return one_row(one.folder, one.name, one.kind, one.truth)
+
+
+def run(tasks: Iterator[Asked], file: Path, hours: float, jobs: int) -> None:
+    """Let campaigns be answered, so many at once, until all are or the time is over; each row is
+    kept when it is there."""
+    end = time.monotonic() + 3600.0 * hours
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=spawn) as pool:
+        waiting: set[Future[dict[str, Any]]] = set()
+        while True:
+            while len(waiting) < jobs and time.monotonic() < end:
+                one = next(tasks, None)
+                if one is None:
+                    break
+                waiting.add(pool.submit(answer, one))
+            if not waiting:
                 return
-            row = one_row(folder / name, own, kind, truth)
-            kept(ROWS, row)
-            first = (row["found"].get("sets") or [{"effects": row["found"].get("failed")}])[0]
-            print(
-                own,
-                [c["name"] for c in truth["causes"] + truth["outside"]],
-                "->",
-                first,
-                f"{row['cpu']:.0f} s",
-                flush=True,
-            )
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                row = future.result()
+                kept(file, row)
+                print(said(row), flush=True)
 
 
-def rival_row(folder: Path, row: dict[str, Any], method: str) -> dict[str, Any]:
-    """Return what a rival answers on the campaign of a row, in that row's form."""
+def said(row: dict[str, Any]) -> str:
+    """Return a row in one line."""
+    found, truth = row["found"], row["truth"]
+    first = (found.get("sets") or [{"effects": found.get("failed"), "probability": 1.0}])[0]
+    true = [c["name"] for c in truth["causes"] + truth["outside"]]
+    told = f"{first['effects']} {first['probability']:.3f}"
+    return f"{row['name']} {row.get('method', '')} {true} -> {told} {row['cpu']:.0f} s"
+
+
+def rival_row(one: Asked) -> dict[str, Any]:
+    """Return what a rival answers on a campaign, in the form of its row."""
     began = time.process_time()
     try:
-        told = BASELINES[method](folder, ()).json["hypotheses"]
+        told = BASELINES[one.method](one.folder, ()).json["hypotheses"]
         found: dict[str, Any] = {
             "sets": [{k: h[k] for k in ("effects", "probability")} for h in told]
         }
@@ -126,29 +174,15 @@ def rival_row(folder: Path, row: dict[str, Any], method: str) -> dict[str, Any]:
         }
     except Exception as error:  # whatever it is, it counts as wrong
         found = {"failed": repr(error)}
-    cpu = time.process_time() - began
-    return {k: row[k] for k in ("name", "kind", "truth")} | {
+    return {
+        "name": one.name,
+        "kind": one.kind,
+        "truth": one.truth,
         "code": code_digest(),
-        "cpu": cpu,
+        "cpu": time.process_time() - began,
         "found": found,
-        "method": method,
+        "method": one.method,
     }
-
-
-def run_rivals(work: Path, methods: list[str], hours: float) -> None:
-    """Let rivals answer on all campaigns that have a row, until the time is over."""
-    end, known = (
-        time.monotonic() + 3600.0 * hours,
-        {(r["name"], r["method"]) for r in lines(RIVALS)},
-    )
-    for row in lines(ROWS):
-        kind, k, name = row["name"].split("-")
-        make(work / f"{kind}-{k}", kind, AT_ONCE, SEED + int(k), quiet=True)
-        for method in methods:
-            if time.monotonic() > end:
-                return
-            if (row["name"], method) not in known:
-                kept(RIVALS, rival_row(work / f"{kind}-{k}" / name, row, method))
 
 
 def kept(file: Path, row: dict[str, Any]) -> None:
@@ -169,6 +203,7 @@ def main() -> None:
     )
     p.add_argument("work", type=Path, nargs="?")
     p.add_argument("--hours", type=float, default=24.0)
+    p.add_argument("--jobs", type=int, default=1, help="campaigns at once (default 1)")
     p.add_argument("--rivals", default="", help=f"of {', '.join(BASELINES)}; only these answer")
     p.add_argument("--recompute", action="store_true")
     a = p.parse_args()
@@ -177,10 +212,11 @@ def main() -> None:
     methods = [m for m in a.rivals.split(",") if m]
     if not set(methods) <= set(BASELINES):
         p.error(f"--rivals {a.rivals}: give some of {', '.join(BASELINES)}")
-    if methods and not a.recompute:
-        run_rivals(a.work, methods, a.hours)
+    if not a.recompute and methods:
+        known = {(r["name"], r["method"]) for r in lines(RIVALS)}
+        run(of_rivals(a.work, methods, known), RIVALS, a.hours, a.jobs)
     elif not a.recompute:
-        run(a.work, a.hours)
+        run(asked(a.work, {row["name"] for row in lines(ROWS)}), ROWS, a.hours, a.jobs)
     (RESULTS / "README.md").write_text(
         page(lines(ROWS), GROUPS, SEED, lines(RIVALS)), encoding="utf-8"
     )

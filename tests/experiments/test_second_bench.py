@@ -33,6 +33,7 @@ def row(
     return {"name": "x", "kind": kind, "code": "c", "cpu": 9.0, "found": found, "truth": truth}
 
 
+NOTHING: dict = {"causes": [], "outside": []}
 INERTIA = ("inertia", 1.0, {"inertia": 1.05})
 
 
@@ -103,3 +104,15 @@ def test_every_kind_is_run_in_turn():
     assert {
         kind: sum(k == kind for k, _ in found) * bench.AT_ONCE for kind in bench.GROUPS
     } == bench.GROUPS
+
+
+def test_a_campaign_that_cannot_be_read_is_a_row_that_counts_as_wrong(tmp_path):
+    """In a process of its own, as `--jobs` has them; nothing is begun once the time is over."""
+    gone = [bench.Asked(tmp_path / "gone", f"one-0-{k}", "one", NOTHING) for k in range(2)]
+    file = tmp_path / "rows.jsonl"
+    bench.run(iter(gone), file, hours=0.0, jobs=1)
+    assert not file.exists()
+    bench.run(iter(gone), file, hours=1.0, jobs=2)
+    rows = bench.lines(file)
+    assert sorted(r["name"] for r in rows) == ["one-0-0", "one-0-1"]
+    assert all("gone" in r["found"]["failed"] for r in rows)
