@@ -292,8 +292,11 @@ def print_ordinary(result: OrdinaryIdentification) -> None:
         f"replay: residual {1e3 * fit.residual_rms:.3g} mA rms, {fit.misfit:.3g} x what "
         "noise explains"
     )
-    beside = ", ".join(f"{name} = {value:.3g}" for name, value in fit.nuisance.items())
-    print_prose(f"fitted beside: {beside}")
+    apart = ", ".join(f"{name} = {fit.nuisance[name]:.3g}" for name in fit.apart)
+    print_prose(
+        f"fitted beside: {len(fit.nuisance)} values of what every drive has (identify.json); apart "
+        f"from usual: {apart or 'none'}"
+    )
     for remark in result.remarks:
         print_prose(remark)
 

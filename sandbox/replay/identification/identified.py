@@ -10,22 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from model.effects.library import parameters
+from model.effects.library import neutral, parameters
 from model.errors import PhysicsError
 from model.levels import UNITS
 from model.mapped import MappedMotor
 from sandbox.output.refitted import Refitted
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.checks.balance import plain
-from sandbox.replay.identification.ordinary import (
-    ANGLE,
-    NAMES,
-    OF_EFFECT,
-    OrdinaryFit,
-    fit_ordinary,
-)
+from sandbox.replay.identification.ordinary import OrdinaryFit, fit_ordinary
+from sandbox.replay.identification.places import ANGLE, NAMES, OF_EFFECT
 
-LARGE_MISFIT = 5.0  # times what noise explains, as for levels of staircases
+MOST_MISSED = 0.05  # share of the current: beyond it the log is more probably another drive's
+MORE_THAN_NOISE = 1.5  # misfit from which what the model lacks is told
 SLOW = 2.0  # times L/R from row to row: what a command does to the current is over within a row
 ANSWERED = 0.5  # correlation from which commands are said to follow readings
 UNIT = {**UNITS, "magnet_flux": "Wb"}
@@ -57,10 +53,11 @@ class OrdinaryIdentification:
         fit, own = self.fit, self.campaign.drive
         units = {name: p.unit for name, p in parameters().items()}
         said = f"Identified from ordinary recordings of '{self.campaign.name}' by identify"
+        as_it_is = neutral(fit.motor)
         effects = {
             name: value
             for name, value in fit.nuisance.items()
-            if value and not name.startswith(ANGLE)
+            if value != as_it_is.get(name, 0.0) and not name.startswith(ANGLE)
         }
         if isinstance(own.motor, MappedMotor):
             scales = {
@@ -91,6 +88,7 @@ class OrdinaryIdentification:
         method = {
             "parameters": parameters,
             "residual_rms": fit.residual_rms,
+            "missed_share": fit.missed_share,
             "misfit": fit.misfit,
             "nuisance": dict(fit.nuisance),
         }
@@ -115,27 +113,36 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
     """
     fit = fit_ordinary(campaign)
     remarks = [f.text for f in campaign.findings] + [why] * bool(why)
-    made = dict.fromkeys(r.made.of for r in campaign.recordings if r.made is not None and r.made.of)
-    angle = f", or an angle that {', '.join(made)} tells too roughly" if made else ""
-    if fit.misfit > LARGE_MISFIT:
-        c = campaign.drive.converter
-        rows = f", rows {c.periods_a_row} PWM periods apart"
-        rows = rows if c.periods_a_row > 1 else ""
-        acts = (
-            "something else acts (saturation, iron loss, delay, a filter, a shifted log"
-            f"{rows}{angle})"
+    if fit.misfit > MORE_THAN_NOISE or not fit.values:
+        said = (
+            f"currents miss the measured ones by {100.0 * fit.missed_share:.2g} % of their rms, "
+            f"{plain(math.sqrt(fit.misfit))} times the sensors' noise: "
+            f"{answered(campaign) or _acts(campaign)}"
         )
-        raise PhysicsError(
-            f"{campaign.name}: with the best R, L_d, L_q and magnet flux, currents miss the "
-            f"measured ones by {plain(math.sqrt(fit.misfit))} times the sensors' noise "
-            f"({math.sqrt(LARGE_MISFIT):.2g} at most): {answered(campaign) or acts}; values would "
-            "be off by more than their intervals: see `sensorless check` or `sensorless diagnose`"
-        )
+        if fit.missed_share > MOST_MISSED or not fit.values:
+            raise PhysicsError(
+                f"{campaign.name}: with the best R, L_d, L_q and magnet flux, {said}; values would "
+                "be off by more than their intervals: see `sensorless check` or `sensorless "
+                "diagnose`"
+            )
+        remarks.append(f"{said}; intervals take as much to be hidden in each value as is missed")
     if fit.samples < fit.of_samples:
         remarks.append(
             f"{fit.samples} of {fit.of_samples} samples are used, the same share of each recording"
         )
     return OrdinaryIdentification(campaign, fit, tuple(remarks))
+
+
+def _acts(campaign: Campaign) -> str:
+    """Return in words what else may act."""
+    made = dict.fromkeys(r.made.of for r in campaign.recordings if r.made is not None and r.made.of)
+    angle = f", or an angle that {', '.join(made)} tells too roughly" if made else ""
+    c = campaign.drive.converter
+    rows = f", rows {c.periods_a_row} PWM periods apart" if c.periods_a_row > 1 else ""
+    return (
+        "something else acts (saturation of another form, a filter, further harmonics, a shifted "
+        f"log{rows}{angle})"
+    )
 
 
 def answered(campaign: Campaign) -> str:

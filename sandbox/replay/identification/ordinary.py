@@ -9,69 +9,48 @@ it out),
    the measured ones least.  The first errs where readings are noisy, since noise stands on both
    sides of its equations; the second does not.
 
-Beside the motor the voltage that each leg loses and the offsets of two sensors are fitted.
-Deviations are those of blocks of time (the "sandwich" of White, Econometrica 48 (1980) 817, with
-blocks as its independent pieces): what the model lacks is alike over many samples, so single
-samples would promise too much.  All four are free together, from a wide prior about the nominal
-ones: what the data do not tell apart is in each other's interval.  A parameter that they leave open
-by more than MAX_DEVIATION of itself is not told: its nominal value stands, and a sentence says why.
+All four are free together, from a wide prior about the nominal ones, beside what every drive has
+(`places`): what the data do not tell apart is in each other's interval, and what the model lacks
+widens them (`Search.deviations`).  A parameter that they leave open by more than MAX_DEVIATION of
+itself is not told: its nominal value stands, and a sentence says why.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
-from model.effects.library import parameters, true_motor
-from model.errors import BadInput, PhysicsError
+from model.effects.library import true_motor
+from model.errors import BadInput
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.rows.commands import mean_command
-from sandbox.replay.inputs import Inputs
-from sandbox.replay.replay import Prepared, prepare, replay, residuals
+from sandbox.replay.identification.places import (
+    ALPHA,
+    ANGLE,
+    CORE,
+    LAG,
+    LOST,
+    NAMES,
+    OF_EFFECT,
+    OFFSETS,
+    places,
+)
+from sandbox.replay.identification.search import HALF, Search
+from sandbox.replay.replay import prepare
 
 Array = NDArray[np.float64]
-NAMES = ("resistance", "inductance_d", "inductance_q", "magnet_flux")
-OF_EFFECT = {
-    "resistance": "stator_resistance.resistance",
-    "inductance_d": "inductance.scale_d",
-    "inductance_q": "inductance.scale_q",
-    "magnet_flux": "magnet_flux.magnet_flux",
-}
-THRESHOLD, DEAD = LOST = ("device_drop.threshold", "dead_time.time")
-OFFSETS = ("current_offset.offset_a", "current_offset.offset_b")
-# of each angle that was made: its zero is nobody's reading
-OFFSET_OF, ANGLE = "encoder_offset.offset", "angles."
 # relative standard deviation: beyond it an interval holds a half and twice the value
 MAX_DEVIATION = 0.3
 ALIKE = 0.7  # correlation: half of what is open of a parameter is another one's
-BLOCKS = 40  # blocks of time that all recordings are cut into, for the scatter of what they say
 MAX_SAMPLES = 60_000  # samples used: at 10 kHz six seconds of motion
-LOGARITHMS = ("inductance_d", "inductance_q")  # R and flux in shares of their start: linear ones
 EXPLAINED = 1.5  # of the noise's square: what is left of a fit that needs no other start
-STEPS, ENOUGH = 12, 1e-3  # of Gauss and Newton; in standard deviations
-SHARE = 1e-3  # of a parameter: the step of its slope
-# priors, one standard deviation: of rated current; of the link, as voltage or as time
-OFFSET, DROP = 0.01, 0.02
-# prior of R and flux, one standard deviation over nominal: data that say anything outdo it
-OPEN = 10.0
-FARTHEST = math.log(3.0)  # of a parameter in one step
 CHANGES = 5.0  # noises: the least rms change of a current that tells an inductance
-# logarithm of the factor from the start within which one is looked for; inductances: inside a
-# scale's bounds
-WIDE = {
-    "resistance": math.log(1e3),
-    "magnet_flux": math.log(1e3),
-    "inductance_d": math.log(4.0),
-    "inductance_q": math.log(4.0),
-}
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,8 +59,10 @@ class OrdinaryFit:
 
     values, deviations: of what was told, by name of [motor]; untold: why the others are not; start:
     by the linear least squares (nominal where it says nothing); nuisance: by public name of
-    effects, and angles.FILE (rad) of a zero that was made; residual_rms: A; misfit: the residual's
-    square over the noise's; files: of the recordings used; samples: used, of `of_samples`.
+    effects, and angles.FILE (rad) of a zero that was made; apart: of it, what stands more than an
+    interval from where it usually is; residual_rms: A; missed_share: that over the current's rms;
+    misfit: the residual's square over the noise's; files: of the recordings used; samples: used, of
+    `of_samples`.
     """
 
     motor: Motor
@@ -90,7 +71,9 @@ class OrdinaryFit:
     untold: Mapping[str, str]
     start: Mapping[str, float]
     nuisance: Mapping[str, float]
+    apart: tuple[str, ...]
     residual_rms: float
+    missed_share: float
     misfit: float
     rms: Mapping[str, float]
     samples: int
@@ -98,7 +81,7 @@ class OrdinaryFit:
 
     def ci95(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval of a parameter that is told."""
-        half = 1.959964 * self.deviations[name]
+        half = HALF * self.deviations[name]
         return self.values[name] - half, self.values[name] + half
 
 
@@ -115,17 +98,16 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
             "the current"
         )
     nominal = {n: float(getattr(campaign.drive.motor, n)) for n in NAMES}
-    starts = [
-        _Search(prepare(_begun_at(used, x)), NAMES, x, nominal, workers)
-        for x in (begin, nominal)
-        if min(x.values()) > 0
-    ]
+    starts = []
+    for x in (begin, nominal):
+        if min(x.values()) > 0:
+            prepared = prepare(_begun_at(used, x))
+            starts.append(
+                Search(prepared, NAMES, places(prepared, x, campaign.drive.motor), workers)
+            )
     x = _best_of(sorted(starts, key=lambda s: s.square_at_start()))
     names = x.names
-    inner, scatter = x.information()
-    covariance: Array = np.asarray(np.linalg.inv(inner), dtype=np.float64)
-    sandwich = covariance @ scatter @ covariance
-    deviation = x.relative(np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich))))
+    deviation, covariance = x.deviations()
     estimated, untold = [], {}
     for k, name in enumerate(NAMES):
         if deviation[k] < MAX_DEVIATION and not x.at_bound(k):
@@ -134,26 +116,35 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
             untold[name] = why.get(name) or _why_open(
                 name, k, names, covariance, float(deviation[k])
             )
-    values = x.values()
-    prepared, shown = x.prepared, x.residual_rms()
+    values, told = x.values(), {}
+    beside = {n: values[n] for n in names[len(NAMES) :] if math.isfinite(values[n])}
+    if CORE not in beside:
+        beside.pop(LAG)
+    if {"inductance_d", "inductance_q"} <= set(estimated):  # those at no current: with what bends
+        told = {n: v for n, v in beside.items() if n.startswith(ALPHA)}
+    size = np.sqrt(np.diag(covariance))
+    apart = np.abs(x.x - x.centre) > HALF * size
     count = sum(len(r.t) for r in used.recordings)
-    motor = _with(campaign.drive.motor, {n: values[n] for n in estimated})
+    current = [np.mean(y**2) for r in used.recordings for y in (r.i_a, r.i_b, r.i_c)]
+    left = x.prepared.noise_std * math.sqrt(x.square())
     return OrdinaryFit(
-        motor,
+        _with(campaign.drive.motor, {n: values[n] for n in estimated}, told),
         {n: values[n] for n in estimated},
         {n: float(deviation[NAMES.index(n)]) * values[n] for n in estimated},
         untold,
         begin,
-        {n: values[n] for n in names[len(NAMES) :]},
-        prepared.noise_std * math.sqrt(x.square()),
+        beside,
+        tuple(n for n, a in zip(names, apart, strict=True) if a and n in beside),
+        left,
+        left / math.sqrt(float(np.mean(current))),
         x.square(),
-        shown,
+        x.residual_rms(),
         count,
         sum(len(r.t) for r in campaign.recordings),
     )
 
 
-def _best_of(starts: Sequence[_Search]) -> _Search:
+def _best_of(starts: Sequence[Search]) -> Search:
     """Return the fit from the first start that noise explains, else the best of them."""
     fits = []
     for start in starts:
@@ -163,16 +154,14 @@ def _best_of(starts: Sequence[_Search]) -> _Search:
     return min(fits, key=lambda s: s.square())
 
 
-def _of_both(start: _Search) -> _Search:
-    """Return the fit with both ways to lose voltage, from the better one of the fits with either:
-    where the current goes through zero they differ, and a fit of both may stick at the wrong
-    one."""
-    zeros = list(
-        dict.fromkeys(ANGLE + r.angle_name for r in start.prepared.recordings if r.zero > 0.0)
-    )
+def _of_both(start: Search) -> Search:
+    """Return the fit with all that stands beside, from the better one of the fits with either way
+    to lose voltage: where the current goes through zero they differ, and a fit of both may stick at
+    the wrong one."""
+    zeros = [n for n in start.places if n.startswith(ANGLE)]
     either = [start.beside([*NAMES, one, *OFFSETS, *zeros]).found() for one in LOST]
     best = min(either, key=lambda s: s.square())
-    return best.beside([*NAMES, *LOST, *OFFSETS, *zeros]).found()
+    return best.beside(list(start.places)).found()
 
 
 def _begun_at(campaign: Campaign, begin: Mapping[str, float]) -> Campaign:
@@ -188,13 +177,14 @@ def _begun_at(campaign: Campaign, begin: Mapping[str, float]) -> Campaign:
     return replace(campaign, drive=replace(drive, motor=motor))
 
 
-def _with(motor: Motor, values: Mapping[str, float]) -> Motor:
-    """Return a motor with values of its own replaced; one with a flux map keeps the map."""
-    effects = {
+def _with(motor: Motor, values: Mapping[str, float], effects: Mapping[str, float]) -> Motor:
+    """Return a motor with values of its own replaced, and those of effects that replace some; one
+    with a flux map keeps the map."""
+    own = {
         OF_EFFECT[n]: v / (getattr(motor, n) if n.startswith("inductance") else 1.0)
         for n, v in values.items()
     }
-    return true_motor(motor, {**complete_neutral(motor), **effects}, keep_map=True)
+    return true_motor(motor, {**complete_neutral(motor), **own, **effects}, keep_map=True)
 
 
 def complete_neutral(motor: Motor) -> dict[str, float]:
@@ -317,183 +307,3 @@ def _why_open(name: str, k: int, names: Sequence[str], covariance: Array, deviat
         if name != "magnet_flux"
         else f"{spread}; spin faster"
     )
-
-
-def _bounds(name: str) -> tuple[float, float]:
-    """Return between which places a parameter or nuisance is looked for."""
-    if name.startswith(ANGLE):
-        return -math.inf, math.inf
-    if name not in NAMES:
-        return parameters()[name].low, parameters()[name].high
-    wide = WIDE[name]
-    return (-wide, wide) if name in LOGARITHMS else (math.exp(-wide), math.exp(wide))
-
-
-class _Search:
-    """Gauss and Newton on the replayed currents: places of parameters (R and flux in shares of
-    their start, inductances as logarithms) and of nuisances (as they are).
-
-    Slopes are differences of replays that run together.
-    """
-
-    def __init__(
-        self,
-        prepared: Prepared,
-        names: Sequence[str],
-        begin: Mapping[str, float],
-        nominal: Mapping[str, float],
-        workers: int,
-    ) -> None:
-        self.prepared, self.names, self.workers = prepared, list(names), workers
-        drive = prepared.campaign.drive
-        self.motor, self.origin, self.nominal = drive.motor, begin, nominal
-        self.own = np.array([n in NAMES for n in names])
-        self.logs = np.array([n in LOGARITHMS for n in names])
-        self.unit = np.array([begin[n] if n in NAMES else 1.0 for n in names])
-        self.x = np.where(self.own & ~self.logs, 1.0, 0.0)
-        converter = drive.converter
-        own = {THRESHOLD: DROP * converter.dc_bus_voltage, DEAD: DROP * converter.update_period}
-        own |= dict.fromkeys(OFFSETS, OFFSET * drive.motor.rated_current)
-        own |= {ANGLE + r.angle_name: r.zero for r in prepared.recordings}
-        self.step = np.array([SHARE * own.get(n, 1.0) for n in names])
-        stated = {n: max(nominal[n], 1e-9) / begin[n] for n in NAMES}  # in shares of the start
-        own |= {n: WIDE[n] if n in LOGARITHMS else OPEN * stated[n] for n in NAMES}
-        self.prior = np.array([own[n] for n in names])
-        centre = {n: math.log(x) if n in LOGARITHMS else x for n, x in stated.items()}
-        self.centre = np.array([centre.get(n, 0.0) for n in names])
-        bounds = [_bounds(n) for n in names]
-        self.least, self.most = np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds])
-        self.r = np.empty(0)
-
-    def beside(self, names: Sequence[str]) -> _Search:
-        """Return a search of other parameters that begins where this one stands."""
-        other = _Search(self.prepared, names, self.origin, self.nominal, self.workers)
-        here = dict(zip(self.names, self.x, strict=True))
-        other.x = np.array([here.get(n, v) for n, v in zip(other.names, other.x, strict=True)])
-        return other
-
-    def values(self, x: Array | None = None) -> dict[str, float]:
-        """Return parameters and nuisances at a place."""
-        at = self.x if x is None else x
-        values = self.unit * np.where(self.logs, np.exp(np.where(self.logs, at, 0.0)), at)
-        return dict(zip(self.names, map(float, values), strict=True))
-
-    def relative(self, deviation: Array) -> Array:
-        """Return standard deviations of places as those of values over the values; of nuisances as
-        they are."""
-        return np.where(
-            self.own & ~self.logs, deviation / np.where(self.x > 0.0, self.x, 1.0), deviation
-        )
-
-    def as_set(self, x: Array, angle: str) -> dict[str, float]:
-        """Return a place as the replay takes it for the recordings of one angle."""
-        out: dict[str, float] = {}
-        for n, v in self.values(x).items():
-            if n.startswith(ANGLE):
-                out |= {OFFSET_OF: v} if n == ANGLE + angle else {}
-                continue
-            scale = getattr(self.motor, n) if n.startswith("inductance") else 1.0
-            out[OF_EFFECT.get(n, n)] = v / scale
-        return out
-
-    def residuals(self, places: Sequence[Array]) -> Array:
-        """Return residuals (n, places) of all currents over the noise floor."""
-        shown = []
-        for angle, own in itertools.groupby(self.prepared.recordings, self._own_angle):
-            part = replace(self.prepared, recordings=tuple(own))
-            shown += residuals(
-                part, replay(part, [self.as_set(x, angle) for x in places], workers=self.workers)
-            )
-        return np.concatenate([t.current.reshape(-1, len(places)) for t in shown])
-
-    def _own_angle(self, r: Inputs) -> str:
-        """Return the name of a recording's angle where its zero is fitted, empty where it was
-        read."""
-        return r.angle_name if ANGLE + r.angle_name in self.names else ""
-
-    def cost(self, r: Array, x: Array) -> float:
-        """Return half the squares, those of nuisances' priors with them."""
-        return 0.5 * float(r @ r + np.sum(((x - self.centre) / self.prior) ** 2))
-
-    def slopes(self) -> Array:
-        """Return slopes (n, p) at the place, and keep the residual there."""
-        step = np.where(self.x + self.step > self.most, -self.step, self.step)
-        every = self.residuals([self.x, *(self.x + np.diag(step))])
-        self.r = every[:, 0]
-        return np.asarray((every[:, 1:] - every[:, :1]) / step)
-
-    def found(self) -> _Search:
-        """Go to the place of the least squares; PhysicsError where none is found."""
-        for _ in range(STEPS):
-            j = self.slopes()
-            weight = 1.0 / self.prior**2
-            # seconds beside volts are no small direction
-            size = np.sqrt(np.sum(j**2, axis=0) + weight)
-            inner = (j.T @ j + np.diag(weight)) / np.outer(size, size) + 1e-9 * np.eye(len(size))
-            down = -(j.T @ self.r + weight * (self.x - self.centre)) / size
-            if not (np.all(np.isfinite(inner)) and np.all(np.isfinite(down))):
-                raise PhysicsError(
-                    "these recordings and the nominal motor go nowhere together; check "
-                    "[motor] and units"
-                )
-            move = self.linear_step(inner, down, size)
-            before, share = self.cost(self.r, self.x), 1.0
-            while share > 1e-3:
-                place = self.bounded(self.x + share * move)
-                r = self.residuals([place])[:, 0]
-                if np.all(np.isfinite(r)) and self.cost(r, place) <= before:
-                    break
-                share *= 0.5
-            else:
-                break
-            gone = before - self.cost(r, place)
-            self.x, self.r = place, r
-            if gone < ENOUGH * max(1.0, before / len(r)):
-                break
-        self.j = self.slopes()
-        return self
-
-    def linear_step(self, inner: Array, down: Array, size: Array) -> Array:
-        """Return the step that solves the linear problem inside the bounds, logarithms by FARTHEST
-        at most.  Steps are scaled by size: a step cut at a bound afterwards would go elsewhere."""
-        root = np.linalg.cholesky(inner)
-        farthest = np.where(self.logs, FARTHEST, np.inf)
-        low = size * np.maximum(self.least - self.x, -farthest)
-        high = size * np.minimum(self.most - self.x, farthest)
-        solved = lsq_linear(root.T, np.linalg.solve(root, down), (low, high))
-        return np.asarray(solved.x / size)
-
-    def bounded(self, x: Array) -> Array:
-        """Return a place inside the bounds."""
-        return np.asarray(np.clip(x, self.least, self.most))
-
-    def information(self) -> tuple[Array, Array]:
-        """Return what the slopes say (p, p), over noise or what is left where that is more, and its
-        scatter from block to block."""
-        inner = self.j.T @ self.j / max(self.square(), 1.0) + np.diag(1.0 / self.prior**2)
-        cuts = np.array_split(np.arange(len(self.r)), BLOCKS)
-        g = np.stack([self.j[c].T @ self.r[c] for c in cuts]) / max(self.square(), 1.0)
-        return inner, g.T @ g
-
-    def square_at_start(self) -> float:
-        """Return the mean square of what the start leaves, over the noise's; infinite where it
-        predicts nothing."""
-        r = self.residuals([self.x])
-        return float(np.mean(r**2)) if np.all(np.isfinite(r)) else math.inf
-
-    def at_bound(self, k: int) -> bool:
-        """Tell whether a parameter stands at a bound."""
-        return bool(self.x[k] <= self.least[k] or self.x[k] >= self.most[k])
-
-    def square(self) -> float:
-        """Return the mean square of what is left, over the noise's."""
-        return float(np.mean(self.r**2))
-
-    def residual_rms(self) -> dict[str, float]:
-        """Return each recording's rms, over the noise floor."""
-        out, at = {}, 0
-        for r in self.prepared.recordings:
-            n = 3 * r.samples
-            out[r.file] = float(np.sqrt(np.mean(self.r[at : at + n] ** 2)))
-            at += n
-        return out

@@ -7,15 +7,15 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import sandbox
-from model.errors import BadInput
+from model.errors import BadInput, PhysicsError
 from model.frames import phases
 from model.parameters import Converter, Drive, Injection, Motor
 from sandbox import Scenario, Segment, load_motor, read_campaign
-from sandbox.cli import main
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.replay.identification.identified import answered
+from sandbox.replay.identification.identified import answered, identify_ordinary
 from sandbox.replay.identification.ordinary import fit_ordinary, linear
 from tests.data import real_data
 from tests.schemas import misfits
@@ -60,14 +60,14 @@ WRONG = {"resistance": 1.6, "inductance_d": 0.7, "inductance_q": 1.3, "magnet_fl
 DEAD = 5e-7  # s
 
 
-def recorded(motor, scenario, folder, seed=2):
+def recorded(motor, scenario, folder, seed=2, effects=None):
     """Return a simulated campaign, its nominal motor far off, and the true motor."""
     sandbox.simulate(
         motor,
         scenario,
         "qnull",
         closed_loop=False,
-        effects={"dead_time.time": DEAD},
+        effects={"dead_time.time": DEAD} | (effects or {}),
         record=folder,
         seed=seed,
     )
@@ -161,25 +161,62 @@ def test_recordings_without_current_are_refused(tmp_path):
         fit_ordinary(dataclasses.replace(campaign, recordings=(still,)))
 
 
-def test_recordings_that_no_motor_explains_are_refused(tmp_path, capsys):
-    """A core of a fiftieth of its usual resistance takes much of the current: no R, L and flux
-    stand for it.  The words tell the misfit, and where to look."""
-    core = {"iron_loss.core_resistance": 40.0, "iron_loss.time_constant": 2e-4}
-    sandbox.simulate(
-        "ipm_exchanged",
-        SPIN,
-        "qnull",
-        closed_loop=False,
-        effects=core,
-        record=tmp_path / "record",
-        seed=2,
+LACKS = {"iron_loss.core_resistance": 800.0, "pwm_delay.delay": 1.5e-5}
+ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+
+
+@pytest.mark.parametrize("scenario", [STEP, SPIN], ids=["step", "spin"])
+def test_a_data_sheet_without_saturation_is_enough(scenario, tmp_path):
+    """The drive saturates, has a core and a delay, of which [motor] says nothing: its inductances
+    are those at no current, and what bends them is written with them."""
+    campaign, true = recorded("ipm_exchanged", scenario, tmp_path / "record", effects=LACKS)
+    motor = dataclasses.replace(campaign.drive.motor, **dict.fromkeys(ALPHAS, 0.0))
+    sheet = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, motor=motor))
+    found = fit_ordinary(sheet)
+    assert 0.9 < found.misfit < 1.1
+    assert len(found.values) == 4 - (scenario is STEP)
+    for n, value in found.values.items():
+        assert value == pytest.approx(getattr(true, n), abs=4.0 * found.deviations[n])
+        assert found.deviations[n] < 0.05 * value
+    assert found.motor.alpha_30 == pytest.approx(true.alpha_30, rel=0.2)
+
+
+def filtered(r, lag):
+    """Return a recording whose currents passed a low-pass of first order (s)."""
+    keep = math.exp(-(r.t[1] - r.t[0]) / lag)
+    own = {n: lfilter([1.0 - keep], [1.0, -keep], r.columns[n]) for n in ("i_a", "i_b", "i_c")}
+    return dataclasses.replace(r, columns={**r.columns, **own})
+
+
+def test_what_the_model_lacks_widens_the_intervals_and_is_told(tmp_path):
+    """A filter of 0.3 ms, which no replayed motor has, takes 1 % of a step's current."""
+    campaign, true = recorded("ipm_exchanged", STEP, tmp_path / "record")
+    fit = fit_ordinary(campaign)
+    (r,) = campaign.recordings
+    slow = dataclasses.replace(campaign, recordings=(filtered(r, 3e-4),))
+    result = identify_ordinary(slow)
+    assert "something else acts" in result.remarks[-1]
+    assert result.fit.values["resistance"] == pytest.approx(
+        true.resistance, abs=4.0 * result.fit.deviations["resistance"]
     )
-    assert (
-        main(["identify", str(tmp_path / "record"), "--out", str(tmp_path / "out"), "--quiet"]) == 3
-    )
-    said = capsys.readouterr().err
-    assert "times the sensors' noise (2.2 at most)" in said
-    assert "sensorless diagnose" in said
+    for n, value in result.fit.values.items():
+        assert result.fit.deviations[n] > 4.0 * fit.deviations[n]
+        assert value == pytest.approx(getattr(true, n), abs=4.0 * result.fit.deviations[n])
+
+
+def test_recordings_that_no_motor_explains_are_refused(tmp_path):
+    """Currents five rows late at speed: no R, L and flux stand for it.  The words tell how much of
+    the current is missed, and where to look."""
+    campaign, _ = recorded("ipm_exchanged", SPIN, tmp_path / "record")
+    (r,) = campaign.recordings
+    late = {n: x[:-5] if n.startswith("i_") else x[5:] for n, x in r.columns.items()}
+    late["t"] = r.t[:-5]
+    shifted = dataclasses.replace(campaign, recordings=(dataclasses.replace(r, columns=late),))
+    with pytest.raises(PhysicsError) as error:
+        identify_ordinary(shifted)
+    assert "% of their rms" in str(error.value)
+    assert "times the sensors' noise" in str(error.value)
+    assert "sensorless diagnose" in str(error.value)
 
 
 def test_the_command_tells_and_writes_what_it_found(tmp_path, capsys):
@@ -262,9 +299,6 @@ def test_least_squares_alone_is_near():
     assert set(why) == {"inductance_q", "magnet_flux"}
     assert found["inductance_d"] == pytest.approx(l_d, rel=0.01)
     assert found["resistance"] == pytest.approx(r, rel=0.01)
-
-
-ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 
 
 @pytest.mark.parametrize(
