@@ -141,6 +141,7 @@ class CampaignRecording:
     source: the log's own columns by standard name, of what the log holds; empty where the log has
     our names.
     made: of what its angle was made, None where it was read.
+    empty: by phase, which rows (n,) of its current had no number.
     """
 
     file: str
@@ -153,6 +154,7 @@ class CampaignRecording:
     settling: Mapping[str, Array] = field(default_factory=dict)
     source: Mapping[str, str] = field(default_factory=dict)
     made: Made | None = None
+    empty: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_file(self.file, "recording's file")

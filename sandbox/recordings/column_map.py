@@ -27,6 +27,7 @@ from sandbox.recordings.angle.turning import of_log, turns_between, unwrapped, w
 from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Made, table_of
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.log_table import MOST_VALUES, first_beyond
+from sandbox.recordings.rows.missing import filled, gone, told
 
 Array = NDArray[np.float64]
 KINDS = {
@@ -43,6 +44,7 @@ KINDS = {
 KIND = {name: kind for kind, names in KINDS.items() for name in names}
 # names taken as they stand; `speed` stands in logs in any unit
 OURS = tuple(n for n in KIND if n != "speed")
+READ = ("current", "speed", "angle", "torque", "temperature")  # kinds that go on from row to row
 TURNING = ("angle", "speed")  # kinds that may be the shaft's
 VOLTAGES = (("u_alpha", "u_beta"), ("u_a", "u_b", "u_c"), ("u_d", "u_q"), ("d_a", "d_b", "d_c"))
 CURRENTS = (("i_a", "i_b"), ("i_b", "i_c"), ("i_alpha", "i_beta"), ("i_d", "i_q"))
@@ -169,12 +171,13 @@ def _factor(name: str, unit: str, where: str) -> tuple[float, float]:
 
 
 class StandardColumns(NamedTuple):
-    """The standard columns of a table, what was changed or lost on the way, and of what the angle
-    was made."""
+    """The standard columns of a table, what was changed or lost on the way, of what the angle was
+    made, and by phase which rows of its current had no number (1, else 0)."""
 
     values: dict[str, Array]
     notes: list[Finding]
     made: Made | None
+    empty: dict[str, Array]
 
 
 def standard_columns(
@@ -194,13 +197,14 @@ def standard_columns(
     needs none.
     period: s from row to row where a table has no stamps.
     """
-    length = max((len(v) for v in table.columns.values()), default=0)
+    length = _length(table)
     if length > MOST_ROWS:
         raise BadInput(
             f"{file}: {length / 1e6:.3g} million rows, at most {MOST_ROWS / 1e6:g} are "
             "read; cut the log"
         )
-    found, notes = measured(file, table, columns, pole_pairs)
+    empty = dict[str, Array]()
+    found, notes = measured(file, table, columns, pole_pairs, empty)
     if "u_dc" not in found:
         found["u_dc"] = np.full(length, link)
         notes.append(
@@ -227,24 +231,29 @@ def standard_columns(
             'steps = {column = "tachometer"}'
         )
     kept = {n: found[n] for n in ("t", "theta", "u_dc", *OPTIONAL) if n in found}
-    return StandardColumns({**kept, **voltages, **currents}, notes, made)
+    if empty.keys() - {"i_a", "i_b", "i_c"}:  # of two axes: every phase is made from them
+        empty = dict.fromkeys(currents, np.max(list(empty.values()), axis=0))
+    return StandardColumns({**kept, **voltages, **currents}, notes, made, empty)
 
 
 def measured(
-    file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float
+    file: str,
+    table: Table,
+    columns: Mapping[str, Column],
+    pole_pairs: float,
+    empty: dict[str, Array] | None = None,
 ) -> tuple[dict[str, Array], list[Finding]]:
     """Return the standard columns that a table has, in their units, and what was changed on the
-    way."""
+    way; empty: takes which rows of a current had no number."""
     notes = [Finding(file, column, None, text) for column, text in table.notes]
-    length = max((len(v) for v in table.columns.values()), default=0)
     found: dict[str, Array] = {}
     mapped = available(table, columns)
     for name in KIND:
         entry = _entry(table, mapped, name)
         if entry is not None:
-            found[name] = _values(
-                file, table, entry, length, pole_pairs, notes, turns_between(found)
-            )
+            turns = turns_between(found)
+            own = {} if empty is None else empty
+            found[name] = _values(file, table, entry, pole_pairs, notes, turns, own)
             if name == "t":
                 _refuse_disorder(file, found[name])
     return found, notes
@@ -256,9 +265,7 @@ def stamps_of(file: str, table: Table, columns: Mapping[str, Column]) -> Array |
     entry = _entry(table, available(table, columns), "t")
     if entry is None:
         return None
-    t = _values(
-        file, table, entry, max((len(v) for v in table.columns.values()), default=0), 1.0, [], None
-    )
+    t = _values(file, table, entry, 1.0, [], None, {})
     _refuse_disorder(file, t)
     return t
 
@@ -351,21 +358,46 @@ def _values(
     file: str,
     table: Table,
     entry: Column,
-    length: int,
     pole_pairs: float,
     notes: list[Finding],
     turns: Array | None,
+    empty: dict[str, Array],
 ) -> Array:
     """Return one column in the standard unit: unwrapped, times unit, scale and pole pairs, plus
     offset.
 
-    turns: electrical, from row to row by the log's speed, by which an angle is unwrapped.
+    turns: electrical, from row to row by the log's speed, by which an angle is unwrapped; empty:
+    takes which rows of a current had no number.
     """
     if entry.value is not None:
-        return np.full(length, entry.value)
-    key = key_of(file, table, entry)
-    raw = table.columns[key]
-    _refuse_gaps(file, table, key, raw)
+        return np.full(_length(table), entry.value)
+    key, angle = key_of(file, table, entry), KIND[entry.name] == "angle"
+    factor, shift = _unit_of(file, table, entry, key)
+    turn = 2.0 * math.pi / abs(factor * entry.scale) if angle else 0.0
+    raw, rows = _numbers(file, table, entry, turn, notes)
+    if rows is not None and KIND[entry.name] == "current":
+        empty[entry.name] = rows.astype(np.float64)
+    pairs = pole_pairs if entry.mechanical else 1.0
+    if angle:
+        own = math.copysign(1.0, factor * entry.scale) / pairs
+        steps = None if turns is None or entry.name != "theta" else own * turns
+        raw = unwrapped(file, key, raw, turn, notes, steps, entry.name == "theta_hat")
+    factor *= pairs
+    if (factor, shift, entry.scale, entry.offset) == (1.0, 0.0, 1.0, 0.0):
+        return raw
+    out = np.multiply(raw, factor, dtype=np.float64)  # then in its place: a column may be long
+    out += shift
+    out *= entry.scale
+    out += entry.offset
+    return out
+
+
+def _length(table: Table) -> int:
+    return max((len(v) for v in table.columns.values()), default=0)
+
+
+def _unit_of(file: str, table: Table, entry: Column, key: str) -> tuple[float, float]:
+    """Return factor and shift to the standard unit, by what the map or the header says."""
     stated = table.units.get(key)
     where = f"{file}: column '{entry.column}'"
     if stated is not None and stated not in UNITS[KIND[entry.name]] and entry.unit is None:
@@ -381,28 +413,22 @@ def _values(
             f"{where} says its unit is {stated}, [columns] says {entry.unit}; correct one of them"
         )
     unit = entry.unit or stated
-    factor, shift = _factor(entry.name, unit, where) if unit else (1.0, 0.0)
-    pairs = pole_pairs if entry.mechanical else 1.0
-    if KIND[entry.name] == "angle":
-        own = math.copysign(1.0, factor * entry.scale) / pairs
-        steps = None if turns is None or entry.name != "theta" else own * turns
-        raw = unwrapped(
-            file,
-            key,
-            raw,
-            2.0 * math.pi / abs(factor * entry.scale),
-            notes,
-            steps,
-            entry.name == "theta_hat",
-        )
-    factor *= pairs
-    if (factor, shift, entry.scale, entry.offset) == (1.0, 0.0, 1.0, 0.0):
-        return raw
-    out = np.multiply(raw, factor, dtype=np.float64)  # then in its place: a column may be long
-    out += shift
-    out *= entry.scale
-    out += entry.offset
-    return out
+    return _factor(entry.name, unit, where) if unit else (1.0, 0.0)
+
+
+def _numbers(
+    file: str, table: Table, entry: Column, turn: float, notes: list[Finding]
+) -> tuple[Array, NDArray[np.bool_] | None]:
+    """Return a column's numbers, and which rows of it were empty where those beside tell them;
+    turn: of an angle, in its own unit, else 0."""
+    key = key_of(file, table, entry)
+    raw, read = table.columns[key], KIND[entry.name] in READ or entry.name == "u_dc"
+    rows = gone(table, key, raw) if read else None
+    if rows is None:
+        _refuse_gaps(file, table, key, raw)
+        return raw, None
+    notes.append(told(file, entry.name, entry.column, rows, KIND[entry.name] == "current"))
+    return filled(raw, rows, turn), rows
 
 
 def key_of(file: str, table: Table, entry: Column) -> str:

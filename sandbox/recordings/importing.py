@@ -68,6 +68,7 @@ Array = NDArray[np.float64]
 SILENT = 0.01  # of the sampling period: jitter that the format allows
 DAY = 86400.0  # s
 DRIFT = 0.01  # relative error of the recorded clock
+EMPTY = "empty."  # before a phase: which of its rows had no number, beside the columns of a log
 MAPS = re.compile(r"\bmap .* (?:with|= \{)")
 
 
@@ -236,9 +237,11 @@ def unchecked(source: Source) -> Campaign:
         for piece, values, made in pieces:
             for name, own, noise, starts_at in _timed(piece, values, converter, source, findings):
                 of = "" if name == file else file
+                columns = {n: x for n, x in own.items() if not n.startswith(EMPTY)}
+                empty = {n.removeprefix(EMPTY): own[n] > 0.0 for n in own.keys() - columns.keys()}
                 recordings.append(
                     CampaignRecording(
-                        name, rotor, axis, own, link, of, starts_at, source=held, made=made
+                        name, rotor, axis, columns, link, of, starts_at, {}, held, made, empty
                     )
                 )
                 noises.append(noise)
@@ -279,7 +282,7 @@ def _logs(
     out, said = [], set[str]()
     for name, first, part in parts:
         try:
-            values, notes, made = standard_columns(
+            values, notes, made, empty = standard_columns(
                 name, part, source.mapped, source.pole_pairs, link, locked=locked, period=period
             )
         except BadInput as error:
@@ -297,7 +300,8 @@ def _logs(
                     dataclasses.replace(note, file=file if note.row is None else name, text=text)
                 )
             said.add(text)
-        out.append((name, values, made))
+        # cut and timed with the rest
+        out.append((name, values | {EMPTY + phase: x for phase, x in empty.items()}, made))
     return out
 
 

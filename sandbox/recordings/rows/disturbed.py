@@ -1,5 +1,5 @@
-"""Current readings that were disturbed, one row at a time: found, and what the rows beside tell put
-in their place.
+"""Current readings that were disturbed or are missing, one row at a time: found, and what the rows
+beside tell put in their place.
 
 What a command does to a current from row to row is known, and the rest of it goes on smoothly.  A
 reading that leaves this and is back in the next row was no current: a winding's inductance does not
@@ -49,7 +49,7 @@ def without_disturbed(campaign: Campaign) -> Campaign:
         out.append(own)
         findings += notes
         squares, rows = squares + missed, rows + len(r.t)
-    if not findings:
+    if all(new is old for new, old in zip(out, campaign.recordings, strict=True)):
         return campaign
     return dataclasses.replace(
         campaign,
@@ -76,18 +76,19 @@ def _mended(
     columns, findings, missed = dict(r.columns), list[Finding](), 0.0
     for name in read_phases(r):
         x, moved = r[name], driven(r, drive, PHASES.index(name))
-        bad, squares = disturbed(x, moved, least)
-        rows = np.flatnonzero(bad)
-        if not rows.size:
+        empty = r.empty.get(name, np.zeros(len(x), dtype=bool))
+        bad, squares = disturbed(x, moved, least, empty)
+        if not np.any(bad):
             continue
         missed += squares
         columns[name] = beside(x, moved, bad)
-        findings.append(_told(r, name, rows, columns[name]))
-    if not findings:
+        rows = np.flatnonzero(bad & ~empty)  # an empty cell was told where it was read
+        findings += [_told(r, name, rows, columns[name])] if rows.size else []
+    if all(columns[name] is r.columns[name] for name in PHASES):
         return r, [], 0.0
     for name in set(PHASES) - set(read_phases(r)):
         columns[name] = -np.sum([columns[n] for n in PHASES if n != name], axis=0)
-    return dataclasses.replace(r, columns=columns), findings, missed
+    return dataclasses.replace(r, columns=columns, empty={}), findings, missed
 
 
 def read_phases(r: CampaignRecording) -> list[str]:
@@ -127,13 +128,16 @@ def driven(r: CampaignRecording, drive: Drive, phase: int) -> Array:
     return np.asarray(u[:-1] * -math.expm1(-m.resistance * period / inductance) / m.resistance)
 
 
-def disturbed(x: Array, moved: Array, least: float) -> tuple[NDArray[np.bool_], float]:
+def disturbed(
+    x: Array, moved: Array, least: float, empty: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.bool_], float]:
     """Return which readings (n,) leave what the command moves (n - 1,) and are back within LONGEST
     rows, and the squares that are missed once the rows beside stand in for them.
 
-    least: A, what counts as leaving at least.  One beside others shows once these are gone.
+    least: A, what counts as leaving at least; empty: readings that are none.  One beside others
+    shows once these are gone.
     """
-    bad = np.zeros(len(x), dtype=bool)
+    bad = np.zeros(len(x), dtype=bool) if empty is None else empty.copy()
     if len(x) < FEWEST:
         return bad, 0.0
     for _ in range(PASSES):

@@ -324,6 +324,12 @@ def test_a_link_that_the_log_does_not_hold_is_said(tmp_path, changes, mapping, m
     assert any(message in f.text for f in campaign.findings), campaign.findings
 
 
+def second(line, cell):
+    """Return a line of a CSV with another second cell, a commanded voltage."""
+    first, _, *rest = line.split(",")
+    return ",".join((first, cell, *rest))
+
+
 def _edited(tmp_path, old, new):
     _one(tmp_path, _columns())
     path = tmp_path / "run.csv"
@@ -336,8 +342,8 @@ def _edited(tmp_path, old, new):
 @pytest.mark.parametrize(
     ("line", "new", "message"),
     [
-        (8, lambda x: x.rsplit(",", 1)[0] + ",", "row 7 of column 'u_dc' is empty, no number"),
-        (8, lambda x: x.rsplit(",", 1)[0] + ",n/a", "row 7 of column 'u_dc' is 'n/a', no number"),
+        (8, lambda x: second(x, ""), "row 7 of column 'u_alpha' is empty, no number"),
+        (8, lambda x: second(x, "n/a"), "row 7 of column 'u_alpha' is 'n/a', no number"),
         (8, lambda x: x.rsplit(",", 1)[0] + ",inf", "row 7 of column 'u_dc' is inf, no number"),
         (8, lambda x: x + ",1,2", "row 7 has 10 cells, the header has 8"),
         (0, lambda x: x.replace("i_b", "i_a"), "column 'i_a' stands twice"),

@@ -121,15 +121,14 @@ WRONG = {
         "is t in days, as spreadsheets keep dates. map it with scale = 86400",
     ),
     "unit in the cell": (one_cell("1.5 A"), "row 50 .* its unit stands in the cell.*header .A."),
-    "not available": (
-        one_cell("#N/A"),
-        "row 50 of column 'i_a' is '#N/A', no number.*delete the row .the stamps of 't' show",
-    ),
     "many empty cells": (
         changed(i_a=["" if k % 9 == 5 else x for k, x in enumerate(columns()["i_a"])]),
         "row 5 of column 'i_a' is empty.*.22 such rows.; record every sample",
     ),
-    "a word": (one_cell("#DIV/0!"), "row 50 of column 'i_a' is '#DIV/0!', no number"),
+    "a word": (
+        one_cell("#DIV/0!"),
+        "row 50 of column 'i_a' is '#DIV/0!', no number.*delete the row .the stamps of 't' show",
+    ),
     "zero in the middle": (
         changed(**counts(2500.0, 1e9)),
         "their zero in the middle.*offset = -2500 x scale",
@@ -151,6 +150,15 @@ def test_one_sentence_says_what_is_wrong(tmp_path, name):
     made, said = WRONG[name]
     with pytest.raises(BadInput, match=said):
         read(tmp_path, made)
+
+
+@pytest.mark.parametrize("cell", ["", "#N/A", "null", "-"])
+def test_an_empty_cell_is_told_by_the_rows_beside(cell, tmp_path):
+    """Commands of 1 ohm times 2 A at 1 Hz change by 2 A times 2 pi 1 ms a row, of which a line
+    between two rows misses half at most."""
+    campaign = read(tmp_path, one_cell(cell))
+    assert np.allclose(campaign["log"].i_a, columns()["i_a"], rtol=0, atol=6.3e-3)
+    assert any("row 50 of column 'i_a' is empty (1 of 200" in f.text for f in campaign.findings)
 
 
 def test_decimal_commas_between_commas_are_named(tmp_path):
