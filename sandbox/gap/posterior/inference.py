@@ -77,8 +77,12 @@ class _Weighing:
 
     def answer(self) -> Inference:
         """Return the answer; where a set beside the best one leaves far less than it, the search
-        goes on from there: it stood at a poor point, and data count as far as what it left."""
+        goes on from there: it stood at a poor point, and data count as far as what it left.  Where
+        it ends far from the floor it begins anew at the nominal model as stated."""
         first = self.first(*self.search.begun())
+        if rms_of(first[0].fit) > NEAR:
+            other = self.first(self.search.at_nominal(), True)
+            first = other if self.far_less(other[0].fit, first[0].fit) else first
         found = self.around(*first)
         for _ in range(AGAIN):
             least = min((e.fit for e in found.evaluated.values()), key=rms_of)

@@ -20,9 +20,19 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from sandbox.gap.evidence.algebra import prior_of
-from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, most_left, rms_of
+from sandbox.gap.evidence.fit import (
+    NEAR,
+    Fit,
+    Weights,
+    attempted,
+    coordinates_of,
+    fit,
+    most_left,
+    objective,
+    rms_of,
+)
 from sandbox.gap.evidence.misfit import misfit, weights
-from sandbox.gap.evidence.normal import Normal, Point, part_of
+from sandbox.gap.evidence.normal import Normal, Point, normal, part_of
 from sandbox.gap.evidence.priors import is_ordinary, ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import (
     Candidate,
@@ -124,6 +134,15 @@ class Search:
             return alone
         rough = rms_of(new) > NEAR
         return (new if rough else self.best_form(new, new.effects, False)), rough
+
+    def at_nominal(self) -> Fit:
+        """Return the nominal point itself as a fit without effects: far from the floor, ordinary
+        deviations that are fitted alone bend towards what is missing, and effects may not find the
+        way back."""
+        p = self.problem
+        n = normal(p.start, coordinates_of(p.start, ()), workers=p.workers)
+        value = objective(n, prior_of(n.coordinates), p.fitted)
+        return Fit((), p.start, n.bare(), value, n.simulations)
 
     def grown(self, here: Fit, rough: bool, *, whole: bool = True) -> tuple[Fit, Normal | None]:
         """Return the fit of the most probable set: fitted, linearised anew, until the posterior

@@ -112,8 +112,6 @@ def test_from_a_map_to_a_simulator_that_has_what_was_found(name, tmp_path):
     assert sandbox.check(record, effects=False).mistakes == ()
     found = sandbox.diagnose(record, exclude=[e for e in effect_names() if e not in LEFT], jobs=1)
     best = found.as_json()["hypotheses"][0]
-    if name == "sew" and best["effects"] != ["dead_time"]:
-        pytest.xfail("a drop stands beside it since whole fits try every form")
     assert best["effects"] == ["dead_time"]
     time = best["parameters"]["dead_time.time"]
     low, high = time["ci95"]
