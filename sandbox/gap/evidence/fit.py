@@ -255,7 +255,9 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
         again = tried(d.n, d.point.resmoothed(), prior, task.weights, task.workers)[0]
         smoother, d.cost = d.value - again, d.cost + 1.0
     found, value = d.n.bare(), objective(d.n, free, task.weights)
-    if prior is held:  # what is made of the fit holds the sign, too
+    if not all(np.all(np.isfinite(s.a)) for s in found.segments):
+        value = math.inf  # slopes grow without bounds: no drive stands there
+    elif prior is held:  # what is made of the fit holds the sign, too
         own = np.flatnonzero(~sign).tolist()
         found = equations_of(found, own, [n.coordinates[k] for k in own], found.x)
     return Fit(tuple(task.effects), d.point, found, value, d.cost), smoother

@@ -139,16 +139,16 @@ def ordinary(campaign: Campaign, at: Set | None = None) -> list[Coordinate]:
     usual ones); at: completed values, which tell the form of an effect, neutral by default.
 
     Nobody knows in which form a drive has what is ordinary: all numbers of the form that is on are,
-    and its shapes are free.
+    their sum as large as stated, and its shapes are free.
     """
     motor = campaign.drive.motor
     values, out = library.neutral(motor) if at is None else at, []
     for name, p in library.parameters().items():
-        if p.ordinary is not None and name in _of_form(name, values):
+        form = _of_form(name, values)
+        if p.ordinary is not None and name in form:
             mean = p.neutral_for(motor)
-            out.append(
-                Coordinate(name, mean, deviation_of(campaign, p.ordinary, mean), "linear", (name,))
-            )
+            each = deviation_of(campaign, p.ordinary, mean) / math.sqrt(len(form))
+            out.append(Coordinate(name, mean, each, "linear", (name,)))
     for name, b in BENCH.items():
         if b.ordinary is not None:
             mean = b.neutral or 0.0
@@ -178,7 +178,8 @@ def _with_forms() -> list[Effect]:
 
 
 def _of_form(name: str, values: Set) -> tuple[str, ...]:
-    """Return the parameters that the form has in which an effect is, at completed values."""
+    """Return the ordinary parameters of the form in which a parameter's effect is, at completed
+    values; of an effect with one form only, the parameter itself."""
     card = library.load_effect(name.partition(".")[0])
     if card.ordinarily is None:
         return (name,)
