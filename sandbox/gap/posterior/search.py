@@ -365,20 +365,17 @@ class Search:
 
     def best_form(self, found: Fit, effects: Sequence[str], rough: bool) -> Fit:
         """Return a fit, or that of the same set with one of these effects in its other form where
-        that fits better; rough: both are no more than the first part of one."""
+        that fits better; rough: both are no more than the first part of one.  The other form begins
+        with the usual sign of currents: this one may have bent it."""
         p, point = self.problem, found.point
         drive, width = point.prepared.campaign.drive, point.values["bench.soft_current"]
         for effect in effects:
             card = library.load_effect(effect)
             if card.otherwise is None:
                 continue
-            at = replace(
-                point,
-                values={
-                    **point.values,
-                    **card.otherwise(point.values, width, drive.motor, drive.converter),
-                },
-            )
+            other = card.otherwise(point.values, width, drive.motor, drive.converter)
+            usual = with_usual_sign({**point.values, **other}, drive.motor)
+            at = replace(point, values=usual)
             new = attempted(
                 at,
                 found.effects,
