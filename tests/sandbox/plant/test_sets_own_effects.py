@@ -1,10 +1,11 @@
-"""Effects of one's own: the example beside the switched bench, which has both, and what is refused.
+"""Effects of one's own: the example against closed forms, and what is refused.
 
-The plant is compiled once a process, so the example runs in a process of its own; its fan's
-coefficient is planted on the switched bench (phase equations, no code shared).
+The plant is compiled once a process, so the example runs in a process of its own: of its kernels
+the shaft's alone, as a whole replay takes half a minute to compile.
 """
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -74,31 +75,22 @@ for share in (1.0, 2.0):
 print(json.dumps([told(), told(**sizes, **shaft), told(**mine), told(**sizes, **mine), uneven, *wrong]))
 """  # noqa: E501
 RUN = """
+import json
 import math
 import numpy as np
 from model.effects.adopt import adopt
 print(*[c.name for c in adopt({example!r})])
 import sandbox.plant.ports as ports
 from model.drive_files import load_drive
-from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.plant.sets import batch_of, complete
-from sandbox.replay.replay import prepare, replay
-from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.advance import replay as switched
+from sandbox.plant.mechanics import turned_by
+from sandbox.plant.sets import batch_of, complete, features_of
 drive = load_drive("ipm")
-n, h, k = 1600, drive.converter.sampling_period, {fan}
-b = quiet(bench(drive.motor, drive.converter))._replace(fan=k)
-u = np.full(n, 20.0 + 0.0j)
-theta = 0.3
-angle = 0.3 + 0.5 * 400.0 * (h * np.arange(n)) ** 2
-u = (10.0 + 0.1 * 400.0 * h * np.arange(n)) * np.exp(1j * (angle + 1.6))
-r = switched(b, "free", u.real, u.imag, 400.0, theta=0.3, speed=60.0)
-columns = {{"t": h * np.arange(n), "u_alpha": u.real, "u_beta": u.imag, "theta": r["theta"], "u_dc": np.full(n, 400.0)}}
-columns |= {{name: r[name] for name in ("i_a", "i_b", "i_c")}} | {{"load_torque": np.zeros(n)}}
-c = Campaign("fan", drive, (CampaignRecording("free", "free", "none", columns),), {{}}, {{}}, False)
-for values in ({{"fan.coefficient": k}}, {{}}):
-    moved = replay(prepare(c, values, steps=1), [values]).motion[0][200:, 0]
-    print(float(np.sqrt(np.mean(moved**2))))
+def turned(values, parts):
+    values = complete(drive.motor, drive.converter, {{"viscous_friction.coefficient": 0.0, **values}})
+    w, angle = batch_of(drive.motor, drive.converter, [values], 1), np.zeros({n})
+    turned_by(w, features_of(drive.motor, values), np.full({n}, {torque}), {period}, parts, angle)
+    return angle[-1] / drive.motor.pole_pairs
+print(json.dumps([turned({{"fan.coefficient": {fan}}}, 1), turned({{"fan.coefficient": {fan}}}, 4), turned({{}}, 1)]))
 values = complete(drive.motor, drive.converter, {{"resolver.amplitude": 0.004, "resolver.phase": 0.7}})
 w = batch_of(drive.motor, drive.converter, [values], 1)
 print(max(abs(ports.angle(w, 0, x, 6.0) - 6.0 * 0.004 * math.sin(2.0 * x + 0.7)) for x in np.linspace(-3.0, 9.0, 50)))
@@ -106,16 +98,27 @@ print(max(abs(ports.angle(w, 0, x, 6.0) - 6.0 * 0.004 * math.sin(2.0 * x + 0.7))
 
 
 def test_the_examples_fan_and_resolver_enter_the_plant(tmp_path):
-    """With the fan a free rotor's innovations vanish (0.1 of a reading's standard deviation, as for
-    library effects, tests/sandbox/replay/test_replay.py); the resolver's error is its equation to
-    rounding (sums of a few 1e-2: 1e-15)."""
-    text = RUN.format(example=str(EXAMPLE), fan=2e-5)
-    names, with_it, without, error = (
+    """Under a constant torque T a fan k holds the speed of a rotor at w = sqrt(T/k) tanh(t/c), with
+    c = J/sqrt(T k): the angle is sqrt(T/k) c log cosh(t/c), which is a tenth less than without it.
+
+    The step takes friction at its start: of half a step's older speed, T h/(2 J), the fan's torque
+    is off by 2 k sqrt(T/k) times that at most.  The resolver's error is its equation to rounding
+    (sums of a few 1e-2: 1e-15).
+    """
+    j, k, torque, h, n = load_drive("ipm").motor.inertia, 2e-5, 0.5, 2.5e-4, 1600
+    text = RUN.format(example=str(EXAMPLE), fan=k, torque=torque, period=h, n=n)
+    names, angles, error = (
         in_a_process_of_its_own(tmp_path / "run.py", text, tmp_path).strip().splitlines()
     )
     assert names == "fan resolver"
-    assert float(with_it) < 0.1
-    assert float(without) > 10.0 * float(with_it)
+    coarse, fine, without = json.loads(angles)
+    t, top, c = (n - 1) * h, (torque / k) ** 0.5, j / (torque * k) ** 0.5
+    wanted = top * c * math.log(math.cosh(t / c))
+    assert without == pytest.approx(0.5 * torque / j * t * t, rel=1e-9)
+    assert without > 1.1 * wanted
+    off = 0.5 * t * t * (k * top * torque * h / j) / j
+    assert abs(coarse - wanted) < off
+    assert coarse - wanted == pytest.approx(4.0 * (fine - wanted), rel=0.01)
     assert float(error) < 1e-14
 
 
