@@ -21,7 +21,7 @@ from tests.fuzz.doors import damaged, judged, listing, tried, wrong_sentence
 from tests.fuzz.mutations import CALLS
 from tests.fuzz.whole import COSTLY, DOORS
 
-INPUTS = 40  # a door; about a quarter of a minute in all
+INPUTS = 25  # a door; about ten seconds in all
 FINDINGS = sorted((Path(__file__).parent / "findings").glob("*"))
 BY_NAME = {d.name: d for d in DOORS}
 
