@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
+from .compiled import piece
 from .plant import (
     ROOT3,
     advance,
@@ -17,7 +18,7 @@ from .types import DRIVEN, FLOATING, HIGH, LOCKED, LOW, SPEED, VOLTAGE, World
 QUEUE = 12  # pending events of a leg
 
 
-@njit(cache=True)
+@piece
 def push(times, kinds, count, x, t, kind):
     """Insert an event of leg x in order of time."""
     n = count[x]
@@ -30,7 +31,7 @@ def push(times, kinds, count, x, t, kind):
     count[x] += 1
 
 
-@njit(cache=True)
+@piece
 def pop(times, kinds, count, x):
     """Take the first event of leg x."""
     kind = kinds[x, 0]
@@ -41,7 +42,7 @@ def pop(times, kinds, count, x):
     return kind
 
 
-@njit(cache=True)
+@piece
 def modulate(inv, start, u_alpha, u_beta, link_read, times, kinds, count):
     """Edges of one period: centred pulses, D = 1/2 + (v + v_0)/u_dc, v_0 by min and max, rounded to
     counter steps."""
@@ -61,7 +62,7 @@ def modulate(inv, start, u_alpha, u_beta, link_read, times, kinds, count):
 CLOSE = 4  # an event kind of CLOSE + HIGH or LOW closes a switch after a dead time or a shift
 
 
-@njit(cache=True)
+@piece
 def gate(inv, x, kind, t, current, y, legs, times, kinds, count, mag, loss, memory):
     """An event of leg x at time t: a commanded edge, or a switch that closes after its dead
     time."""
@@ -87,7 +88,7 @@ def gate(inv, x, kind, t, current, y, legs, times, kinds, count, mag, loss, memo
         switch(x, kind, t, y, legs, mag, loss, inv, memory)
 
 
-@njit(cache=True)
+@piece
 def seen_current(sens, mag, loss, y, memory, x):
     """Phase current x behind the analog filter."""
     if sens.filter[0] > 0.0:
@@ -99,7 +100,7 @@ def seen_current(sens, mag, loss, y, memory, x):
     return -0.5 * a + (0.5 if x == 1 else -0.5) * ROOT3 * b
 
 
-@njit(cache=True)
+@piece
 def read_current(sens, x, i, t, noise, remanence):
     """What sensor x gives for a current: gain with a cubic, offset with drift, play, soft limit,
     noise, resolution."""
@@ -115,7 +116,7 @@ def read_current(sens, x, i, t, noise, remanence):
     return r
 
 
-@njit(cache=True)
+@piece
 def read_angle(sens, pole_pairs, y, turned):
     """Electrical angle that the encoder gives."""
     m = y[2] / pole_pairs
@@ -128,7 +129,7 @@ def read_angle(sens, pole_pairs, y, turned):
     return m_read * pole_pairs
 
 
-@njit(cache=True)
+@piece
 def command(ctl, references, inv, memo, k, i_abc, theta, link_read, ring):
     """Voltage command (alpha, beta) for the next period from what has been read.
 

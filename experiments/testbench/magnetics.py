@@ -12,10 +12,11 @@ import math
 import numpy as np
 from numba import njit
 
+from .compiled import piece
 from .types import Magnetics
 
 
-@njit(cache=True)
+@piece
 def _keys(x):
     """Weights of the four neighbours at offset x in [0, 1), a = -1/2."""
     x2, x3 = x * x, x * x * x
@@ -27,7 +28,7 @@ def _keys(x):
     )
 
 
-@njit(cache=True)
+@piece
 def lookup(m, psi_d, psi_q):
     """Currents i_d, i_q (A) of the table at a flux; outside the table its edge cell goes on."""
     n, k = m.table_d.shape
@@ -46,7 +47,7 @@ def lookup(m, psi_d, psi_q):
     return i_d, i_q
 
 
-@njit(cache=True)
+@piece
 def _quartic(e, f_d, f_q):
     """Equations (id), (iq) of the paper."""
     i_d = (
@@ -60,7 +61,7 @@ def _quartic(e, f_d, f_q):
     return i_d, i_q
 
 
-@njit(cache=True)
+@piece
 def _power(w, f_d, f_q):
     """Gradient of a_d |f_d|^(S+2)/(S+2) + a_q |f_q|^(T+2)/(T+2) + a_dq |f_d|^(U+2) |f_q|^(V+2) /
     ((U+2)(V+2))."""
@@ -70,7 +71,7 @@ def _power(w, f_d, f_q):
     return i_d, i_q
 
 
-@njit(cache=True)
+@piece
 def _saliency(g, theta, f_d, f_q):
     """Added currents and -dH/dtheta of harmonics of the saliency.
 

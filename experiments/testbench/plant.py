@@ -12,6 +12,7 @@ import math
 
 from numba import njit
 
+from .compiled import piece
 from .magnetics import field
 from .types import DRIVEN, FLOATING, HIGH, LOCKED
 
@@ -20,7 +21,7 @@ FEW = 11  # states of a bench without filter, core loss, skin effect and hot con
 ROOT3 = math.sqrt(3.0)
 
 
-@njit(cache=True)
+@piece
 def _knee(v, current):
     """Forward voltage of a device with knee and slope, 0 at zero current."""
     if v[0] == 0.0:
@@ -28,7 +29,7 @@ def _knee(v, current):
     return v[0] * (1.0 - math.exp(-current / v[1])) + v[2] * current
 
 
-@njit(cache=True)
+@piece
 def leg_voltage(inv, mode, clamp, current, link, floating):
     """Voltage of a leg's output (V) by what its switches do and where its current flows."""
     if mode == FLOATING:
@@ -83,7 +84,7 @@ def currents(mag, loss, y, memory):
     return i_alpha + e_alpha, i_beta + e_beta, torque
 
 
-@njit(cache=True)
+@piece
 def link_voltage(inv, t, y):
     """True link voltage (V)."""
     if inv.source[0] > 0.0:
@@ -93,7 +94,7 @@ def link_voltage(inv, t, y):
     )
 
 
-@njit(cache=True)
+@piece
 def rectifier(inv, t):
     """Open-circuit voltage of the source: a six-pulse bridge whose ripple is scaled to what the
     choke lets through."""
@@ -102,7 +103,7 @@ def rectifier(inv, t):
     return inv.link * (1.0 + inv.link_gain) * (1.0 + inv.source[4] * (math.cos(x) - 3.0 / math.pi))
 
 
-@njit(cache=True)
+@piece
 def shaft_torque(mech, twist, slip):
     """Torque of the shaft on the rotor: a spring and damper beyond the gap (dead zone)."""
     gap = mech.shaft[2]
@@ -139,7 +140,7 @@ def relax_bristle(mech, speed, h, memory):
     memory[0] = end + (memory[0] - end) * math.exp(-mech.lugre[3] * abs(speed) / g * h)
 
 
-@njit(cache=True)
+@piece
 def _turn(mech, world, t, y, dy, torque, bristle):
     """Derivatives of angle, speeds and twist."""
     if world.rotor == LOCKED:
@@ -225,7 +226,7 @@ def slopes(t, y, dy, legs, mag, loss, inv, mech, sens, world, memory):
     _turn(mech, world, t, y, dy, torque, memory[0])
 
 
-@njit(cache=True)
+@piece
 def rk4(t, y, h, out, work, legs, mag, loss, inv, mech, sens, world, memory):
     """One classical Runge-Kutta step from y into `out`; `work`: five arrays."""
     n = y.size
@@ -244,7 +245,7 @@ def rk4(t, y, h, out, work, legs, mag, loss, inv, mech, sens, world, memory):
         out[i] = y[i] + h / 6.0 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i])
 
 
-@njit(cache=True)
+@piece
 def phase_current(mag, loss, y, memory, x):
     """Current of phase x out of its leg."""
     i_alpha, i_beta, _ = currents(mag, loss, y, memory)
@@ -253,7 +254,7 @@ def phase_current(mag, loss, y, memory, x):
     return -0.5 * i_alpha + (0.5 if x == 1 else -0.5) * ROOT3 * i_beta
 
 
-@njit(cache=True)
+@piece
 def _guard(x, t, y, legs, mag, loss, inv, memory):
     """Positive while a floating leg stays as it is, over its natural scale; crosses zero at the
     event."""
@@ -268,7 +269,7 @@ def _guard(x, t, y, legs, mag, loss, inv, memory):
     return (link - y[8 + x]) / link
 
 
-@njit(cache=True)
+@piece
 def _clamp(x, t, y, legs, inv):
     """The event of a floating leg: its voltage has reached a rail, or its diode's current has
     ceased."""
@@ -320,7 +321,7 @@ def advance(t, end, y, step, work, trial, legs, mag, loss, inv, mech, sens, worl
         _creep(t, end, y, step, work, trial, legs, mag, loss, inv, mech, sens, world, memory)
 
 
-@njit(cache=True)
+@piece
 def _creep(t, end, y, step, work, trial, legs, mag, loss, inv, mech, sens, world, memory):
     """The rest of an interval without events."""
     while t < end - 1e-13:
@@ -330,7 +331,7 @@ def _creep(t, end, y, step, work, trial, legs, mag, loss, inv, mech, sens, world
         t += h
 
 
-@njit(cache=True)
+@piece
 def _locate(x, t, y, h, trial, work, legs, mag, loss, inv, mech, sens, world, memory):
     """Time within (0, h] at which leg x has its event (h where it has none); `trial` is left at
     that time."""

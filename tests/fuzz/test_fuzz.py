@@ -21,7 +21,7 @@ from tests.fuzz.doors import damaged, judged, listing, tried, wrong_sentence
 from tests.fuzz.mutations import CALLS
 from tests.fuzz.whole import COSTLY, DOORS
 
-INPUTS = 25  # a door; about ten seconds in all
+INPUTS, WORDS = 25, 80  # a door, and of the command line; about ten seconds in all
 FINDINGS = sorted((Path(__file__).parent / "findings").glob("*"))
 BY_NAME = {d.name: d for d in DOORS}
 
@@ -59,7 +59,7 @@ def test_no_damaged_file_escapes(name, tmp_path):
 
 def test_no_damaged_call_escapes(home):
     before, kinds = listing(home), []
-    for k in range(2 * INPUTS):
+    for k in range(WORDS):
         words = call_number(k)
         outcome = call(words)
         assert outcome.kind != "escaped", f"{words}: {outcome.why}"
