@@ -157,6 +157,16 @@ def test_tolerances_stand_on_the_page_and_are_not_advised_then(small_comparison,
     assert both.drawings == page.drawings + 1
 
 
+def test_the_figure_of_costs_shows_each_estimator_that_closes_the_loop(small_comparison, tmp_path):
+    """Three panels, error, loss and sound, with a mark each for both beliefs of both estimators."""
+    path = tmp_path / "cost.svg"
+    figure = ComparisonResult(small_comparison).plot_cost(path)
+    error, loss, _ = figure.axes
+    assert sorted(t.get_text() for t in error.get_yticklabels()) == ["ekf", "qnull"]
+    assert [sum(len(line.get_xdata()) for line in a.lines) for a in (error, loss)] == [4, 4]
+    assert "what the injection costs" in path.read_text(encoding="utf-8")
+
+
 def test_runs_without_lock_and_strange_names_have_a_page(small_comparison, tmp_path):
     """All lost: no mean to draw, no best; a motor called like a tag is no tag."""
     lost = ErrorDeg(None, None, None, None)
