@@ -11,7 +11,7 @@ loses with its current's sign.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -37,6 +37,7 @@ from sandbox.recordings.checks.changes import (
 from sandbox.recordings.checks.legs import lost_by_legs
 from sandbox.recordings.rows.commands import mean_command
 
+PARTS = (CURRENT, VOLTAGE)
 EXPLAINED = 0.2  # share that undoing a mistake must reach ...
 BETTER = 4.0  # ... and the factor by which it must fall, twice that for each further one
 FALLS = 8.0  # times by which one more mistake must lessen it, and a convention what is no doubt yet
@@ -66,6 +67,14 @@ class Reading:
     shares: NDArray[np.float64]
     before: NDArray[np.float64]
     noise: NDArray[np.float64]
+
+    @property
+    def does(self) -> tuple[Hashable, ...]:
+        """What its changes do together: readings that do the same are one, however they are put."""
+        values = [math.prod(c.values[k] for c in self.changes) for k in range(4)]
+        scales = [math.prod(c.scale for c in self.changes if c.part == p) for p in PARTS]
+        signals = frozenset(c for c in self.changes if c.signal is not None)
+        return *values, *scales, math.prod(c.turn for c in self.changes), signals, self.zero
 
     @property
     def answered(self) -> NDArray[np.bool_]:

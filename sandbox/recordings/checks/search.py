@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -80,7 +80,10 @@ def likeliest(alike: Sequence[Reading]) -> list[Reading]:
         own = sum(c.convention and c.part != MOTOR for c in x.changes)
         return any(c.fitted for c in x.changes), x.zero != 0.0, own
 
-    some = sorted(alike, key=rank)
+    done = dict[tuple[Hashable, ...], Reading]()
+    for x in sorted(alike, key=lambda x: len(x.changes)):  # of what does the same, the fewest
+        done.setdefault(x.does, x)
+    some = sorted((x for x in alike if x is done[x.does]), key=rank)
     return some[: 2 if some and some[0].count == 1 else 1]
 
 

@@ -76,6 +76,11 @@ def test_a_convention_is_told(name, words):
     assert words in told(name, **MADE[words])
 
 
+def test_one_change_is_told_once():
+    """R, and L_d with L_q, between two terminals are the whole data sheet between two terminals."""
+    assert told("p01", **dict.fromkeys(WINDING, 2.0)).count("between two terminals") == 1
+
+
 @pytest.mark.parametrize(
     "factors",
     [{}, {"resistance": 0.75}, {"magnet_flux": 1.1}, {"inductance_d": 1.2, "inductance_q": 1.2}],
