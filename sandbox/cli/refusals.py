@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 
 from cyclopts import App, CycloptsError
 from cyclopts.exceptions import (
@@ -28,7 +29,10 @@ def sentence_of(error: CycloptsError) -> str:
             "option", word, known, f"`sensorless {' '.join(error.command_chain or ())} --help`"
         )
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
-        return f"unrecognized argument '{brief_text(error.unused_tokens[0])}'; leave it away"
+        word = brief_text(error.unused_tokens[0])
+        asked = inspect.signature(error.target).parameters if error.target else {}
+        motor = f"if it is a motor write --motor {word}, else " if "motor" in asked else ""
+        return f"unrecognized argument '{word}'; {motor}leave it away"
     if isinstance(error, MissingArgumentError) and error.argument:
         name = error.keyword or error.argument.name
         return f"{name} needs a value" if error.keyword else f"{name} is missing; give it"

@@ -31,6 +31,7 @@ MOST_DISTURBED = (
 )
 BACK = 0.25  # of what a reading leaves by: nearer than this it is back
 PULSE = 2.0  # times what a command of one row moves: an inductance a third of the stated one
+LATE = 4  # rows by which a log's currents may stand after their commands (as in checks.shifts)
 PASSES = 4
 LONGEST = 3  # rows that are disturbed one after the other
 FEWEST = 32  # rows that show what a current does from row to row
@@ -167,12 +168,13 @@ def _forth_and_back(step: Array, moved: Array, bound: float) -> NDArray[np.bool_
     pulse = PULSE * np.abs(np.diff(moved, prepend=moved[0], append=moved[-1]))
     done = 0
     for k in np.flatnonzero(np.abs(step) > bound).tolist():
-        most = max(bound, float(np.max(pulse[k : k + LONGEST + 2])))
+        near = pulse[max(k - LATE, 0) : k + LONGEST + 2]
+        most = max(bound, float(np.max(near)))
         if k < done or abs(step[k]) < most:
             continue
         gone = np.abs(np.cumsum(step[k : k + LONGEST + 1])[1:])  # after 1, 2, ... rows
-        for near in (bound, BACK * abs(step[k])):
-            back = np.flatnonzero(gone <= near)
+        for within in (bound, BACK * abs(step[k])):
+            back = np.flatnonzero(gone <= within)
             if back.size:
                 done = k + 2 + int(back[0])
                 bad[k + 1 : done] = True

@@ -77,7 +77,7 @@ WRONG = {
         2,
         ["unknown option '--foo'; see `sensorless bench --help`"],
     ),
-    "an argument too many": (["compare", "ipm"], 2, ["unrecognized argument 'ipm'"]),
+    "an argument too many": (["compare", "ipm"], 2, ["unrecognized argument 'ipm'", "--motor ipm"]),
     "an option without its value": (["compare", "--motor"], 2, ["--motor needs a value"]),
     "no motor": (["audit"], 2, ["MOTOR is missing"]),
     "no campaign": (["diagnose"], 2, ["give CAMPAIGN, or --example"]),

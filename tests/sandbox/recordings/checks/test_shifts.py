@@ -13,10 +13,11 @@ import pytest
 
 from model.drive_files import load_drive
 from model.errors import BadInput
-from sandbox.recordings.campaign import CampaignRecording
+from sandbox.recordings.campaign import CampaignRecording, read_folder
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES
 from sandbox.recordings.checks.plausibility import check
 from sandbox.recordings.checks.shifts import Shift, is_turn, moved_back
+from tests.data import recordings_folder
 
 DRIVE, N = load_drive("ipm_exchanged"), 4000
 # rad/s electrical, each for the same time
@@ -118,6 +119,14 @@ def test_rows_are_named_where_speeds_tell_them_from_a_turn(names, rows, ripple):
     told = f"move {', '.join(names)} {'up' if rows > 0 else 'down'} by {abs(rows)} rows"
     with pytest.raises(BadInput, match=told):
         check([shifted(run(TWO, ripple), names, rows)], DRIVE)
+
+
+def test_two_rows_are_named_at_speed_without_injection():
+    """Currents of the practice drive p03, two rows late: 0.9 % of the voltage is unexplained."""
+    campaign = read_folder(recordings_folder() / "practice" / "p03")
+    (r,) = (r for r in campaign.recordings if r.file == "run_fast.parquet")
+    (told,) = check([shifted(r, PHASES, 2)], campaign.drive)
+    assert "move i_a, i_b, i_c up by 2 rows" in told.text
 
 
 @pytest.mark.parametrize("rows", [-5, 7])

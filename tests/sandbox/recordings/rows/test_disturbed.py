@@ -52,6 +52,17 @@ def test_parts_of_good_recordings_are_left_as_they_are(name):
             assert without_disturbed(alone) is alone, (r.file, first)
 
 
+@pytest.mark.parametrize("name", ["p01", "p02"])
+@pytest.mark.parametrize("rows", [1, 2, 4])
+def test_currents_that_stand_late_are_not_disturbed(name, rows):
+    """A command's step is answered rows later: forth, without the current, and back."""
+    campaign = bench(name)
+    (r,) = (r for r in campaign.recordings if r.file == "locked_steps.parquet")
+    late = {n: x[:-rows] if n.startswith("i_") else x[rows:] for n, x in r.columns.items()}
+    one = dataclasses.replace(campaign, recordings=(dataclasses.replace(r, columns=late),))
+    assert without_disturbed(one) is one
+
+
 @pytest.mark.parametrize("end", [0, -1])
 def test_the_first_and_the_last_reading_are_mended_beside_others(end):
     """Within a dozen of its noise of 2 mA: at the ends the rows on one side alone tell."""
