@@ -325,7 +325,11 @@ def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
 def lacks_voltages(table: Table, columns: Mapping[str, Column]) -> str:
     """Return which voltages a table lacks, as a clause, where it has no kind of them whole."""
     names = {*available(table, columns), *table.names}
-    return lacking(names, VOLTAGES, "voltage") or "no voltages were recorded"
+    known = {*KIND, *source_columns(table, columns).values()}
+    other = [n for n in table.names if n not in known][:MOST_LISTED]
+    beside = f" (the log holds {', '.join(other)} beside what is mapped)" if other else ""
+    some = lacking(names, VOLTAGES, "voltage")
+    return some or f"no column is a commanded voltage{beside}"
 
 
 def lacking(names: Collection[str], kinds: Sequence[tuple[str, ...]], what: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from model.errors import BadInput, shown
@@ -13,7 +14,8 @@ class Finding:
     one sentence.
 
     files: all that it holds of, where it is not that one alone; rereads: parts of a log
-    (`checks.changes`) of which it says that another factor, or another zero of the angle, is right.
+    (`checks.changes`) of which it says that another factor, or another zero of the angle, is right;
+    left: the share of the voltage that stays unexplained if it is right (nan: it says none).
     """
 
     file: str
@@ -22,6 +24,7 @@ class Finding:
     text: str
     files: tuple[str, ...] = ()
     rereads: frozenset[str] = frozenset()
+    left: float = math.nan
 
     def __post_init__(self) -> None:
         # it holds names of columns as other programs wrote them

@@ -427,7 +427,7 @@ def _too_slow(rows: str, period: float, resistance: float, inductance: float) ->
     if period <= slowest:
         return None
     asked = (
-        " (hardly a motor has so short a one: are the inductances in H?)"
+        " (hardly a motor has so short a one: are the inductances in H, the resistance in ohm?)"
         if slowest < SHORT_LAG
         else ""
     )

@@ -33,6 +33,7 @@ from sandbox.recordings.checks.plausibility import (
     other_columns,
     voltage_limit,
 )
+from sandbox.recordings.checks.readings import BETTER
 from sandbox.recordings.checks.shifts import shifted
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.findings import Doubt, Finding, Refused
@@ -90,6 +91,7 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     for check in (conventions_off, off_pace):
         if not any(n.finding.rereads for n in out):  # one reading explains what the next would
             out += tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
+    out = _best_explained(out)
     if not any(MOTOR in n.finding.rereads for n in out):  # else its consequence
         out += [Noticed(SUSPICIOUS, f) for f in ratings(campaign)]
     if not any(n.level == REFUSED for n in out):
@@ -97,6 +99,13 @@ def noticed(campaign: Campaign) -> list[Noticed]:
             Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]
         ]
     return refusals_first(out)
+
+
+def _best_explained(out: Sequence[Noticed]) -> list[Noticed]:
+    """Return what was noticed without explanations of the voltage that leave BETTER times as much
+    as the best one: it makes them look so."""
+    least = min((n.finding.left for n in out if math.isfinite(n.finding.left)), default=math.inf)
+    return [n for n in out if not n.finding.left > BETTER * least]
 
 
 def _without(

@@ -89,7 +89,8 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
         f"{percent(tried[0].after)} if {', or '.join(guess for guess, _ in said)}; then "
         f"{said[0][1]}"
     )
-    return [Finding(r.file, alike[0].column, None, text, rereads=alike[0].rereads)]
+    left, rereads = tried[0].after, alike[0].rereads
+    return [Finding(r.file, alike[0].column, None, text, rereads=rereads, left=left)]
 
 
 def _told(own: Fitted, other: Fitted) -> bool:

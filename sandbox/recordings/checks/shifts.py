@@ -69,7 +69,8 @@ class Shift:
     @property
     def finding(self) -> Finding:
         """It as a finding."""
-        return Finding(self.files[0], self.moved[0], None, self.sentence, self.files)
+        files, column = self.files, self.moved[0]
+        return Finding(files[0], column, None, self.sentence, files, left=self.after)
 
     @property
     def sentence(self) -> str:

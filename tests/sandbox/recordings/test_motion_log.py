@@ -59,7 +59,7 @@ def test_recordings_without_voltages_are_left_out_beside_others(tmp_path, turned
     (said,) = (f.text for f in found.findings if "left out" in f.text)
     assert said.startswith("run.csv" if turned else "first.csv")
     both = source_of(tmp_path, mixed(tmp_path, without, without))
-    assert motion_only(both).startswith("no voltages were recorded, so electrical effects")
+    assert motion_only(both).startswith("no column is a commanded voltage, so electrical effects")
     assert len(read_motion(both, motion_only(both)).recordings) >= 1
 
 

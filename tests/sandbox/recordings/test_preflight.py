@@ -201,6 +201,27 @@ def test_what_stops_a_campaign_comes_first_without_hints_that_follow_from_it():
     assert "e+0" not in told[0].finding.text
 
 
+@pytest.mark.parametrize(
+    ("file", "moved", "said"),
+    [("run_fast", 0.5, "map it with offset = -0.5"), ("reversal", 0, "move theta up by 4 rows")],
+)
+def test_a_zero_of_the_angle_and_late_rows_are_not_told_of_one_another(file, moved, said):
+    """Whichever leaves less of the voltage is the cause: at changing speeds the two differ."""
+    campaign = read_folder(recordings_folder() / "practice" / "p01")
+    r = campaign[file]
+    columns = dict(r.columns)
+    if moved:
+        columns["theta"] = r.theta + moved
+    else:
+        columns = {n: x[:-4] if n == "theta" else x[4:] for n, x in columns.items()}
+        columns["t"] = r.t[:-4]
+    one = dataclasses.replace(r, columns=columns)
+    told = [n.finding for n in noticed(dataclasses.replace(campaign, recordings=(one,)))]
+    told = [f.text for f in told if "unexplained" in f.text]
+    assert len(told) == 1
+    assert said in told[0]
+
+
 def test_shares_are_plain_numbers():
     assert [percent(x) for x in (0.004, 0.35, 2.0, 6.2e5)] == [
         "0.4 %",

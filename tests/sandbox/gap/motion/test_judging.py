@@ -443,7 +443,5 @@ def test_a_slow_log_keeps_its_motion(tmp_path):
     small = (tmp_path / "map.toml").read_text().replace("5e-05", "5e-08")
     (tmp_path / "map.toml").write_text(small)
     why = diagnose(tmp_path, columns=tmp_path / "map.toml").as_json()["motion"]["electrical"]
-    assert (
-        "L/R = 5e-07 s (hardly a motor has so short a one: are the inductances in H?): between"
-        in why
-    )
+    asked = "hardly a motor has so short a one: are the inductances in H, the resistance in ohm?"
+    assert f"L/R = 5e-07 s ({asked}): between" in why
