@@ -74,7 +74,8 @@ class Reading:
         values = [math.prod(c.values[k] for c in self.changes) for k in range(4)]
         scales = [math.prod(c.scale for c in self.changes if c.part == p) for p in PARTS]
         signals = frozenset(c for c in self.changes if c.signal is not None)
-        return *values, *scales, math.prod(c.turn for c in self.changes), signals, self.zero
+        turn = math.prod(c.turn for c in self.changes)
+        return tuple(values), (*scales, turn), signals, self.zero
 
     @property
     def answered(self) -> NDArray[np.bool_]:
