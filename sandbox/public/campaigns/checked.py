@@ -254,8 +254,8 @@ def _of_identify(campaign: Campaign) -> list[Noticed]:
         require_information(levels_of(campaign))
     except NoStaircase as error:
         text = (
-            "identify would take these as ordinary recordings, and tell R, mean inductances "
-            f"and no alphas: {error}"
+            "identify would take these as ordinary recordings, and tell R, inductances "
+            f"and flux, saturation as beside them alone: {error}"
         )
         return [Noticed(NOTE, Finding(campaign.name, "", None, text))]
     except BadInput as error:

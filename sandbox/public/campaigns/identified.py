@@ -92,8 +92,8 @@ def identify(
     """Identify the motor of a campaign.
 
     From bias staircases at locked rotor with injection come R, the inductances and how they
-    saturate. From ordinary recordings (a step, a sweep, a spin) come R, the mean inductances and
-    the magnet flux, as far as they tell them.
+    saturate. From ordinary recordings (a step, a sweep, a spin) come R, the inductances at no
+    current and the magnet flux, as far as they tell them.
 
     Parameters
     ----------

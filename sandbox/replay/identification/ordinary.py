@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.effects.library import true_motor
+from model.effects.library import title, true_motor
 from model.errors import BadInput
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
@@ -39,6 +39,7 @@ from sandbox.replay.identification.places import (
     NAMES,
     OF_EFFECT,
     OFFSETS,
+    SIGN,
     places,
 )
 from sandbox.replay.identification.search import HALF, Search
@@ -107,22 +108,20 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
             )
     x = _best_of(sorted(starts, key=lambda s: s.square_at_start()))
     names = x.names
-    deviation, covariance = x.deviations()
+    size, covariance = x.deviations()
+    deviation = x.relative(size)
     estimated, untold = [], {}
     for k, name in enumerate(NAMES):
         if deviation[k] < MAX_DEVIATION and not x.at_bound(k):
             estimated.append(name)
         else:
-            untold[name] = why.get(name) or _why_open(
-                name, k, names, covariance, float(deviation[k])
-            )
+            untold[name] = why.get(name) or _why_open(x, k, covariance, float(deviation[k]))
     values, told = x.values(), {}
     beside = {n: values[n] for n in names[len(NAMES) :] if math.isfinite(values[n])}
     if CORE not in beside:
         beside.pop(LAG)
     if {"inductance_d", "inductance_q"} <= set(estimated):  # those at no current: with what bends
         told = {n: v for n, v in beside.items() if n.startswith(ALPHA)}
-    size = np.sqrt(np.diag(covariance))
     apart = np.abs(x.x - x.centre) > HALF * size
     count = sum(len(r.t) for r in used.recordings)
     current = [np.mean(y**2) for r in used.recordings for y in (r.i_a, r.i_b, r.i_c)]
@@ -284,9 +283,9 @@ def _silent(campaign: Campaign) -> dict[str, str]:
     return out
 
 
-def _why_open(name: str, k: int, names: Sequence[str], covariance: Array, deviation: float) -> str:
-    """Return why a parameter stays open, from what it is fitted beside."""
-    size = np.sqrt(np.diag(covariance))
+def _why_open(x: Search, k: int, covariance: Array, deviation: float) -> str:
+    """Return why a parameter stays open: what the model lacks, or what it is fitted beside."""
+    size, name = np.sqrt(np.diag(covariance)), x.names[k]
     alike = np.abs(covariance[k]) / (size[k] * size)
     alike[k] = 0.0
     spread = f"its standard deviation is {100.0 * deviation:.2g} % of it"
@@ -295,8 +294,12 @@ def _why_open(name: str, k: int, names: Sequence[str], covariance: Array, deviat
             "it goes to the bound of what is looked for; the model is another one "
             "(saturation? units?)"
         )
-    words = dict.fromkeys(LOST, "the voltage that the inverter loses")
-    others = dict.fromkeys(words.get(n, n) for n, a in zip(names, alike, strict=True) if a > ALIKE)
+    if x.relative(size)[k] < MAX_DEVIATION:
+        return f"{spread}: so much of what the model lacks may hide in it (`sensorless diagnose`)"
+    words = dict.fromkeys((*LOST, SIGN), "the voltage that the inverter loses")
+    words |= {n: "the angle's zero" for n in x.names if n.startswith(ANGLE)}
+    near = [n for n, a in zip(x.names, alike, strict=True) if a > ALIKE]
+    others = dict.fromkeys(words.get(n) or (title(n) if "." in n else n) for n in near)
     if others:
         return (
             f"{spread}, since {' and '.join(others)} look{'s' * (len(others) == 1)} alike on these "

@@ -149,8 +149,8 @@ class Search:
         return np.asarray(np.clip(x, self.least, self.most))
 
     def deviations(self) -> tuple[Array, Array]:
-        """Return the standard deviation of each of the motor's parameters over its value, and the
-        covariance (p, p) of all places.
+        """Return the standard deviation of each place, and the covariance (p, p) of what noise and
+        priors leave open.
 
         Three parts: the priors' and the noise's; where blocks of time scatter by more than noise,
         theirs (the "sandwich" of White, Econometrica 48 (1980) 817); and what the model lacks.
@@ -166,8 +166,11 @@ class Search:
         scatter = np.diag(covariance @ (g.T @ g + weight) @ covariance)
         lacks = len(self.r) * max(self.square() - 1.0, 0.0) / HALF**2
         hidden = lacks * np.diag(covariance @ told @ covariance)
-        size = np.sqrt(np.maximum(np.diag(covariance), scatter) + hidden)
-        return np.where(self.logs, size, size / np.maximum(np.abs(self.x), 1e-9)), covariance
+        return np.sqrt(np.maximum(np.diag(covariance), scatter) + hidden), covariance
+
+    def relative(self, size: Array) -> Array:
+        """Return standard deviations of places as those of values over the values."""
+        return np.where(self.logs, size, size / np.maximum(np.abs(self.x), 1e-9))
 
     def square_at_start(self) -> float:
         """Return the mean square of what the start leaves, over the noise's; infinite where it
