@@ -81,8 +81,10 @@ class _Weighing:
         it ends far from the floor it begins anew at the nominal model as stated."""
         first = self.first(*self.search.begun())
         if rms_of(first[0].fit) > NEAR:
-            other = self.first(self.search.at_nominal(), True)
-            first = other if self.far_less(other[0].fit, first[0].fit) else first
+            begun, rough = self.search.begun(nominal=True)
+            if self.problem.excerpts is None or self.far_less(begun, first[0].fit):
+                other = self.first(begun, rough)
+                first = other if self.far_less(other[0].fit, first[0].fit) else first
         found = self.around(*first)
         for _ in range(AGAIN):
             least = min((e.fit for e in found.evaluated.values()), key=rms_of)

@@ -98,21 +98,26 @@ class Search:
         self.found: list[Candidate] = []
         self.looked = False  # whether nothing was found that the campaign does not state
 
-    def begun(self) -> tuple[Fit, bool]:
+    def begun(self, *, nominal: bool = False) -> tuple[Fit, bool]:
         """Return the fit of the set that excerpts name, without effects where there are none, and
         where ordinary deviations leave little for them to name; and whether it is no more than the
         first part of one: near the floor the set is mostly the answer, and is fitted whole before
-        all candidates are linearised there."""
+        all candidates are linearised there.
+
+        nominal: the search begins at the nominal model as stated (`at_nominal`), not where ordinary
+        deviations are fitted.
+        """
         p, alone = self.problem, (self.null, rms_of(self.null) > self.rough)
         if p.excerpts is None or rms_of(self.null) <= p.settings.gap:
-            return alone
+            return (self.at_nominal(), True) if nominal else alone
         parts = p.excerpts.prepared.recordings
         short = replace(
             p, start=p.excerpts, fitted=weights_of(len(parts)), excerpts=None, report=lambda _: None
         )
         with part_of(p.excerpts.prepared.samples / p.start.prepared.samples):
             first = Search(short, rough=0.0)
-            found, _ = first.grown(first.null, True, whole=False)
+            begun = first.at_nominal() if nominal else first.null
+            found, _ = first.grown(begun, True, whole=False)
         if first.problem.known.counts is not p.known.counts:
             self.state(Unstated(counts=first.problem.known.counts))
             p, alone = self.problem, (self.null, rms_of(self.null) > self.rough)
