@@ -100,12 +100,11 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
         )
     nominal = {n: float(getattr(campaign.drive.motor, n)) for n in NAMES}
     starts = []
-    for x in (begin, nominal):
-        if min(x.values()) > 0:
-            prepared = prepare(_begun_at(used, x))
-            starts.append(
-                Search(prepared, NAMES, places(prepared, x, campaign.drive.motor), workers)
-            )
+    for values in (begin, nominal):
+        if min(values.values()) > 0:
+            prepared = prepare(_begun_at(used, values))
+            own = places(prepared, values, campaign.drive.motor)
+            starts.append(Search(prepared, NAMES, own, workers))
     x = _best_of(sorted(starts, key=lambda s: s.square_at_start()))
     names = x.names
     size, covariance = x.deviations()

@@ -119,7 +119,8 @@ def _beside(prepared: Prepared) -> Iterator[tuple[str, Place]]:
     for name, p in known.items():
         if name in wide:
             place, most = _linear(p, p.neutral_for(motor), wide[name]), _limit(name, campaign)
-            yield name, place._replace(low=max(place.low, -most), high=min(place.high, most))
+            if most > 0.0:  # a harmonic of magnets that are not there has no room
+                yield name, place._replace(low=max(place.low, -most), high=min(place.high, most))
         elif name.partition(".")[0] in ORDINARY and p.ordinary is not None:
             yield name, _linear(p, p.neutral_for(motor), _ordinary(p, campaign))
         elif name.startswith(ALPHA) and not isinstance(motor, MappedMotor):
