@@ -44,14 +44,16 @@ ROWS = RESULTS / "rows.jsonl"
 RIVALS = RESULTS / "rivals.jsonl"
 
 
-def batches() -> Iterator[tuple[str, int]]:
-    """Yield the kinds with a batch's number, all kinds in turn in proportion to their counts."""
-    told = [
-        (k * AT_ONCE / count, kind, k)
+def places() -> list[tuple[str, int, int]]:
+    """Return every campaign of the plan as its kind, a batch's number and its place in that, all
+    kinds in turn in proportion to their counts."""
+    every = [
+        ((k * AT_ONCE + j + 0.5) / count, kind, k, j)
         for kind, count in GROUPS.items()
         for k in range(count // AT_ONCE)
+        for j in range(AT_ONCE)
     ]
-    yield from ((kind, k) for _, kind, k in sorted(told))
+    return [(kind, k, j) for _, kind, k, j in sorted(every)]
 
 
 def answered(d: Diagnosis) -> dict[str, Any]:
@@ -101,13 +103,16 @@ class Asked(NamedTuple):
 
 def asked(work: Path, known: set[str]) -> Iterator[Asked]:
     """Yield the campaigns of the plan that have no row, each batch made when its turn comes."""
-    for kind, k in batches():
+    truths: dict[tuple[str, int], dict[str, Any]] = {}
+    for kind, k, j in places():
         folder = work / f"{kind}-{k}"
-        make(folder, kind, AT_ONCE, SEED + k, quiet=True)
-        for name, truth in unpack(folder)["truths"].items():
-            own = f"{kind}-{k}-{name}"
-            if own not in known and (folder / name / "campaign.toml").exists():
-                yield Asked(folder / name, own, kind, truth)
+        if (kind, k) not in truths:
+            make(folder, kind, AT_ONCE, SEED + k, quiet=True)
+            truths[kind, k] = unpack(folder)["truths"]
+        name = f"c{j:04d}"
+        own = f"{kind}-{k}-{name}"
+        if own not in known and (folder / name / "campaign.toml").exists():
+            yield Asked(folder / name, own, kind, truths[kind, k][name])
 
 
 def of_rivals(work: Path, methods: list[str], known: set[tuple[str, str]]) -> Iterator[Asked]:
