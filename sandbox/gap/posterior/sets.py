@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +88,13 @@ class SetPosterior:
             one_sided & (wide > self.narrow), np.where(m.wide.low == m.wide.mean, 1.0, -1.0), 0.0
         )
         self.effects = [c.effect for c in m.candidates]
-        self.contained = {e: contained(e) for e in self.effects}
+        self.clash = [
+            frozenset(j for j, d in enumerate(m.candidates) if _clash(c, d)) for c in m.candidates
+        ]
+        self.of_size = [
+            log_prior(tuple(map(str, range(n))), m.settings)
+            for n in range(len(library.causes()) + 1)
+        ]
         self.price = [
             math.log(c.tried) + math.log(sum(_rival(c, d) for d in m.candidates))
             for c in m.candidates
@@ -122,21 +129,18 @@ class SetPosterior:
         return self.known
 
     def neighbours(self, chosen: Chosen) -> list[Chosen]:
-        """Return the sets with one candidate more, one fewer, or one exchanged."""
-        others = [k for k in range(len(self.effects)) if k not in chosen]
-        out = {(*chosen, k) for k in others}
-        for gone in chosen:
-            rest = tuple(k for k in chosen if k != gone)
-            out |= {rest, *((*rest, k) for k in others)}
-        return [k for k in sorted({tuple(sorted(s)) for s in out}) if self.allowed(k)]
+        """Return the sets with one candidate more, one fewer, or one exchanged, each sorted."""
+        rests = [chosen, *(tuple(k for k in chosen if k != gone) for gone in chosen)]
+        out = set(rests[1:])
+        for rest in rests:
+            barred = frozenset(chosen).union(*(self.clash[k] for k in rest))
+            out |= {tuple(sorted((*rest, k))) for k in range(len(self.effects)) if k not in barred}
+        return sorted(k for k in out if len(k) < len(self.of_size) and self.allowed(k))
 
     def allowed(self, chosen: Chosen) -> bool:
         """Return whether a set holds each effect (and part) once, and none that is part of
         another."""
-        own = [self.model.candidates[k] for k in chosen]
-        parts = [(c.effect, c.part > 1) for c in own]
-        names = {c.effect for c in own}
-        return len(set(parts)) == len(parts) and not any(self.contained[e] & names for e in names)
+        return not any(j in self.clash[k] for k, j in combinations(chosen, 2))
 
     def names(self, chosen: Iterable[int]) -> Set:
         """Return the effects of a set."""
@@ -170,9 +174,8 @@ class SetPosterior:
         return mean + deviation * np.linalg.solve(scaled, deviation * (eq.g + eq.a @ (eq.x - mean)))
 
     def _prior(self, chosen: Chosen) -> float:
-        return log_prior(self.names(chosen), self.model.settings) - sum(
-            self.price[k] for k in chosen
-        )
+        effects = len({self.effects[k] for k in chosen})
+        return self.of_size[effects] - sum(self.price[k] for k in chosen)
 
     def _evidence(self, sets: Sequence[Chosen], sizes: Array) -> Array:
         """Return by how much sets (m,) change the log evidence."""
@@ -189,6 +192,12 @@ class SetPosterior:
         out = np.empty(len(sets))
         _weigh(index, group, self.c, self.mean, self.ratio, self.sign, sizes, out)
         return out
+
+
+def _clash(a: Candidate, b: Candidate) -> bool:
+    """Return whether no set holds both of two candidates: of one effect, the same kind of part, or
+    one's effect part of the other's."""
+    return _rival(a, b) or not possible((a.effect, b.effect))
 
 
 def _rival(a: Candidate, b: Candidate) -> bool:
