@@ -348,13 +348,17 @@ class Descent:
         return gained, True
 
     def again(self, prior: Prior) -> None:
-        """Take slopes anew, at first with free rotors' motion smoothed again."""
-        if self.taken <= SMOOTHINGS:
-            self.point = self.point.resmoothed()
-        self.n = normal(self.point, self.coordinates, workers=self.task.workers)
+        """Take slopes anew, at first with free rotors' motion smoothed again; they stay as they
+        were where no drive stands a difference beside this point."""
+        at = self.point.resmoothed() if self.taken <= SMOOTHINGS else self.point
+        self.taken, self.steps, self.way = self.taken + 1, 0, 0.0
+        try:
+            n = normal(at, self.coordinates, workers=self.task.workers)
+        except BadInput:
+            return
+        self.point, self.n = at, n
         self.value = objective(self.n, prior, self.task.weights)
         self.cost += self.n.simulations
-        self.taken, self.steps, self.way = self.taken + 1, 0, 0.0
 
 
 def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:

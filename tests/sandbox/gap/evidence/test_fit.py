@@ -1,0 +1,33 @@
+"""Fit of a set: what it does at the end of what a drive can have."""
+
+import math
+
+import pytest
+
+from model.errors import BadInput
+from sandbox.gap.evidence import fit as fitted
+from sandbox.gap.evidence.normal import normal
+from sandbox.gap.posterior.holdout import weights_of
+from tests.sandbox.gap.conftest import start
+
+
+def test_slopes_stay_where_no_drive_stands_beside_a_point(small_folder, monkeypatch):
+    """As where a difference makes the inductance so large that no flux has the first current read:
+    the fit ends at what its first slopes reach, and is no error (one campaign of a second bench was
+    answered with that sentence).  They reach most of it: the dead time is nearly linear."""
+    here, calls = start(small_folder), []
+
+    def once(point, coordinates, *, workers=1):
+        calls.append(point)
+        if len(calls) > 1:
+            raise BadInput("no flux of this motor gives the first reading")
+        return normal(point, coordinates, workers=workers)
+
+    weights = weights_of(len(here.prepared.recordings))
+    whole = fitted.fit(here, ("dead_time",), weights)
+    monkeypatch.setattr(fitted, "normal", once)
+    found = fitted.fit(here, ("dead_time",), weights)
+    assert len(calls) > 1
+    assert math.isfinite(found.objective)
+    time = "dead_time.time"
+    assert found.point.values[time] == pytest.approx(whole.point.values[time], rel=0.1)
