@@ -311,22 +311,23 @@ def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit
     With effects it begins where the whole fit ended, a few steps away: near the floor its end is
     the same (a test spoils the recording held out).  Far from the floor it could keep some of what
     the whole fit saw: there the best of two counts, the other begins at the nominal model with the
-    effects alone, as one without effects does.
+    effects alone, as one without effects does.  Where neither can be made (no motor has the flux
+    that a recording begins with), the whole fit stands.
     """
     if not left:
         return whole
     weights = weights_of(len(start.prepared.recordings), left)
     if not whole.effects:
         return fit(start, (), weights, workers=workers)
-    near = fit(whole.point, whole.effects, weights, workers=workers)
-    if normalised(near.normal, weights) <= NEAR:
+    near = attempted(whole.point, whole.effects, weights, workers=workers)
+    if near is not None and normalised(near.normal, weights) <= NEAR:
         return near
     own = {k: v for k, v in whole.point.values.items() if k.partition(".")[0] in whole.effects}
     begun = replace(start, values={**start.values, **own})
-    other = attempted(
-        begun, whole.effects, weights, smooth=True, leader=near.objective, workers=workers
-    )
-    return near if other is None or near.objective <= other.objective else other
+    leader = math.inf if near is None else near.objective
+    other = attempted(begun, whole.effects, weights, smooth=True, leader=leader, workers=workers)
+    found = [f for f in (near, other) if f is not None]
+    return min(found, key=lambda f: f.objective, default=whole)
 
 
 def verdict(d: Diagnosis) -> str:
