@@ -9,7 +9,7 @@ where it was interrupted; a diagnosis that fails counts as wrong.  What rivals a
 campaigns stands in rivals.jsonl beside it (`sandbox/withheld/baselines`).
 
 Run: python -m experiments.second_bench WORK [--hours H] [--jobs N]
-         (one to two minutes a campaign on one core)
+         (2026-11-29: four minutes of the processor a campaign, the longest 13)
      python -m experiments.second_bench WORK --rivals susie,stepwise [--hours H] [--jobs N]
          (of campaigns that have a row)
      python -m experiments.second_bench --recompute          (the page from the rows)
@@ -214,6 +214,8 @@ def main() -> None:
     a = p.parse_args()
     if a.work is None and not a.recompute:
         p.error("give a folder to work in, or --recompute")
+    if a.jobs < 1:
+        p.error(f"--jobs {a.jobs}: give 1 or more campaigns at once")
     methods = [m for m in a.rivals.split(",") if m]
     if not set(methods) <= set(BASELINES):
         p.error(f"--rivals {a.rivals}: give some of {', '.join(BASELINES)}")

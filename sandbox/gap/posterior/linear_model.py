@@ -210,13 +210,13 @@ class _Columns:
 
     def add(self, candidate: Candidate, own: Sequence[Coordinate], trace: float) -> None:
         """Add a candidate's columns; those that are ordinary deviations are there already."""
-        usual = trace * library.load_effect(candidate.effect).trace
+        share = trace * library.load_effect(candidate.effect).trace
         for c in own:
             shape = c.form == "log" or (c.form not in STEPS and c.names[0] in candidate.start)
             narrow = (
                 c
                 if shape
-                else replace(c, deviation=(HELD if c.form in STEPS else usual) * c.deviation)
+                else replace(c, deviation=(HELD if c.form in STEPS else share) * c.deviation)
             )
             self.narrow.setdefault(c.label, narrow)
             if c.deviation >= self.wide.get(c.label, c).deviation:
