@@ -14,8 +14,8 @@ from tests.sandbox.gap.conftest import start
 def test_slopes_stay_where_no_drive_stands_beside_a_point(small_folder, monkeypatch):
     """As where a difference makes the inductance so large that no flux has the first current read:
     the fit ends at what its first slopes reach, and is no error (one campaign of a second bench was
-    answered with that sentence).  They reach most of it, as the dead time is nearly linear (a tenth is
-    chosen: what is shown is that the fit ends at all)."""
+    answered with that sentence).  They reach most of it, as the dead time is nearly linear (a tenth
+    is chosen: what is shown is that the fit ends at all)."""
     here, calls = start(small_folder), []
 
     def once(point, coordinates, *, workers=1):
