@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -341,9 +341,16 @@ def _check_fixed(w: Any, motor: Motor, sets: Sequence[Set]) -> None:
 
 def sampled_at(motor: Motor, converter: Converter, v: Set) -> float:
     """Return how much later than its pattern begins a completed set's sample is taken (s)."""
-    neutral = library.neutral(motor)
-    if all(v[name] == neutral[name] for name in _timing()):
+    return _sampled_at(motor, converter, tuple(v[name] for name in _timing()))
+
+
+@lru_cache(maxsize=1024)
+def _sampled_at(motor: Motor, converter: Converter, timing: tuple[float, ...]) -> float:
+    """Return the same for the values of `_timing`, on which alone it depends."""
+    neutral, given = library.neutral(motor), dict(zip(_timing(), timing, strict=True))
+    if all(value == neutral[name] for name, value in given.items()):
         return 0.0
+    v = complete(motor, converter, given)
     return float(batch_of(motor, converter, [v], 1)["sample"][0])
 
 

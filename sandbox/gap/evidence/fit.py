@@ -26,12 +26,13 @@ from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, equations_of, normal
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
+from sandbox.gap.settings import USUAL
 
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
-# Of the objective over the squared residual (`noise_at`): a step that gains less changes no
-# decision, since far from the floor the data counts for as much less.
-TOLERANCE = 0.2
+# Of the objective over the variance that a gain meets (`variance_at`): a step that gains less
+# changes no decision, a chance by a factor of e^0.25 at most.
+TOLERANCE = 0.5
 # share of a step that is still tried: along a bent valley short steps gain, damped ones hardly
 SHORTEST = 0.05
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
@@ -43,18 +44,18 @@ POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 ENOUGH = 0.25
 # Times what changes no decision, gained since slopes were taken: 2 at the floor, a way of 1.4
 # standard deviations.  On so short a way slopes hold.
-HERE = 10.0
-# Share of the distance to the best rival: a step that gains less does not change which of them is
-# ahead.
-LACKS = 5e-4
-# share of what is left beside noise: a rough fit leaves the rest to the equations taken at its end
-ROUGH = 0.03
+HERE = 4.0
+# Share of what is left beside noise, and of the objective at least (one nat): a rough fit leaves
+# the rest to the equations taken at its end.
+ROUGH, ROUGH_NATS = 0.03, 2.0
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
 SIGN = ("bench.soft_current", "bench.soft_shape")
 # Floors.  A wrong shape of the sign left 1.02 beside a usual dead time; the excess J^2 - 1 grows as
 # its square, so 1.9 beside one eight times as large.
 NEAR = 3.0
+# of the mean square of noise: with 12 recordings one in 360 campaigns has one beyond
+SCATTER = 3.5
 WIDENED = 4  # times that bounds of the search double, or the motion is smoothed again
 
 
@@ -97,7 +98,6 @@ def fit(
     effects: Sequence[str],
     weights: Weights,
     *,
-    leader: float = math.inf,
     rough: float = math.inf,
     near: Normal | None = None,
     workers: int = 1,
@@ -111,13 +111,10 @@ def fit(
 
     near: equations with slopes at a point near the start, which serve the first steps.
 
-    leader: the objective of the best rival; a fit far behind it ends as soon as steps
-    gain little of what it lacks.
-
     Where an effect's value ends at the bound of the search, the bound widens and the fit goes on;
     so it does where free rotors' motion, smoothed again at the point that was found, fits better.
     """
-    task = Task(start, effects, weights, leader, workers, rough, near)
+    task = Task(start, effects, weights, workers, rough, near)
     found, smoother = _within_bounds(task, start)
     if normalised(found.normal, weights) > rough:
         return found
@@ -142,16 +139,15 @@ def attempted(
     weights: Weights,
     *,
     smooth: bool = False,
-    leader: float = math.inf,
     rough: float = math.inf,
     near: Normal | None = None,
     workers: int = 1,
 ) -> Fit | None:
     """Return the fit of a set, None where no drive can have it or it predicts nothing finite;
-    smooth: free rotors' motion is smoothed at the start; leader, rough, near: as in `fit`."""
+    smooth: free rotors' motion is smoothed at the start; rough, near: as in `fit`."""
     try:
         at = start.resmoothed() if smooth else start
-        found = fit(at, effects, weights, leader=leader, rough=rough, near=near, workers=workers)
+        found = fit(at, effects, weights, rough=rough, near=near, workers=workers)
     except BadInput:
         return None
     return found if math.isfinite(found.objective) else None
@@ -178,14 +174,16 @@ def rms_of(f: Fit) -> float:
     )
 
 
-def most_left(f: Fit) -> float:
-    """Return the largest normalised rms of a recording, all its channels together."""
+def keeps_more(f: Fit, most: float) -> bool:
+    """Return whether a recording keeps a larger normalised rms than that, all its channels
+    together, and more than chance makes of noise."""
     squares: dict[int, float] = {}
     count: dict[int, float] = {}
     for s in f.normal.segments:
         squares[s.recording] = squares.get(s.recording, 0.0) + float(s.rr.sum())
         count[s.recording] = count.get(s.recording, 0.0) + float(s.n.sum())
-    return math.sqrt(max(squares[k] / count[k] for k in squares))
+    chance = {k: 1.0 + SCATTER * math.sqrt(2.0 / n) for k, n in count.items()}
+    return any(squares[k] / count[k] > max(most**2, chance[k]) for k in squares)
 
 
 def excess_of(n: Normal, weights: Weights) -> float:
@@ -196,13 +194,12 @@ def excess_of(n: Normal, weights: Weights) -> float:
 
 
 class Task(NamedTuple):
-    """What is fitted: where it begins, effects, recordings that count, the best rival's objective,
-    threads, floors above which its first part is enough, and equations near the start."""
+    """What is fitted: where it begins, effects, recordings that count, threads, floors above which
+    its first part is enough, and equations near the start."""
 
     start: Point
     effects: Sequence[str]
     weights: Weights
-    leader: float
     workers: int
     rough: float = math.inf
     near: Normal | None = None
@@ -238,13 +235,14 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
     d = Descent(task, coordinates, at, n, n.simulations)
     if not taken_here:
         d.taken, d.steps, d.way = 0, 1, math.inf
-    d.down(held, confirm=False)
-    if d.steps and normalised(d.n, task.weights) > NEAR and not task.enough(d.n):
-        d.down(held, confirm=True)
+    if normalised(n, task.weights) > NEAR:
+        d.down(held, confirm=False)
+        if d.steps and normalised(d.n, task.weights) > NEAR and not task.enough(d.n):
+            d.down(held, confirm=True)
+        if d.steps and normalised(d.n, task.weights) <= NEAR:
+            d.again(free)
     prior = free if normalised(d.n, task.weights) <= NEAR else held
     if prior is free:
-        if d.steps:
-            d.again(free)
         d.down(free, confirm=not task.enough(d.n))
     smoother = 0.0
     if (
@@ -330,9 +328,10 @@ class Descent:
 
     def little(self) -> float:
         """Return what a step may gain and yet change no decision."""
-        behind = max(0.0, self.value - self.task.leader)
-        left = ROUGH * excess_of(self.n, self.task.weights) if self.task.enough(self.n) else 0.0
-        return max(TOLERANCE * noise_at(self.n, self.task.weights), LACKS * behind, left)
+        least = TOLERANCE * variance_at(self.n, self.task.weights)
+        if not self.task.enough(self.n):
+            return least
+        return max(least, ROUGH_NATS, ROUGH * excess_of(self.n, self.task.weights))
 
     def stepped(self, x: Array, prior: Prior, least: float) -> tuple[float, bool]:
         """Go to x where the objective falls by more than `least`; return by how much it would fall,
@@ -421,6 +420,15 @@ def noise_at(n: Normal, weights: Weights) -> float:
     """Return the squared residual over its floor, at least 1: as much of the objective as noise of
     the residual's size would make of one value."""
     return max(1.0, normalised(n, weights) ** 2)
+
+
+def variance_at(n: Normal, weights: Weights) -> float:
+    """Return the variance that a gain of the objective meets, in the noise's: as `misfit` has it,
+    mean over what segments leave beyond noise and chance; 1 where they leave no more."""
+    own = [s for s in n.segments if weights.get((s.recording, s.channel), 0.0)]
+    count = np.array([s.n.sum() for s in own])
+    left = np.maximum(0.0, np.array([s.rr.sum() for s in own]) - count - 2.0 * np.sqrt(2.0 * count))
+    return 1.0 + float(left @ left / USUAL.shapes / left.sum()) if np.any(left) else 1.0
 
 
 def _step(

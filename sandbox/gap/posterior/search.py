@@ -27,7 +27,7 @@ from sandbox.gap.evidence.fit import (
     attempted,
     coordinates_of,
     fit,
-    most_left,
+    keeps_more,
     objective,
     rms_of,
 )
@@ -94,7 +94,7 @@ class Search:
         self.linear: LinearModel | None = None
         self.met: Weights = {}  # of segments, at their point
         self.chosen: dict[str, Candidate] = {}
-        # all candidates, as the residual of ordinary deviations alone shows them
+        # all candidates, as the residual of the first fit that asks for them shows them
         self.found: list[Candidate] = []
         self.looked = False  # whether nothing was found that the campaign does not state
 
@@ -160,10 +160,12 @@ class Search:
         seen: set[Parts] = {_parts(here.effects), ()}
         tried: set[Parts] = set()
         self.problem.report("weighing all sets of effects")
-        self.found = candidates(here.point, self.problem.exclude, left=rms_of(here))
+        self.found = []
         wide = 1 if here.effects else 2  # rounds that look at all candidates
+        if self.chosen and not keeps_more(here, self.problem.settings.gap):
+            wide = 0  # excerpts chose beside a set that leaves nothing here, either
         for turn in range(self.problem.settings.rounds):
-            sets = self.linearised(here, self.found if turn < wide else self.candidates())
+            sets = self.linearised(here, self.every(here) if turn < wide else self.candidates())
             known, self.linear = (
                 sets.model.normal,
                 replace(sets.model, normal=sets.model.normal.bare()),
@@ -203,7 +205,12 @@ class Search:
         if new:
             p.report("fitting what the campaign does not state")
             again = attempted(
-                new.at(here.point), here.effects, p.fitted, smooth=True, workers=p.workers
+                new.at(here.point),
+                here.effects,
+                p.fitted,
+                smooth=True,
+                rough=0.0 if excerpts else math.inf,
+                workers=p.workers,
             )
         if again is None or rms_of(again) >= rms_of(here):
             self.looked = True
@@ -223,7 +230,7 @@ class Search:
         noise."""
         known = {c.effect for c in self.found} | set(self.chosen)
         new = [c for c in free_forms(here.point, self.problem.exclude) if c.effect not in known]
-        if most_left(here) <= self.problem.settings.gap or not new:
+        if not keeps_more(here, self.problem.settings.gap) or not new:
             return False
         self.found = [*self.candidates(), *new]
         return True
@@ -317,6 +324,12 @@ class Search:
             if c.effect not in levels or told > levels[c.effect]:
                 levels[c.effect], self.chosen[c.effect] = told, c
 
+    def every(self, here: Fit) -> list[Candidate]:
+        """Return all candidates, begun where the residual of a fit shows them; once."""
+        if not self.found:
+            self.found = candidates(here.point, self.problem.exclude, left=rms_of(here))
+        return self.found
+
     def candidates(self) -> list[Candidate]:
         """Return the chosen candidates, of those that are chords the slopes, too: which of both the
         truth is nearer to depends on what stands in its place."""
@@ -364,9 +377,10 @@ class Search:
         p = self.problem
         own = {k: v for k, v in near.point.values.items() if k.partition(".")[0] in key}
         begun = replace(p.start, values={**p.start.values, **own})
-        leader = math.inf if found is None else found.objective
-        new = attempted(begun, key, p.fitted, smooth=True, leader=leader, workers=p.workers)
-        return found if new is None or not new.objective < leader else new
+        new = attempted(begun, key, p.fitted, smooth=True, workers=p.workers)
+        if found is None or new is None:
+            return new or found
+        return new if new.objective < found.objective else found
 
     def best_form(self, found: Fit, effects: Sequence[str], rough: bool) -> Fit:
         """Return a fit, or that of the same set with one of these effects in its other form where
@@ -386,7 +400,6 @@ class Search:
                 found.effects,
                 p.fitted,
                 smooth=not rough,
-                leader=found.objective,
                 rough=0.0 if rough else math.inf,
                 workers=p.workers,
             )

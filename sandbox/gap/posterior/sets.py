@@ -104,8 +104,7 @@ class SetPosterior:
         """Return the log posterior of a set, sizes averaged over."""
         key = tuple(sorted(chosen))
         if key not in self.known:
-            told = self._evidence([key], np.array(self.model.settings.sizes))[0]
-            self.known[key] = self.none + float(told) + self._prior(key)
+            self._weigh_all([key])
         return self.known[key]
 
     def enumerate(self, start: Iterable[int] = ()) -> dict[Chosen, float]:
@@ -121,21 +120,34 @@ class SetPosterior:
                 break
             here = max(open_, key=lambda k: (self.known[k], k))
             seen.add(here)
-            near = [k for k in self.neighbours(here) if k not in self.known]
+            prior = self.neighbours(here)
+            near = sorted(k for k in prior if k not in self.known)
             if near:
-                told = self._evidence(near, np.array([0.5])) + [self._prior(k) for k in near]
-                for k in np.argsort(-told, kind="stable")[:KEPT]:
-                    self.weigh(near[k])
+                told = self._evidence(near, np.array([0.5])) + [prior[k] for k in near]
+                self._weigh_all([near[k] for k in np.argsort(-told, kind="stable")[:KEPT]])
         return self.known
 
-    def neighbours(self, chosen: Chosen) -> list[Chosen]:
-        """Return the sets with one candidate more, one fewer, or one exchanged, each sorted."""
+    def neighbours(self, chosen: Chosen) -> dict[Chosen, float]:
+        """Return the sets with one candidate more, one fewer, or one exchanged, each sorted, and
+        their log prior."""
         rests = [chosen, *(tuple(k for k in chosen if k != gone) for gone in chosen)]
-        out = set(rests[1:])
+        out = {rest: self._prior(rest) for rest in rests[1:]}
         for rest in rests:
             barred = frozenset(chosen).union(*(self.clash[k] for k in rest))
-            out |= {tuple(sorted((*rest, k))) for k in range(len(self.effects)) if k not in barred}
-        return sorted(k for k in out if len(k) < len(self.of_size) and self.allowed(k))
+            names, price = {self.effects[k] for k in rest}, sum(self.price[k] for k in rest)
+            of_size = [
+                self.of_size[min(len(names) + more, len(self.of_size) - 1)] for more in (0, 1)
+            ]
+            for k, effect in enumerate(self.effects):
+                if k not in barred:
+                    level = of_size[effect not in names] - price - self.price[k]
+                    out[tuple(sorted((*rest, k)))] = level
+        whole = self.allowed(chosen)  # then so is what comes of it
+        return {
+            k: v
+            for k, v in out.items()
+            if len(k) < len(self.of_size) and (whole or self.allowed(k))
+        }
 
     def allowed(self, chosen: Chosen) -> bool:
         """Return whether a set holds each effect (and part) once, and none that is part of
@@ -172,6 +184,12 @@ class SetPosterior:
         eq, mean = m.equations, m.narrow.mean
         scaled = deviation[:, None] * eq.a * deviation + np.eye(len(mean))
         return mean + deviation * np.linalg.solve(scaled, deviation * (eq.g + eq.a @ (eq.x - mean)))
+
+    def _weigh_all(self, sets: Sequence[Chosen]) -> None:
+        """Weigh sets, sizes averaged over."""
+        told = self._evidence(sets, np.array(self.model.settings.sizes))
+        for key, own in zip(sets, told, strict=True):
+            self.known[key] = self.none + float(own) + self._prior(key)
 
     def _prior(self, chosen: Chosen) -> float:
         effects = len({self.effects[k] for k in chosen})

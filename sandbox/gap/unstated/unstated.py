@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from sandbox.gap.evidence.fit import Fit, most_left
+from sandbox.gap.evidence.fit import Fit, keeps_more
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.settings import Settings
@@ -62,5 +62,5 @@ def unstated(
     more turns."""
     point = found.point
     drifts = None if excerpts else drifting(point, shown(point), known.drifting)
-    looked = known.counts is None and drifts is None and most_left(found) > settings.gap
+    looked = known.counts is None and drifts is None and keeps_more(found, settings.gap)
     return Unstated(pwm_counts(point) if looked else None, drifts)

@@ -8,7 +8,7 @@ import pytest
 
 from sandbox.gap.diagnose import _without
 from sandbox.gap.evidence.algebra import prior_of
-from sandbox.gap.evidence.fit import NEAR, TOLERANCE, fit, noise_at, normalised, objective
+from sandbox.gap.evidence.fit import NEAR, TOLERANCE, fit, normalised, objective, variance_at
 from sandbox.gap.evidence.gap_size import Size, size_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.posterior.holdout import weights_of
@@ -96,7 +96,7 @@ def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_fold
     )
     found = _without(whole, start, (0,), 1)
     assert normalised(found.normal, others) < NEAR  # one fit, from the end of the whole one
-    little = 2.0 * TOLERANCE * noise_at(honest.normal, others)
+    little = 2.0 * TOLERANCE * variance_at(honest.normal, others)
     assert found.objective == pytest.approx(honest.objective, abs=little)
     seen = objective(whole.normal, prior_of(whole.coordinates), others)
     assert seen > honest.objective + 100.0 * little  # where it began
