@@ -324,7 +324,8 @@ def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit
         return near
     own = {k: v for k, v in whole.point.values.items() if k.partition(".")[0] in whole.effects}
     begun = replace(start, values={**start.values, **own})
-    other = attempted(begun, whole.effects, weights, smooth=True, workers=workers)
+    leader = math.inf if near is None else near.objective
+    other = attempted(begun, whole.effects, weights, smooth=True, leader=leader, workers=workers)
     found = [f for f in (near, other) if f is not None]
     return min(found, key=lambda f: f.objective, default=whole)
 

@@ -48,6 +48,9 @@ HERE = 4.0
 # Share of what is left beside noise, and of the objective at least (one nat): a rough fit leaves
 # the rest to the equations taken at its end.
 ROUGH, ROUGH_NATS = 0.03, 2.0
+# Of what a fit lacks to its rival: where slopes, taken anew, promise a smaller share it ends.  Nats
+# that it has to be behind by; a set that is further back has less than a hundred thousandth.
+HOPE, BEHIND = 0.5, 12.0
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
 SIGN = ("bench.soft_current", "bench.soft_shape")
@@ -100,6 +103,7 @@ def fit(
     *,
     rough: float = math.inf,
     near: Normal | None = None,
+    leader: float = math.inf,
     workers: int = 1,
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by
@@ -111,10 +115,12 @@ def fit(
 
     near: equations with slopes at a point near the start, which serve the first steps.
 
+    leader: the objective of a rival; a fit far behind it ends where slopes promise no way to it.
+
     Where an effect's value ends at the bound of the search, the bound widens and the fit goes on;
     so it does where free rotors' motion, smoothed again at the point that was found, fits better.
     """
-    task = Task(start, effects, weights, workers, rough, near)
+    task = Task(start, effects, weights, workers, rough, near, leader)
     found, smoother = _within_bounds(task, start)
     if normalised(found.normal, weights) > rough:
         return found
@@ -141,13 +147,15 @@ def attempted(
     smooth: bool = False,
     rough: float = math.inf,
     near: Normal | None = None,
+    leader: float = math.inf,
     workers: int = 1,
 ) -> Fit | None:
     """Return the fit of a set, None where no drive can have it or it predicts nothing finite;
-    smooth: free rotors' motion is smoothed at the start; rough, near: as in `fit`."""
+    smooth: free rotors' motion is smoothed at the start; rough, near, leader: as in
+    `fit`."""
     try:
         at = start.resmoothed() if smooth else start
-        found = fit(at, effects, weights, rough=rough, near=near, workers=workers)
+        found = fit(at, effects, weights, rough=rough, near=near, leader=leader, workers=workers)
     except BadInput:
         return None
     return found if math.isfinite(found.objective) else None
@@ -195,7 +203,7 @@ def excess_of(n: Normal, weights: Weights) -> float:
 
 class Task(NamedTuple):
     """What is fitted: where it begins, effects, recordings that count, threads, floors above which
-    its first part is enough, and equations near the start."""
+    its first part is enough, equations near the start, and a rival's objective."""
 
     start: Point
     effects: Sequence[str]
@@ -203,6 +211,7 @@ class Task(NamedTuple):
     workers: int
     rough: float = math.inf
     near: Normal | None = None
+    leader: float = math.inf
 
     def enough(self, n: Normal) -> bool:
         """Return whether its first part is, where equations stand."""
@@ -294,6 +303,8 @@ class Descent:
         little, most = self.little(), self.taken + SLOPES - 1
         for _ in range(STEPS):
             straight, promised = _step(self.n, prior, self.task.weights, DAMPING[damping], share)
+            if self.taken > 1 and not self.steps and share == 1.0 and self.hopeless(promised):
+                return
             x = fallen(self.n.x, straight, prior) if falling else straight
             gained, stepped = self.stepped(
                 x, prior, 0.0 if damping else max(0.0, ENOUGH * promised)
@@ -325,6 +336,11 @@ class Descent:
                 return
             self.again(prior)
             little = self.little()
+
+    def hopeless(self, promised: float) -> bool:
+        """Return whether the fit is far behind its rival and slopes promise no way to it."""
+        lacks, nats = self.value - self.task.leader, variance_at(self.n, self.task.weights)
+        return lacks > 2.0 * BEHIND * nats and promised < HOPE * lacks
 
     def little(self) -> float:
         """Return what a step may gain and yet change no decision."""

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sandbox.gap.evidence.fit import NEAR, Fit, rms_of
+from sandbox.gap.evidence.fit import BEHIND, NEAR, Fit, rms_of
 from sandbox.gap.evidence.misfit import misfit, weights
 from sandbox.gap.evidence.normal import Normal, Point
 from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
 from sandbox.gap.posterior.linear_model import LinearModel
-from sandbox.gap.posterior.search import Problem, Search
+from sandbox.gap.posterior.search import Problem, Search, log_posterior
 from sandbox.gap.posterior.sets import REACH, Set, SetPosterior, log_prior, possible
 from sandbox.gap.unstated.unstated import Unstated
 
@@ -111,20 +111,22 @@ class _Weighing:
     def around(self, first: EvaluatedModel, variance: Mapping[tuple[int, str], float]) -> Inference:
         """Return the sets near the most probable one, weighed by the variance that it meets."""
         fitted, self.stand_ins = {first.effects: first}, {}
-        impossible: set[Set] = set()
+        behind: dict[Set, float] = {}
         asked = [tuple(sorted(k)) for k in self.problem.rivals]
         while True:
-            told, near = self.posterior(fitted, impossible)
+            told, near = self.posterior(fitted, behind)
             leader = fitted[max(fitted, key=lambda k: (told[k], k))]
-            asked = [k for k in asked if k not in fitted and k not in impossible]
-            if not asked and (not near or len(fitted) > self.problem.settings.rivals):
+            asked = [k for k in asked if k not in fitted and k not in behind]
+            many = len(fitted) + len(behind) > self.problem.settings.rivals
+            if not asked and (not near or many):
                 break
             key = asked[0] if asked else near[0]
-            new = self.search.fit_of(key, leader.fit, None)
+            new = self.search.fit_of(key, leader.fit, None, leader=leader.fit.objective)
             if set(key) < set(leader.effects):
                 new = self.search.begun_anew(key, leader.fit, new)
-            if new is None:
-                impossible.add(key)
+            lead = self.lead(leader.fit, new, variance)
+            if new is None or (lead > BEHIND and not asked):
+                behind[key] = self.level(leader) - lead
             else:
                 fitted[key] = self.evaluated(new, variance)
         total = sum(math.exp(v) for v in told.values())
@@ -137,6 +139,18 @@ class _Weighing:
         return Inference(
             self.problem.start, self.problem.known, null, fitted, kept, variance, self.search.linear
         )
+
+    def lead(self, one: Fit, other: Fit | None, variance: Mapping[tuple[int, str], float]) -> float:
+        """Return by how much the log posterior of one fit is above another's, both weighed at their
+        own points; infinite where no drive can have the other."""
+        if other is None:
+            return math.inf
+        own = (log_posterior(f, weights(variance), self.problem.settings) for f in (one, other))
+        return next(own) - next(own)
+
+    def level(self, e: EvaluatedModel) -> float:
+        """Return the log posterior of a set that is weighed, up to a constant."""
+        return e.log_evidence + log_prior(e.effects, self.problem.settings)
 
     def evaluated(
         self, found: Fit, variance: Mapping[tuple[int, str], float], known: Normal | None = None
@@ -155,12 +169,13 @@ class _Weighing:
         )
 
     def posterior(
-        self, fitted: Mapping[Set, EvaluatedModel], impossible: set[Set]
+        self, fitted: Mapping[Set, EvaluatedModel], behind: Mapping[Set, float]
     ) -> tuple[dict[Set, float], list[Set]]:
         """Return the log posterior of all sets, the best fitted one's 0, and the sets that ought to
         be fitted, the most probable first.
 
-        Fitted sets have the evidence of their own points; any other one stands to the best of them
+        behind: log posterior of sets whose fit ended far behind the best one's.  Fitted sets have
+        the evidence of their own points; any other one stands to the best of them
         as the equations at its point say.  It ought to be fitted where that is more than the best
         one's, where it is near and parameters would move by more than slopes hold for, and where it
         only lacks an effect that others stand in for, or exchanges it for one that does.  So it
@@ -169,7 +184,7 @@ class _Weighing:
         ought where the best one leaves several floors: something outside the library decides then,
         not one set or another.
         """
-        own = {k: e.log_evidence + log_prior(k, self.problem.settings) for k, e in fitted.items()}
+        own = {k: self.level(e) for k, e in fitted.items()}
         leader = max(own, key=lambda k: (own[k], k))
         sets = SetPosterior(fitted[leader].model)
         sets.enumerate([k for k, c in enumerate(sets.model.candidates) if c.effect in leader])
@@ -177,7 +192,7 @@ class _Weighing:
         told = {
             k: v - by_name[leader]
             for k, v in by_name.items()
-            if k not in fitted and k not in impossible
+            if k not in fitted and k not in behind
         }
         far = rms_of(self.search.null) > NEAR
         near = [
@@ -192,10 +207,11 @@ class _Weighing:
             self.stand_ins[leader] = stand_ins(
                 fitted[leader].model, leader, self.problem.settings.bend
             )
-        near += [k for k in self.stand_ins[leader] if k not in {*near, *fitted, *impossible}]
+        near += [k for k in self.stand_ins[leader] if k not in {*near, *fitted, *behind}]
         if rms_of(fitted[leader].fit) > NEAR:
             near = []
-        told = {k: min(v, 0.0) for k, v in told.items()} | {k: v - top for k, v in own.items()}
+        told = {k: min(v, 0.0) for k, v in told.items()}
+        told |= {k: v - top for k, v in (*own.items(), *behind.items())}
         return told, near
 
 

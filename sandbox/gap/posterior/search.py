@@ -301,15 +301,16 @@ class Search:
             k for k, c in enumerate(model.candidates) if c.effect in here.effects and c.part == 1
         )
         best, sets, self.met = own, SetPosterior(model), weights(variance)
-        sets.enumerate(own)
         for _ in range(REWEIGHTED):
-            if sets.best() == best:
-                break
+            if sets.climb(own) == best:
+                sets.enumerate(own)
+                if sets.best() == best:
+                    return sets
             best = sets.best()
             met = left_by(model, sets.most_probable(best), variance)
             model = replace(model, equations=equations(model.normal, weights(met)))
             sets = SetPosterior(model)
-            sets.enumerate(own)
+        sets.enumerate(own)
         return sets
 
     def choose(self, sets: SetPosterior, best: Chosen) -> None:
@@ -343,12 +344,13 @@ class Search:
         known: Normal | None,
         sets: SetPosterior | None = None,
         best: Chosen = (),
+        leader: float = math.inf,
     ) -> Fit | None:
         """Return the fit of a set that begins at another one's point; None where no drive can have
         it.
 
         known: equations there; sets, best: the posterior that chose it: then its first part is
-        enough, for the next round's equations.
+        enough, for the next round's equations; leader: as in `fit`.
         """
         self.problem.report(f"fitting {' + '.join(key) or 'ordinary deviations'}")
         p = self.problem
@@ -363,6 +365,7 @@ class Search:
             smooth=True,
             rough=0.0 if rough else math.inf,
             near=known,
+            leader=leader,
             workers=p.workers,
         )
         new = set(key) - set(near.effects)
@@ -377,10 +380,9 @@ class Search:
         p = self.problem
         own = {k: v for k, v in near.point.values.items() if k.partition(".")[0] in key}
         begun = replace(p.start, values={**p.start.values, **own})
-        new = attempted(begun, key, p.fitted, smooth=True, workers=p.workers)
-        if found is None or new is None:
-            return new or found
-        return new if new.objective < found.objective else found
+        leader = math.inf if found is None else found.objective
+        new = attempted(begun, key, p.fitted, smooth=True, leader=leader, workers=p.workers)
+        return found if new is None or not new.objective < leader else new
 
     def best_form(self, found: Fit, effects: Sequence[str], rough: bool) -> Fit:
         """Return a fit, or that of the same set with one of these effects in its other form where
@@ -401,6 +403,7 @@ class Search:
                 p.fitted,
                 smooth=not rough,
                 rough=0.0 if rough else math.inf,
+                leader=found.objective,
                 workers=p.workers,
             )
             if new is not None and new.objective < found.objective:

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -47,6 +48,7 @@ def log_prior(effects: Sequence[str], settings: Settings = USUAL) -> float:
     return math.log((1.0 - settings.more) * settings.more**n / math.comb(whole, n))
 
 
+@cache
 def contained(effect: str) -> frozenset[str]:
     """Return the effects whose parameters are part of an effect's own: never claimed together with
     it."""
@@ -110,8 +112,7 @@ class SetPosterior:
     def enumerate(self, start: Iterable[int] = ()) -> dict[Chosen, float]:
         """Return the sets within REACH of the best one, with their log posterior; start: a set to
         begin at."""
-        self.weigh(())
-        self.weigh(start)
+        self.climb(start)
         seen: set[Chosen] = set()
         for _ in range(PARENTS):
             top = max(self.known.values())
@@ -120,12 +121,28 @@ class SetPosterior:
                 break
             here = max(open_, key=lambda k: (self.known[k], k))
             seen.add(here)
-            prior = self.neighbours(here)
-            near = sorted(k for k in prior if k not in self.known)
-            if near:
-                told = self._evidence(near, np.array([0.5])) + [prior[k] for k in near]
-                self._weigh_all([near[k] for k in np.argsort(-told, kind="stable")[:KEPT]])
+            self._look_around(here)
         return self.known
+
+    def climb(self, start: Iterable[int] = ()) -> Chosen:
+        """Return the set to which steps to the best neighbour lead, from the better of none and a
+        set."""
+        self.weigh(())
+        self.weigh(start)
+        here = self.best()
+        while True:
+            self._look_around(here)
+            if self.best() == here:
+                return here
+            here = self.best()
+
+    def _look_around(self, here: Chosen) -> None:
+        """Weigh the best neighbours of a set."""
+        prior = self.neighbours(here)
+        near = sorted(k for k in prior if k not in self.known)
+        if near:
+            told = self._evidence(near, np.array([0.5])) + [prior[k] for k in near]
+            self._weigh_all([near[k] for k in np.argsort(-told, kind="stable")[:KEPT]])
 
     def neighbours(self, chosen: Chosen) -> dict[Chosen, float]:
         """Return the sets with one candidate more, one fewer, or one exchanged, each sorted, and
