@@ -50,7 +50,7 @@ def test_the_cosine_is_that_of_plain_regression_on_dense_slopes(pair):
     drop = pair[1]
     t, effect, rival = drop.model, "device_drop", "dead_time"
     own = [c for c in t.coordinates if c.form != "turn"]
-    n = normal(t.point, own)
+    n = normal(drop.fit.point, own)  # a table keeps the slopes of where it began
     dense = np.zeros((sum(len(r) for r in n.rows), len(n.x)))
     at = 0
     for s, rows in zip(n.segments, n.rows, strict=True):
@@ -67,8 +67,7 @@ def test_the_cosine_is_that_of_plain_regression_on_dense_slopes(pair):
         squares.append(left(dense[:, others], target, prior.deviation[others]))
     found = alike(diagnosis(pair))
     assert found is not None
-    # a table keeps the slopes of where it began, these are those of where it settled
-    assert found.cosines[effect] == pytest.approx(np.sqrt(1.0 - squares[1] / squares[0]), rel=1e-2)
+    assert found.cosines[effect] == pytest.approx(np.sqrt(1.0 - squares[1] / squares[0]), rel=1e-6)
 
 
 def test_the_way_ends_at_both_fits(pair):
