@@ -376,8 +376,10 @@ class Search:
     def begun_anew(self, key: Set, near: Fit, found: Fit | None) -> Fit | None:
         """Return the fit of a set, or one that begins at the nominal model with the sizes its
         effects have in another fit, where that fits better: with what that one bent for an effect
-        more it may end at a poor point."""
+        more it may end at a poor point.  Ordinary deviations alone were fitted so at first."""
         p = self.problem
+        if not key:
+            return self.null if found is None else min(found, self.null, key=lambda f: f.objective)
         own = {k: v for k, v in near.point.values.items() if k.partition(".")[0] in key}
         begun = replace(p.start, values={**p.start.values, **own})
         leader = math.inf if found is None else found.objective
