@@ -33,7 +33,7 @@ from sandbox.plant.electrical import (
 )
 from sandbox.plant.gates.blocked import PARTS, float_legs
 from sandbox.plant.mechanics import step_shaft
-from sandbox.plant.sampling import SHORTEST, hold_start, peek
+from sandbox.plant.sampling import SHORTEST, hold_start, looked_at, peek
 
 TWO_THIRDS = 2.0 / 3.0
 NO_TIME = 1e-11  # s: speed over a shorter one is rounding
@@ -382,7 +382,7 @@ def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, 
     plain = (
         flux_map is None
         and features & ADDED == 0
-        and not looking
+        and len(looks) == 0
         and w.table_points == 0
         and room.blocked == 0
     )
@@ -433,7 +433,9 @@ def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, 
                 else room.until[LAST] > t and lose_waiting(w, room, t, span, -1)
             )
             long, whole = span > BENDING * period, span >= left
-            plainly = plain and g < EDGES and not lossy
+            until = 2.0 * period if g == EDGES and whole else t + span
+            peeks = peeking and len(looks) == 0 and looked_at(w, t, until)
+            plainly = plain and g < EDGES and not (lossy or peeks)
             if begun and not plainly:
                 dropped(w)
             begun = plainly
@@ -503,8 +505,7 @@ def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, 
                     y,
                     any_late,
                 )
-            until = 2.0 * period if g == EDGES and whole else t + span
-            if peeking and len(looks) == 0:
+            if peeks:
                 peek(
                     w,
                     magnetics,

@@ -124,6 +124,15 @@ def curving(w, j, span, e_alpha, e_beta, c_alpha, c_beta):
     return m_alpha - 0.5 * (w.i_alpha[j] + e_alpha), m_beta - 0.5 * (w.i_beta[j] + e_beta)
 
 
+@inlined
+def looked_at(w, t, until):
+    """Return whether any lane's reading falls between t and until (s)."""
+    hit = False
+    for j in range(w.psi_alpha.size):
+        hit = hit | ((w.when[j] >= t) & (w.when[j] < until))
+    return hit
+
+
 @kernel
 def peek(
     w, flux_map, features, room, but, trajectory, t, span, until, u_alpha, u_beta, x, y, period
@@ -131,11 +140,6 @@ def peek(
     """Hold the current (behind the filter) of every lane whose reading `when` falls between t and
     until (s)."""
     n = w.psi_alpha.size
-    hit = False
-    for j in range(n):
-        hit = hit | ((w.when[j] >= t) & (w.when[j] < until))
-    if not hit:
-        return
     for j in range(n):
         w.span_inv[j] = 1.0 / span
     for j in range(n):
