@@ -36,8 +36,9 @@ TOLERANCE = 0.5
 # share of a step that is still tried: along a bent valley short steps gain, damped ones hardly
 SHORTEST = 0.05
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
-# of a part of a fit: steps, each of one simulation, and points at which slopes are taken
-STEPS, SLOPES = 30, 8
+# of a part of a fit: steps, each of one simulation, and points at which slopes are taken; of the
+# first part where that is enough, since the next round's equations are of all candidates there
+STEPS, SLOPES, FIRST_SLOPES = 30, 8, 3
 CHORDS = 4  # steps on the same slopes: more of them would only creep
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
@@ -300,7 +301,8 @@ class Descent:
             return
         # falling: sizes in proportion; share: of a whole step
         damping, share, falling = 0, 1.0, False
-        little, most = self.little(), self.taken + SLOPES - 1
+        little, enough = self.little(), self.task.enough(self.n)
+        most = self.taken + (FIRST_SLOPES if enough else SLOPES) - 1
         for _ in range(STEPS):
             straight, promised = _step(self.n, prior, self.task.weights, DAMPING[damping], share)
             if self.taken > 1 and not self.steps and share == 1.0 and self.hopeless(promised):
