@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.drive_files import injection_defaults
+from model.effects.card import Ordinary, scales
 from model.errors import BadInput, as_toml, brief, unknown
 from model.given import read_toml
 from model.inverter_table import with_points
@@ -297,6 +298,14 @@ class Campaign:
     def __repr__(self) -> str:
         files = ", ".join(r.file for r in self.recordings)
         return f"<Campaign: {self.name}, {len(self.recordings)} recordings: {files}>"
+
+    def deviation_of(self, o: Ordinary) -> float:
+        """Return the standard deviation of an ordinary deviation, as stated here or usual: of the
+        motor's values relative, otherwise in the parameter's unit."""
+        if o.of_motor:
+            return self.uncertainty.get(o.stated, o.usual)
+        usual = o.usual * scales(self.drive.motor, self.drive.converter)[o.relative_to]
+        return o.share * self.background.get(o.stated, usual)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return all recordings below each other, the first column `file`; BadInput where pandas is

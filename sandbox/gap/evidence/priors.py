@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from model.effects import library
-from model.effects.card import Effect, Ordinary, Part, scales
+from model.effects.card import Effect, Ordinary, Part
 from model.errors import BadInput
 from model.parameters import Drive, Motor
-from sandbox.plant.sets import BENCH, further_parts, soft_current
+from sandbox.plant.sets import BENCH, ORDINARY, SIGN_SPREAD, further_parts, soft_current
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.sensitivity import mechanical_only
 
@@ -28,9 +28,6 @@ OF_POINT = ("turn", "map")  # forms of what a point has beside its parameters
 STEPS = ("share", "presence")  # forms that are there or not, nothing between
 REACHED = 0.99  # of them: a value there is at its bound
 BELOW = 1.0 - 1e-6  # of a limit that a value must stay below: what a fit may reach
-ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
-# standard deviation of the logarithm of the width in which a current's sign goes through zero
-SOFT_SPREAD = 1.5
 
 
 @dataclass(frozen=True)
@@ -208,16 +205,11 @@ def _shapes(card: Effect, campaign: Campaign, values: Set) -> list[Coordinate]:
 
 def soft_sign(motor: Motor) -> list[Coordinate]:
     """Return the coordinates of how a current's sign goes through zero: width and shape, of which
-    little is known.
-
-    Measured zones reach from a switch as hard as readings can tell to half-widths of 12 % of rated
-    current (0.54 A of 4.5 A, a published inverter table), eight times the usual one; shapes from
-    linear to tanh.
-    """
+    little is known; measured shapes reach from linear to tanh."""
     width = math.log(soft_current(motor))
     return [
         Coordinate(
-            "bench.soft_current", width, SOFT_SPREAD, "log", ("bench.soft_current",), within=3.0
+            "bench.soft_current", width, SIGN_SPREAD, "log", ("bench.soft_current",), within=3.0
         ),
         Coordinate("bench.soft_shape", 0.0, 1.0, "linear", ("bench.soft_shape",)),
     ]
@@ -236,12 +228,10 @@ def with_usual_sign(values: Set, motor: Motor) -> dict[str, float]:
 
 
 def deviation_of(campaign: Campaign, o: Ordinary, mean: float) -> float:
-    """Return the standard deviation of an ordinary deviation about its mean, as the campaign states
-    it or usual."""
-    if o.of_motor:
-        return seen(campaign.uncertainty.get(o.stated, o.usual)) * abs(mean)
-    usual = o.usual * scales(campaign.drive.motor, campaign.drive.converter)[o.relative_to]
-    return o.share * campaign.background.get(o.stated, usual)
+    """Return the standard deviation of an ordinary deviation about its mean, of a motor's value as
+    seen from the stated one."""
+    stated = campaign.deviation_of(o)
+    return seen(stated) * abs(mean) if o.of_motor else stated
 
 
 def seen(deviation: float) -> float:

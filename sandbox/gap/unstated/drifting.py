@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 
 from model.effects.said import quantity
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.evidence.priors import ORDINARY, deviation_of
 from sandbox.gap.evidence.spectrum import whole_turns
-from sandbox.plant.sets import BENCH
+from sandbox.plant.sets import BENCH, ORDINARY
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import Residual
 
@@ -165,7 +164,7 @@ def drifting(
 def _usual(campaign: Campaign) -> float:
     """Return the ordinary standard deviation (A) of one sensor's offset."""
     ordinary = BENCH["bench.common_offset"].ordinary
-    return 0.0 if ordinary is None else deviation_of(campaign, ordinary, 0.0) / ordinary.share
+    return 0.0 if ordinary is None else campaign.deviation_of(ordinary) / ordinary.share
 
 
 def steadied(campaign: Campaign, found: Drifting) -> Campaign:

@@ -15,11 +15,11 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from model.effects.card import Parameter, saturation_size, scales
+from model.effects.card import Parameter, saturation_size
 from model.effects.library import load_effect, neutral, parameters
 from model.mapped import MappedMotor
 from model.parameters import Motor
-from sandbox.plant.sets import soft_current
+from sandbox.plant.sets import ORDINARY, SIGN_SPREAD, soft_current
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import Prepared
 
@@ -40,17 +40,13 @@ ANGLE = "angles."  # of each angle that was made: its zero is nobody's reading
 CORE, LAG = "iron_loss.core_resistance", "iron_loss.time_constant"
 SIGN, SHAPE = "bench.soft_current", "bench.soft_shape"
 # effects whose ordinary deviations join
-ORDINARY = ("dead_time", "current_gain", "encoder_offset")
+JOINING = ("dead_time", "current_gain", "encoder_offset")
 ALPHA = "saturation.alpha_"
 # priors, one standard deviation: of rated current; of the link, as voltage or as time
 OFFSET, DROP = 0.01, 0.02
 # prior of R and flux, one standard deviation over nominal: data that say anything outdo it
 OPEN = 10.0
-FARTHEST = 4.0  # deviations that what stands beside may have
 BELOW = 1.0 - 1e-6  # of a limit that a value must stay below: what a fit may reach
-# of the logarithm of the width in which a current's sign goes through zero: measured half-widths
-# reach from nothing to 12 % of rated current, eight times the usual one
-SIGN_SPREAD = 1.5
 # logarithm of the factor from the start within which one is looked for; inductances: inside a
 # scale's bounds
 WIDE = {
@@ -121,7 +117,7 @@ def _beside(prepared: Prepared) -> Iterator[tuple[str, Place]]:
             place, most = _linear(p, p.neutral_for(motor), wide[name]), _limit(name, campaign)
             if most > 0.0:  # a harmonic of magnets that are not there has no room
                 yield name, place._replace(low=max(place.low, -most), high=min(place.high, most))
-        elif name.partition(".")[0] in ORDINARY and p.ordinary is not None:
+        elif name.partition(".")[0] in JOINING and p.ordinary is not None:
             yield name, _linear(p, p.neutral_for(motor), _ordinary(p, campaign))
         elif name.startswith(ALPHA) and not isinstance(motor, MappedMotor):
             own = p.neutral_for(motor)
@@ -141,7 +137,7 @@ def _limit(name: str, campaign: Campaign) -> float:
 
 
 def _linear(p: Parameter, own: float, deviation: float) -> Place:
-    low, high = own - FARTHEST * deviation, own + FARTHEST * deviation
+    low, high = own - ORDINARY * deviation, own + ORDINARY * deviation
     return Place(1.0, own, own, deviation, max(p.low, low), min(p.high, high))
 
 
@@ -152,11 +148,8 @@ def _log(unit: float, spread: float, p: Parameter | None = None) -> Place:
 
 
 def _ordinary(p: Parameter, campaign: Campaign) -> float:
-    """Return the standard deviation of an ordinary deviation, as the campaign states it or
-    usual."""
-    drive, own = campaign.drive, p.ordinary
+    """Return the standard deviation of an ordinary deviation about a parameter's neutral value."""
+    own = p.ordinary
     assert own is not None
-    if own.of_motor:
-        return campaign.uncertainty.get(own.stated, own.usual) * abs(p.neutral_for(drive.motor))
-    usual = own.usual * scales(drive.motor, drive.converter)[own.relative_to]
-    return own.share * campaign.background.get(own.stated, usual)
+    stated = campaign.deviation_of(own)
+    return stated * abs(p.neutral_for(campaign.drive.motor)) if own.of_motor else stated

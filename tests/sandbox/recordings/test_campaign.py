@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive, load_limits
+from model.effects.card import Ordinary
 from model.errors import BadInput
 from model.parameters import Limits
 from sandbox.cli import main
@@ -200,3 +201,17 @@ def test_a_bench_campaign_without_ratings_is_read_and_copied(tmp_path):
     again = read_folder(write_campaign(tmp_path / "copy", campaign))
     assert again.drive.motor == motor
     assert again.rated_from_data
+
+
+def test_a_deviation_is_as_stated_or_usual():
+    """A share of what `[background]` states in the parameter's unit, or of the usual one in units
+    of the drive's; a motor's value as `[uncertainty]` states it, relative."""
+    campaign = _campaign()
+    gain = Ordinary("current_gain", 0.01, share=0.5)
+    offset = Ordinary("current_offset", 0.001, "rated current", 0.5)
+    resistance = Ordinary("resistance", 0.05, of_motor=True)
+    assert campaign.deviation_of(gain) == 0.5 * 0.002
+    assert campaign.deviation_of(resistance) == 0.01
+    rated = campaign.drive.motor.rated_current
+    assert campaign.deviation_of(offset) == pytest.approx(0.5 * 0.001 * rated)
+    assert campaign.deviation_of(dataclasses.replace(resistance, stated="inertia")) == 0.05
