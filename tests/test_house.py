@@ -334,7 +334,7 @@ def test_the_plant_names_no_effect():
     # what turns an angle that is read; a key of [background]
     known = {"encoder_offset.offset", "current_offset"}
     # else the bench's own zone of a current's sign
-    known |= {"dead_time.zone_width", "dead_time.zone_shape"}
+    known |= {f"dead_time.zone_{name}" for name in ("width", "shape", "center")}
     # else the motor's rated current, speed
     known |= {f"{e}.reference" for e in ("leg_voltage", "current_linearity", "friction_torque")}
     for path in (

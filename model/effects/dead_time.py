@@ -22,24 +22,27 @@ TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9
 
 
 @inlined
-def by_zone(time, zone_width, zone_shape, hold):
+def by_zone(time, zone_width, zone_shape, zone_center, hold):
     """Return how late (s) an edge acts that a sign of the current with a zone delays, linear in it,
     by a time of either sign; and ROUND where `rounded` has to be added."""
-    size = abs(time)
-    own = 0.5 * size * (1.0 + clip(hold * (1.0 / max(zone_width, SHARP))))
-    round_zone = (zone_shape > 0.0) & (abs(hold) < TAILS * zone_width)
+    size, beside = abs(time), hold - zone_center * zone_width
+    own = 0.5 * size * (1.0 + clip(beside * (1.0 / max(zone_width, SHARP))))
+    round_zone = (zone_shape > 0.0) & (abs(beside) < TAILS * zone_width)
     return (own if time >= 0.0 else size - own), (ROUND if round_zone & (size > 0.0) else 0.0)
 
 
 @inlined
-def rounded(time, zone_width, zone_shape, hold):
+def rounded(time, zone_width, zone_shape, zone_center, hold):
     """Return by how much later (s) than `by_zone` says an edge acts in a zone that is no straight
     line."""
-    return 0.5 * time * (soft_sign(hold / zone_width, zone_shape) - clip(hold / zone_width))
+    x = hold / zone_width - zone_center
+    return 0.5 * time * (soft_sign(x, zone_shape) - clip(x))
 
 
 @inlined
-def late(time, capacitance, residual, zone_width, zone_shape, hold, before, after, link):
+def late(
+    time, capacitance, residual, zone_width, zone_shape, zone_center, hold, before, after, link
+):
     """Return how late (s) an edge acts for constant slopes of its current, and who may say so.
 
     hold: current (A) that keeps the leg where it is; before, after: its slopes (A/s) with the leg
@@ -49,7 +52,9 @@ def late(time, capacitance, residual, zone_width, zone_shape, hold, before, afte
     capacitance.
     """
     size, charge, real = abs(time), 2.0 * capacitance * link, (capacitance > 0.0) & (time != 0.0)
-    zoned, asked = by_zone(residual + (0.0 if real else time), zone_width, zone_shape, hold)
+    zoned, asked = by_zone(
+        residual + (0.0 if real else time), zone_width, zone_shape, zone_center, hold
+    )
     own = quick(size, charge, hold, 1.0 / max(abs(hold), SHARP), before, after)
     own = own if time >= 0.0 else size - own
     who = 2.0 if crossing(size, charge, hold, before, after) else 1.0
@@ -57,10 +62,12 @@ def late(time, capacitance, residual, zone_width, zone_shape, hold, before, afte
 
 
 @inlined
-def commutated(time, capacitance, residual, zone_width, zone_shape, hold, before, after, link):
+def commutated(
+    time, capacitance, residual, zone_width, zone_shape, zone_center, hold, before, after, link
+):
     """Return by how much later (s) than `late` says an edge acts whose current is near zero."""
     size, real = abs(time), (capacitance > 0.0) & (time != 0.0)
-    more = rounded(residual + (0.0 if real else time), zone_width, zone_shape, hold)
+    more = rounded(residual + (0.0 if real else time), zone_width, zone_shape, zone_center, hold)
     if not real:
         return more
     exact = lateness(size, capacitance, link, hold, before, after)
@@ -101,17 +108,26 @@ def leg_loss(v: Mapping[str, float], converter: Converter, current: Array) -> Ar
     period, by completed values."""
     i = np.asarray(current, dtype=float)
     time, capacitance = v["dead_time.time"], v["dead_time.capacitance"]
-    width, shape = v["dead_time.zone_width"], v["dead_time.zone_shape"]
-    zone = {"bench.soft_current": width, "bench.soft_shape": shape} if width else v
-    late = v["dead_time.residual"] * sign(zone, i)
+    late = v["dead_time.residual"] * zoned(v, i)
     if capacitance > 0.0 and time:
         corner = 2.0 * capacitance * converter.dc_bus_voltage / abs(time)
         slews = np.array([-static_sign(-x, corner) for x in np.abs(i).ravel()]).reshape(i.shape)
         late = late + 0.5 * time * np.sign(i) * (1.0 + slews)
     else:
-        late = late + time * sign(zone, i)
+        late = late + time * zoned(v, i)
     period = converter.sampling_period * converter.samples_a_period
     return np.asarray(converter.dc_bus_voltage / period * late)
+
+
+def zoned(v: Mapping[str, float], current: Array) -> Array:
+    """Return the mean of the signs of currents (A, any shape) by which a leg's two edges are late,
+    by completed values."""
+    zone, center = dict(v), v.get("bench.soft_center", 0.0)
+    if width := v["dead_time.zone_width"]:
+        zone = {"bench.soft_current": width, "bench.soft_shape": v["dead_time.zone_shape"]}
+        center = v["dead_time.zone_center"]
+    beside = center * zone.get("bench.soft_current", 0.0)
+    return np.asarray(0.5 * (sign(zone, current - beside) + sign(zone, current + beside)))
 
 
 def ordinarily(v: Mapping[str, float]) -> tuple[str, ...]:
@@ -148,7 +164,8 @@ CARD = Effect(
         "u_dc) where it does not arrive), and may come to zero meanwhile; mean loss u_dc t_d/T_s "
         "times the vector of signs (fundamental 4/pi, lines 6k); the pattern is late by t_d/2 on "
         "average. Without a capacitance: late by a sign of the current, linear within +-1.5 % of "
-        "rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own; "
+        "rated current, or (1 - shape) clip x + shape tanh x in a zone of its own, x = i/width - "
+        "center, i the current that keeps the leg; "
         "so is what a compensation leaves of it or adds too much (residual, ordinary on any drive)"
     ),
     formulas=(
@@ -220,6 +237,17 @@ CARD = Effect(
             change=1.0,
             title="shape of the zone at zero current",
         ),
+        Parameter(
+            "zone_center",
+            "",
+            0.0,
+            -1.0,
+            1.0,
+            0.0,
+            fit="fixed",
+            change=1.0,
+            title="middle of the zone in its half-widths, of the current that keeps a leg",
+        ),
     ),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",
@@ -227,11 +255,15 @@ CARD = Effect(
     confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
     separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",  # noqa: E501
     at=(
-        At("edge", late, ("time", "capacitance", "residual", "zone_width", "zone_shape")),
+        At(
+            "edge",
+            late,
+            ("time", "capacitance", "residual", "zone_width", "zone_shape", "zone_center"),
+        ),
         At(
             "commutation",
             commutated,
-            ("time", "capacitance", "residual", "zone_width", "zone_shape"),
+            ("time", "capacitance", "residual", "zone_width", "zone_shape", "zone_center"),
         ),
     ),
     switches=("time", "residual"),

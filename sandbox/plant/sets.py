@@ -117,6 +117,8 @@ BENCH = {
     # half the width in which sign(i) goes through zero
     "bench.soft_current": BenchParameter("A", None, 1e-9, 1e5),
     "bench.soft_shape": BenchParameter("", 0.0, 0.0, 1.0),  # of it there: 0 linear, 1 tanh
+    # where an edge is late by half, in these half-widths, of the current that keeps its leg
+    "bench.soft_center": BenchParameter("", 0.0, -1.0, 1.0),
 }
 
 
@@ -163,7 +165,8 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
         rows |= further_rows(card, v, neutral)
     rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
     rows["shape"] = v["bench.soft_shape"]
-    rows["dead_time_zone_width"], rows["dead_time_zone_shape"] = zone_of(v)
+    for name, value in zone_of(v).items():
+        rows[f"dead_time_zone_{name}"] = value
     rows["leg_voltage_reference"] = v["leg_voltage.reference"] or motor.rated_current
     rows["current_linearity_reference"] = v["current_linearity.reference"] or motor.rated_current
     speed = motor.rated_omega / motor.pole_pairs
@@ -176,11 +179,15 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
     return rows
 
 
-def zone_of(v: Set) -> tuple[float, float]:
-    """Return half-width (A) and shape of the zone in which dead time's sign goes through zero, no
-    capacitance given."""
+def zone_of(v: Set) -> dict[str, float]:
+    """Return half-width (A), shape and center of the zone in which dead time's sign goes through
+    zero, no capacitance given: what the effect does not say is the bench's."""
     width, shape = v["dead_time.zone_width"], v["dead_time.zone_shape"]
-    return (width, shape) if width else (v["bench.soft_current"], shape or v["bench.soft_shape"])
+    center = v["dead_time.zone_center"]
+    if not width:
+        width = v["bench.soft_current"]
+        shape, center = shape or v["bench.soft_shape"], center or v["bench.soft_center"]
+    return {"width": width, "shape": shape, "center": center}
 
 
 def machine_rows(motor: Motor, v: Set) -> dict[str, float]:

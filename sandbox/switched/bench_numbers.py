@@ -54,6 +54,7 @@ SAME = {
     "skin_time": "skin_effect.time_constant",
     "zone_width": "dead_time.zone_width",
     "zone_tanh": "dead_time.zone_shape",
+    "zone_center": "dead_time.zone_center",
     "sag": "dc_link_error.sag",
     "ripple_amplitude": "dc_link_ripple.amplitude",
     "ripple_phase": "dc_link_ripple.phase",
@@ -175,9 +176,11 @@ class SwitchedBench(NamedTuple):
     load_lag: float = 0.0  # s, by which a load machine's torque lags what it is told
     # how the sign of a current goes through zero, soft_current its half-width
     sign_shape: float = LINEAR
-    # A, of the sign by which edges are late: half-width of its own, and share of a tanh in it
+    # A, of the sign by which edges are late: half-width of its own, share of a tanh in it, and its
+    # middle in half-widths of the current that keeps a leg where it is
     zone_width: float = 0.0
     zone_tanh: float = 0.0
+    zone_center: float = 0.0
     # F across each switch: legs slew in the dead time, and are clamped; edges know no sign
     capacitance: float = 0.0
     slices: float = LEAST_SLICES  # steps over a dead time, in which legs slew

@@ -308,9 +308,8 @@ def settle(state, b, leg, acted, taken, n, t, current):
                 acted, taken = taken, taken + 1
                 continue
             if b.dead_time != 0.0:
-                sign = edge_sign(b, current)
-                late = b.dead_time * (sign if rising else -sign)
-                state[base + taken] += 0.5 * (abs(b.dead_time) + late)
+                sign = edge_sign(b, current if rising else -current)
+                state[base + taken] += 0.5 * (abs(b.dead_time) + b.dead_time * sign)
             if acted < taken and state[base + taken] <= state[base + taken - 1]:
                 # the pulse vanishes
                 for j in range(taken + 1, n):

@@ -73,12 +73,12 @@ def soft_sign(b, current):
 
 
 @kernel
-def edge_sign(b, current):
-    """Return the sign of a leg's current where an edge is commanded: by dead time's own zone, if it
-    has one."""
-    if b.zone_width == 0.0 and b.zone_tanh == 0.0:
-        return soft_sign(b, current)
-    x = current / (b.zone_width if b.zone_width > 0.0 else b.soft_current)
+def edge_sign(b, hold):
+    """Return the sign of the current (A) that keeps a leg where it is as an edge is commanded: by
+    dead time's own zone, if it has one."""
+    if b.zone_width == 0.0 and b.zone_tanh == 0.0 and b.zone_center == 0.0:
+        return soft_sign(b, hold)
+    x = hold / (b.zone_width if b.zone_width > 0.0 else b.soft_current) - b.zone_center
     return clip(x) + b.zone_tanh * (math.tanh(x) - clip(x))
 
 

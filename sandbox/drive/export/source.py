@@ -270,15 +270,13 @@ def _rows(drive: Drive, energy: SplineEnergy | None) -> list[str]:
         f"w->load_offset = {_is('bench.load_torque_offset')};",
     ]
     lines += [f"w->{row} = {_is(name)};" for row, name in sets.numbers()]
-    shape = (
-        f"is->dead_time_zone_shape != R(0.0) ? is->dead_time_zone_shape : {_is('bench.soft_shape')}"
-    )
     lines += ["if (is->dead_time_zone_width == R(0.0)) {"]  # as `sets.zone_of`
-    lines += [
-        f"    w->dead_time_zone_width = {_is('bench.soft_current')};",
-        f"    w->dead_time_zone_shape = {shape};",
-        "}",
-    ]
+    lines += [f"    w->dead_time_zone_width = {_is('bench.soft_current')};"]
+    for name in ("shape", "center"):
+        own = f"dead_time_zone_{name}"
+        usual = _is(f"bench.soft_{name}")
+        lines.append(f"    w->{own} = is->{own} != R(0.0) ? is->{own} : {usual};")
+    lines.append("}")
     lines += [line for card in sets.several() for line in _further(drive.motor, card)]
     table = drive.converter.inverter_table
     if table:

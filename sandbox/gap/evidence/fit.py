@@ -54,7 +54,7 @@ ROUGH, ROUGH_NATS = 0.03, 2.0
 HOPE, BEHIND = 0.5, 12.0
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
-SIGN = ("bench.soft_current", "bench.soft_shape")
+SIGN = ("bench.soft_current", "bench.soft_shape", "bench.soft_center")
 # Floors.  A wrong shape of the sign left 1.02 beside a usual dead time; the excess J^2 - 1 grows as
 # its square, so 1.9 beside one eight times as large.
 NEAR = 3.0

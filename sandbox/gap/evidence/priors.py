@@ -212,6 +212,7 @@ def soft_sign(motor: Motor) -> list[Coordinate]:
             "bench.soft_current", width, SIGN_SPREAD, "log", ("bench.soft_current",), within=3.0
         ),
         Coordinate("bench.soft_shape", 0.0, 1.0, "linear", ("bench.soft_shape",)),
+        Coordinate("bench.soft_center", 0.0, 1.0, "linear", ("bench.soft_center",)),
     ]
 
 

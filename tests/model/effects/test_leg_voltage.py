@@ -75,9 +75,11 @@ def test_the_table_that_it_proposes_is_the_curve():
     assert np.allclose(np.interp(i, *points.T), curve(v, DRIVE.motor, i), atol=5e-3 * 1.8)
 
 
-@pytest.mark.parametrize("capacitance", [0.0, 2e-10])
+@pytest.mark.parametrize(("capacitance", "center"), [(0.0, 0.0), (0.0, 0.8), (2e-10, -0.5)])
 @pytest.mark.parametrize("current", [-2.0, -0.02, 0.0, 0.004, 0.05, 1.0])
-def test_the_whole_curve_holds_dead_time_and_drop_as_the_plant_has_them(current, capacitance):
+def test_the_whole_curve_holds_dead_time_and_drop_as_the_plant_has_them(
+    current, capacitance, center
+):
     """At a constant current a leg that it keeps up rises late and falls at once: the difference of
     both latenesses, each by the plant's equations, times the link, once a period; the drop is the
     plant's mean at one current."""
@@ -89,9 +91,10 @@ def test_the_whole_curve_holds_dead_time_and_drop_as_the_plant_has_them(current,
         "device_drop.on_resistance": 0.2,
         "bench.soft_current": 0.03,
         "bench.soft_shape": 0.25,
+        "bench.soft_center": center,
     }
     link = DRIVE.converter.dc_bus_voltage
-    numbers = (2e-6, capacitance, 1e-7, 0.03, 0.25)
+    numbers = (2e-6, capacitance, 1e-7, 0.03, 0.25, center)
 
     def edge(hold):
         ends = (hold, 0.0, 0.0, link)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sandbox.gap.diagnose import diagnosis_of
+from sandbox.plant.sets import soft_current
 from sandbox.replay.replay import prepare, replay
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, TURNING, small_campaign
 
@@ -63,6 +64,18 @@ def test_an_ordinary_dead_time_is_no_discovery_in_any_form(capacitance):
     """Twice the deviation that any drive may have (50 ns), by switches and diodes: what an ordinary
     one by a sign of the current leaves of it is no dead time to name, nor another effect."""
     put_in = {"dead_time.time": 1e-7, "dead_time.capacitance": capacitance}
+    d = diagnosis_of(small_campaign(put_in, CASES + TURNING), workers=1)
+    assert d.best.effects == ()
+    assert d.best.probability > 0.9
+
+
+@pytest.mark.parametrize("time", [5e-8, -5e-8])
+def test_nor_is_one_whose_zone_lies_beside_zero_current(time):
+    """Late (or early) edges by max(sign(i), 0), as one bench has it: nothing below zero current,
+    all of it at a half-width of 1.5 % of rated current.  With the zone about zero this is a
+    device drop of the same volts to the diagnosis, since ripple takes edges through it."""
+    zone = {"zone_width": 0.5 * soft_current(DRIVE.motor), "zone_center": 1.0}
+    put_in = {"dead_time.time": time} | {f"dead_time.{name}": x for name, x in zone.items()}
     d = diagnosis_of(small_campaign(put_in, CASES + TURNING), workers=1)
     assert d.best.effects == ()
     assert d.best.probability > 0.9

@@ -98,8 +98,8 @@ class Late(Legs):
     def taken(self, t: float, y: Array, leg: int, kind: str) -> Any:
         """Return the event; the edge and one that it overtakes act no more."""
         rises, blank = kind == "rise", self.plant.v["dead_time.time"]
-        sign = self.sign((self.plant.current(t, y) * A ** (-leg)).real)
-        act = t + 0.5 * (abs(blank) + (1.0 if rises else -1.0) * blank * sign)
+        current = (self.plant.current(t, y) * A ** (-leg)).real
+        act = t + 0.5 * (abs(blank) + blank * self.sign(current if rises else -current))
         before, number = self.last[leg]
         overtaken = before > t and act <= before
         self.last[leg] = (-1.0 if overtaken else act, number + 1)
@@ -109,10 +109,10 @@ class Late(Legs):
             self.waiting[leg, number + 1] = 1.0 if rises else 0.0
         return act, "z act", number + 1, leg
 
-    def sign(self, current: float) -> float:
-        """Return the sign of a leg's current (A) in the zone around zero."""
-        width, shape = zone_of(self.plant.v)
-        x = current / width
+    def sign(self, hold: float) -> float:
+        """Return the sign of the current (A) that keeps a leg where it is, in its zone."""
+        zone = zone_of(self.plant.v)
+        x, shape = hold / zone["width"] - zone["center"], zone["shape"]
         return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * math.tanh(x)
 
     def act(self, y: Array, leg: int, number: int) -> None:

@@ -104,6 +104,17 @@ CASES |= {
         "dead_time.zone_width": 0.5,
         "dead_time.zone_shape": 0.7,
     },
+    "dead time's zone beside zero": {
+        "dead_time.time": 4e-6,
+        "dead_time.zone_width": 0.4,
+        "dead_time.zone_center": 0.6,
+    },
+    "early edges, a round zone beside zero": {
+        "dead_time.time": -3e-6,
+        "bench.soft_current": 0.3,
+        "bench.soft_shape": 0.5,
+        "bench.soft_center": -0.8,
+    },
     "dead time, round sign": {
         "dead_time.time": 4e-6,
         "bench.soft_current": 0.5,

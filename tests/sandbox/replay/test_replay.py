@@ -187,6 +187,7 @@ BESIDE = (  # what typical sizes leave out, and where effects meet
     {"dc_link_error.sag": 30.0, "dead_time.time": 2e-6},
     {"dc_link_error.sag": 10.0, "pwm_delay.delay": 4e-5},
     {"dead_time.time": 3e-6, "dead_time.zone_width": 0.5, "dead_time.zone_shape": 1.0},
+    {"dead_time.time": -3e-6, "dead_time.zone_width": 0.4, "dead_time.zone_center": 0.7},
     {"dc_link_error.sag": 30.0, "iron_loss.core_resistance": 2e3, "current_sampling.delay": 6e-5},
     {"coulomb_friction.stribeck_torque": 0.05},
     {

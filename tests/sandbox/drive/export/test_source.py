@@ -122,6 +122,7 @@ REST = (
     {"pwm_delay.delay": 2e-5, "current_sampling.delay": 5e-6},
     {"bench.soft_shape": 0.5, "dead_time.time": 2e-6, "bench.load_torque_gain": 0.02},
     {"dead_time.time": 3e-6, "dead_time.zone_width": 0.1, "dead_time.zone_shape": 1.0},
+    {"dead_time.time": 3e-6, "bench.soft_center": 0.7, "dead_time.zone_shape": 0.5},
     {
         "shaft_compliance.stiffness": 50.0,
         "shaft_compliance.load_inertia": 4e-4,
