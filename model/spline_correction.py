@@ -142,11 +142,14 @@ class Basis(NamedTuple):
 @dataclass(frozen=True)
 class MapError:
     """The energy that a map states, on fine cells; energies `modes` (k, n_d, n_q, 5, 5) in J that
-    may be added to it, each as large as a size of 1 is likely to be; their sizes x (k,)."""
+    may be added to it, each as large as a size of 1 is likely to be; their sizes x (k,); beyond:
+    mean square of current readings, over the noise's, that what is off beside these is likely to
+    leave."""
 
     stated: SplineEnergy
     modes: Array
     x: Array
+    beyond: float = 0.0
 
     def energy(self) -> SplineEnergy:
         """Return the map's energy with what is added."""

@@ -11,7 +11,8 @@ sum of two energies.
   states for the inductances.
 
 Of their hundreds of directions recordings tell those whose answer in the readings stands above the
-noise; the others keep their prior, which moves nothing, and are left away.
+noise; the best told ones are modes.  What all others are likely to leave in the readings, they
+leave whatever the causes are (`MapError.beyond`): so much more a simulator with this map misses.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import deviation_of
 from sandbox.gap.evidence.response import added_current, fluxes
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.inputs import LEGS
 from sandbox.replay.map_error import rotor_currents, with_map_error
 from sandbox.replay.memory import SHARE
 from sandbox.replay.replay import replay
@@ -85,7 +87,9 @@ def with_modes(point: Point, size: float) -> Point:
         return point
     sizes = np.zeros((len(told), basis.size))
     sizes[:, chosen] = (spread @ vector[:, told]).T
-    error = MapError(basis.of, basis.cells(sizes), np.zeros(len(told)))
+    readings = len(LEGS) * prepared.samples
+    beyond = float(np.delete(value, told).clip(0.0).sum()) / readings
+    error = MapError(basis.of, basis.cells(sizes), np.zeros(len(told)), beyond)
     return replace(point, prepared=with_map_error(prepared, error))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from sandbox.gap.evidence.fit import Fit
 from sandbox.gap.evidence.gap_size import DRAWS, FEWEST, UNDEFINED, rms, squares
 from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.posterior.unmodeled import map_left
 from sandbox.gap.settings import USUAL, Settings
 
 
@@ -42,7 +43,8 @@ def remainder(before: Fit, after: Fit, noise: float, settings: Settings = USUAL)
     j0, j1 = rms(before.normal, every) ** 2 - 1.0, rms(after.normal, every) ** 2 - 1.0
     explained = min(1.0, max(0.0, 1.0 - j1 / j0)) if j0 > 0.0 else 0.0
     count = sum(float(s.n.sum()) for s in after.normal.segments)
-    least = math.hypot(settings.misses, math.sqrt(2.0 / count), noise)
+    misses = settings.misses + map_left(after)
+    least = math.hypot(misses, math.sqrt(2.0 / count), noise)
     return Remainder(j0, j1, explained, unexplained(before.normal, after.normal, least, settings))
 
 

@@ -3,7 +3,8 @@ its evidence.
 
 Each recording leaves an excess e = J^2 - 1 beyond noise.  With all causes named, e is what the
 replay misses: a Pareto distribution (Lomax's, of heavy tail) with a mean that is known
-(`Settings.misses`), plus the scatter of noise's own square.  With a cause outside the library, a
+(`Settings.misses`, and what a flux map's fine error is likely to leave), plus the scatter of
+noise's own square.  With a cause outside the library, a
 share f of the recordings (prior: Jeffreys), nobody knows which, has an excess of any order of
 magnitude (log-uniform up to `Settings.farthest`).  The Bayes factor is the mean over f of the
 product over recordings.
@@ -39,21 +40,33 @@ def unmodeled(before: Fit, after: Fit, noise: float = 0.0, settings: Settings = 
     noise's square may be misstated.
     """
     shown = math.log(settings.unknown / (1.0 - settings.unknown))
-    shown += log_bayes_factor(before.normal, after.normal, noise, settings)
+    shown += log_bayes_factor(before.normal, after.normal, noise, settings, map_left(after))
     if not after.effects:
         return float(expit(shown))
     hidden = math.log(settings.imitated * len(after.effects)) + log_stretched(after, settings)
     return float(expit(np.logaddexp(shown, hidden)))
 
 
+def map_left(f: Fit) -> float:
+    """Return the mean excess J^2 - 1 that what the motor's flux map is off by beside its modes is
+    likely to leave; 0 without a map."""
+    error = f.point.prepared.map_error
+    return 0.0 if error is None else error.beyond
+
+
 def log_bayes_factor(
-    before: Normal, after: Normal, noise: float, settings: Settings = USUAL
+    before: Normal,
+    after: Normal,
+    noise: float,
+    settings: Settings = USUAL,
+    beyond: float = 0.0,
 ) -> float:
-    """Return the log Bayes factor of a cause outside from what a fit leaves."""
+    """Return the log Bayes factor of a cause outside from what a fit leaves; beyond: what the
+    replay misses in the mean beside `Settings.misses`."""
     gap, _ = excess(before)
     left, count = excess(after)
     left = np.maximum(left, 0.0)  # less than noise says nothing of causes
-    known = settings.misses + settings.misses_of_gap * np.maximum(gap, 0.0)
+    known = settings.misses + beyond + settings.misses_of_gap * np.maximum(gap, 0.0)
     scatter = np.hypot(np.sqrt(2.0 / count), noise)
     told = np.array([_log_densities(*x, settings) for x in zip(left, scatter, known, strict=True)])
     per = told[:, 1] - told[:, 0]

@@ -12,12 +12,13 @@ from model.drive_files import load_drive
 from model.mapped import MappedMotor
 from model.spline import currents
 from model.spline_correction import Basis, refined
+from sandbox.gap.evidence import map_modes
 from sandbox.gap.evidence.map_modes import map_error, smooth, spread, with_modes
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.response import fluxes
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.map_error import rotor_currents
+from sandbox.replay.map_error import rotor_currents, with_map_error
 from sandbox.replay.replay import prepare, replay
 from tests.sandbox.replay.benches import record
 from tests.sandbox.switched.one_cell import one_cell
@@ -84,6 +85,26 @@ def test_without_points_a_map_is_off_as_a_whole_alone():
         np.testing.assert_allclose(both @ share, added, atol=1e-9 * np.abs(added).max())
         assert np.hypot(*share) == pytest.approx(1.0, rel=1e-6)
         assert np.abs(currents(alone, 0.0, 0.0)).max() < 1e-9 * np.abs(added).max()
+
+
+def test_what_directions_left_away_leave_in_the_readings(monkeypatch):
+    """With one direction fewer `beyond` is larger by what a replay with that one's energy added
+    differs by: mean square over the noise's.  A tenth of the size, times 100: to second order the
+    rest is a share of it; the algebra takes the path as it was, and its own first row as settled,
+    which the tolerance of 5 % covers (`test_map_error` has the slopes themselves within 1 %)."""
+    stated = dict.fromkeys(("inductance_d", "inductance_q"), 0.1)
+    campaign = Campaign("own", MAPPED, (record({}, "driven", 20.0),), stated, {}, False)
+    point = Point(prepare(campaign, steps=1), complete(MAPPED.motor, MAPPED.converter))
+    found = []
+    for most in (1, 2):
+        monkeypatch.setattr(map_modes, "MAX_DIRECTIONS", most)
+        found.append(with_modes(point, 0.05).prepared.map_error)
+    fewer, whole = found
+    assert len(whole.x) == 2
+    moved = with_map_error(point.prepared, whole.moved({1: 0.1}))
+    reads = [replay(p, [{}]).currents[0] for p in (point.prepared, moved)]
+    size = 100.0 * np.mean((reads[1] - reads[0]) ** 2) / point.prepared.noise_std**2
+    assert fewer.beyond - whole.beyond == pytest.approx(size, rel=0.05)
 
 
 @pytest.mark.parametrize(("share", "count"), [(0.03, 1), (0.4, 8), (1.0, 20)])
