@@ -18,7 +18,7 @@ import numpy as np
 from model.effects.library import true_motor
 from model.parameters import Drive
 from sandbox.drive.closed import closed_bench, longest_step
-from sandbox.drive.loop import INSTANT, LINK, MEMORY, U_ALPHA, U_BETA, Rig, at_sample, progress
+from sandbox.drive.loop import MEMORY, Memory, Rig, at_sample, progress
 from sandbox.drive.sensing import encoder, looked_at, read_phases
 from sandbox.plant.period import AppliedTorque
 from sandbox.plant.sets import complete, features_of
@@ -60,13 +60,13 @@ def alone(
     w, rng = bench.w, np.random.default_rng(0)
     rig = Rig(*5 * (0,), period, 0.0, 0.0, 0.0, converter.dc_bus_voltage, 0.0, 0.0)
     memory, (looks, seen) = np.zeros(MEMORY), looked_at(w, period, None)
-    memory[LINK], memory[INSTANT] = 1.0, w["sample"][0]
+    memory[Memory.LINK], memory[Memory.INSTANT] = 1.0, w["sample"][0]
     n, load = len(recording.t), recording.columns["load_torque"]
     currents, track, until = np.empty((n, 3)), np.empty((n, 2)), period - float(w["delay"][0])
     for k in range(n):
         applied = AppliedTorque(load[k], 0.0, until, load[min(k + 1, n - 1)], 0.0)
         track[k] = encoder(w, bench.features, *at_sample(w, rig, applied), 0.0)
-        memory[U_ALPHA], memory[U_BETA] = recording.u_alpha[k], recording.u_beta[k]
+        memory[Memory.U_ALPHA], memory[Memory.U_BETA] = recording.u_alpha[k], recording.u_beta[k]
         progress(k, bench, rig, applied, memory, looks, seen, rng, False)
         currents[k] = read_phases(w, rig, rng)
     read = np.stack([recording.i_a, recording.i_b, recording.i_c], axis=1)

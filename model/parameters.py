@@ -13,6 +13,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from typing import Any
 
 from model.energy import AnyEnergy, Energy
@@ -35,7 +36,6 @@ SINUSOIDAL = ("spwm", "sinusoidal", "sine")  # none of MODULATIONS: nothing is a
 OVERMODULATIONS = ("nearest", "shortened", "six_step")
 BETWEEN = ("held", "interpolated")  # what commands do between the rows of a slow log
 MOST_PERIODS = 400  # of the PWM, from row to row of a slow log
-ROTORS = ("locked", "driven", "free")  # what is done with a rotor while something is recorded
 TEXTS = (
     "description",
     "waveform",
@@ -51,6 +51,15 @@ TEXTS = (
 )
 # of rated current: the most that a scenario may ask for, and the worst point of every loop
 OVERLOAD = 2.5
+
+
+class Rotor(IntEnum):
+    """What is done with a rotor while something is recorded, as compiled code has it."""
+
+    LOCKED, DRIVEN, FREE = range(3)
+
+
+ROTORS = tuple(rotor.name.lower() for rotor in Rotor)
 
 
 def quantity(unit: str, low: float, high: float, *, default: Any = dataclasses.MISSING) -> Any:

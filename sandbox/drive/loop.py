@@ -11,6 +11,7 @@ Oversampled.
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numba
@@ -31,6 +32,7 @@ from estimators.contract import (
 from model.compiled import compiled_as, kernel, kernel_as
 from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
+from model.parameters import Rotor
 from sandbox.drive.control import (
     CONTROL,
     SIZE,
@@ -50,14 +52,23 @@ from sandbox.plant.gates.blocked import block
 from sandbox.plant.gates.modulation import PLAIN, Modulation, given, is_plain, modulated
 from sandbox.plant.period import AppliedTorque, RotorTrajectory, Timing, travel
 
-DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
-# the loop's own memory: voltage now acting, and before; link voltage as read over its nominal
-# value; the last sample's instant less t_k (s), the plant's last segment (s)
-CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
-INSTANT, SPAN = 9, 10
-MEMORY = 11  # the encoder's speed has three places
-CLOSED, OPEN = 1, 0
-LOCKED, DRIVEN, FREE = 0, 1, 2
+
+class Status(IntEnum):
+    """How a run ended."""
+
+    DONE, OUTSIDE_DOMAIN, NOT_FINITE = range(3)
+
+
+class Memory(IntEnum):
+    """Places of the loop's own memory."""
+
+    CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA = range(5)  # voltage now acting, and before
+    LINK = 5  # as read, over its nominal value
+    ENCODER = 6  # three places of its speed
+    INSTANT, SPAN = 9, 10  # s: the last sample less t_k, the plant's last segment
+
+
+MEMORY = len(Memory) + 2
 
 
 class Rig(NamedTuple):
@@ -65,9 +76,9 @@ class Rig(NamedTuple):
 
     samples: int
     stride: int  # every stride-th sample is recorded
-    closed: int  # CLOSED: the estimate controls; OPEN: the encoder does
+    closed: int  # 1: the estimate controls; 0: the encoder does
     speed_controlled: int
-    rotor: int
+    rotor: int  # of `Rotor`
     sampling_period: float  # s
     noise: float  # A rms a phase
     resolution: float  # A per count, 0 none
@@ -137,7 +148,7 @@ def sample_of(k, reading, memory, primitive):
     i_a, i_b, i_c = reading
     m_alpha, m_beta = stationary(i_a, i_b, i_c)
     carrier = primitive[k % primitive.size]
-    return Sample(m_alpha, m_beta, memory[LAST_ALPHA], memory[LAST_BETA], carrier)
+    return Sample(m_alpha, m_beta, memory[Memory.LAST_ALPHA], memory[Memory.LAST_BETA], carrier)
 
 
 @kernel
@@ -159,7 +170,7 @@ def at_sample(w, rig, applied):
     """Return angle and speed at t_k, before the pattern's start: the rotor turned as its last
     acceleration made it."""
     theta, omega = rotor(w)
-    gained = w.delay[0] * (applied.imposed if rig.rotor == DRIVEN else 2.0 * w.surge[0])
+    gained = w.delay[0] * (applied.imposed if rig.rotor == Rotor.DRIVEN else 2.0 * w.surge[0])
     return theta - w.delay[0] * (omega - 0.5 * gained), omega - gained
 
 
@@ -188,7 +199,7 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
     i_q_ref, i_d_ref = wanted.i_q, wanted.i_d
     starting = estimate.tracking == 0.0
     angle, omega = estimate.theta, estimate.omega
-    if rig.closed == OPEN and not starting:
+    if not rig.closed and not starting:
         angle, omega = measured
     reorient(controller, angle, h * omega)
     i_d, i_q = average(controller, *rotate(sample.i_alpha, sample.i_beta, -angle), control.period)
@@ -239,13 +250,15 @@ def applied_in(k, wanted, omega, delay, rig, profile, memory):
     """
     load, period = wanted.torque, rig.sampling_period
     imposed = imposed_after = 0.0
-    if rig.rotor == DRIVEN or delay > 0.0:
-        then, cursor = interpolate(profile, (k + 1) * period - rig.start_time, int(memory[CURSOR]))
-        if rig.rotor == DRIVEN:
+    if rig.rotor == Rotor.DRIVEN or delay > 0.0:
+        then, cursor = interpolate(
+            profile, (k + 1) * period - rig.start_time, int(memory[Memory.CURSOR])
+        )
+        if rig.rotor == Rotor.DRIVEN:
             imposed = imposed_after = (then.omega - omega) / (period - delay)
         if delay > 0.0:
             load = then.torque
-            if rig.rotor == DRIVEN:
+            if rig.rotor == Rotor.DRIVEN:
                 last, _ = interpolate(profile, (k + 2) * period - rig.start_time, cursor)
                 imposed_after = (last.omega - then.omega) / period
     return AppliedTorque(wanted.torque, imposed, period - delay, load, imposed_after)
@@ -255,8 +268,8 @@ def applied_in(k, wanted, omega, delay, rig, profile, memory):
 def keep(memory, delivered, next_u):
     """Remember the voltage that acted, as the drive knows it, as the last one and the command as
     the one to act."""
-    memory[LAST_ALPHA], memory[LAST_BETA] = delivered
-    memory[U_ALPHA], memory[U_BETA] = next_u
+    memory[Memory.LAST_ALPHA], memory[Memory.LAST_BETA] = delivered
+    memory[Memory.U_ALPHA], memory[Memory.U_BETA] = next_u
 
 
 @kernel
@@ -271,8 +284,8 @@ def progress(k, bench, rig, applied, memory, looks, seen, rng, blocked):
     w, room, period = bench.w, bench.room, rig.sampling_period
     for m in range(3):
         room.before[m] = room.duty[m]
-    u_dc = rig.link * memory[LINK]
-    delivered = (memory[U_ALPHA], memory[U_BETA])
+    u_dc = rig.link * memory[Memory.LINK]
+    delivered = (memory[Memory.U_ALPHA], memory[Memory.U_BETA])
     legs = modulated(rig.modulation, delivered[0], delivered[1], u_dc)
     if not is_plain(rig.modulation):
         delivered = given(legs, u_dc)
@@ -282,16 +295,16 @@ def progress(k, bench, rig, applied, memory, looks, seen, rng, blocked):
         block(room)
     write_edges(room, period)
     theta, omega = rotor(w)
-    surge = 0.5 * applied.imposed if rig.rotor == DRIVEN else w.surge[0]
+    surge = 0.5 * applied.imposed if rig.rotor == Rotor.DRIVEN else w.surge[0]
     trajectory = RotorTrajectory(
         math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, applied
     )
-    early = memory[INSTANT] < 0.0
+    early = memory[Memory.INSTANT] < 0.0
     after = instant(w, rig, rng)
-    looks[0] = -1.0 if early else memory[INSTANT]
+    looks[0] = -1.0 if early else memory[Memory.INSTANT]
     looks[1] = period + after if after < 0.0 else -1.0
     held = (seen[1, 0], seen[1, 1])
-    memory[SPAN] = travel(
+    memory[Memory.SPAN] = travel(
         w,
         bench.flux_map,
         bench.timing,
@@ -299,11 +312,11 @@ def progress(k, bench, rig, applied, memory, looks, seen, rng, blocked):
         room,
         trajectory,
         k * period,
-        memory[SPAN],
+        memory[Memory.SPAN],
         looks,
         seen,
     )
-    memory[INSTANT] = after
+    memory[Memory.INSTANT] = after
     if bench.timing.first != 0.0 or bench.timing.last != 0.0:
         w.held_alpha[0], w.held_beta[0] = held if early else (seen[0, 0], seen[0, 1])
     if blocked:
@@ -313,18 +326,18 @@ def progress(k, bench, rig, applied, memory, looks, seen, rng, blocked):
 
 @kernel
 def judge(w, next_u):
-    """Return DONE, or what is wrong with the plant after a period: not finite, or no longer
+    """Return Status.DONE, or what is wrong with the plant after a period: not finite, or no longer
     convex."""
     if not math.isfinite(
         w.psi_alpha[0] + w.psi_beta[0] + w.speed[0] + w.angle[0] + next_u[0] + next_u[1]
     ):
-        return NOT_FINITE
+        return Status.NOT_FINITE
     aa, ab, bb = (
         w.stiff_aa[0] + w.stiffer_aa[0],
         w.stiff_ab[0] + w.stiffer_ab[0],
         w.stiff_bb[0] + w.stiffer_bb[0],
     )
-    return DONE if min_eigenvalue(aa, ab, bb) > 0.0 else OUTSIDE_DOMAIN
+    return Status.DONE if min_eigenvalue(aa, ab, bb) > 0.0 else Status.OUTSIDE_DOMAIN
 
 
 def run_signature(flux_map: Any, belief: Any, inside: Any = ALONE) -> Any:
@@ -362,18 +375,18 @@ def run_compiled(
     controller, memory = np.zeros(SIZE), np.zeros(MEMORY)
     w = bench.w
     looks, seen = looked_at(w, rig.sampling_period, inside)
-    memory[INSTANT] = instant(w, rig, rng)
+    memory[Memory.INSTANT] = instant(w, rig, rng)
     for k in range(rig.samples):
         t = k * rig.sampling_period
-        wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
-        memory[CURSOR], memory[LINK] = cursor, read_link(rig, rng)
+        wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[Memory.CURSOR]))
+        memory[Memory.CURSOR], memory[Memory.LINK] = cursor, read_link(rig, rng)
         speed, delay = at_pattern(w)
         applied = applied_in(k, wanted, speed, delay, rig, profile, memory)
         theta, omega = at_sample(w, rig, applied)
         angle, slope = encoder(w, bench.features, theta, omega, rig.encoder_step)
         measured = (
             angle,
-            speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period),
+            speed_from(memory, Memory.ENCODER, angle, slope, rig.encoder_step, rig.sampling_period),
         )
         if inside is not None:
             shift(bench.room, k, inside)
@@ -382,23 +395,23 @@ def run_compiled(
         reading = read_phases(w, rig, rng)
         sample = sample_of(k, reading, memory, primitive)
         estimate = ask(step, state, sample, inside, belief, tuning)
-        acting = delivered if blocked else (memory[U_ALPHA], memory[U_BETA])
+        acting = delivered if blocked else (memory[Memory.U_ALPHA], memory[Memory.U_BETA])
         u_alpha, u_beta, i_q = command(
             k, measured, sample, estimate, wanted, rig, control, controller, waveform, blocked
         )
         if k % rig.stride == 0:
-            true, u_dc = at_start(w, theta), rig.link * memory[LINK]
+            true, u_dc = at_start(w, theta), rig.link * memory[Memory.LINK]
             row = rows[k // rig.stride]
             record(
                 row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc
             )
         if inside is not None:
-            gather(w, bench.room, rig, inside, rig.link * memory[LINK], seen, rng)
+            gather(w, bench.room, rig, inside, rig.link * memory[Memory.LINK], seen, rng)
         keep(memory, delivered, (u_alpha, u_beta))
         status = judge(w, (u_alpha, u_beta))
-        if status != DONE:
+        if status != Status.DONE:
             return status, k
-    return DONE, rig.samples
+    return Status.DONE, rig.samples
 
 
 run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind

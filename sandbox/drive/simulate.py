@@ -18,7 +18,7 @@ from estimators.startup import start_periods
 from model.effects.library import true_motor
 from model.energy import AnyEnergy, flux_from_current, torque
 from model.errors import BadInput, Diverged, unknown
-from model.parameters import Drive
+from model.parameters import Drive, Rotor
 from sandbox.drive import loop
 from sandbox.drive.closed import closed_bench, longest_step, looked_into, rotor_flux
 from sandbox.drive.design import Design, belief_of, design
@@ -42,7 +42,6 @@ MOST_SAMPLES = 10_000_000  # recorded: 1.6 GB, a quarter of an hour at 10 kHz
 EXACT, SWITCHED = PLANTS = ("exact", "switched")
 OLD_NAME = "averaged"  # of the first
 LONGEST = 1e-2  # s
-ROTORS = {"locked": loop.LOCKED, "driven": loop.DRIVEN, "free": loop.FREE}
 
 
 @dataclass(frozen=True)
@@ -249,7 +248,7 @@ def _run_once(
         rows,
     )
     spent = time.thread_time() - begun
-    if status != loop.DONE:
+    if status != loop.Status.DONE:
         raise _failure(status, at * h, _flux(setup.plant, bench), drive)
     return Simulation(Recording.of(rows), gains, setup.start_time, spent, values)
 
@@ -305,7 +304,7 @@ def _switched(
     from sandbox.drive import switched_loop as switched
     from sandbox.switched import advance as bench_of
     from sandbox.switched.bench_numbers import bench
-    from sandbox.switched.inverter import READINGS
+    from sandbox.switched.bench_state import Slot
 
     if truth is not None:
         raise BadInput(
@@ -331,7 +330,7 @@ def _switched(
         )
     b = b._replace(step=min(b.step, plant_step))
     x = bench_of.start(b, scenario.start_angle)
-    x[READINGS] = len(inside.readings) if inside else 0
+    x[Slot.READINGS] = len(inside.readings) if inside else 0
     run = switched.run_for(believed, inside) if believed else switched.run_python
     return run, x, b, drive.converter.dc_bus_voltage
 
@@ -345,9 +344,9 @@ def rig_of(
     return loop.Rig(
         n,
         stride,
-        loop.CLOSED if closed else loop.OPEN,
+        int(closed),
         int(scenario.reference == "speed"),
-        ROTORS[scenario.rotor],
+        int(Rotor[scenario.rotor.upper()]),
         c.sampling_period,
         c.current_noise,
         c.current_resolution,
@@ -369,7 +368,7 @@ def _flux(plant: str, bench: Any) -> tuple[float, float]:
 
 
 def _failure(status: int, t: float, x: tuple[float, float], drive: Drive) -> Diverged:
-    if status == loop.OUTSIDE_DOMAIN:
+    if status == loop.Status.OUTSIDE_DOMAIN:
         return Diverged(
             f"after {t:.4g} s the fluxes ({x[0]:.4g}, {x[1]:.4g}) Wb left the domain in which the "
             f"energy of '{drive.name}', with what effects add, is convex; lower the load or those "

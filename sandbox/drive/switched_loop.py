@@ -29,19 +29,14 @@ from sandbox.drive.control import CONTROL, SIZE, speed_from
 from sandbox.drive.inside import ask, commanded, shift_pulses
 from sandbox.drive.loop import (
     ALONE,
-    CURSOR,
-    DONE,
-    ENCODER,
     MEMORY,
-    NOT_FINITE,
-    OUTSIDE_DOMAIN,
     PROFILE,
     RIG,
     RNG,
     ROWS,
-    U_ALPHA,
-    U_BETA,
     VECTOR,
+    Memory,
+    Status,
     applied_in,
     command,
     interpolate,
@@ -52,19 +47,9 @@ from sandbox.drive.loop import (
 from sandbox.drive.sensing import read_link
 from sandbox.switched.advance import measure, misread_slope, sensor
 from sandbox.switched.bench_numbers import SwitchedBench
+from sandbox.switched.bench_state import Slot
 from sandbox.switched.blocked import coast
-from sandbox.switched.inverter import (
-    I_ALPHA,
-    I_BETA,
-    PSI_ALPHA,
-    PSI_BETA,
-    READINGS,
-    SHIFT,
-    SPEED,
-    THETA,
-    advance,
-    leg_duties,
-)
+from sandbox.switched.inverter import advance, leg_duties
 from sandbox.switched.phase_machine import least_stiffness, phase_currents, vector
 
 OFF = SwitchedBench._field_defaults.values()  # no map, no lists
@@ -114,7 +99,7 @@ def gather(state, b, acting, u_dc, rng, inside):
     legs, readings = leg_duties(b, acting[0], acting[1], u_dc), inside.readings
     n = readings.shape[0]
     for j in range(n):
-        slot = READINGS + 1 + 2 * j
+        slot = Slot.READINGS + 1 + 2 * j
         i_a, i_b, i_c = phase_currents(complex(state[slot], state[slot + 1]))
         readings[j, READ_ALPHA], readings[j, READ_BETA] = stationary(
             sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng),
@@ -122,7 +107,7 @@ def gather(state, b, acting, u_dc, rng, inside):
             sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng),
         )
         readings[j, COMMANDED_ALPHA], readings[j, COMMANDED_BETA] = commanded(
-            (j + 0.5) * b.period / n, b.period, legs, state[SHIFT:], u_dc
+            (j + 0.5) * b.period / n, b.period, legs, state[Slot.SHIFT :], u_dc
         )
 
 
@@ -145,7 +130,7 @@ def progress(k, x, b, mode, acting, read, torque, imposed, inside, rng, blocked)
         u = coast(x, b, mode, torque, imposed)
         return u.real, u.imag
     if inside is not None:
-        shift_pulses(x[SHIFT:], k, inside.shift)
+        shift_pulses(x[Slot.SHIFT :], k, inside.shift)
     advance(x, b, mode, acting[0], acting[1], read, torque, imposed)
     if inside is not None:
         gather(x, b, acting, read, rng, inside)
@@ -178,23 +163,25 @@ def run_compiled(
     memory = np.zeros(MEMORY)
     for k in range(rig.samples):
         t = k * rig.sampling_period
-        wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
-        memory[CURSOR] = cursor
+        wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[Memory.CURSOR]))
+        memory[Memory.CURSOR] = cursor
         read = u_dc * read_link(rig, rng)
         imposed = (
-            applied_in(k, wanted, b.pole_pairs * x[SPEED], 0.0, rig, profile, memory).imposed
+            applied_in(k, wanted, b.pole_pairs * x[Slot.SPEED], 0.0, rig, profile, memory).imposed
             / b.pole_pairs
         )
-        acting = (memory[U_ALPHA], memory[U_BETA])
+        acting = (memory[Memory.U_ALPHA], memory[Memory.U_BETA])
         held = measure(x, b, rig.rotor, acting[0], acting[1], read, wanted.torque, imposed, rng)
         reading = (held.i_a, held.i_b, held.i_c)
-        motion = (x[THETA], b.pole_pairs * x[SPEED])
-        slope = encoder_slope(b, x[THETA], x[SPEED])
+        motion = (x[Slot.THETA], b.pole_pairs * x[Slot.SPEED])
+        slope = encoder_slope(b, x[Slot.THETA], x[Slot.SPEED])
         measured = (
             held.theta,
-            speed_from(memory, ENCODER, held.theta, slope, b.encoder_step, rig.sampling_period),
+            speed_from(
+                memory, Memory.ENCODER, held.theta, slope, b.encoder_step, rig.sampling_period
+            ),
         )
-        true = rotate(x[I_ALPHA], x[I_BETA], -x[THETA])
+        true = rotate(x[Slot.I_ALPHA], x[Slot.I_BETA], -x[Slot.THETA])
         sample = sample_of(k, reading, memory, primitive)
         estimate = ask(step, state, sample, inside, belief, tuning)
         blocked = wanted.blocked > 0.0 and t >= rig.start_time
@@ -221,11 +208,16 @@ def run_compiled(
         if blocked and k % rig.stride == 0:
             rows[k // rig.stride].u_alpha, rows[k // rig.stride].u_beta = delivered
         keep(memory, delivered, (u_alpha, u_beta))
-        if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[SPEED] + x[THETA] + u_alpha + u_beta):
-            return NOT_FINITE, k
-        if not least_stiffness(b, complex(x[PSI_ALPHA], x[PSI_BETA]), x[THETA]) > 0.0:
-            return OUTSIDE_DOMAIN, k
-    return DONE, rig.samples
+        if not math.isfinite(
+            x[Slot.PSI_ALPHA] + x[Slot.PSI_BETA] + x[Slot.SPEED] + x[Slot.THETA] + u_alpha + u_beta
+        ):
+            return Status.NOT_FINITE, k
+        if (
+            not least_stiffness(b, complex(x[Slot.PSI_ALPHA], x[Slot.PSI_BETA]), x[Slot.THETA])
+            > 0.0
+        ):
+            return Status.OUTSIDE_DOMAIN, k
+    return Status.DONE, rig.samples
 
 
 run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind

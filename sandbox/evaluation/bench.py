@@ -24,7 +24,7 @@ from model.compiled import kernel
 from model.drive_files import load_drive
 from model.effects.library import effect_names, typical
 from model.errors import BadInput
-from model.parameters import Drive
+from model.parameters import Drive, Rotor
 from model.saliency import current_for_torque
 from sandbox.drive import loop
 from sandbox.drive.closed import closed_bench
@@ -45,7 +45,10 @@ def _many_periods(bench, rig, memory, rng, periods):
     """Move the plant on through periods of a 500 Hz square wave, as reference_rk4.c does."""
     looks, seen = np.full(2, -1.0), np.zeros((2, 2))
     for k in range(periods):
-        memory[loop.U_ALPHA], memory[loop.U_BETA] = (-30.0 if (k // 4) & 1 else 30.0), 10.0
+        memory[loop.Memory.U_ALPHA], memory[loop.Memory.U_BETA] = (
+            (-30.0 if (k // 4) & 1 else 30.0),
+            10.0,
+        )
         loop.progress(k, bench, rig, STILL, memory, looks, seen, rng, False)
 
 
@@ -56,10 +59,10 @@ def plant_second() -> float:
     motor = dataclasses.replace(drive.motor, magnet_flux=0.2, inertia=1e-3)
     bench = closed_bench(motor, drive.converter, complete(motor, drive.converter), "free", 0.0, 1.0)
     rig = loop.Rig(
-        1, 1, 0, 0, loop.FREE, drive.converter.sampling_period, *3 * (0.0,), 400.0, 0.0, 0.0
+        1, 1, 0, 0, int(Rotor.FREE), drive.converter.sampling_period, *3 * (0.0,), 400.0, 0.0, 0.0
     )
     memory, rng = np.zeros(loop.MEMORY), np.random.default_rng(0)
-    memory[loop.LINK] = 1.0
+    memory[loop.Memory.LINK] = 1.0
     _many_periods(bench, rig, memory, rng, 10)
     spent = _median(lambda: _many_periods(bench, rig, memory, rng, PERIODS))
     return spent / (PERIODS * drive.converter.sampling_period)

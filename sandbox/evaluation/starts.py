@@ -90,6 +90,6 @@ def starts(
                 rows,
             )
             first = rows[int(np.argmax(rows["tracking"] > 0.0))]
-            if status == loop.DONE and first["tracking"] > 0.0:
+            if status == loop.Status.DONE and first["tracking"] > 0.0:
                 errors[k, n] = wrapped(first["theta"] - first["theta_hat"])
     return Starts(errors)

@@ -19,35 +19,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.compiled import kernel
 from model.errors import BadInput, PhysicsError, unknown
+from model.parameters import Rotor
 from sandbox.switched.bench_numbers import SwitchedBench
-from sandbox.switched.inverter import (
-    CORE_ALPHA,
-    CORES,
-    FILTER_ALPHA,
-    FILTER_BETA,
-    HELD_ALPHA,
-    HELD_BETA,
-    I_ALPHA,
-    I_BETA,
-    LOAD_SPEED,
-    OFFSET,
-    PSI_ALPHA,
-    PSI_BETA,
-    SAMPLE_ALPHA,
-    SIZE,
-    SKIN_ALPHA,
-    SPEED,
-    THETA,
-    advance,
-    early_slot,
-    travel,
-)
-from sandbox.switched.machine_state import DRIVEN, FREE, LOCKED
+from sandbox.switched.bench_state import SIZE, Slot
+from sandbox.switched.inverter import advance, early_slot, travel
 from sandbox.switched.phase_machine import current_and_torque, magnet, phase_currents
 from sandbox.switched.readers import remembered
 
 Vector = NDArray[np.float64]
-MODES = {"locked": LOCKED, "driven": DRIVEN, "free": FREE}
+MODES = {rotor.name.lower(): int(rotor) for rotor in Rotor}
 NEWTON_STEPS = 50
 PREDICTED = np.dtype(
     [(name, np.float64) for name in ("i_a", "i_b", "i_c", "theta", "position", "speed", "torque")],
@@ -104,21 +84,28 @@ def start(
     # scratch behind it: for looking ahead, and for steps that are taken again
     state = np.zeros(3 * SIZE)
     psi = flux_for(b, complex(i_alpha, i_beta), theta)
-    state[PSI_ALPHA], state[PSI_BETA] = psi.real, psi.imag
-    state[HELD_ALPHA], state[HELD_BETA] = psi.real, psi.imag
-    state[CORE_ALPHA : CORE_ALPHA + 2] = 0.0
-    for first in (SKIN_ALPHA, FILTER_ALPHA, I_ALPHA, SAMPLE_ALPHA, early_slot(1), early_slot(2)):
+    state[Slot.PSI_ALPHA], state[Slot.PSI_BETA] = psi.real, psi.imag
+    state[Slot.HELD_ALPHA], state[Slot.HELD_BETA] = psi.real, psi.imag
+    state[Slot.CORE_ALPHA : Slot.CORE_ALPHA + 2] = 0.0
+    for first in (
+        Slot.SKIN_ALPHA,
+        Slot.FILTER_ALPHA,
+        Slot.I_ALPHA,
+        *(early_slot(channel) for channel in range(3)),
+    ):
         state[first], state[first + 1] = i_alpha, i_beta
-    state[CORES], state[CORES + 1], state[CORES + 2] = phase_currents(complex(i_alpha, i_beta))
-    state[THETA], state[SPEED], state[LOAD_SPEED] = theta, speed, speed
-    state[OFFSET] = b.sampling_delay
+    state[Slot.CORES], state[Slot.CORES + 1], state[Slot.CORES + 2] = phase_currents(
+        complex(i_alpha, i_beta)
+    )
+    state[Slot.THETA], state[Slot.SPEED], state[Slot.LOAD_SPEED] = theta, speed, speed
+    state[Slot.OFFSET] = b.sampling_delay
     return state
 
 
 def rotor_flux(b: SwitchedBench, state: Vector) -> tuple[float, float]:
     """Return phi_d, phi_q (Wb), the flux in the rotor frame less the constant magnet flux."""
-    seen = complex(state[PSI_ALPHA], state[PSI_BETA]) * complex(
-        math.cos(state[THETA]), -math.sin(state[THETA])
+    seen = complex(state[Slot.PSI_ALPHA], state[Slot.PSI_BETA]) * complex(
+        math.cos(state[Slot.THETA]), -math.sin(state[Slot.THETA])
     )
     return seen.real - b.magnet_flux, seen.imag
 
@@ -179,7 +166,7 @@ def sensor(b, current, gain, offset, rng):
 def sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, channel):
     """Return the current vector that the sensors hold for t_k as a channel reads it, before gain
     and noise."""
-    late = state[OFFSET] + channel * b.channel_lag
+    late = state[Slot.OFFSET] + channel * b.channel_lag
     if late < 0.0:
         first = early_slot(channel)
         return complex(state[first], state[first + 1])
@@ -188,11 +175,11 @@ def sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, ch
         at = state[SIZE:]
         for k in range(SIZE):
             at[k] = state[k]
-        at[OFFSET] = 0.0
+        at[Slot.OFFSET] = 0.0
         travel(at, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, late)
     if b.filter_time > 0.0:
-        return complex(at[FILTER_ALPHA], at[FILTER_BETA])
-    return complex(at[I_ALPHA], at[I_BETA])
+        return complex(at[Slot.FILTER_ALPHA], at[Slot.FILTER_BETA])
+    return complex(at[Slot.I_ALPHA], at[Slot.I_BETA])
 
 
 @kernel
@@ -212,15 +199,17 @@ def measure(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, rn
         i_c = phase_currents(
             sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 2)
         )[2]
-    i_a, i_b, i_c = remembered(state, b, CORES, (i_a, i_b, i_c))
+    i_a, i_b, i_c = remembered(state, b, Slot.CORES, (i_a, i_b, i_c))
     i_a = sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng)
     i_b = sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng)
     i_c = sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng)
     # to the first order in its age, as the plant's
-    theta = encoder(b, state[THETA] - b.encoder_latency * b.pole_pairs * state[SPEED])
+    theta = encoder(b, state[Slot.THETA] - b.encoder_latency * b.pole_pairs * state[Slot.SPEED])
     if b.jitter > 0.0:
         half = 0.45 * b.period
-        state[OFFSET] = min(max(b.sampling_delay + b.jitter * rng.standard_normal(), -half), half)
+        state[Slot.OFFSET] = min(
+            max(b.sampling_delay + b.jitter * rng.standard_normal(), -half), half
+        )
     return Reading(i_a, i_b, i_c, theta)
 
 
@@ -233,8 +222,8 @@ def run(state, b, mode, u_alpha, u_beta, u_dc, load_torque, theta, speed, rng, o
     last = len(u_alpha) - 1
     for k in range(last + 1):
         acceleration = 0.0
-        if mode == DRIVEN:
-            state[THETA], state[SPEED] = theta[k], speed[k]
+        if mode == Rotor.DRIVEN:
+            state[Slot.THETA], state[Slot.SPEED] = theta[k], speed[k]
             acceleration = (speed[min(k + 1, last)] - speed[k]) / b.period
         read, row = (
             measure(
@@ -243,9 +232,9 @@ def run(state, b, mode, u_alpha, u_beta, u_dc, load_torque, theta, speed, rng, o
             out[k],
         )
         row.i_a, row.i_b, row.i_c, row.theta = read.i_a, read.i_b, read.i_c, read.theta
-        row.position, row.speed = state[THETA], state[SPEED]
+        row.position, row.speed = state[Slot.THETA], state[Slot.SPEED]
         _, row.torque = current_and_torque(
-            b, complex(state[PSI_ALPHA], state[PSI_BETA]), state[THETA]
+            b, complex(state[Slot.PSI_ALPHA], state[Slot.PSI_BETA]), state[Slot.THETA]
         )
         advance(state, b, mode, u_alpha[k], u_beta[k], u_dc[k], load_torque[k], acceleration)
 

@@ -12,19 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from model.compiled import kernel
-from sandbox.switched.inverter import (
-    CARRIED,
-    I_ALPHA,
-    I_BETA,
-    LAST_DUTY,
-    LEVEL,
-    LINK_SAG,
-    LOAD,
-    SIZE,
-    TIME,
-    WANTED,
-    steps,
-)
+from sandbox.switched.bench_state import SIZE, Slot
+from sandbox.switched.inverter import steps
 from sandbox.switched.link import link_voltage
 from sandbox.switched.load_side import acting_load
 from sandbox.switched.phase_machine import phase_currents, vector
@@ -50,7 +39,7 @@ def tried(state, b, mode, legs, begin, end, tau, acc, kept):
     for k in range(SIZE):
         state[k] = kept[k]
     steps(state, b, mode, legs, begin, end, tau, acc)
-    return complex(state[I_ALPHA], state[I_BETA])
+    return complex(state[Slot.I_ALPHA], state[Slot.I_BETA])
 
 
 @kernel
@@ -88,7 +77,7 @@ def one_floats(state, b, mode, held, leg, begin, end, tau, acc, kept):
 @kernel
 def settle_diodes(b, state, held):
     """Write at which rail each leg stands for its current, or that it floats."""
-    i = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+    i = phase_currents(complex(state[Slot.I_ALPHA], state[Slot.I_BETA]))
     for leg in range(3):
         held[leg] = (
             FLOATS if abs(i[leg]) <= NOTHING * b.soft_current else (LOW if i[leg] > 0.0 else HIGH)
@@ -132,8 +121,8 @@ def one_step(state, b, mode, held, begin, end, tau, acc, kept):
         else:
             legs = legs_of(held, 0.0)
             tried(state, b, mode, legs, begin, end, tau, acc, kept)
-        before = phase_currents(complex(kept[I_ALPHA], kept[I_BETA]))
-        after = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+        before = phase_currents(complex(kept[Slot.I_ALPHA], kept[Slot.I_BETA]))
+        after = phase_currents(complex(state[Slot.I_ALPHA], state[Slot.I_BETA]))
         share, ends = 1.0, -1
         for k in range(3):
             wrong = (held[k] == LOW and after[k] < 0.0) or (held[k] == HIGH and after[k] > 0.0)
@@ -160,12 +149,11 @@ def coast(state, b, mode, load_torque, acceleration):
     Arguments as `inverter.advance`.
     """
     kept, held, delivered = state[2 * SIZE :], np.zeros(3), complex(0.0, 0.0)
-    tau = acting_load(b, state[LOAD], load_torque)
+    tau = acting_load(b, state[Slot.LOAD], load_torque)
     for leg in range(3):
-        state[LEVEL + leg] = state[WANTED + leg] = state[CARRIED + leg] = state[LAST_DUTY + leg] = (
-            0.0
-        )
-    state[LINK_SAG], t = 0.0, 0.0
+        state[Slot.LEVEL + leg] = state[Slot.WANTED + leg] = 0.0
+        state[Slot.CARRIED + leg] = state[Slot.LAST_DUTY + leg] = 0.0
+    state[Slot.LINK_SAG], t = 0.0, 0.0
     settle_diodes(b, state, held)
     while t < b.period * (1.0 - 1e-12):
         for k in range(SIZE):
@@ -173,8 +161,8 @@ def coast(state, b, mode, load_torque, acceleration):
         until, legs = one_step(
             state, b, mode, held, t, min(t + b.period / PARTS, b.period), tau, acceleration, kept
         )
-        delivered += legs * link_voltage(b, state[TIME] + 0.5 * (t + until), 0.0) * (until - t)
+        delivered += legs * link_voltage(b, state[Slot.TIME] + 0.5 * (t + until), 0.0) * (until - t)
         t = until
-    state[TIME] += b.period
-    state[LOAD] = acting_load(b, state[LOAD], load_torque)
+    state[Slot.TIME] += b.period
+    state[Slot.LOAD] = acting_load(b, state[Slot.LOAD], load_torque)
     return delivered / b.period

@@ -1,7 +1,7 @@
 """The inverter leg by leg: centred pulses with exact edge times, dead time by the current's sign at
 the edge.
 
-State is one float array (names below); `advance` moves it by one PWM period without allocating.
+State is one float array (`bench_state`); `advance` moves it by one PWM period without allocating.
 Between edges the machine is integrated by the classic Runge-Kutta method.  A commanded edge
 is *taken* when its time comes (the current's sign there fixes how late it acts) and *acts* at that
 later time; a pulse that ends before it begins vanishes.  A late edge may act in the following
@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from model.compiled import inlined, kernel
+from sandbox.switched.bench_state import ROOM, SIZE, Slot
 from sandbox.switched.leg import HARD, TANH, edge_sign, given, reached, table_corner
 from sandbox.switched.link import link_step, link_voltage, settled_link, stage
 from sandbox.switched.load_side import acting_load
@@ -24,41 +25,6 @@ from sandbox.switched.phase_machine import A, phase_currents, powers, pull, slop
 from sandbox.switched.readers import channels
 from sandbox.switched.short_pulses import kept, no_short, together
 
-PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
-THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
-FILTER_ALPHA, FILTER_BETA, I_ALPHA, I_BETA = range(10, 14)  # lagged and true terminal current, A
-TIME = 14  # s, start of the coming period
-# instant of the next sample less t_k, and the sample if before t_k
-OFFSET, SAMPLE_ALPHA, SAMPLE_BETA = 15, 16, 17
-INPUT, LOSS, OUTPUT = 18, 19, 20  # audited energies, J
-LAST_DUTY, LEVEL, WANTED, CARRIED = (
-    21,
-    24,
-    27,
-    30,
-)  # three legs each: duty, level that acts, level commanded, late edges
-# flux that hysteresis holds, current of short-circuited turns
-HELD_ALPHA, HELD_BETA, LOOP = 33, 34, 35
-EDGES = 36  # three legs of ROOM edge times relative to t_k
-ROOM = 8
-LINK_SAG = EDGES + 3 * ROOM  # V, by which the link sags in this period
-DEVICES, COMMANDED = (
-    LINK_SAG + 1,
-    LINK_SAG + 2,
-)  # audited, too: lost in the devices, from the link without dead time (J)
-SHIFT, LAST_SHIFT = (
-    LINK_SAG + 3,
-    LINK_SAG + 6,
-)  # three legs each: s by which this period's pulse is late, and the last one's
-LINK_DIP, LINK_FEED = LINK_SAG + 9, LINK_SAG + 10  # V: the link's resonance, see `link`
-# number of readings inside a period, then the current vector of each (see `reading_due`)
-READINGS = LINK_SAG + 11
-MOST_READINGS = 32
-# current vectors of phases b and c, where read before t_k after a's
-EARLY = READINGS + 1 + 2 * MOST_READINGS
-# A, what three sensors' cores hold; N m, the load torque that acts
-CORES, LOAD = EARLY + 4, EARLY + 7
-SIZE = LOAD + 1
 NEVER = np.inf
 NEAR = 1e-3  # of a step: a corner as near to either end is met as well as it can be
 TIE = 1e-13  # s: closer events are one
@@ -109,11 +75,11 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
         return
     kept, t = state[len(state) - SIZE :], begin
     while end - t > TIE:
-        before, until = complex(state[I_ALPHA], state[I_BETA]), min(t + link_step(b), end)
+        before, until = complex(state[Slot.I_ALPHA], state[Slot.I_BETA]), min(t + link_step(b), end)
         for k in range(SIZE):
             kept[k] = state[k]
         steps(state, b, mode, legs, t, until, tau, acc)
-        share = corner(b, before, complex(state[I_ALPHA], state[I_BETA]))
+        share = corner(b, before, complex(state[Slot.I_ALPHA], state[Slot.I_BETA]))
         if NEAR < share < 1.0 - NEAR:
             for k in range(SIZE):
                 state[k] = kept[k]
@@ -133,10 +99,10 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
         return
     h = (end - begin) / count
     k, sixth = 0.5 * h, (end - begin) / count / 6.0
-    x, f = moving(state), complex(state[FILTER_ALPHA], state[FILTER_BETA])
-    held = complex(state[HELD_ALPHA], state[HELD_BETA])
-    t = state[TIME] + begin
-    link_sag, link = state[LINK_SAG], complex(state[LINK_DIP], state[LINK_FEED])
+    x, f = moving(state), complex(state[Slot.FILTER_ALPHA], state[Slot.FILTER_BETA])
+    held = complex(state[Slot.HELD_ALPHA], state[Slot.HELD_BETA])
+    t = state[Slot.TIME] + begin
+    link_sag, link = state[Slot.LINK_SAG], complex(state[Slot.LINK_DIP], state[Slot.LINK_FEED])
     by = Driving(legs, link_sag + link.real, tau, held, mode, acc)
     r1, i1 = slopes(b, t, by, x)
     for _ in range(count):
@@ -165,51 +131,53 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
         if b.filter_time > 0.0:
             f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)
     keep_moving(state, x)
-    state[FILTER_ALPHA], state[FILTER_BETA] = f.real, f.imag
-    state[HELD_ALPHA], state[HELD_BETA] = held.real, held.imag
-    state[I_ALPHA], state[I_BETA] = i1.real, i1.imag
-    state[LINK_DIP], state[LINK_FEED] = link.real, link.imag
+    state[Slot.FILTER_ALPHA], state[Slot.FILTER_BETA] = f.real, f.imag
+    state[Slot.HELD_ALPHA], state[Slot.HELD_BETA] = held.real, held.imag
+    state[Slot.I_ALPHA], state[Slot.I_BETA] = i1.real, i1.imag
+    state[Slot.LINK_DIP], state[Slot.LINK_FEED] = link.real, link.imag
 
 
 @inlined
 def moving(state):
     """Return what the machine remembers."""
     return Moving(
-        complex(state[PSI_ALPHA], state[PSI_BETA]),
-        complex(state[CORE_ALPHA], state[CORE_BETA]),
-        complex(state[SKIN_ALPHA], state[SKIN_BETA]),
-        state[THETA],
-        state[SPEED],
-        state[LOAD_SPEED],
-        state[TWIST],
-        state[LOOP],
+        complex(state[Slot.PSI_ALPHA], state[Slot.PSI_BETA]),
+        complex(state[Slot.CORE_ALPHA], state[Slot.CORE_BETA]),
+        complex(state[Slot.SKIN_ALPHA], state[Slot.SKIN_BETA]),
+        state[Slot.THETA],
+        state[Slot.SPEED],
+        state[Slot.LOAD_SPEED],
+        state[Slot.TWIST],
+        state[Slot.LOOP],
     )
 
 
 @inlined
 def keep_moving(state, x):
     """Write it."""
-    state[PSI_ALPHA], state[PSI_BETA] = x.psi.real, x.psi.imag
-    state[CORE_ALPHA], state[CORE_BETA] = x.core.real, x.core.imag
-    state[SKIN_ALPHA], state[SKIN_BETA] = x.skin.real, x.skin.imag
-    state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST] = (
+    state[Slot.PSI_ALPHA], state[Slot.PSI_BETA] = x.psi.real, x.psi.imag
+    state[Slot.CORE_ALPHA], state[Slot.CORE_BETA] = x.core.real, x.core.imag
+    state[Slot.SKIN_ALPHA], state[Slot.SKIN_BETA] = x.skin.real, x.skin.imag
+    state[Slot.THETA], state[Slot.SPEED], state[Slot.LOAD_SPEED], state[Slot.TWIST] = (
         x.theta,
         x.speed,
         x.load_speed,
         x.twist,
     )
-    state[LOOP] = x.loop
+    state[Slot.LOOP] = x.loop
 
 
 @kernel
 def audit(state, b, t, by, weight, x):
     """Add the powers at one Runge-Kutta stage to the audited energies."""
-    p = powers(b, t, by, vector(state[WANTED], state[WANTED + 1], state[WANTED + 2]), x)
-    state[INPUT] += weight * p.supply
-    state[LOSS] += weight * p.loss
-    state[OUTPUT] += weight * p.output
-    state[DEVICES] += weight * p.devices
-    state[COMMANDED] += weight * p.commanded
+    p = powers(
+        b, t, by, vector(state[Slot.WANTED], state[Slot.WANTED + 1], state[Slot.WANTED + 2]), x
+    )
+    state[Slot.INPUT] += weight * p.supply
+    state[Slot.LOSS] += weight * p.loss
+    state[Slot.OUTPUT] += weight * p.output
+    state[Slot.DEVICES] += weight * p.devices
+    state[Slot.COMMANDED] += weight * p.commanded
 
 
 @kernel
@@ -260,8 +228,8 @@ def within(room, shift):
 def append(state, leg, n, edge):
     """Add a commanded edge to a leg's list, cancelling it with a last commanded one at the same
     instant."""
-    base = EDGES + ROOM * leg
-    if n > int(state[CARRIED + leg]) and abs(state[base + n - 1] - edge) < TIE:
+    base = Slot.EDGES + ROOM * leg
+    if n > int(state[Slot.CARRIED + leg]) and abs(state[base + n - 1] - edge) < TIE:
         return n - 1
     state[base + n] = edge
     return n + 1
@@ -271,18 +239,18 @@ def append(state, leg, n, edge):
 def schedule(state, b, leg, duty):
     """Write a leg's commanded edges of the coming period, delayed ones of the last pulse first;
     return their number."""
-    n = int(state[CARRIED + leg])
-    rise, fall = pulse(b, state[LAST_DUTY + leg], state[LAST_SHIFT + leg])
+    n = int(state[Slot.CARRIED + leg])
+    rise, fall = pulse(b, state[Slot.LAST_DUTY + leg], state[Slot.LAST_SHIFT + leg])
     if rise != NEVER and rise - b.period >= 0.0:
         n = append(state, leg, n, rise - b.period)
     if fall != NEVER and fall - b.period >= 0.0:
         n = append(state, leg, n, fall - b.period)
-    rise, fall = pulse(b, duty, state[SHIFT + leg])
+    rise, fall = pulse(b, duty, state[Slot.SHIFT + leg])
     if rise < b.period:
         n = append(state, leg, n, rise)
     if fall < b.period:
         n = append(state, leg, n, fall)
-    state[LAST_DUTY + leg], state[LAST_SHIFT + leg] = duty, state[SHIFT + leg]
+    state[Slot.LAST_DUTY + leg], state[Slot.LAST_SHIFT + leg] = duty, state[Slot.SHIFT + leg]
     return n
 
 
@@ -293,16 +261,16 @@ def settle(state, b, leg, acted, taken, n, t, current):
     Edges [acted, taken) of the list are late ones that have not acted yet, [taken, n) not yet
     commanded.
     """
-    base = EDGES + ROOM * leg
+    base = Slot.EDGES + ROOM * leg
     while True:
         if acted < taken and state[base + acted] <= t + TIE:
-            state[LEVEL + leg] = (
-                state[WANTED + leg] if b.capacitance > 0.0 else 1.0 - state[LEVEL + leg]
+            state[Slot.LEVEL + leg] = (
+                state[Slot.WANTED + leg] if b.capacitance > 0.0 else 1.0 - state[Slot.LEVEL + leg]
             )
             acted += 1
         elif taken < n and state[base + taken] <= t + TIE:
-            rising = state[WANTED + leg] == 0.0
-            state[WANTED + leg] = 1.0 - state[WANTED + leg]
+            rising = state[Slot.WANTED + leg] == 0.0
+            state[Slot.WANTED + leg] = 1.0 - state[Slot.WANTED + leg]
             if b.capacitance > 0.0:  # both switches off; one that was to turn on does not
                 state[base + taken] += abs(b.dead_time)
                 acted, taken = taken, taken + 1
@@ -334,10 +302,10 @@ def slice_of(state, b, off, i_a, i_b, i_c):
     """Return the step (s) while legs are off: a small one, or as long as no diode's current can
     come to zero."""
     step, current = NEVER, (i_a, i_b, i_c)
-    link = link_voltage(b, state[TIME], state[LINK_SAG] + state[LINK_DIP])
+    link = link_voltage(b, state[Slot.TIME], state[Slot.LINK_SAG] + state[Slot.LINK_DIP])
     for leg in range(3):
         if off[leg]:
-            level, i = state[LEVEL + leg], current[leg]
+            level, i = state[Slot.LEVEL + leg], current[leg]
             kept = (level <= 0.0 and i > 0.0) or (level >= 1.0 and i < 0.0)
             step = min(step, 0.5 * abs(i) * b.reluctant / link if kept else 0.0)
     return max(step, b.dead_time / b.slices)
@@ -347,17 +315,17 @@ def slice_of(state, b, off, i_a, i_b, i_c):
 def slew(state, b, mode, begin, end, tau, acc, off):
     """Advance from begin to end while legs are off (three of 0 or 1): their levels by the mean
     current of the step."""
-    link = link_voltage(b, state[TIME] + begin, state[LINK_SAG] + state[LINK_DIP])
-    levels = (state[LEVEL], state[LEVEL + 1], state[LEVEL + 2])
-    before = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+    link = link_voltage(b, state[Slot.TIME] + begin, state[Slot.LINK_SAG] + state[Slot.LINK_DIP])
+    levels = (state[Slot.LEVEL], state[Slot.LEVEL + 1], state[Slot.LEVEL + 2])
+    before = phase_currents(complex(state[Slot.I_ALPHA], state[Slot.I_BETA]))
     for leg in range(3):
         if off[leg]:
-            state[LEVEL + leg] = slewed(b, levels[leg], before[leg], 0.5 * (end - begin), link)
+            state[Slot.LEVEL + leg] = slewed(b, levels[leg], before[leg], 0.5 * (end - begin), link)
     integrate(state, b, mode, switch_vector(state), begin, end, tau, acc)
-    after = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+    after = phase_currents(complex(state[Slot.I_ALPHA], state[Slot.I_BETA]))
     for leg in range(3):
         if off[leg]:
-            state[LEVEL + leg] = slewed(
+            state[Slot.LEVEL + leg] = slewed(
                 b, levels[leg], 0.5 * (before[leg] + after[leg]), end - begin, link
             )
 
@@ -365,7 +333,7 @@ def slew(state, b, mode, begin, end, tau, acc, off):
 @kernel
 def due(state, leg, acted, taken, n):
     """Return the time of a leg's next event."""
-    base = EDGES + ROOM * leg
+    base = Slot.EDGES + ROOM * leg
     late = state[base + acted] if acted < taken else NEVER
     return min(late, state[base + taken] if taken < n else NEVER)
 
@@ -373,16 +341,16 @@ def due(state, leg, acted, taken, n):
 @kernel
 def carry(state, b, leg, acted, taken):
     """Keep a leg's late edges that act after the period; return their number."""
-    base = EDGES + ROOM * leg
+    base = Slot.EDGES + ROOM * leg
     for j in range(acted, taken):
         state[base + j - acted] = state[base + j] - b.period
-    state[CARRIED + leg] = taken - acted
+    state[Slot.CARRIED + leg] = taken - acted
 
 
 @kernel
 def switch_vector(state):
     """Return the vector of the legs' levels (0/1): zero in both zero vectors."""
-    a, b, c = state[LEVEL], state[LEVEL + 1], state[LEVEL + 2]
+    a, b, c = state[Slot.LEVEL], state[Slot.LEVEL + 1], state[Slot.LEVEL + 2]
     return (2.0 / 3.0) * (a + b * A + c * A.conjugate())
 
 
@@ -390,7 +358,7 @@ def switch_vector(state):
 def reading_due(state, b, j):
     """Return when (s after t_k) the j-th reading inside the period is taken; NEVER after the
     last."""
-    n = state[READINGS]
+    n = state[Slot.READINGS]
     return min(max((j + 0.5) * b.period / n + b.sampling_delay, 0.0), b.period) if j < n else NEVER
 
 
@@ -398,22 +366,22 @@ def reading_due(state, b, j):
 def early_due(state, b, j):
     """Return when (s after t_k) the j-th channel is read for t_k+1 if that is before it; NEVER for
     others."""
-    at = state[OFFSET] + j * b.channel_lag
+    at = state[Slot.OFFSET] + j * b.channel_lag
     return b.period + at if j < channels(b) and at < 0.0 else NEVER
 
 
 @kernel
 def early_slot(j):
     """Return where the j-th channel's early sample is kept."""
-    return SAMPLE_ALPHA if j == 0 else EARLY + 2 * (j - 1)
+    return Slot.SAMPLES + 2 * j
 
 
 @kernel
 def hold(state, b, first):
     """Write the current vector that a sensor sees now to two slots."""
-    state[first], state[first + 1] = state[I_ALPHA], state[I_BETA]
+    state[first], state[first + 1] = state[Slot.I_ALPHA], state[Slot.I_BETA]
     if b.filter_time > 0.0:
-        state[first], state[first + 1] = state[FILTER_ALPHA], state[FILTER_BETA]
+        state[first], state[first + 1] = state[Slot.FILTER_ALPHA], state[Slot.FILTER_BETA]
 
 
 @kernel
@@ -423,7 +391,11 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
     d_a, d_b, d_c = leg_duties(b, u_alpha, u_beta, u_dc)
     d_a, d_b, d_c = together(b, kept(b, d_a), kept(b, d_b), kept(b, d_c))
     pattern = b.pwm_delay if b.sag != 0.0 else NEVER  # from then on these duties draw from the link
-    t_a, t_b, t_c = int(state[CARRIED]), int(state[CARRIED + 1]), int(state[CARRIED + 2])
+    t_a, t_b, t_c = (
+        int(state[Slot.CARRIED]),
+        int(state[Slot.CARRIED + 1]),
+        int(state[Slot.CARRIED + 2]),
+    )
     n_a, n_b, n_c = (
         schedule(state, b, 0, d_a),
         schedule(state, b, 1, d_b),
@@ -432,12 +404,12 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
     a_a = a_b = a_c = 0
     early_j, early = 0, early_due(state, b, 0)
     j, inside = 0, reading_due(state, b, 0)
-    load_torque = acting_load(b, state[LOAD], load_torque)
+    load_torque = acting_load(b, state[Slot.LOAD], load_torque)
     t = 0.0
     while True:
-        i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+        i_a, i_b, i_c = phase_currents(complex(state[Slot.I_ALPHA], state[Slot.I_BETA]))
         if t >= pattern - TIE:
-            state[LINK_SAG], pattern = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c), NEVER
+            state[Slot.LINK_SAG], pattern = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c), NEVER
         a_a, t_a, n_a = settle(state, b, 0, a_a, t_a, n_a, t, i_a)
         a_b, t_b, n_b = settle(state, b, 1, a_b, t_b, n_b, t, i_b)
         a_c, t_c, n_c = settle(state, b, 2, a_c, t_c, n_c, t, i_c)
@@ -446,7 +418,7 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
             early_j += 1
             early = early_due(state, b, early_j)
         while t >= inside:
-            hold(state, b, READINGS + 1 + 2 * j)
+            hold(state, b, Slot.READINGS + 1 + 2 * j)
             j += 1
             inside = reading_due(state, b, j)
         if t >= end:
@@ -477,5 +449,5 @@ def advance(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration):
     FREE.
     """
     travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, b.period)
-    state[TIME] += b.period
-    state[LOAD] = acting_load(b, state[LOAD], load_torque)
+    state[Slot.TIME] += b.period
+    state[Slot.LOAD] = acting_load(b, state[Slot.LOAD], load_torque)

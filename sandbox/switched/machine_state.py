@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 from model.compiled import inlined
 
-LOCKED, DRIVEN, FREE = 0, 1, 2
-
 
 class Moving(NamedTuple):
     """What the machine remembers, or by how much it changes in a second."""

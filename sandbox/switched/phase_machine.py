@@ -39,6 +39,7 @@ import math
 import numpy as np
 
 from model.compiled import inlined, kernel
+from model.parameters import Rotor
 from sandbox.switched.flux_map import map_energy, with_map, with_map_stiffness
 from sandbox.switched.harmonics import (
     chained,
@@ -59,7 +60,7 @@ from sandbox.switched.load_side import (
     shaft_damping,
     wound,
 )
-from sandbox.switched.machine_state import DRIVEN, LOCKED, Moving, Powers
+from sandbox.switched.machine_state import Moving, Powers
 
 A = complex(-0.5, 0.5 * math.sqrt(3.0))  # exp(2 pi j / 3)
 ROOT = math.sqrt(3.0)
@@ -279,10 +280,10 @@ def slopes(b, t, by, x):
         d_loop = (
             b.short_conductance * (d_psi.real + b.resistance * i.real) - x.loop
         ) / b.short_time
-    if by.mode == LOCKED:
+    if by.mode == Rotor.LOCKED:
         return Moving(d_psi, d_core, d_skin, 0.0, 0.0, 0.0, 0.0, d_loop), i
     turning, a = b.pole_pairs * x.speed, by.acceleration
-    if by.mode == DRIVEN:
+    if by.mode == Rotor.DRIVEN:
         return Moving(d_psi, d_core, d_skin, turning, a, a, 0.0, d_loop), i
     a, a_load = accelerations(b, torque, by.load_torque, x.theta, x.speed, x.load_speed, x.twist)
     return Moving(d_psi, d_core, d_skin, turning, a, a_load, x.speed - x.load_speed, d_loop), i

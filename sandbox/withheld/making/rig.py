@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 
 from model.compiled import kernel
 from model.errors import PhysicsError
-from model.parameters import Drive, Motor
+from model.parameters import Drive, Motor, Rotor
 from sandbox.switched.advance import MODES, measure, start
 from sandbox.switched.bench_numbers import SwitchedBench
-from sandbox.switched.inverter import PSI_ALPHA, PSI_BETA, THETA, advance
-from sandbox.switched.inverter import SPEED as BENCH_SPEED
-from sandbox.switched.machine_state import DRIVEN
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import advance
 from sandbox.withheld.making.cycles import FIRST, KIND, SECOND, SPEED, VOLTAGE, Cycle
 
 Array = NDArray[np.float64]
@@ -122,8 +121,8 @@ def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
     samples = g.injection_samples if g.axis > 0.0 else 1
     for k in range(n):
         acceleration = 0.0
-        if rotor == DRIVEN:
-            x[THETA], x[BENCH_SPEED] = angle[k], speed[k]
+        if rotor == Rotor.DRIVEN:
+            x[Slot.THETA], x[Slot.SPEED] = angle[k], speed[k]
             acceleration = (speed[min(k + 1, n - 1)] - speed[k]) / g.period
         held, row = (
             measure(x, b, rotor, u_alpha, u_beta, u_dc[k], load[k], acceleration, rng),
@@ -177,7 +176,7 @@ def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
                 u_q + (wave if g.axis == 2.0 else 0.0),
             )
         advance(x, b, rotor, u_alpha, u_beta, u_dc[k], load[k], acceleration)
-        if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[THETA]):
+        if not math.isfinite(x[Slot.PSI_ALPHA] + x[Slot.PSI_BETA] + x[Slot.THETA]):
             return k
         ahead = theta + 1.5 * omega * g.period
         c, s = math.cos(ahead), math.sin(ahead)

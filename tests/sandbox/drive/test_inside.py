@@ -17,7 +17,8 @@ from sandbox.drive.simulate import simulate
 from sandbox.drive.switched_loop import gather
 from sandbox.switched.advance import MODES, start
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import READINGS, SHIFT, SPEED, advance
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import advance
 from tests.sandbox.plant.exact import Exact
 
 LARGEST = 2e-5  # of rated current, rms: what issue 15 asks of the plant against the bench
@@ -76,9 +77,9 @@ def on_switched(drive, effects, rotor, speed, u):
         [],
         np.random.default_rng(0),
     )
-    x[SPEED], x[READINGS] = speed / drive.motor.pole_pairs, len(inside.readings)
+    x[Slot.SPEED], x[Slot.READINGS] = speed / drive.motor.pole_pairs, len(inside.readings)
     for k, v in enumerate(u):
-        shift_pulses(x[SHIFT:], k, inside.shift)
+        shift_pulses(x[Slot.SHIFT :], k, inside.shift)
         advance(x, b, MODES[rotor], v.real, v.imag, link, 0.0, 0.0)
         gather(x, b, (v.real, v.imag), link, rng, inside)
         found.append(inside.readings.copy())

@@ -4,18 +4,7 @@ with closed forms."""
 import numpy as np
 
 from sandbox.drive.closed import closed_bench, longest_step, looked_into
-from sandbox.drive.loop import (
-    INSTANT,
-    LINK,
-    MEMORY,
-    SPAN,
-    U_ALPHA,
-    U_BETA,
-    Rig,
-    progress,
-    rotor,
-    shift,
-)
+from sandbox.drive.loop import MEMORY, Memory, Rig, progress, rotor, shift
 from sandbox.drive.sensing import encoder, gather, looked_at, read_phases
 from sandbox.plant.gates.modulation import modulation_of
 from sandbox.plant.period import STILL
@@ -64,14 +53,14 @@ class Exact:
             modulation_of(converter),
         )
         self.memory = np.zeros(MEMORY)
-        self.memory[LINK], self.memory[INSTANT] = 1.0, self.w["sample"][0]
+        self.memory[Memory.LINK], self.memory[Memory.INSTANT] = 1.0, self.w["sample"][0]
         self.looks, self.seen = looked_at(self.w, converter.sampling_period, inside)
         self.k, self.rng = 0, np.random.default_rng(0)
 
     def advance(self, u, load=0.0, blocked=False):
         """Return the current vector (A) read for t_k; the voltage u (complex, V) acts for a period
         from there."""
-        self.memory[U_ALPHA], self.memory[U_BETA] = u.real, u.imag
+        self.memory[Memory.U_ALPHA], self.memory[Memory.U_BETA] = u.real, u.imag
         if self.inside:
             shift(self.bench.room, self.k, self.inside)
         applied = STILL._replace(load=load, load_after=load)
@@ -105,7 +94,7 @@ class Exact:
     @property
     def flux(self):
         """Flux vector (Wb) at the end of the last period."""
-        w, span = self.w, self.memory[SPAN]
+        w, span = self.w, self.memory[Memory.SPAN]
         return complex(
             *(
                 w[f"psi_{x}"][0] + w[f"volt_{x}"][0] - span * w[f"fall_{x}"][0]

@@ -17,10 +17,10 @@ from sandbox.cli import main
 from sandbox.drive.control import ENCODER_BANDWIDTH, speed_from
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.switched.advance import start
+from sandbox.switched.advance import MODES, start
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import I_ALPHA, SKIN_ALPHA, integrate
-from sandbox.switched.machine_state import LOCKED
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import integrate
 from tests.sandbox.plant.effect_motors import CONVERTER, NO_MAGNET, TS, L, R, U
 from tests.sandbox.plant.exact import exact, switched
 
@@ -40,8 +40,8 @@ def test_skin_effect_as_fast_as_a_real_windings(tau):
     m = np.array([[-(R + r_1) / L, r_1 / L, 1 / L], [1 / tau, -1 / tau, 0], [0, 0, 0]])
     b = quiet(bench(NO_MAGNET, CONVERTER, effects))
     state = start(b)
-    integrate(state, b, LOCKED, complex(40.0 / U), 0.0, t, 0.0, 0.0)
-    assert [state[I_ALPHA], state[SKIN_ALPHA]] == pytest.approx(
+    integrate(state, b, MODES["locked"], complex(40.0 / U), 0.0, t, 0.0, 0.0)
+    assert [state[Slot.I_ALPHA], state[Slot.SKIN_ALPHA]] == pytest.approx(
         (expm(m * t) @ [0.0, 0.0, 40.0])[:2], rel=1e-6
     )
     u = 60.0 * np.exp(0.3j) * np.where(np.arange(200) % 8 < 4, 1.0, -1.0)

@@ -10,19 +10,11 @@ from scipy.linalg import expm
 from model.effects.library import parameters
 from sandbox.drive.switched_loop import encoder_slope
 from sandbox.plant.backlash import swing_across
-from sandbox.switched.advance import encoder, flux_for, replay, start, true_angle
+from sandbox.switched.advance import MODES, encoder, flux_for, replay, start, true_angle
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import (
-    CORE_ALPHA,
-    I_ALPHA,
-    SKIN_ALPHA,
-    SPEED,
-    TWIST,
-    advance,
-    integrate,
-    moving,
-)
-from sandbox.switched.machine_state import DRIVEN, FREE, LOCKED, Driving
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import advance, integrate, moving
+from sandbox.switched.machine_state import Driving
 from sandbox.switched.phase_machine import current_and_torque, friction, powers, stored_energy
 from tests.sandbox.plant.closed_forms import pulsed, settled
 from tests.sandbox.plant.effect_motors import (
@@ -192,14 +184,14 @@ def test_iron_loss_current_rises_with_its_time_constant_and_loses_its_power():
     }
     b = make(effects, NO_MAGNET)
     state, v = start(b), 40.0
-    integrate(state, b, LOCKED, complex(v / U), 0.0, 2e-4, 0.0, 0.0)
-    assert state[CORE_ALPHA] == pytest.approx(v / 800 * (1 - math.exp(-2 / 1.5)), rel=1e-3)
-    assert state[I_ALPHA] == pytest.approx(v * 2e-4 / L + state[CORE_ALPHA], rel=1e-12)
-    integrate(state, b, LOCKED, complex(v / U), 0.0, 3e-3, 0.0, 0.0)
+    integrate(state, b, MODES["locked"], complex(v / U), 0.0, 2e-4, 0.0, 0.0)
+    assert state[Slot.CORE_ALPHA] == pytest.approx(v / 800 * (1 - math.exp(-2 / 1.5)), rel=1e-3)
+    assert state[Slot.I_ALPHA] == pytest.approx(v * 2e-4 / L + state[Slot.CORE_ALPHA], rel=1e-12)
+    integrate(state, b, MODES["locked"], complex(v / U), 0.0, 3e-3, 0.0, 0.0)
     found = powers(
         b,
         0.0,
-        Driving(complex(v / U), 0.0, 0.0, 0j, LOCKED, 0.0),
+        Driving(complex(v / U), 0.0, 0.0, 0j, MODES["locked"], 0.0),
         0j,
         moving(state)._replace(psi=0j),
     )
@@ -212,10 +204,10 @@ def test_skin_effect_is_the_linear_two_state_circuit():
     r_1, tau = 3.0, 2e-4
     b = make({"skin_effect.resistance": r_1, "skin_effect.time_constant": tau}, NO_MAGNET)
     state = start(b)
-    integrate(state, b, LOCKED, complex(40.0 / U), 0.0, 5e-4, 0.0, 0.0)
+    integrate(state, b, MODES["locked"], complex(40.0 / U), 0.0, 5e-4, 0.0, 0.0)
     a = np.array([[-(R + r_1) / L, r_1 / L, 1 / L], [1 / tau, -1 / tau, 0], [0, 0, 0]])
     expected = expm(a * 5e-4) @ [0.0, 0.0, 40.0]
-    assert [state[I_ALPHA], state[SKIN_ALPHA]] == pytest.approx(expected[:2], rel=2e-4)
+    assert [state[Slot.I_ALPHA], state[Slot.SKIN_ALPHA]] == pytest.approx(expected[:2], rel=2e-4)
     assert settled(b, 20 + 0j) == pytest.approx(2.0, rel=1e-4)
 
 
@@ -489,13 +481,13 @@ def test_shaft_compliance_resonates_at_its_frequency():
     rate = math.sqrt(stiffness * (1 / 6e-4 + 1 / 4e-4))
     state, twist, n = start(b), [], 2000
     for _ in range(n):
-        twist.append(state[TWIST])
-        advance(state, b, FREE, 0.0, 0.0, U, tau, 0.0)
+        twist.append(state[Slot.TWIST])
+        advance(state, b, MODES["free"], 0.0, 0.0, U, tau, 0.0)
     steady = tau * 6e-4 / 1e-3 / stiffness
     assert np.array(twist) == pytest.approx(
         steady * (1 - np.cos(rate * TS * np.arange(n))), abs=2e-3 * steady
     )
-    momentum = 6e-4 * state[SPEED] + 4e-4 * state[SPEED + 1]
+    momentum = 6e-4 * state[Slot.SPEED] + 4e-4 * state[Slot.SPEED + 1]
     assert momentum == pytest.approx(-tau * n * TS, rel=1e-9)
 
 
@@ -515,9 +507,9 @@ def test_backlash_joins_the_shaft_beyond_its_gap():
     rate = math.sqrt(stiffness * (1 / 6e-4 + 1 / 4e-4))
     state, x, v, n, found, expected, fastest = start(b), 0.0, 0.0, 60, [], [], 0.0
     for _ in range(n):
-        found.append(state[TWIST])
+        found.append(state[Slot.TWIST])
         expected.append(x)
-        advance(state, b, FREE, 0.0, 0.0, U, tau, 0.0)
+        advance(state, b, MODES["free"], 0.0, 0.0, U, tau, 0.0)
         x, v = swing_across(x, v, tau / load_inertia, 0.5 * gap, rate, ratio, TS)
         fastest = max(fastest, abs(v))
     jump = 2.0 * ratio * rate * fastest * TS / 32.0
@@ -529,6 +521,6 @@ def test_backlash_joins_the_shaft_beyond_its_gap():
 def test_driven_rotor_follows_the_imposed_motion():
     b = make()
     state = start(b, theta=0.2, speed=10.0)
-    advance(state, b, DRIVEN, 0.0, 0.0, U, 0.0, 400.0)
-    assert state[SPEED] == pytest.approx(10.1, rel=1e-12)
-    assert state[SPEED - 1] == pytest.approx(0.2 + 4 * (10 * TS + 200 * TS * TS), rel=1e-12)
+    advance(state, b, MODES["driven"], 0.0, 0.0, U, 0.0, 400.0)
+    assert state[Slot.SPEED] == pytest.approx(10.1, rel=1e-12)
+    assert state[Slot.SPEED - 1] == pytest.approx(0.2 + 4 * (10 * TS + 200 * TS * TS), rel=1e-12)

@@ -12,8 +12,9 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.switched.advance import flux_for, replay, start
+from sandbox.switched.advance import MODES, flux_for, replay, start
 from sandbox.switched.bench_numbers import bench, quiet
+from sandbox.switched.bench_state import Slot
 from sandbox.switched.harmonics import (
     CoggingHarmonic,
     FluxHarmonic,
@@ -21,8 +22,7 @@ from sandbox.switched.harmonics import (
     harmonics,
     largest_swing,
 )
-from sandbox.switched.inverter import INPUT, LOSS, OUTPUT, advance
-from sandbox.switched.machine_state import FREE
+from sandbox.switched.inverter import advance
 from sandbox.switched.phase_machine import (
     accelerations,
     current_and_torque,
@@ -180,10 +180,13 @@ def test_energy_balance_closes_with_all_lists_and_a_fan():
     before, peak = stored(), 0.0
     u_alpha, u_beta = commands(800, amplitude=60.0)
     for k in range(800):
-        advance(state, b, FREE, u_alpha[k], u_beta[k], 398.0, 0.15, 0.0)
-        peak = max(peak, abs(state[INPUT] - state[LOSS] - state[OUTPUT] - (stored() - before)))
-    assert state[LOSS] > 5.0
-    assert peak < 2e-5 * state[LOSS]
+        advance(state, b, MODES["free"], u_alpha[k], u_beta[k], 398.0, 0.15, 0.0)
+        peak = max(
+            peak,
+            abs(state[Slot.INPUT] - state[Slot.LOSS] - state[Slot.OUTPUT] - (stored() - before)),
+        )
+    assert state[Slot.LOSS] > 5.0
+    assert peak < 2e-5 * state[Slot.LOSS]
 
 
 def test_back_emf_has_the_orders_of_the_list():

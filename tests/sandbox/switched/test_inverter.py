@@ -10,21 +10,10 @@ from scipy.integrate import solve_ivp
 from model.drive_files import load_drive
 from model.effects.library import neutral, parameters
 from model.errors import BadInput
-from sandbox.switched.advance import measure, replay, run, start, true_angle
+from sandbox.switched.advance import MODES, measure, replay, run, start, true_angle
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import (
-    COMMANDED,
-    DEVICES,
-    I_ALPHA,
-    I_BETA,
-    INPUT,
-    LINK_SAG,
-    LOSS,
-    OUTPUT,
-    TIME,
-    advance,
-)
-from sandbox.switched.machine_state import FREE
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import advance
 from sandbox.switched.phase_machine import link_voltage, phase_currents, reservoir
 from tests.sandbox.switched.all_effects import ALL_ON, commands
 
@@ -187,12 +176,12 @@ def test_energy_balance_closes_with_everything_on():
     before, peak = stored(), 0.0
     u_alpha, u_beta = commands(800, amplitude=60.0)
     for k in range(800):
-        advance(state, b, FREE, u_alpha[k], u_beta[k], 398.0, 0.15, 0.0)
-        missing = state[INPUT] - state[LOSS] - state[OUTPUT] - (stored() - before)
+        advance(state, b, MODES["free"], u_alpha[k], u_beta[k], 398.0, 0.15, 0.0)
+        missing = state[Slot.INPUT] - state[Slot.LOSS] - state[Slot.OUTPUT] - (stored() - before)
         peak = max(peak, abs(missing))
-    assert state[LOSS] > 5.0
-    assert abs(state[OUTPUT]) > 0.05
-    assert peak < 2e-5 * state[LOSS]
+    assert state[Slot.LOSS] > 5.0
+    assert abs(state[Slot.OUTPUT]) > 0.05
+    assert peak < 2e-5 * state[Slot.LOSS]
 
 
 def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
@@ -215,27 +204,30 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
     u_alpha, u_beta = commands(800, amplitude=60.0)
     old = np.zeros(3)
     for k in range(800):
-        advance(state, b, FREE, u_alpha[k], u_beta[k], 398.0, 0.15, 0.0)
-        new = np.array(phase_currents(complex(state[I_ALPHA], state[I_BETA])))
+        advance(state, b, MODES["free"], u_alpha[k], u_beta[k], 398.0, 0.15, 0.0)
+        new = np.array(phase_currents(complex(state[Slot.I_ALPHA], state[Slot.I_BETA])))
         i = 0.5 * (old + new)
         dead += (
             b.dead_time
-            * link_voltage(b, state[TIME], state[LINK_SAG])
+            * link_voltage(b, state[Slot.TIME], state[Slot.LINK_SAG])
             * np.sum(i * np.clip(i / b.soft_current, -1.0, 1.0))
         )
         devices += b.period * np.sum(
             i * (b.threshold * np.clip(i / b.soft_current, -1.0, 1.0) + b.on_resistance * i)
         )
         old = new
-    machine = stored() - before + state[LOSS] - state[DEVICES] + state[OUTPUT]
+    machine = stored() - before + state[Slot.LOSS] - state[Slot.DEVICES] + state[Slot.OUTPUT]
     print(
-        f"link {state[INPUT]:.4f} J, machine {machine:.4f}, devices {state[DEVICES]:.4f}, dead "
-        f"time {state[COMMANDED] - state[INPUT]:.4f} (closed form {dead:.4f})"
+        f"link {state[Slot.INPUT]:.4f} J, machine {machine:.4f}, "
+        f"devices {state[Slot.DEVICES]:.4f}, "
+        f"dead time {state[Slot.COMMANDED] - state[Slot.INPUT]:.4f} (closed form {dead:.4f})"
     )
-    assert state[INPUT] == pytest.approx(machine + state[DEVICES], abs=2e-5 * state[LOSS])
-    assert state[DEVICES] == pytest.approx(devices, rel=0.05)
-    assert min(state[DEVICES], dead) > 0.01 * state[INPUT]
-    assert state[COMMANDED] - state[INPUT] == pytest.approx(dead, rel=0.05)
+    assert state[Slot.INPUT] == pytest.approx(
+        machine + state[Slot.DEVICES], abs=2e-5 * state[Slot.LOSS]
+    )
+    assert state[Slot.DEVICES] == pytest.approx(devices, rel=0.05)
+    assert min(state[Slot.DEVICES], dead) > 0.01 * state[Slot.INPUT]
+    assert state[Slot.COMMANDED] - state[Slot.INPUT] == pytest.approx(dead, rel=0.05)
 
 
 def test_angle_reading_is_undone():
@@ -270,8 +262,8 @@ def test_measure_and_advance_by_hand_equal_replay():
     )
     state, rng = start(b, 0.1, 5.0), np.random.default_rng(4)
     for k in range(60):
-        reading = measure(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0, rng)
+        reading = measure(state, b, MODES["free"], u_alpha[k], u_beta[k], 399.0, 0.1, 0.0, rng)
         assert np.array_equal(
             reading, [expected[name][k] for name in ("i_a", "i_b", "i_c", "theta")]
         )
-        advance(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0)
+        advance(state, b, MODES["free"], u_alpha[k], u_beta[k], 399.0, 0.1, 0.0)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive
-from sandbox.switched.advance import replay, start
+from sandbox.switched.advance import MODES, replay, start
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import FILTER_ALPHA, I_ALPHA, PSI_ALPHA, TIME, duties, integrate
-from sandbox.switched.machine_state import DRIVEN
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import duties, integrate
 from sandbox.switched.phase_machine import current_and_torque
 from tests.sandbox.plant.exact import exact
 
@@ -78,13 +78,16 @@ def averaged(b, u, u_dc, theta, speed, correct):
         state[6], state[7] = theta[k], speed
         duty = np.array(duties(u[k].real, u[k].imag, u_dc))
         mean = b.link_voltage * clarke(duty)
-        psi, i = complex(*state[PSI_ALPHA : PSI_ALPHA + 2]), complex(*state[I_ALPHA : I_ALPHA + 2])
+        psi, i = (
+            complex(*state[Slot.PSI_ALPHA : Slot.PSI_ALPHA + 2]),
+            complex(*state[Slot.I_ALPHA : Slot.I_ALPHA + 2]),
+        )
         magnetising = current_and_torque(b, psi, theta[k])[0]
         reading = i
         if correct and b.core_conductance:
             reading -= core_lag * b.core_conductance / b.core_time
         if b.filter_time:
-            reading = complex(*state[FILTER_ALPHA : FILTER_ALPHA + 2])
+            reading = complex(*state[Slot.FILTER_ALPHA : Slot.FILTER_ALPHA + 2])
             reading += gamma(b, psi, theta[k], filtered) if correct else 0.0
             if correct and b.core_conductance:
                 reading -= (
@@ -108,8 +111,10 @@ def averaged(b, u, u_dc, theta, speed, correct):
                 theta[k] + 0.5 * b.period * omega,
             )
             acting = acting + b.resistance * late_by * gamma(b, *middle, mean)
-        integrate(state, plain, DRIVEN, complex(acting / b.link_voltage), 0.0, b.period, 0.0, 0.0)
-        state[TIME] += b.period
+        integrate(
+            state, plain, MODES["driven"], complex(acting / b.link_voltage), 0.0, b.period, 0.0, 0.0
+        )
+        state[Slot.TIME] += b.period
         if b.filter_time:
             filtered = np.exp(-b.period / b.filter_time) * filtered + clarke(
                 ripple_lag(b, duty, b.filter_time)

@@ -18,10 +18,10 @@ from sandbox.cli import main
 from sandbox.drive.inside import Inside, shift_pulses, volt_seconds
 from sandbox.drive.switched_loop import gather
 from sandbox.evaluation.step_cost import pwm_ripple
-from sandbox.switched.advance import start
+from sandbox.switched.advance import MODES, start
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import I_ALPHA, I_BETA, READINGS, SHIFT, advance, duties
-from sandbox.switched.machine_state import LOCKED
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import advance, duties
 
 DRIVE = load_drive("ipm_exchanged")
 LINEAR = dataclasses.replace(
@@ -65,11 +65,11 @@ def test_current_of_a_linear_motor_follows_the_edges(u):
     n, theta, shift = 16, 0.4, 0.05 * H
     b = quiet(bench(LINEAR, DRIVE.converter))
     x, inside, psi_0 = start(b, theta), Inside(np.zeros((n, 4)), np.zeros((n, 2)), shift), 0j
-    x[READINGS], room = n, inside.readings
+    x[Slot.READINGS], room = n, inside.readings
     gamma = np.array([1.0 / LINEAR.inductance_d, 1.0 / LINEAR.inductance_q])
     for k in range(6):
-        shift_pulses(x[SHIFT:], k, shift)
-        advance(x, b, LOCKED, u.real, u.imag, U_DC, 0.0, 0.0)
+        shift_pulses(x[Slot.SHIFT :], k, shift)
+        advance(x, b, MODES["locked"], u.real, u.imag, U_DC, 0.0, 0.0)
         gather(x, b, (u.real, u.imag), U_DC, np.random.default_rng(0), inside)
         legs = edges(u, k, shift)
         for j in range(n):
@@ -82,7 +82,7 @@ def test_current_of_a_linear_motor_follows_the_edges(u):
         psi_0 += u * H
         seen = psi_0 * np.exp(-1j * theta)
         i = complex(gamma[0] * seen.real, gamma[1] * seen.imag) * np.exp(1j * theta)
-        assert complex(x[I_ALPHA], x[I_BETA]) == pytest.approx(i, abs=1e-6)
+        assert complex(x[Slot.I_ALPHA], x[Slot.I_BETA]) == pytest.approx(i, abs=1e-6)
 
 
 @given(VOLTAGE, st.integers(0, 5), st.floats(0.01, 0.25))
@@ -114,10 +114,10 @@ def test_reading_inside_leaves_the_plant_alone():
     for n in (0, 16):
         b = quiet(bench(DRIVE.motor, DRIVE.converter))
         x = start(b, 0.3)
-        x[READINGS] = n
+        x[Slot.READINGS] = n
         for k in range(40):
-            advance(x, b, LOCKED, 20.0 * (-1) ** k, 9.0, U_DC, 0.0, 0.0)
-        ends.append(complex(x[I_ALPHA], x[I_BETA]))
+            advance(x, b, MODES["locked"], 20.0 * (-1) ** k, 9.0, U_DC, 0.0, 0.0)
+        ends.append(complex(x[Slot.I_ALPHA], x[Slot.I_BETA]))
     assert abs(ends[0] - ends[1]) < 1e-8
 
 
@@ -131,10 +131,10 @@ def test_cost_of_the_ripple_is_that_of_the_bench():
     i = 1j * 1.2 * np.exp(1j * theta)
     u, n = drive.motor.resistance * i, 32
     x, square = start(b, theta, i_alpha=i.real, i_beta=i.imag), 0.0
-    x[READINGS], inside = n, Inside(np.zeros((n, 4)), np.zeros((n, 2)), 0.05 * H)
+    x[Slot.READINGS], inside = n, Inside(np.zeros((n, 4)), np.zeros((n, 2)), 0.05 * H)
     for k in range(24):
-        shift_pulses(x[SHIFT:], k, inside.shift)
-        advance(x, b, LOCKED, u.real, u.imag, U_DC, 0.0, 0.0)
+        shift_pulses(x[Slot.SHIFT :], k, inside.shift)
+        advance(x, b, MODES["locked"], u.real, u.imag, U_DC, 0.0, 0.0)
         gather(x, b, (u.real, u.imag), U_DC, np.random.default_rng(0), inside)
         read = inside.readings[:, 0] + 1j * inside.readings[:, 1]
         square += np.mean(np.abs(read - read.mean()) ** 2) / 24

@@ -9,20 +9,11 @@ import pytest
 from scipy.optimize import brentq
 
 from model.errors import BadInput
-from sandbox.switched.advance import replay, start
+from sandbox.switched.advance import MODES, replay, start
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import (
-    DEVICES,
-    I_ALPHA,
-    I_BETA,
-    INPUT,
-    LOSS,
-    PSI_ALPHA,
-    PSI_BETA,
-    advance,
-)
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import advance
 from sandbox.switched.leg import soft_sign, table_volts
-from sandbox.switched.machine_state import LOCKED
 from sandbox.switched.phase_machine import phase_currents, reservoir
 from sandbox.switched.unlisted import unlisted, with_leg_table, with_sign
 from tests.sandbox.plant.closed_forms import pulsed, settled
@@ -108,14 +99,18 @@ def test_a_table_s_loss_is_the_devices_and_the_balance_closes():
     state, lost, old = start(b), 0.0, np.zeros(3)
     for k in range(600):
         u = 25.0 * np.exp(0.02j * k)
-        advance(state, b, LOCKED, u.real, u.imag, U, 0.0, 0.0)
-        new = np.array(phase_currents(complex(state[I_ALPHA], state[I_BETA])))
+        advance(state, b, MODES["locked"], u.real, u.imag, U, 0.0, 0.0)
+        new = np.array(phase_currents(complex(state[Slot.I_ALPHA], state[Slot.I_BETA])))
         mean = 0.5 * (old + new)
         lost += TS * np.sum(np.abs(mean) * np.interp(np.abs(mean), i, v))
         old = new
-    assert state[DEVICES] == pytest.approx(lost, rel=1e-2)
-    stored = reservoir(b, complex(state[PSI_ALPHA], state[PSI_BETA]), 0j, 0j, 0.0, 0.0, 0.0, 0.0)
-    assert state[INPUT] == pytest.approx(state[LOSS] + stored, abs=1e-5 * state[LOSS])
+    assert state[Slot.DEVICES] == pytest.approx(lost, rel=1e-2)
+    stored = reservoir(
+        b, complex(state[Slot.PSI_ALPHA], state[Slot.PSI_BETA]), 0j, 0j, 0.0, 0.0, 0.0, 0.0
+    )
+    assert state[Slot.INPUT] == pytest.approx(
+        state[Slot.LOSS] + stored, abs=1e-5 * state[Slot.LOSS]
+    )
 
 
 @pytest.mark.parametrize(("u", "share"), [(24.0, 2.0 / 3.0), (-24.0, 1.0 / 3.0)])

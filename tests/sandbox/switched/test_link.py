@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from sandbox.switched.advance import start
+from sandbox.switched.advance import MODES, start
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import I_ALPHA, LINK_DIP, LINK_FEED, integrate
-from sandbox.switched.machine_state import LOCKED
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import integrate
 from sandbox.switched.unlisted import unlisted
 from tests.sandbox.plant.closed_forms import settled
 from tests.sandbox.plant.effect_motors import CONVERTER, NO_MAGNET, L, R, U
@@ -24,8 +24,8 @@ def rung(b, t, step=None):
     """Return dip, feed and i_alpha after t (s) with leg a on alone, from 2 A."""
     b = b if step is None else b._replace(step=step)
     state = start(b, i_alpha=2.0)
-    integrate(state, b, LOCKED, complex(2.0 / 3.0), 0.0, t, 0.0, 0.0)
-    return np.array([state[LINK_DIP], state[LINK_FEED], state[I_ALPHA]])
+    integrate(state, b, MODES["locked"], complex(2.0 / 3.0), 0.0, t, 0.0, 0.0)
+    return np.array([state[Slot.LINK_DIP], state[Slot.LINK_FEED], state[Slot.I_ALPHA]])
 
 
 def test_a_step_of_the_draw_rings_as_the_circuit_does():
@@ -73,11 +73,11 @@ def test_without_inductance_current_the_link_rings_at_its_own_rate():
         step=2e-6
     )
     state = start(b)
-    state[LINK_FEED] = 30.0
+    state[Slot.LINK_FEED] = 30.0
     t, damped = 1.1e-3, RATE * math.sqrt(1.0 - D * D)
-    integrate(state, b, LOCKED, 0j, 0.0, t, 0.0, 0.0)
+    integrate(state, b, MODES["locked"], 0j, 0.0, t, 0.0, 0.0)
     expected = -30.0 / math.sqrt(1.0 - D * D) * math.exp(-D * RATE * t) * math.sin(damped * t)
-    assert state[LINK_DIP] == pytest.approx(expected, abs=1e-6)
+    assert state[Slot.LINK_DIP] == pytest.approx(expected, abs=1e-6)
 
 
 def test_off_it_is_the_bench_of_old_by_the_bit():

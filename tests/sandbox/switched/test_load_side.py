@@ -9,10 +9,10 @@ import pytest
 
 from model.drive_files import load_drive
 from model.errors import BadInput
-from sandbox.switched.advance import replay, start
+from sandbox.switched.advance import MODES, replay, start
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import INPUT, LOSS, OUTPUT, advance
-from sandbox.switched.machine_state import FREE
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.inverter import advance
 from sandbox.switched.phase_machine import accelerations, reservoir
 from sandbox.switched.unlisted import unlisted
 
@@ -103,10 +103,12 @@ def test_energy_closes_with_every_load():
     before = stored()
     for k in range(400):
         turn = POLES * 30.0 * k * b.period
-        advance(state, b, FREE, -30.0 * math.sin(turn), 30.0 * math.cos(turn), 400.0, 0.15, 0.0)
-    assert abs(state[OUTPUT]) > 0.1
-    assert state[INPUT] - state[LOSS] - state[OUTPUT] == pytest.approx(
-        stored() - before, abs=2e-5 * state[LOSS]
+        advance(
+            state, b, MODES["free"], -30.0 * math.sin(turn), 30.0 * math.cos(turn), 400.0, 0.15, 0.0
+        )
+    assert abs(state[Slot.OUTPUT]) > 0.1
+    assert state[Slot.INPUT] - state[Slot.LOSS] - state[Slot.OUTPUT] == pytest.approx(
+        stored() - before, abs=2e-5 * state[Slot.LOSS]
     )
 
 

@@ -13,7 +13,7 @@ from model.errors import BadInput
 from sandbox.drive.switched_loop import encoder_slope
 from sandbox.switched.advance import encoder, replay, sensor, start, true_angle
 from sandbox.switched.bench_numbers import bench, quiet
-from sandbox.switched.inverter import HELD_ALPHA
+from sandbox.switched.bench_state import Slot
 from sandbox.switched.phase_machine import (
     accelerations,
     current_and_torque,
@@ -84,7 +84,7 @@ def test_hysteresis_in_the_bench_is_a_slope_while_the_flux_stays_in_the_play():
         np.abs(a - replay(quiet(bench(linear, DRIVE.converter)), "locked", *columns)["i_a"]).max()
         > 1e-3
     )
-    assert start(held, 0.7)[HELD_ALPHA] == pytest.approx(math.cos(0.7) * linear.magnet_flux)
+    assert start(held, 0.7)[Slot.HELD_ALPHA] == pytest.approx(math.cos(0.7) * linear.magnet_flux)
 
 
 def phasor(v, omega, ohm, henry, share, fault, leakage):

@@ -164,7 +164,7 @@ def test_lost_is_said_only_where_a_run_breaks_off(monkeypatch, error, lost):
 def test_a_run_that_breaks_off_is_told_by_its_own_error():
     """Fluxes out of the domain in a run, as a rotor that is lost ends."""
     raised = simulate._failure(
-        simulate.loop.OUTSIDE_DOMAIN, 0.1, (1.0, 2.0), SimpleNamespace(name="x")
+        simulate.loop.Status.OUTSIDE_DOMAIN, 0.1, (1.0, 2.0), SimpleNamespace(name="x")
     )
     assert isinstance(raised, Diverged)
     assert isinstance(raised, PhysicsError)

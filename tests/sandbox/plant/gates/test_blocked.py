@@ -14,11 +14,10 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.switched.advance import start
+from sandbox.switched.advance import MODES, start
 from sandbox.switched.bench_numbers import bench, quiet
+from sandbox.switched.bench_state import Slot
 from sandbox.switched.blocked import coast
-from sandbox.switched.inverter import I_ALPHA, I_BETA, SPEED
-from sandbox.switched.machine_state import DRIVEN
 from tests.sandbox.plant.exact import Exact
 
 DRIVE = load_drive("ipm_exchanged")
@@ -106,16 +105,16 @@ def test_beyond_the_link_the_diodes_rectify():
     fast = dataclasses.replace(MOTOR, rated_speed_rpm=omega / MOTOR.pole_pairs * 30.0 / math.pi)
     b = quiet(bench(fast, QUIET.converter))
     x = start(b, 0.3)
-    x[SPEED] = omega / fast.pole_pairs
+    x[Slot.SPEED] = omega / fast.pole_pairs
     plant, most, off = (
         Exact({}, fast, "driven", 0.3, omega / fast.pole_pairs, QUIET.converter),
         0.0,
         0.0,
     )
     for _ in range(60):
-        theirs = complex(x[I_ALPHA], x[I_BETA])
+        theirs = complex(x[Slot.I_ALPHA], x[Slot.I_BETA])
         ours = plant.advance(0j, blocked=True)
-        coast(x, b, DRIVEN, 0.0, 0.0)
+        coast(x, b, MODES["driven"], 0.0, 0.0)
         most, off = max(most, abs(theirs)), max(off, abs(ours - theirs))
     print(f"up to {most:.3f} A, off {off / MOTOR.rated_current * 1e6:.2f} ppm")
     assert most > 0.1 * MOTOR.rated_current
