@@ -3,8 +3,10 @@ of its scripts."""
 
 from __future__ import annotations
 
+import ast
 import html
 import importlib
+import inspect
 import json
 import os
 import re
@@ -20,6 +22,7 @@ from model.effects.card import PORTS
 from model.effects.library import effect_names, load_effect
 from model.errors import BadInput
 from sandbox.cli import parse
+from sandbox.plant import period
 from tests import screens
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -228,14 +231,26 @@ def test_calls_are_found():
     ]
 
 
-def test_drawings_are_those_of_their_script():
-    code = "import conventions as c, json; print(json.dumps(c.drawings()))"
-    call = [sys.executable, "-c", code]
-    done = subprocess.run(
-        call, cwd=DOCS / "drawings", capture_output=True, text=True, check=True, encoding="utf-8"
-    )
-    for name, text in json.loads(done.stdout).items():
-        assert (DOCS / "_static" / name).read_text(encoding="utf-8") == text, name
+@pytest.mark.parametrize(
+    ("script", "folder"),
+    [("conventions", DOCS / "_static"), ("travel", ROOT / "sandbox" / "plant")],
+)
+def test_drawings_are_those_of_their_script(monkeypatch, script, folder):
+    monkeypatch.syspath_prepend(str(DOCS / "drawings"))
+    for name, text in importlib.import_module(script).drawings().items():
+        assert (folder / name).read_text(encoding="utf-8") == text, name
+
+
+def test_the_drawing_of_a_period_has_every_call_of_travel(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS / "drawings"))
+    drawn = importlib.import_module("travel")
+    groups = (drawn.START, drawn.INSIDE, drawn.PLAIN, drawn.FULL, drawn.END, drawn.CLOSE)
+    named = [name for g in groups for s in g.steps for name in s.calls.split(", ")]
+    (travel,) = ast.parse(inspect.getsource(period.travel.py_func)).body
+    calls = [n.func for n in ast.walk(travel) if isinstance(n, ast.Call)]
+    called = {getattr(f, "attr", getattr(f, "id", "")) for f in calls}
+    nothing_of_it = {"borrowed", "ceil", "len", "max", "min", "range"}
+    assert set(named) == called - nothing_of_it
 
 
 def test_the_tutorial_quotes_the_kept_diagnosis():
