@@ -7,6 +7,7 @@ import inspect
 import math
 import operator
 import re
+from enum import EnumType
 from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
@@ -140,6 +141,8 @@ class Expressions:
         owner = self.user.found(node.value)
         if isinstance(owner, ModuleType):
             return self.program.constant(owner.__name__, node.attr, getattr(owner, node.attr))
+        if isinstance(owner, EnumType):
+            return self.program.constant(owner.__name__, node.attr, int(owner[node.attr]))
         of = self.write(node.value)
         if isinstance(of.kind, Rows) and node.attr == "size":
             return Text("1", INT)  # lanes
