@@ -23,12 +23,14 @@ from sandbox import Estimate, Estimator, Scenario, Segment, load_estimator, simu
 
 
 def init(belief, tuning, angle=None):
+    """Return the state at the first sample, from an angle (rad) if one is told."""
     first = angle or 0.0
     flux = (belief.magnet_flux * math.cos(first), belief.magnet_flux * math.sin(first))
     return {"theta": first, "omega": 0.0, "flux": flux, "current": (0.0, 0.0)}
 
 
 def step(state, sample, belief, tuning):
+    """Return the state after a sample and the estimate."""
     h, l_q = tuning.sampling_period, 1.0 / belief.energy.gamma_q
     current = (sample.i_alpha, sample.i_beta)
     mean = [0.5 * (new + old) for new, old in zip(current, state["current"])]
@@ -87,6 +89,7 @@ THETA, OMEGA, FLUX_A, FLUX_B, I_A, I_B = range(6)
 
 
 def init(belief, tuning, angle=None):
+    """Return the state at the first sample, from an angle (rad) if one is told."""
     state = np.zeros(6)
     state[THETA] = angle or 0.0
     state[FLUX_A] = belief.magnet_flux * math.cos(state[THETA])
@@ -96,6 +99,7 @@ def init(belief, tuning, angle=None):
 
 @compiled_step
 def step(state, sample, belief, tuning):
+    """Return the state after a sample and the estimate."""
     h, r, l_q = tuning.sampling_period, belief.resistance, 1.0 / belief.energy.gamma_q
     state[FLUX_A] += h * (sample.u_alpha - 0.5 * r * (sample.i_alpha + state[I_A]))
     state[FLUX_B] += h * (sample.u_beta - 0.5 * r * (sample.i_beta + state[I_B]))

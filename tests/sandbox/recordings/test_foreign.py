@@ -29,18 +29,18 @@ from sandbox.replay.identification.locked_test import LockedBench, paper_campaig
 GIGA = 1_000_000_000
 
 
-def _refused(path, match, reading=read_table):
-    """The file is refused, and at most 100 MB were taken on the way; NumPy's and Python's memory is
-    counted."""
+def refusal(path, reading=read_table):
+    """Return with which sentence a file is refused, where at most 100 MB were taken on the way;
+    NumPy's and Python's memory is counted."""
     tracemalloc.start()
     held = pa.total_allocated_bytes()
     try:
-        with pytest.raises(BadInput, match=match):
+        with pytest.raises(BadInput) as refused:
             reading(path)
-        assert tracemalloc.get_traced_memory()[1] < 100e6
-        assert pa.total_allocated_bytes() - held < 100e6
+        taken = max(tracemalloc.get_traced_memory()[1], pa.total_allocated_bytes() - held)
     finally:
         tracemalloc.stop()
+    return str(refused.value) if taken < 100e6 else f"{taken:.3g} bytes were taken"
 
 
 def _claimed(rows):
@@ -65,16 +65,14 @@ def _zip(path, **members):
 
 
 def test_arrays_of_numpy_are_not_believed_about_their_size(tmp_path):
-    _refused(_zip(tmp_path / "a.npz", i_a=_claimed(GIGA)), "million values")
-    _refused(
-        _zip(tmp_path / "b.npz", i_a=_long_header() + bytes(200_000_000)),
-        "a header of 1500000000 bytes",
-    )
+    assert "million values" in refusal(_zip(tmp_path / "a.npz", i_a=_claimed(GIGA)))
+    long = _zip(tmp_path / "b.npz", i_a=_long_header() + bytes(200_000_000))
+    assert "a header of 1500000000 bytes" in refusal(long)
     single = tmp_path / "c.npy"
     single.write_bytes(_claimed(GIGA))
-    _refused(single, "million values")
+    assert "million values" in refusal(single)
     single.write_bytes(_claimed(1000) + bytes(80))
-    _refused(single, "cannot be read as NumPy's format")
+    assert "cannot be read as NumPy's format" in refusal(single)
     kept = np.arange(12.0).reshape(3, 4)
     np.save(single, np.asfortranarray(kept))
     assert np.array_equal(matrices.numpy_arrays(single)["data"], kept)
@@ -84,23 +82,20 @@ def test_flux_maps_are_not_believed_about_their_size(tmp_path):
     def reading(path):
         read_arrays(path, {"i_d"}, 1000)
 
-    _refused(
-        _zip(tmp_path / "a.npz", i_d=_long_header() + bytes(200_000_000)),
-        "a header of 1500000000 bytes",
-        reading,
-    )
+    long = _zip(tmp_path / "a.npz", i_d=_long_header() + bytes(200_000_000))
+    assert "a header of 1500000000 bytes" in refusal(long, reading)
     wide = tmp_path / "wide.csv"
     wide.write_text(",".join(f"x{k}" for k in range(200)) + "\n" + ",".join("1" * 200) + "\n")
-    _refused(wide, "200 columns; at most 100", reading)
+    assert "200 columns; at most 100" in refusal(wide, reading)
 
 
 def test_a_parquet_table_says_how_long_it_is(tmp_path, monkeypatch):
     monkeypatch.setattr("sandbox.recordings.formats.parquet.MOST_VALUES", 1000)
     path = tmp_path / "zeros.parquet"
     parquet.write_table(pa.table({"i_a": np.zeros(501), "i_b": np.zeros(501)}), path)
-    _refused(path, "million values")
+    assert "million values" in refusal(path)
     parquet.write_table(pa.table({"i_a": ["1"] * 10}), path)
-    _refused(path, "column 'i_a' holds string, no numbers")
+    assert "column 'i_a' holds string, no numbers" in refusal(path)
 
 
 def _long_campaign(folder, rows):
@@ -184,7 +179,7 @@ def test_a_log_of_few_columns_is_not_longer_than_what_becomes_of_it(tmp_path, mo
 def test_a_text_names_no_million_columns(tmp_path):
     path = tmp_path / "wide.csv"
     path.write_text(",".join(f"x{k}" for k in range(20_000)) + "\n")
-    _refused(path, "20000 columns; at most 10000 are read")
+    assert "20000 columns; at most 10000 are read" in refusal(path)
 
 
 ROWS = [[0.1 * k, -1.5e-3 * k, 7.0] for k in range(40)]
@@ -232,7 +227,7 @@ def test_a_word_in_a_text_is_told_by_column_and_row(tmp_path, monkeypatch):
     assert read_table(path).odd == {("i_a", 40): "lost"}
     monkeypatch.setattr(foreign, "MOST_VALUES", 60)
     path.write_text(TEXTS["plain"])
-    _refused(path, "million values")
+    assert "million values" in refusal(path)
 
 
 def test_a_column_without_a_name_is_not_dropped(tmp_path):
@@ -287,7 +282,7 @@ def test_a_key_of_many_parts_is_refused_before_it_is_parsed(tmp_path, text):
     path = tmp_path / "deep.toml"
     for part in ("a", '"\\""', "'#'"):
         path.write_text(text.format(".".join([part] * 60_000)))
-        _refused(path, "a key of more than 50 parts joined by dots", read_toml)
+        assert "a key of more than 50 parts joined by dots" in refusal(path, read_toml)
 
 
 def test_numbers_words_and_short_keys_are_no_long_keys(tmp_path):
