@@ -89,7 +89,6 @@ THETA, OMEGA, FLUX_A, FLUX_B, I_A, I_B = range(6)
 
 
 def init(belief, tuning, angle=None):
-    """Return the state at the first sample, from an angle (rad) if one is told."""
     state = np.zeros(6)
     state[THETA] = angle or 0.0
     state[FLUX_A] = belief.magnet_flux * math.cos(state[THETA])
@@ -99,7 +98,6 @@ def init(belief, tuning, angle=None):
 
 @compiled_step
 def step(state, sample, belief, tuning):
-    """Return the state after a sample and the estimate."""
     h, r, l_q = tuning.sampling_period, belief.resistance, 1.0 / belief.energy.gamma_q
     state[FLUX_A] += h * (sample.u_alpha - 0.5 * r * (sample.i_alpha + state[I_A]))
     state[FLUX_B] += h * (sample.u_beta - 0.5 * r * (sample.i_beta + state[I_B]))
