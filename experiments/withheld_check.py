@@ -199,7 +199,10 @@ def recompute(results: Path = RESULTS) -> list[str]:
             *drawing(name),
             *details(content),
         ]
-        lines += if_chances_held(own)
+        judged = scored(own).judged
+        lines += if_chances_held(
+            [j.top_probability for j in judged if j.kind == "one" and not j.failed]
+        )
         if others:
             both = f"{name}_{BASELINES}"
             contents[both] = page(both, rows, results)
@@ -404,16 +407,14 @@ def _names(effects: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(plain[:-1]), *plain[-1:]))) or "nothing was wrong"
 
 
-def if_chances_held(rows: Sequence[Row]) -> list[str]:
+def if_chances_held(chances: Sequence[float]) -> list[str]:
     """Return the calibration error of single effects that would be seen if every stated chance held
     exactly.
 
     So few campaigns show an error by luck alone; what is beyond the second figure is more than
     luck.
     """
-    stated = np.array(
-        [j.top_probability for j in scored(rows).judged if j.kind == "one" and not j.failed]
-    )
+    stated = np.array(chances)
     if not stated.size:
         return []
     rng = np.random.default_rng(0)

@@ -155,9 +155,8 @@ def _diagnosed(
     report("measuring the gap")
     left = held_out(found.linear)
     before = _without(found.null, start, left, workers)
-    told, after = _foretelling(
-        hypotheses(found, misstated(noise), workers=workers), before, start, left, workers
-    )
+    ranked = hypotheses(found, misstated(noise), workers=workers)
+    told, after = foretelling(ranked, before, lambda fit: _without(fit, start, left, workers), left)
     best = told[0].evaluated
     rest = remainder(found.null, best.fit, misstated(noise))
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
@@ -188,17 +187,19 @@ def _diagnosed(
     )
 
 
-def _foretelling(
-    told: list[Hypothesis], before: Fit, start: Point, left: Sequence[int], workers: int
+def foretelling(
+    told: list[Hypothesis], before: Fit, without: Callable[[Fit], Fit], left: Sequence[int]
 ) -> tuple[list[Hypothesis], Fit]:
     """Return hypotheses whose first one predicts recordings that were not fitted at least as well
     as ordinary deviations alone do, and its fit without these; each that does not passes its
     probability to `unknown` alone.
 
-    A name that makes the prediction worse is not given: what it explains elsewhere it imitates.
+    before: the fit of ordinary deviations alone; without: a fit made anew without the recordings
+    `left`.  A name that makes the prediction worse is not given: what it explains elsewhere it
+    imitates.
     """
     while told[0].evaluated.effects:
-        after = _without(told[0].evaluated.fit, start, left, workers)
+        after = without(told[0].evaluated.fit)
         if not left or rms(after.normal, left) <= rms(before.normal, left):
             return told, after
         told = _passed(told)

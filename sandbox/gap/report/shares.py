@@ -24,7 +24,7 @@ which it is told: the same fits as `gap.before` and `gap.after`, between which i
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -92,18 +92,28 @@ def of_set(j: EvaluatedModel, explained: float | None = None) -> dict[str, Share
     replayed, too.  One recording has no interval, nor has a gap that so few recordings show that
     more than UNDEFINED of the draws have none.
     """
-    named, replayed = j.effects, dict[frozenset[str], Array]()
+    kept = dict[frozenset[str], Array]()
 
     def left(gone: Sequence[str]) -> Array:
         """Return what is left where effects are missing; one effect added first is all others
         missing, of two the other one added last."""
-        if (key := frozenset(gone)) not in replayed:
-            replayed[key] = _replayed(j, gone)
-        return replayed[key]
+        if (key := frozenset(gone)) not in kept:
+            fitted = explained is not None and not gone
+            kept[key] = _left(j.fit.normal) if fitted else _replayed(j, gone)
+        return kept[key]
 
-    nothing = left(named)
-    full = _left(j.fit.normal) if explained is not None else left(())
-    counts = _counts(j.fit.normal)
+    return shares_of(j.effects, left, _counts(j.fit.normal), explained)
+
+
+def shares_of(
+    named: Sequence[str],
+    left: Callable[[Sequence[str]], Array],
+    counts: Array,
+    explained: float | None = None,
+) -> dict[str, Share]:
+    """Return the shares of effects by the squares that each recording leaves (r,) where some are
+    missing; counts: (r,) of its noise; explained: as `of_set`."""
+    nothing, full = left(named), left(())
     gap = nothing - counts
     alone = np.array([nothing - left([x for x in named if x != e]) for e in named])
     last = np.array([left([e]) - full for e in named])

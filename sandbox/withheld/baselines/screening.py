@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -77,13 +77,18 @@ def screened(
     cols = columns(point, known, probes)
     n = normal(point, cols.every)
     a, size = algebra(n), math.log(readings(n))
-    free, counted = {c.label: c for c in cols.known}, names_of(effects)
+    free = {c.label: c for c in cols.known}
     out = []
     for probe, more in cols.own:
         reached = a.most_probable(held_but(n, {**free, **more})).objective
-        new = sum(c.names[0] not in counted for c in more.values())
-        out.append(Promise(reached + new * size, probe))
+        out.append(Promise(reached + new(effects, more.values()) * size, probe))
     return sorted(out, key=lambda p: p.criterion)
+
+
+def new(effects: Sequence[str], coordinates: Iterable[Coordinate]) -> int:
+    """Return how many coordinates are none of the effects' own."""
+    counted = names_of(effects)
+    return sum(c.names[0] not in counted for c in coordinates)
 
 
 def count(effects: Sequence[str], coordinates: Sequence[Coordinate]) -> int:

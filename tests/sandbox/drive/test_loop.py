@@ -11,7 +11,7 @@ import pytest
 from estimators.registry import load_estimator
 from model.drive_files import load_drive
 from model.energy import flux_from_current
-from model.errors import BadInput, PhysicsError
+from model.errors import BadInput, Diverged, PhysicsError
 from model.frames import phases, rotate
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
@@ -193,7 +193,7 @@ def test_flux_that_leaves_the_domain_ends_the_run():
     rated current."""
     drive = load_drive("spm_exchanged")
     truth = drive.motor.energy._replace(alpha_12=0.0, alpha_22=0.0, alpha_04=-5.0)
-    with pytest.raises(PhysicsError, match=r"after .* s the fluxes .* left the domain"):
+    with pytest.raises(Diverged, match=r"after .* s the fluxes .* left the domain"):
         simulate(drive, Scenario("s", (Segment(0.3, 1.0),)), load_estimator("qnull"), truth=truth)
 
 

@@ -279,16 +279,16 @@ def test_a_protocol_counts_its_tests_once_and_its_rows_are_short():
         ((-2.0, None), "2.00 deg (lost in 1 of 2)"),
     ],
 )
-def test_a_comparison_says_where_lock_was_lost(means, said):
-    rows = [
-        SimpleNamespace(belief="linear", error_deg=SimpleNamespace(mean=mean)) for mean in means
-    ]
-    exact = SimpleNamespace(belief="saturated", error_deg=SimpleNamespace(mean=0.25))
-    ran = SimpleNamespace(
-        drive=SimpleNamespace(name="ipm"),
-        scenario=SimpleNamespace(name="s"),
-        rows=[*rows, exact],
-        runs=[SimpleNamespace(estimator="qnull")],
+def test_a_comparison_says_where_lock_was_lost(small_comparison, means, said):
+    """Of runs that differ by their error alone: two of the linear model, one of the saturated."""
+    (row, *_), run = small_comparison.rows, small_comparison.runs[0]
+    errors = [("linear", mean) for mean in means] + [("saturated", 0.25)]
+    rows = tuple(
+        dataclasses.replace(
+            row, belief=belief, error_deg=dataclasses.replace(row.error_deg, mean=m)
+        )
+        for belief, m in errors
     )
-    summed = f"ipm, s, qnull; worst mean error: linear {said}, saturated 0.25 deg"
-    assert ComparisonResult(ran).summary() == summed
+    one = dataclasses.replace(small_comparison, runs=(dataclasses.replace(run, rows=rows),))
+    summed = f"ipm_exchanged, two_steps, qnull; worst mean error: linear {said}, saturated 0.25 deg"
+    assert ComparisonResult(one).summary() == summed

@@ -10,7 +10,6 @@ from model.drive_files import load_drive
 from model.effects.library import complete, true_motor
 from model.errors import BadInput, Diverged, PhysicsError
 from model.saliency import local_angle
-from sandbox.drive import simulate
 from sandbox.gap.pages.listed import not_run_sentences, position_rows
 from sandbox.gap.report import position_moved
 from sandbox.gap.report.position_moved import Moved, moved
@@ -159,12 +158,3 @@ def test_lost_is_said_only_where_a_run_breaks_off(monkeypatch, error, lost):
             "the drive cannot run so with the effect: needs 900 V."
         ]
     )
-
-
-def test_a_run_that_breaks_off_is_told_by_its_own_error():
-    """Fluxes out of the domain in a run, as a rotor that is lost ends."""
-    raised = simulate._failure(
-        simulate.loop.Status.OUTSIDE_DOMAIN, 0.1, (1.0, 2.0), SimpleNamespace(name="x")
-    )
-    assert isinstance(raised, Diverged)
-    assert isinstance(raised, PhysicsError)

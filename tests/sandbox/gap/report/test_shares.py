@@ -8,31 +8,20 @@ import numpy as np
 import pytest
 
 from sandbox.gap.pages.listed import rows
-from sandbox.gap.report import shares
-from sandbox.gap.report.shares import Share, of_set
+from sandbox.gap.report.shares import Share, shares_of
 
 NOISE = 1000.0  # readings a recording
 
 
-@pytest.fixture
-def set_of(monkeypatch):
-    """Return a function: the shares of two effects that add `a` and `b`, squares a recording, to
-    the noise, each by itself."""
-
-    def of(a, b):
-        left = {("a", "b"): a + b, ("a",): a, ("b",): b, (): 0.0 * a}
-        for name, own in (
-            ("_replayed", lambda j, gone: NOISE + left[tuple(sorted(gone))]),
-            ("_left", lambda n: NOISE + 0.0 * a),
-            ("_counts", lambda n: NOISE + 0.0 * a),
-        ):
-            monkeypatch.setattr(shares, name, own)
-        return of_set(SimpleNamespace(effects=("a", "b"), fit=SimpleNamespace(normal=None)), 1.0)
-
-    return of
+def set_of(a, b):
+    """Return the shares of two effects that add `a` and `b`, squares a recording, to the noise,
+    each by itself."""
+    left = {("a", "b"): a + b, ("a",): a, ("b",): b, (): 0.0 * a}
+    noise = NOISE + 0.0 * a
+    return shares_of(("a", "b"), lambda gone: noise + left[tuple(gone)], noise, 1.0)
 
 
-def test_shares_of_effects_that_add_are_their_squares(set_of):
+def test_shares_of_effects_that_add_are_their_squares():
     """Of six recordings of one gap each, a has 0.5 to 1.0: the mean is 0.75, that of six draws is
     off by 0.07 (standard deviation 0.171 over the root of six), so that 95 % lie within 0.14."""
     size = np.full(6, NOISE)
@@ -43,27 +32,10 @@ def test_shares_of_effects_that_add_are_their_squares(set_of):
     assert found["b"].ci95 == pytest.approx([0.25 - 0.14, 0.25 + 0.14], abs=0.03)
 
 
-def test_no_replay_is_made_twice(monkeypatch):
-    """Of two effects, one added first is the other one missing, which is that one added last: with
-    both and without both there are four replays, of one effect two."""
-    for named, replays in ((("a", "b"), 4), (("a",), 2), (("a", "b", "c"), 8)):
-        made = []
-        monkeypatch.setattr(shares, "_replayed", lambda j, gone, made=made: _kept(made, gone))
-        monkeypatch.setattr(shares, "_counts", lambda n: np.full(6, NOISE))
-        of_set(SimpleNamespace(effects=named, fit=SimpleNamespace(normal=None)))
-        assert len(made) == replays
-
-
-def _kept(made, gone):
-    """Keep which effects are missing; what is left grows with their number."""
-    made.append(tuple(gone))
-    return NOISE * (1.0 + len(gone)) * np.ones(6)
-
-
 @pytest.mark.parametrize(
     ("count", "showing", "there"), [(1, 1, False), (12, 1, False), (12, 2, False), (12, 4, True)]
 )
-def test_few_recordings_with_the_gap_give_no_interval(set_of, count, showing, there):
+def test_few_recordings_with_the_gap_give_no_interval(count, showing, there):
     """Of twelve, (11/12)^12 = 35 % of the draws miss the one that has it, (10/12)^12 = 11 % miss
     two, and (8/12)^12 = 0.8 % miss four: above and below one in twenty."""
     size = np.zeros(count)
@@ -73,7 +45,7 @@ def test_few_recordings_with_the_gap_give_no_interval(set_of, count, showing, th
     assert (found["a"].ci95 is not None) == there
 
 
-def test_effects_that_take_nothing_off_have_no_interval_and_no_warning(set_of, recwarn):
+def test_effects_that_take_nothing_off_have_no_interval_and_no_warning(recwarn):
     """No draw has a share of nothing: numpy's "All-NaN slice" once reached the terminal."""
     found = set_of(np.zeros(6), np.zeros(6))
     assert found["a"].ci95 is None
