@@ -22,7 +22,7 @@ from typing import Any
 
 from experiments.truths import truths_of
 from sandbox.gap.diagnose import Diagnosis, diagnosis_of, verdict
-from sandbox.gap.posterior.hypotheses import UNKNOWN
+from sandbox.gap.report.which import chance_of_unknown
 from sandbox.output.files import write_json
 from sandbox.output.tables import print_table
 from sandbox.recordings.campaign import Campaign, read_folder
@@ -42,11 +42,6 @@ def misstated(campaign: Campaign, share: float) -> Campaign:
     )
 
 
-def unknown_of(d: Diagnosis) -> float:
-    """Return the chance of `unknown`."""
-    return sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
-
-
 def row(name: str, put_in: list[str], share: float, d: Diagnosis) -> dict[str, Any]:
     """Return what is kept of a diagnosis."""
     assert d.noise is not None
@@ -57,7 +52,7 @@ def row(name: str, put_in: list[str], share: float, d: Diagnosis) -> dict[str, A
         "verdict": verdict(d),
         "first": list(d.best.effects),
         "probability": d.best.probability,
-        "unknown": unknown_of(d),
+        "unknown": chance_of_unknown(d),
         "before": d.size.before,
         "after": d.size.after,
         "noise": d.noise._asdict(),

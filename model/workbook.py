@@ -42,7 +42,7 @@ def read_workbook(path: Path, most: int) -> Table:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
         try:
             for sheet in book.worksheets:
-                rows = _rows(path.name, sheet)
+                rows = _rows(sheet)
                 begin = list(islice(rows, 200))
                 if any(isinstance(x, (int, float)) for row in begin for x in row):
                     return read_lines(path.name, _text(path.name, begin, rows), most)
@@ -58,7 +58,7 @@ def read_workbook(path: Path, most: int) -> Table:
     raise BadInput(f"{path.name}: no sheet holds a table of numbers; save the log's sheet as CSV")
 
 
-def _rows(file: str, sheet: Any) -> Iterator[tuple[Any, ...]]:
+def _rows(sheet: Any) -> Iterator[tuple[Any, ...]]:
     for row in sheet.iter_rows(values_only=True):
         if any(cell is not None for cell in row):
             yield row

@@ -11,7 +11,6 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numba
-import numpy as np
 
 from estimators.contract import MAX_PERIOD
 from model.compiled import kernel
@@ -50,11 +49,6 @@ class Control(NamedTuple):
 
 
 CONTROL = numba.typeof(Control(0, *11 * (0.0,)))
-
-
-def blank() -> np.ndarray:
-    """Return the controller's state at rest."""
-    return np.zeros(SIZE)
 
 
 @kernel

@@ -256,7 +256,7 @@ def replay(
     torque; per sample.
 
     rotor: 'locked' or 'free' (theta, speed: initial values) or 'driven' (their values at every
-    sample; true angle, not the encoder's, see `true_angle`).  u_alpha, u_beta, u_dc: (n,) V;
+    sample; true angle, not the encoder's).  u_alpha, u_beta, u_dc: (n,) V;
     load_torque: N m; current: initial alpha, beta in A.  Noise and counts are the bench's own: pass
     `quiet(b)` for a prediction.  BadInput for an unknown rotor or columns of different length.
     """
@@ -270,24 +270,6 @@ def replay(
     out = np.empty(n, PREDICTED)
     run(state, b, MODES[rotor], *spread.values(), np.random.default_rng(seed), out)
     return {name: out[name] for name in PREDICTED.names or ()}
-
-
-def true_angle(b: SwitchedBench, read: ArrayLike) -> Vector:
-    """Return the rotor angle (rad, electrical) behind an unquantised encoder reading: `encoder`
-    undone."""
-    base = np.asarray(read, dtype=float) - b.encoder_offset
-    theta = np.array(base).ravel()
-    undo(b, np.array(base).ravel(), theta)
-    return theta.reshape(base.shape)
-
-
-@kernel
-def undo(b, base, theta):
-    """Write the angles (n,) behind readings less the offset (n,): a contraction, as all errors are
-    far below one mechanical radian."""
-    for k in range(len(base)):
-        for _ in range(60):
-            theta[k] = base[k] - misread(b, theta[k])
 
 
 def _column(name: str, value: ArrayLike, n: int) -> Vector:

@@ -30,7 +30,6 @@ from sandbox.switched.leg import LINEAR, leg_table
 # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
 SOFT_SIGN = 0.015
 INDUCTANCES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
-SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
 # longest integration step, a share of the period; halving it changes nothing seen (tests)
 STEPS_A_PERIOD = 4.0
 # of a current of reference

@@ -24,7 +24,7 @@ def audit_figure(
     ax: see `page`. Raises as `comparison_figure`.
     """
     figure, ((plane, angles),) = page((10.5, 4.8), 1, 2, ax)
-    _draw_plane(plane, drive, audit)
+    _draw_plane(plane, audit)
     load = 100.0 * audit.load
     for values, name, style in (
         (audit.angle_local, "encoder controls (local)", "-"),
@@ -47,7 +47,7 @@ def audit_figure(
     return drawn(figure, path)
 
 
-def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
+def _draw_plane(axes: Axes, audit: Audit) -> None:
     """Draw min eigenvalue over the current plane, the audited disc, and where convexity ends."""
     i, values = audit.grid, audit.grid_eigenvalue
     filled = axes.contourf(i, i, values, levels=12, cmap="Blues")

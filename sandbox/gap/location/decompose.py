@@ -94,8 +94,8 @@ def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
     total = max(sum(max(0.0, sum(e.values())) for e in excess.values()), 1e-9)
     channels = {c: sum(max(0.0, e.get(c, 0.0)) for e in excess.values()) / total for c in CHANNELS}
     recordings = {f: max(0.0, sum(e.values())) / total for f, e in excess.items()}
-    speed = _bins(point, parts, [_speed(point, r) for r in own], SPEEDS, SPEED_NAMES, total)
-    current = _bins(point, parts, [_size(point, r) for r in own], CURRENTS, CURRENT_NAMES, total)
+    speed = _bins(parts, [_speed(point, r) for r in own], SPEEDS, SPEED_NAMES, total)
+    current = _bins(parts, [_size(point, r) for r in own], CURRENTS, CURRENT_NAMES, total)
     directions, amplitude = _directions(point, shown, recordings)
     z = [_stationary(x) * np.exp(-1j * r.motion.angle) for r, x in zip(own, shown, strict=True)]
     return Decomposition(
@@ -145,7 +145,7 @@ def _size(point: Point, r: Inputs) -> Array:
     )
 
 
-def _bins(point, parts, where, bounds, names, total) -> dict[str, float]:
+def _bins(parts, where, bounds, names, total) -> dict[str, float]:
     """Return the share of each operating region, all channels together."""
     out = dict.fromkeys(names, 0.0)
     for squares, at in zip(parts.values(), where, strict=True):

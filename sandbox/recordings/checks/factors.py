@@ -32,7 +32,6 @@ from sandbox.recordings.checks.search import ALIKE, bases, likeliest, readings_o
 from sandbox.recordings.findings import Finding
 
 Array = NDArray[np.float64]
-AsItIs = tuple[Change, ...]
 UNIT = 10.0  # a factor that no gap is: of a unit, however near to it the best one is
 # relative, that the balance is off by on any drive: it leaves its square of the voltage open
 OFF = 0.03
@@ -109,7 +108,7 @@ def _readings(
 ) -> Iterator[Reading]:
     """Yield the log as it reads, then all readings of one mistake, and of two conventions."""
     yield from readings_of(parts, [()])
-    yield from single(parts, drive, table)
+    yield from single(parts, table)
     yield from readings_of(parts, ((c,) for c in bases(parts, drive)))
     pairs = itertools.combinations((c for c in table if c.convention), 2)
     yield from readings_of(parts, ((a, b) for a, b in pairs if together(a, b)))

@@ -91,7 +91,7 @@ def readings(parts: Sequence[Products], drive: Drive) -> list[Reading]:
     """Return readings of one mistake, of two where one does not settle it, of three where two do
     not; those of several of SOME recordings, the best of them of all."""
     table = changes(drive, source_of(parts[0].recording))
-    tried = list(single(parts, drive, table))
+    tried = list(single(parts, table))
     if _settled(tried, 1):
         return tried
     some = _some(parts)
@@ -133,7 +133,7 @@ def three(
                 yield from readings_of(parts, [x.changes], zero)
 
 
-def single(parts: Sequence[Products], drive: Drive, table: Sequence[Change]) -> Iterator[Reading]:
+def single(parts: Sequence[Products], table: Sequence[Change]) -> Iterator[Reading]:
     """Yield the readings of one change alone, of a zero of the angle, and of an angle that turns at
     another pace."""
     yield from readings_of(parts, ((c,) for c in table))

@@ -211,14 +211,14 @@ def test_controller_stays_within_the_inverter_and_does_not_wind_up():
     error turns."""
     from sandbox.drive import control as ct
 
-    gains, state = design(QUIET).control, ct.blank()
+    gains, state = design(QUIET).control, np.zeros(ct.SIZE)
     for _ in range(4000):  # a second of saturation
         u = ct.current_control(state, gains, 0.0, 0.0, 0.0, 40.0, 0.0, gains.amplitude)
     assert np.hypot(*u) == pytest.approx(gains.voltage_limit - gains.amplitude, rel=1e-12)
     u = ct.current_control(state, gains, 0.0, 40.5, 0.0, 40.0, 0.0, gains.amplitude)
     assert np.hypot(*u) < gains.voltage_limit - gains.amplitude - 1.0
     # an estimator that injects nothing has all of it
-    u = ct.current_control(ct.blank(), gains, 0.0, 0.0, 0.0, 40.0, 0.0, 0.0)
+    u = ct.current_control(np.zeros(ct.SIZE), gains, 0.0, 0.0, 0.0, 40.0, 0.0, 0.0)
     assert np.hypot(*u) == pytest.approx(gains.voltage_limit, rel=1e-12)
 
 
@@ -263,7 +263,7 @@ def test_feed_forward_is_the_back_emf():
 
     gains = design(QUIET).control
     for omega in (50.0, -80.0):
-        u_d, u_q = ct.current_control(ct.blank(), gains, 0.1, 0.4, 0.1, 0.4, omega, 0.0)
+        u_d, u_q = ct.current_control(np.zeros(ct.SIZE), gains, 0.1, 0.4, 0.1, 0.4, omega, 0.0)
         assert (u_d, u_q) == (0.0, pytest.approx(omega * DRIVE.motor.magnet_flux, rel=1e-12))
 
 
@@ -271,13 +271,13 @@ def test_voltage_survives_a_jump_of_the_control_frame():
     """`reorient` turns integrators and window with the frame: the stator voltage does not jump."""
     from sandbox.drive import control as ct
 
-    state = ct.blank()
+    state = np.zeros(ct.SIZE)
     gains = design(QUIET).control
     for _ in range(200):
         i_d, i_q = ct.average(state, 0.1, 0.8, gains.period)
         u = ct.current_control(state, gains, i_d, i_q, 0.0, 0.9, 0.0, 0.0)
     before = rotate(*u, 0.3)
-    state[ct.FRAME] = 0.3
+    state[ct.Slot.FRAME] = 0.3
     ct.reorient(state, 0.3 + np.pi, 0.0)
     i_d, i_q = ct.average(state, *rotate(0.1, 0.8, -np.pi), gains.period)
     u = ct.current_control(state, gains, i_d, i_q, *rotate(0.0, 0.9, -np.pi), 0.0, 0.0)
@@ -290,11 +290,11 @@ def test_fast_frames_are_no_jumps():
     alone."""
     from sandbox.drive import control as ct
 
-    state = ct.blank()
-    state[ct.INTEGRAL_Q] = 5.0
+    state = np.zeros(ct.SIZE)
+    state[ct.Slot.INTEGRAL_Q] = 5.0
     for k in range(1, 9):
         ct.reorient(state, 0.3 * k, 0.3)
-    assert state[ct.INTEGRAL_Q] == 5.0
+    assert state[ct.Slot.INTEGRAL_Q] == 5.0
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,9 @@ them."""
 
 import numpy as np
 
+from sandbox.switched.bench_state import Slot
+from sandbox.switched.phase_machine import reservoir
+
 ALL_ON = {
     "stator_resistance.resistance": 11.0,
     "magnet_flux.magnet_flux": 0.1,
@@ -54,3 +57,18 @@ def commands(n, seed=3, amplitude=40.0):
     u = amplitude * np.exp(2j * np.pi * 0.011 * k) + 30.0 * np.where(k % 8 < 4, 1.0, -1.0)
     u += rng.normal(0.0, 2.0, n) + 1j * rng.normal(0.0, 2.0, n)
     return u.real.copy(), u.imag.copy()
+
+
+def stored(b, state):
+    """Return the energy (J) that the bench's machine and shaft hold in a state."""
+    vectors = (Slot.PSI_ALPHA, Slot.CORE_ALPHA, Slot.SKIN_ALPHA)
+    motion = (Slot.THETA, Slot.SPEED, Slot.LOAD_SPEED, Slot.TWIST)
+    return reservoir(
+        b, *(complex(state[k], state[k + 1]) for k in vectors), *(state[k] for k in motion)
+    )
+
+
+def unaccounted(b, state):
+    """Return what came in and is neither lost, nor given to the load, nor stored (J): constant."""
+    gone = state[Slot.LOSS] + state[Slot.OUTPUT]
+    return state[Slot.INPUT] - gone - stored(b, state)

@@ -9,12 +9,13 @@ import pytest
 from model.drive_files import load_drive
 from model.quartic import currents
 from sandbox.switched.advance import replay
-from sandbox.switched.bench_numbers import SERIES, bench, quiet
+from sandbox.switched.bench_numbers import bench, quiet
 from sandbox.switched.flux_map import flux_map_of
 from sandbox.switched.phase_machine import current_and_torque, least_stiffness, stored_energy
 from tests.sandbox.switched.one_cell import one_cell
 
 IPM = load_drive("ipm")
+SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")  # of the energy
 SERIES_BENCH = quiet(bench(IPM.motor, IPM.converter))
 
 

@@ -10,12 +10,13 @@ from scipy.integrate import solve_ivp
 from model.drive_files import load_drive
 from model.effects.library import neutral, parameters
 from model.errors import BadInput
-from sandbox.switched.advance import MODES, measure, replay, run, start, true_angle
+from sandbox.switched.advance import MODES, measure, replay, run, start
 from sandbox.switched.bench_numbers import bench, quiet
 from sandbox.switched.bench_state import Slot
 from sandbox.switched.inverter import advance
-from sandbox.switched.phase_machine import link_voltage, phase_currents, reservoir
-from tests.sandbox.switched.all_effects import ALL_ON, commands
+from sandbox.switched.phase_machine import link_voltage, phase_currents
+from tests.sandbox.plant.effect_motors import vector
+from tests.sandbox.switched.all_effects import ALL_ON, commands, stored, unaccounted
 
 
 def drive(name="ipm"):
@@ -69,12 +70,6 @@ def reference(motor, period, u_link, u_dc, u_alpha, u_beta, load, x):
             ]
         samples.append(seen(x))
     return np.array(samples)
-
-
-def vector(out):
-    return (2 * out["i_a"] - out["i_b"] - out["i_c"]) / 3 + 1j * (
-        out["i_b"] - out["i_c"]
-    ) / np.sqrt(3)
 
 
 @pytest.mark.parametrize("name", ["ipm", "spm"])
@@ -167,18 +162,11 @@ def test_energy_balance_closes_with_everything_on():
     motor, converter = drive()
     b = quiet(bench(motor, converter, ALL_ON))._replace(audit=1.0)
     state = start(b, theta=0.2, speed=60.0)
-    parts = [0, 2, 4], [6, 7, 8, 9]
-
-    def stored():
-        psi, core, skin = (complex(state[k], state[k + 1]) for k in parts[0])
-        return reservoir(b, psi, core, skin, *(state[k] for k in parts[1]))
-
-    before, peak = stored(), 0.0
+    before, peak = unaccounted(b, state), 0.0
     u_alpha, u_beta = commands(800, amplitude=60.0)
     for k in range(800):
         advance(state, b, MODES["free"], u_alpha[k], u_beta[k], 398.0, 0.15, 0.0)
-        missing = state[Slot.INPUT] - state[Slot.LOSS] - state[Slot.OUTPUT] - (stored() - before)
-        peak = max(peak, abs(missing))
+        peak = max(peak, abs(unaccounted(b, state) - before))
     assert state[Slot.LOSS] > 5.0
     assert abs(state[Slot.OUTPUT]) > 0.05
     assert peak < 2e-5 * state[Slot.LOSS]
@@ -196,11 +184,7 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
     b = quiet(bench(motor, converter, ALL_ON))._replace(audit=1.0)
     state = start(b, theta=0.2, speed=60.0)
 
-    def stored():
-        psi, core, skin = (complex(state[k], state[k + 1]) for k in (0, 2, 4))
-        return reservoir(b, psi, core, skin, *(state[k] for k in (6, 7, 8, 9)))
-
-    before, dead, devices = stored(), 0.0, 0.0
+    before, dead, devices = stored(b, state), 0.0, 0.0
     u_alpha, u_beta = commands(800, amplitude=60.0)
     old = np.zeros(3)
     for k in range(800):
@@ -216,7 +200,8 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
             i * (b.threshold * np.clip(i / b.soft_current, -1.0, 1.0) + b.on_resistance * i)
         )
         old = new
-    machine = stored() - before + state[Slot.LOSS] - state[Slot.DEVICES] + state[Slot.OUTPUT]
+    machine = stored(b, state) - before + state[Slot.OUTPUT]
+    machine += state[Slot.LOSS] - state[Slot.DEVICES]
     print(
         f"link {state[Slot.INPUT]:.4f} J, machine {machine:.4f}, "
         f"devices {state[Slot.DEVICES]:.4f}, "
@@ -228,16 +213,6 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
     assert state[Slot.DEVICES] == pytest.approx(devices, rel=0.05)
     assert min(state[Slot.DEVICES], dead) > 0.01 * state[Slot.INPUT]
     assert state[Slot.COMMANDED] - state[Slot.INPUT] == pytest.approx(dead, rel=0.05)
-
-
-def test_angle_reading_is_undone():
-    b = bench(
-        *drive(), {"encoder_offset.offset": 0.03, "encoder_eccentricity.amplitude_mech": 0.01}
-    )
-    b = quiet(b)
-    theta = np.linspace(-40.0, 40.0, 301)
-    read = theta + 0.03 + b.pole_pairs * 0.01 * np.sin(theta / b.pole_pairs)
-    assert np.abs(true_angle(b, read) - theta).max() < 1e-12
 
 
 def test_columns_of_any_kind_run_the_same_machine_code():

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from experiments.stated_noise import misstated, unknown_of
+from experiments.stated_noise import misstated
 from model.effects import library
 from sandbox.gap.diagnose import diagnosis_of, verdict
 from sandbox.gap.evidence import noise
@@ -13,6 +13,7 @@ from sandbox.gap.evidence.priors import ordinary
 from sandbox.gap.evidence.sensor_noise import SensorNoise
 from sandbox.gap.report.answers import caveats
 from sandbox.gap.report.diagnosis_json import document
+from sandbox.gap.report.which import chance_of_unknown
 from sandbox.output.files import plain
 from sandbox.recordings.campaign import read_folder
 from tests.schemas import misfits
@@ -35,7 +36,7 @@ def test_a_fifth_of_stated_noise_changes_no_answer(small_folder):
     assert (low.noise.used, high.noise.used) == (pytest.approx(shown), pytest.approx(shown))
     assert low.best.effects == high.best.effects == ("dead_time",)
     assert verdict(low) == verdict(high) == "explained"
-    assert unknown_of(low) == pytest.approx(unknown_of(high), abs=1e-4)
+    assert chance_of_unknown(low) == pytest.approx(chance_of_unknown(high), abs=1e-4)
     for d, share in ((low, 0.8), (high, 1.2)):
         assert "follows the readings more than the file" in d.caution
         c = plain(document(d, (), None))
@@ -53,7 +54,7 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
     quiet = read_folder(quiet_folder)
     found = diagnosis_of(misstated(quiet, share), workers=1)
     assert verdict(found) == "no_gap"
-    assert unknown_of(found) < 0.1
+    assert chance_of_unknown(found) < 0.1
     offset = 10.0 * next(
         c.deviation for c in ordinary(quiet) if c.names[0].startswith("current_offset.")
     )
@@ -68,7 +69,7 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
         misstated(moved, share), exclude=sorted(set(library.effect_names()) - SMALL), workers=1
     )
     assert got.best.effects == ("current_offset",)
-    assert unknown_of(got) < 0.1
+    assert chance_of_unknown(got) < 0.1
 
 
 @pytest.mark.parametrize(

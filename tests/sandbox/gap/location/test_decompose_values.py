@@ -23,7 +23,7 @@ from tests.sandbox.gap.sizes import size_at
 def test_regions_by_hand(bounds, names, at):
     """One sample on either side of each bound, an excess of 1 each: shares 1, 2, 2 and 1 of 6."""
     parts = {"a": {"motion": np.full(6, 2.0)}}
-    found = decompose._bins(None, parts, [np.array(at)], bounds, names, 6.0)
+    found = decompose._bins(parts, [np.array(at)], bounds, names, 6.0)
     assert found == pytest.approx(dict(zip(names, (1 / 6, 1 / 3, 1 / 3, 1 / 6), strict=True)))
 
 
