@@ -2,19 +2,16 @@
 missing."""
 
 import io
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from model import mapped
 from model.drive_files import load_drive, mapped_names
 from model.energy import flux_from_current, inductances
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, write_map
 from model.kernels.kept import note, read, write
 from model.mapped import held_by_data, mapped_motor
-from model.spline import SplineEnergy
 from tests.data import real_data
 
 TEXT = """
@@ -201,18 +198,15 @@ def test_currents_between_the_points_are_held_by_the_data():
     assert held_by_data(motor.linear, *asked.T).all()
 
 
-@pytest.mark.parametrize(("magnet", "kept"), [(-0.0009, 0.0), (-0.0011, -0.0011)])
-def test_a_flux_a_thousandth_below_zero_is_noise_of_a_motor_without_magnets(
-    monkeypatch, tmp_path, magnet, kept
-):
-    """The map goes down to -1 Wb.  A motor that keeps a negative flux is refused: its bounds say
-    so."""
-    spline = SplineEnergy(np.zeros((1, 1, 5, 5)), -1.0, -1.0, 1.0, 1.0, 10.0, 20.0)
-    monkeypatch.setattr(
-        mapped, "_remembered", lambda *_: SimpleNamespace(spline=spline, magnet=magnet)
-    )
-    seen = {}
-    monkeypatch.setattr(mapped, "build", lambda kind, values, where: seen.update(values) or 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        mapped.mapped_motor({}, {"file": "mine.csv"}, tmp_path)
-    assert seen["magnet_flux"] == kept
+def test_a_flux_a_thousandth_below_zero_is_noise_of_a_motor_without_magnets(folder):
+    """Of the least flux of the map's box, 0.1675 Wb, which is 5.3 % beyond its points."""
+    motor, i = load_drive("ipm_exchanged").motor, np.linspace(-3.2, 3.2, 17)
+    d, q = flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
+
+    def magnet(share):
+        write_map(folder / "mine.csv", FluxMap("mine", i, i, d + share * 1.053 * d.min(), q))
+        return load_drive(folder / "mine.toml").motor.magnet_flux
+
+    assert magnet(0.0009) == 0.0
+    with pytest.raises(BadInput, match=r"a magnet flux of -0\.000184\d Wb, .* which no motor has"):
+        magnet(0.0011)
