@@ -112,7 +112,7 @@ PAIRS = (
         0.0,
         1.5,
         lambda d, x: (
-            f"resistance x rated_current is {_number(x * d.converter.voltage_limit)} V, "
+            f"resistance x rated_current is {plain(x * d.converter.voltage_limit)} V, "
             f"and {_volts(d)}"
         ),
     ),
@@ -122,28 +122,28 @@ PAIRS = (
         12.0,
         lambda d, x: (
             "inductance x rated_current at rated_speed_rpm takes "
-            f"{_number(x * d.converter.voltage_limit)} V, and {_volts(d)}"
+            f"{plain(x * d.converter.voltage_limit)} V, and {_volts(d)}"
         ),
     ),
     Pair(
         _own_flux,
         1e-3,
         60.0,
-        lambda d, x: f"inductance x rated_current is {_number(x)} times magnet_flux",
+        lambda d, x: f"inductance x rated_current is {plain(x)} times magnet_flux",
     ),
-    Pair(_lag, 2e-6, 3.0, lambda d, x: f"inductance / resistance is {_number(x)} s"),
+    Pair(_lag, 2e-6, 3.0, lambda d, x: f"inductance / resistance is {plain(x)} s"),
     Pair(
         _run_up,
         1e-4,
         60.0,
-        lambda d, x: f"rated_torque brings inertia to rated_speed_rpm in {_number(x)} s",
+        lambda d, x: f"rated_torque brings inertia to rated_speed_rpm in {plain(x)} s",
     ),
     Pair(
         _power,
         0.0,
         2.5,
         lambda d, x: (
-            f"rated_torque at rated_speed_rpm is {_number(x)} times the power that link "
+            f"rated_torque at rated_speed_rpm is {plain(x)} times the power that link "
             "and rated_current give"
         ),
     ),
@@ -152,11 +152,11 @@ PAIRS = (
         5e-4,
         math.inf,
         lambda d, x: (
-            f"the loss of rated_current in resistance is {_number(100.0 * x)} % of the "
+            f"the loss of rated_current in resistance is {plain(100.0 * x)} % of the "
             "power at rated values"
         ),
     ),
-    Pair(_saliency, 0.02, 50.0, lambda d, x: f"inductance_q is {_number(x)} times inductance_d"),
+    Pair(_saliency, 0.02, 50.0, lambda d, x: f"inductance_q is {plain(x)} times inductance_d"),
 )
 
 
@@ -258,6 +258,6 @@ def _mending(
             yield u
 
 
-def _number(x: float) -> str:
+def plain(x: float) -> str:
     """Return a number as a person writes it, without a power of ten where it is large."""
     return f"{x:.0f}" if 100.0 <= x < 1e15 else f"{x:.3g}"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from model.drive_files import ASSUMED
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
-from model.rating_pairs import link, mending, pairs_off
+from model.rating_pairs import link, mending, pairs_off, plain
 
 # Torque at rated current against the rated one: cross-saturation takes a few percent, reluctance at
 # most doubles it, sqrt 2 for rms and 2 for peak to peak stay below; units that are mistaken differ
@@ -95,9 +95,9 @@ def _torque(m: Motor) -> list[Off]:
         return []
     return [
         Off(
-            f"rated_current gives {_plain(found)} N m (3/2 pole_pairs x magnet_flux x "
+            f"rated_current gives {plain(found)} N m (3/2 pole_pairs x magnet_flux x "
             f"rated_current{'' if found == magnet else ', with reluctance'}), rated_torque is "
-            f"{_plain(m.rated_torque)} N m: a factor of {_plain(off)}, where saturation and "
+            f"{plain(m.rated_torque)} N m: a factor of {plain(off)}, where saturation and "
             f"reluctance explain less than {TORQUE_OFF:g}",
             "; is magnet_flux in mWb, rated_torque in mN m or worked out from kW, or rated_current "
             "in mA or rms?",
@@ -107,17 +107,12 @@ def _torque(m: Motor) -> list[Off]:
 
 def _rms(m: Motor, most: float) -> Off:
     return Off(
-        f"rated_torque is {_plain(m.rated_torque)} N m, {_plain(m.rated_torque / most)} times the "
-        f"{_plain(most)} N m that rated_current gives at most (3/2 pole_pairs x magnet_flux x "
+        f"rated_torque is {plain(m.rated_torque)} N m, {plain(m.rated_torque / most)} times the "
+        f"{plain(most)} N m that rated_current gives at most (3/2 pole_pairs x magnet_flux x "
         "rated_current, with reluctance)",
         "; is rated_current or magnet_flux an rms value (multiply it by sqrt(2)), or rated_torque "
         "the peak one?",
     )
-
-
-def _plain(x: float) -> str:
-    """Return a number as a person writes it, without a power of ten where it is large."""
-    return f"{x:.0f}" if 100.0 <= x < 1e15 else f"{x:.3g}"
 
 
 def largest_torque(m: Motor) -> float:
@@ -136,9 +131,7 @@ def _speed(drive: Drive) -> list[Off]:
     if VOLTAGE_LOW * limit <= loaded and back <= VOLTAGE_HIGH * limit:
         return []
     high = back > VOLTAGE_HIGH * limit
-    said = (
-        f"the back-EMF is {_plain(back)} V" if high else f"rated current takes {_plain(loaded)} V"
-    )
+    said = f"the back-EMF is {plain(back)} V" if high else f"rated current takes {plain(loaded)} V"
     unusual = (
         f"more than {VOLTAGE_HIGH:g} times that, field weakening included,"
         if high
@@ -148,7 +141,7 @@ def _speed(drive: Drive) -> list[Off]:
     return [
         Off(
             f"at rated_speed_rpm = {m.rated_speed_rpm:g} {said}, and {link(drive)} gives "
-            f"{_plain(limit)} V; {unusual} is not usual",
+            f"{plain(limit)} V; {unusual} is not usual",
             f": is the speed in {unit}, magnet_flux in another unit, or [drive] dc_bus_voltage "
             "another one?",
         )

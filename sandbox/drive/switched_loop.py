@@ -115,7 +115,7 @@ def gather(state, b, acting, u_dc, rng, inside):
 def known(b, acting, u_dc):
     """Return the voltage (V) that the drive knows to act: its command, or what its modulator makes
     of it."""
-    if b.pattern == 0.0 and b.beyond == 0.0 and b.drive_least_pulse == 0.0:
+    if b.pattern == 0 and b.beyond == 0 and b.drive_least_pulse == 0.0:
         return acting
     d_a, d_b, d_c = leg_duties(b, acting[0], acting[1], u_dc)
     u = u_dc * vector(d_a, d_b, d_c)

@@ -185,8 +185,8 @@ class SwitchedBench(NamedTuple):
     slices: float = LEAST_SLICES  # steps over a dead time, in which legs slew
     reluctant: float = 0.0  # H: a current changes by twice the link's voltage over it at most
     # how the drive modulates, and what it does beyond the hexagon: see `modulation`
-    pattern: float = 0.0
-    beyond: float = 0.0
+    pattern: int = 0
+    beyond: int = 0
     drive_least_pulse: float = 0.0  # s: the drive itself leaves out shorter pulses
     # rad/s, N m: friction beside dry and viscous one, straight between points
     rubbing_speed: Any = NOWHERE
@@ -260,8 +260,8 @@ def _drive(motor: Motor, converter: Converter) -> dict[str, float]:
         "noise": converter.current_noise,
         "resolution": converter.current_resolution,
         "encoder_step": math.tau * motor.pole_pairs / counts if counts else 0.0,
-        "pattern": float(MODULATIONS.index(converter.modulation)),
-        "beyond": 1.0 + OVERMODULATIONS.index(beyond) if beyond else 0.0,
+        "pattern": MODULATIONS.index(converter.modulation),
+        "beyond": 1 + OVERMODULATIONS.index(beyond) if beyond else 0,
         "drive_least_pulse": converter.least_pulse,
     }
 

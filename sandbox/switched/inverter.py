@@ -195,7 +195,7 @@ def duties(u_alpha, u_beta, u_dc):
 def leg_duties(b, u_alpha, u_beta, u_dc):
     """Return the legs' duties as the drive knows them, `modulation` and its own least pulse
     included."""
-    if b.pattern == 0.0 and b.beyond == 0.0:
+    if b.pattern == 0 and b.beyond == 0:
         d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
     else:
         d_a, d_b, d_c = dwelt(b, u_alpha, u_beta, u_dc)

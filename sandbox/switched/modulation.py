@@ -10,13 +10,24 @@ from __future__ import annotations
 
 import cmath
 import math
+from enum import IntEnum
 
 from model.compiled import kernel
 
 SIXTH = math.pi / 3.0
 NO_PULSE = 1e-9  # of the period
-CENTRED, ALL_OFF, ALL_ON, LARGEST_KEPT = 0.0, 1.0, 2.0, 3.0
-NEAREST_POINT, SAME_ANGLE, CORNERS = 1.0, 2.0, 3.0
+
+
+class ZeroVectors(IntEnum):
+    """Where a pattern's zero vectors come from, in the order of MODULATIONS."""
+
+    BOTH, ALL_OFF, ALL_ON, LARGEST_KEPT = range(4)
+
+
+class Limit(IntEnum):
+    """What becomes of a voltage beyond the hexagon, in the order of OVERMODULATIONS behind none."""
+
+    NONE, NEAREST_POINT, SAME_ANGLE, CORNERS = range(4)
 
 
 @kernel
@@ -37,10 +48,10 @@ def dwell(beyond, u, u_dc):
         math.sqrt(3.0) * size * math.sin(SIXTH - angle),
         math.sqrt(3.0) * size * math.sin(angle),
     )
-    if beyond == CORNERS and size >= 2.0 / math.pi:
+    if beyond == Limit.CORNERS and size >= 2.0 / math.pi:
         return sector, 1.0 if first > second else 0.0, 0.0 if first > second else 1.0
     over = first + second - 1.0
-    if over > 0.0 and beyond == SAME_ANGLE:
+    if over > 0.0 and beyond == Limit.SAME_ANGLE:
         first, second = first / (1.0 + over), second / (1.0 + over)
     elif over > 0.0:
         first = min(max(first - 0.5 * over, 0.0), 1.0)
@@ -53,13 +64,15 @@ def dwelt(b, u_alpha, u_beta, u_dc):
     """Return the legs' duties for a voltage (V) as the bench's drive modulates."""
     sector, first, second = dwell(b.beyond, complex(u_alpha, u_beta), u_dc)
     rest = 1.0 - first - second
-    if b.pattern == CENTRED:
+    if b.pattern == ZeroVectors.BOTH:
         high = 0.5 * rest
-    elif b.pattern == LARGEST_KEPT:  # one leg on nearby: its voltage is the largest, it stays on
+    elif (
+        b.pattern == ZeroVectors.LARGEST_KEPT
+    ):  # one leg on nearby: its voltage is the largest, it stays on
         single = first > second if sector % 2 == 0 else second > first
         high = rest if single else 0.0
     else:
-        high = rest if b.pattern == ALL_ON else 0.0
+        high = rest if b.pattern == ZeroVectors.ALL_ON else 0.0
     a = high + first * on(sector, 0) + second * on(sector + 1, 0)
     b_ = high + first * on(sector, 1) + second * on(sector + 1, 1)
     c = high + first * on(sector, 2) + second * on(sector + 1, 2)

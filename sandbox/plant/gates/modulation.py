@@ -19,46 +19,50 @@ Applications 35(4), 1999 (`nearest`, `shortened`).
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from model.compiled import kernel
-from model.parameters import MODULATIONS, OVERMODULATIONS, Converter
+from model.parameters import Converter
 from sandbox.plant.edges import duties
 
-CENTRED, DPWM_MIN, DPWM_MAX, DPWM_60 = range(4)  # in the order of MODULATIONS
-NONE, NEAREST, SHORTENED, SIX_STEPS = range(4)  # in the order of OVERMODULATIONS, behind none
 SIX_STEP = 2.0 / math.pi  # of the link: the amplitude of six steps' fundamental wave
 ROUNDING = 1e-9  # of the period: a pulse or a gap so short is none
 ANGLES = 720  # of a turn, over which a mean is taken
 ROOT, TWO_THIRDS = 0.8660254037844386, 2.0 / 3.0
 
 
+class Pattern(IntEnum):
+    """Which legs switch: MODULATIONS, as compiled code has them."""
+
+    CENTRED, DPWM_MIN, DPWM_MAX, DPWM_60 = range(4)
+
+
+class Beyond(IntEnum):
+    """What is made of a voltage that the legs cannot give: OVERMODULATIONS, or nothing stated."""
+
+    NONE, NEAREST, SHORTENED, SIX_STEP = range(4)
+
+
 class Modulation(NamedTuple):
-    """How a drive modulates: which of MODULATIONS, which of OVERMODULATIONS, least pulse as a share
-    of the period."""
+    """How a drive modulates: numbers of `Pattern` and `Beyond`, least pulse as a share of the
+    period."""
 
     pattern: int
     beyond: int
     least: float
 
 
-PLAIN = Modulation(CENTRED, NONE, 0.0)
-MODULATION = numba.typeof(PLAIN)
+PLAIN = Modulation(int(Pattern.CENTRED), int(Beyond.NONE), 0.0)
 
 
 def modulation_of(converter: Converter) -> Modulation:
     """Return how a converter modulates."""
-    beyond = (
-        0
-        if converter.overmodulation is None
-        else 1 + OVERMODULATIONS.index(converter.overmodulation)
-    )
     return Modulation(
-        MODULATIONS.index(converter.modulation),
-        beyond,
+        int(Pattern[converter.modulation.upper()]),
+        int(Beyond[(converter.overmodulation or "none").upper()]),
         converter.least_pulse / converter.update_period,
     )
 
@@ -66,7 +70,7 @@ def modulation_of(converter: Converter) -> Modulation:
 @kernel
 def is_plain(how):
     """Tell whether a drive modulates as `edges.duties` does, never beyond its own limit."""
-    return how.pattern == CENTRED and how.beyond == NONE and how.least == 0.0
+    return how.pattern == Pattern.CENTRED and how.beyond == Beyond.NONE and how.least == 0.0
 
 
 @kernel
@@ -75,15 +79,15 @@ def modulated(how, u_alpha, u_beta, u_dc):
     if is_plain(how):
         return duties(u_alpha, u_beta, u_dc)
     a, b, c = u_alpha, -0.5 * u_alpha + ROOT * u_beta, -0.5 * u_alpha - ROOT * u_beta
-    if how.beyond == SIX_STEPS and math.hypot(u_alpha, u_beta) >= SIX_STEP * u_dc:
+    if how.beyond == Beyond.SIX_STEP and math.hypot(u_alpha, u_beta) >= SIX_STEP * u_dc:
         return 1.0 if a > 0.0 else 0.0, 1.0 if b > 0.0 else 0.0, 1.0 if c > 0.0 else 0.0
-    scale = u_dc / max(max(a, b, c) - min(a, b, c), u_dc) if how.beyond == SHORTENED else 1.0
+    scale = u_dc / max(max(a, b, c) - min(a, b, c), u_dc) if how.beyond == Beyond.SHORTENED else 1.0
     # limited: the nearest point of the hexagon
     a, b, c = duties(scale * u_alpha, scale * u_beta, u_dc)
-    if how.pattern != CENTRED:
+    if how.pattern != Pattern.CENTRED:
         low, high = min(a, b, c), max(a, b, c)
-        up = how.pattern == DPWM_MAX or (
-            how.pattern == DPWM_60 and high + low > TWO_THIRDS * (a + b + c)
+        up = how.pattern == Pattern.DPWM_MAX or (
+            how.pattern == Pattern.DPWM_60 and high + low > TWO_THIRDS * (a + b + c)
         )
         side = 1.0 - high if up else -low
         a, b, c = a + side, b + side, c + side
