@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from model.effects.library import effect_names
 from model.errors import BadInput, unknown
@@ -43,7 +42,7 @@ from sandbox.gap.motion.torques import (
     unidentifiable,
     users,
 )
-from sandbox.gap.motion.windows import SAMPLES, STEP, averages, white
+from sandbox.gap.motion.windows import OVERLAP, averages, white
 from sandbox.recordings.motion_axis import LINEAR
 from sandbox.recordings.motion_log import MotionCampaign
 
@@ -56,6 +55,9 @@ SURE, DOUBTFUL = 1.3, 3.0
 WRONG = "a unit or a sign is wrong, angle and current are stamped apart, or something else acts"
 BY_STATES = "states that stand a little off their places repeat as it does; log an encoder's angle"
 OF_LINEAR = "of a linear axis it is not looked for: its period is no part of a turn"
+# widths of friction between two of them, and how often: places known beforehand, so that no
+# rounding decides which is best
+BETWEEN, FINER = 4, 2
 HELD_OUT = 0.3  # of each recording, its end, where there are fewer than three
 
 
@@ -234,12 +236,11 @@ def _width(design: Design, able: Sequence[str], nominal: Nominal, orders: tuple[
         """Return the sum of squares that a width leaves."""
         return fitted(design, _terms(able, width, orders), nominal).chi2
 
-    best = min(range(len(widths)), key=lambda k: left(widths[k]))
-    low, high = widths[max(best - 1, 0)], widths[min(best + 1, len(widths) - 1)]
-    between = minimize_scalar(
-        left, bounds=(low, high), method="bounded", options={"xatol": 0.01 * widths[best]}
-    )
-    return float(between.x) if between.fun < left(widths[best]) else widths[best]
+    for _ in range(1 + FINER):
+        best = min(range(len(widths)), key=[left(w) for w in widths].__getitem__)
+        low, high = widths[max(best - 1, 0)], widths[min(best + 1, len(widths) - 1)]
+        found, widths = widths[best], tuple(np.geomspace(low, high, 2 * BETWEEN + 1))
+    return found
 
 
 def _richest(
@@ -372,10 +373,7 @@ def _noise_std(design: Design, shaft: Shaft) -> Array:
     """
     out = np.empty(len(design.torque))
     seen = np.array(
-        [
-            white(shaft.residual[design.owner == k][:: SAMPLES // STEP])
-            for k in range(len(design.averages))
-        ]
+        [white(shaft.residual[design.owner == k][::OVERLAP]) for k in range(len(design.averages))]
     )
     positive = seen[seen > 0.0]
     usual = (

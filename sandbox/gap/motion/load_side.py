@@ -95,7 +95,7 @@ def _equations(
                 load,
                 a.acceleration,
                 a.speed,
-                a.mean(np.tanh(a.sample_speed / width)),
+                a.along(np.tanh(a.path_speed / width)),
                 one,
             ]
         )

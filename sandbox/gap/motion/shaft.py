@@ -31,8 +31,10 @@ MOST_ORDERS = 16
 HIGHEST = 200  # order per turn that is looked for
 PASSED = 0.1  # of a sine's square: an order that windows average away below it is not looked for
 BLOCKS = 24  # for intervals
-# of the usual step: how late or early current is read beside the angle in an ordinary log
+# of the usual step: how late or early current, or a change of the speed's sign, is read beside the
+# angle in an ordinary log
 ORDINARY_LAG = 0.5
+REVERSAL = "reversal"  # dry friction times how late (s) its sign changes
 SHORT = 8  # windows: fewer do not tell their own scatter
 STEADIEST = 0.1  # of the usual scatter: the least that a recording is believed to have
 TAIL = 3.0  # deviations from which a row counts less, as with Student-t residuals
@@ -61,9 +63,14 @@ class Design:
     of_users: Mapping[str, Array] = field(default_factory=dict)
 
     @cached_property
+    def noise(self) -> Array:
+        """Return the noise (rad/s^2 rms) of each row's acceleration."""
+        return np.concatenate([a.noise_acceleration for a in self.averages])
+
+    @cached_property
     def fastest(self) -> float:
         """The speed (rad/s) that samples exceed in one of a hundred."""
-        speeds = np.concatenate([np.abs(a.sample_speed) for a in self.averages])
+        speeds = np.concatenate([np.abs(a.path_speed) for a in self.averages])
         return float(np.quantile(speeds, 0.99)) or 1.0
 
     @cached_property
@@ -73,14 +80,23 @@ class Design:
 
     def dry(self, width: float) -> Array:
         """Return the column of dry friction that changes its sign over a width (rad/s)."""
-        return np.concatenate([a.mean(np.tanh(a.sample_speed / width)) for a in self.averages])
+        return np.concatenate([a.along(np.tanh(a.path_speed / width)) for a in self.averages])
+
+    def reversal(self, width: float) -> Array:
+        """Return the slope (1/s) of the column of dry friction: what its change of sign is late or
+        early."""
+        out = []
+        for a in self.averages:
+            f = np.tanh(a.path_speed / width)
+            out.append(a.along(np.gradient(f.ravel(), a.step / f.shape[1]).reshape(f.shape)))
+        return np.concatenate(out)
 
     def order(self, n: int) -> Array:
         """Return the two columns of a torque sin, cos of n times the angle on the rotor, (rows,
         2)."""
         return np.concatenate(
             [
-                a.mean(np.stack([np.sin(n * a.angle), np.cos(n * a.angle)], axis=1))
+                a.along(np.stack([np.sin(n * a.angle), np.cos(n * a.angle)], axis=2))
                 for a in self.averages
             ]
         )
@@ -157,8 +173,7 @@ class Shaft:
 
 
 def design_of(parts: Sequence[Averages]) -> Design:
-    """Return the stacked equations, all rows of one recording with the weight that its noise
-    gives."""
+    """Return the stacked equations, each row's weight one over the rms of all torques."""
     owner = np.repeat(np.arange(len(parts)), [len(a.torque) for a in parts])
     block = np.concatenate(
         [_blocks(len(a.torque), len(parts)) + 1000 * k for k, a in enumerate(parts)]
@@ -169,7 +184,7 @@ def design_of(parts: Sequence[Averages]) -> Design:
     )
     step = float(np.median([a.step for a in parts]))
     of_users = {
-        n.size: np.concatenate([a.mean(against(n, a.angle, a.sample_speed)) for a in parts])
+        n.size: np.concatenate([a.along(against(n, a.angle, a.path_speed)) for a in parts])
         for n in users()
     }
     return Design(
@@ -179,7 +194,7 @@ def design_of(parts: Sequence[Averages]) -> Design:
         speed,
         tuple(parts),
         owner,
-        np.ones(len(owner)),
+        np.full(len(owner), 1.0 / (float(np.sqrt(np.mean(torque**2))) or 1.0)),
         block,
         step,
         of_users,
@@ -208,6 +223,9 @@ def columns_of(
     if terms.dry is not None:
         names, mean, wide = [*names, DRY.size], [*mean, 0.0], [*wide, free]
         columns.append(design.dry(terms.dry)[:, None])
+        names, mean = [*names, REVERSAL], [*mean, 0.0]
+        wide = [*wide, ORDINARY_LAG * design.step * float(np.sqrt(np.mean(design.torque**2)))]
+        columns.append(design.reversal(terms.dry)[:, None])
     for size in terms.of_users:
         names, mean, wide = [*names, size], [*mean, 0.0], [*wide, free]
         columns.append(design.of_users[size][:, None])
@@ -235,6 +253,8 @@ def fitted(design: Design, terms: Terms, nominal: Nominal) -> Shaft:
     size = np.sqrt(np.sum(a * a, axis=0) + precision) + 1e-300
     normal = (a / size).T @ (a / size) + np.diag(precision / size**2)
     inverse = np.linalg.pinv(normal, rcond=1e-11, hermitian=True) / size / size[:, None]
+    if not fixed[0]:
+        inverse = _without_noise(inverse, float(np.sum((design.noise * design.weight) ** 2)))
     move = inverse @ (a.T @ y)
     values = start.copy()
     values[~fixed] += move
@@ -253,6 +273,17 @@ def fitted(design: Design, terms: Terms, nominal: Nominal) -> Shaft:
         strain,
         _inflation(scored, design),
     )
+
+
+def _without_noise(inverse: Array, squares: float) -> Array:
+    """Return the inverse of normal equations whose first column, the acceleration, holds noise of a
+    known sum of squares: with it the inertia would come out too small.
+
+    At most half of what the others cannot stand in for: beyond it the noise is all there is.
+    """
+    own = float(inverse[0, 0])
+    squares = min(squares, 0.5 / own) if own > 0.0 else 0.0
+    return inverse + np.outer(inverse[:, 0], inverse[0]) * squares / (1.0 - squares * own)
 
 
 def _sandwich(a: Array, scored: Array, block: NDArray[np.int64], inverse: Array) -> Array:

@@ -118,16 +118,16 @@ def against(n: Number, angle: Array, speed: Array, size: float = 1.0) -> Array:
     """Return the torque against the motion (N m) of a user's effect of some size, at mechanical
     angles (rad) and speeds (rad/s), what else it has being neutral."""
     values = {p.name: p.neutral for p in n.card.parameters} | {n.of_library.name: size}
-    total = np.zeros(len(speed))
+    total = np.zeros(speed.size)
     for at in n.card.at:
         fixed = [values[name] for name in at.numbers]
         places = (
-            zip(angle.tolist(), speed.tolist(), strict=True)
+            zip(np.ravel(angle).tolist(), np.ravel(speed).tolist(), strict=True)
             if at.port == "torque"
-            else zip(speed.tolist())
+            else zip(np.ravel(speed).tolist())
         )
         total += PORTS[at.port] * np.array([at.equation(*fixed, *place) for place in places])
-    return total
+    return total.reshape(speed.shape)
 
 
 def _torques() -> list[Effect]:

@@ -61,9 +61,43 @@ def shaft(
     return MotionRecording(f"run{seed}", t[at], counted, CONSTANT * read, np.zeros(len(at)))
 
 
-def campaign(*recordings, inertia=INERTIA):
+def thrown(seed, rows, count, *, scatter=0.0, dry=0.02, viscous=1e-4, noise=0.05):
+    """A throttle thrown to and fro for some 1200 rows, ramps of 2.5 rows; stamps scatter by up to
+    some seconds."""
+    rng, h = np.random.default_rng(seed), rows / 40.0
+    steps, hold = 1200 * 40, 30.0 * rows + 0.2
+    goal, k, sign = np.zeros(steps), 0, 1.0
+    while k < steps:
+        held = int(rng.uniform(0.5, 1.4) * hold / h)
+        goal[k : k + held] = sign * rng.uniform(0.6, 1.6)
+        k, sign = k + held, -sign
+    current = np.convolve(goal, np.full(100, 0.01))[:steps]
+    theta = _thrown(current, h, INERTIA, dry, viscous)
+    at = np.round(np.cumsum(rng.uniform(36.0, 44.0, 1400))).astype(int)
+    at = at[at < steps - 40]
+    late = np.round(rng.uniform(-scatter, scatter, len(at)) / h).astype(int)
+    place = np.clip(at + late, 0, steps - 1)
+    torque = CONSTANT * (current[place] + noise * rng.standard_normal(len(at)))
+    counted = count * np.round(theta[place] / count)
+    return MotionRecording(f"thrown{seed}", at * h, counted, torque, np.zeros(len(at)))
+
+
+@njit
+def _thrown(current, h, inertia, dry, viscous):
+    """Return the angle (rad) that a current (A) makes, Euler steps."""
+    theta = np.zeros(len(current))
+    angle, omega = 0.3, 0.0
+    for k in range(len(current)):
+        theta[k] = angle
+        braked = dry * math.tanh(omega / 0.2) + viscous * omega
+        omega += h * (CONSTANT * current[k] - braked) / inertia
+        angle += h * omega
+    return theta
+
+
+def campaign(*recordings, inertia=INERTIA, count=COUNT):
     return MotionCampaign(
-        "bench", CONSTANT, inertia, 0.0, {}, None, COUNT, recordings, (), "no voltages"
+        "bench", CONSTANT, inertia, 0.0, {}, None, count, recordings, (), "no voltages"
     )
 
 
