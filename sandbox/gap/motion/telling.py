@@ -13,7 +13,8 @@ from model.drive_files import load_drive
 from model.effects.advice import what_to_do
 from model.effects.library import parameters as library_parameters
 from model.effects.library import title as title_of
-from sandbox.gap.motion.judging import Motion, Weighed
+from model.effects.said import percent
+from sandbox.gap.motion.judging import ORDINARY, Motion, Weighed
 from sandbox.gap.motion.shaft import STUDENT
 from sandbox.gap.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, numbers, users
 from sandbox.output.document import answer, bullets, figure, prose, table
@@ -59,6 +60,32 @@ def _hypotheses(m: Motion) -> list[tuple[list[str], float, Weighed]]:
     rows = [(list(w.effects), w.probability * (1.0 - m.unknown), w) for w in m.weighed]
     rows += [([*w.effects, UNKNOWN], w.probability * m.unknown, w) for w in m.weighed]
     return sorted(rows, key=lambda r: -r[1])
+
+
+def undecided(m: Motion) -> dict[str, str]:
+    """Return why the verdict is ambiguous: of each effect that some of the probable sets hold and
+    others do not, how probable it is, and what it may be instead."""
+    sets = [set(effects) for effects in _set(m)]
+    if verdict(m) != "ambiguous":
+        return {}
+    some = set.union(*sets) - set.intersection(*sets) - {UNKNOWN}
+    return {e: _undecided(m, e) for e in numbers() if e in some}
+
+
+def _undecided(m: Motion, effect: str) -> str:
+    chance = f"{100.0 * m.inclusion(effect):.0f} % probable as an effect"
+    stated = {INERTIA.effect: (INERTIA, m.campaign.inertia), VISCOUS.effect: (VISCOUS, None)}
+    n, said = stated.get(effect, (None, None))
+    if n is None or not said:
+        return f"{chance}; without it the others explain what was read almost as well"
+    off = m.best.shaft.value(n.size) / said - 1.0
+    given = m.campaign.deviations.get(n.stated)
+    usual = f"{100.0 * (ORDINARY if given is None else given):.3g} %"
+    whose = "is usual; state in [uncertainty] how well you know it" if given is None else "stated"
+    return (
+        f"{chance}; {percent(off)} from the stated value may also be an ordinary deviation "
+        f"({usual} {whose}), and its value is the same"
+    )
 
 
 def ranked(m: Motion) -> list[str]:
@@ -214,6 +241,7 @@ def document(m: Motion) -> dict[str, Any]:
             "stated_inertia": m.campaign.inertia,
             "dry_friction_width": s.terms.dry,
             "orders": orders(m, m.best),
+            "undecided": undecided(m),
             "cannot": m.cannot,
             "stamp_jitter": {a.file: a.jitter for a in m.design.averages},
         },
@@ -321,6 +349,9 @@ def _answers(m: Motion) -> list[tuple[str, str]]:
         ),
         ("Electrical?", m.campaign.why),
     ]
+    if open_ := undecided(m):
+        listed = "; ".join(f"{e.replace('_', ' ')}: {words(why)}" for e, why in open_.items())
+        out.append(("Ambiguous?", listed))
     out += [("Do?", f"{e.replace('_', ' ')}: {text}") for e, text in todo(m).items()]
     if m.cannot:
         out.append(

@@ -50,14 +50,22 @@ def test_04_brackets_that_are_no_units_belong_to_the_name(file):
 
 
 def test_06_an_angle_that_turns_too_far_follows_the_speed():
-    """Truth: inertia 3.0e-4 kg m^2, dry friction 0.05 N m, viscous 2.0e-4; within 2 %, as at 5 ms a
-    row."""
+    """Truth: inertia 3.0e-4 kg m^2, dry friction 0.05 N m, viscous 2.0e-4: inside 95 %
+    intervals (the inertia's 2 % wide at most).  Whether a nominal value that is 14 % off is an effect
+    no motion tells, and that is said."""
     folder = cases_folder() / "06_aliased_angle"
     found = diagnose(folder, columns=folder / "map.toml", preset="vesc").as_json()
-    assert found["motion"]["inertia"]["value"] == pytest.approx(3.0e-4, rel=0.02)
-    best = found["hypotheses"][0]["parameters"]
-    assert best["coulomb_friction.torque"]["value"] == pytest.approx(0.05, rel=0.02)
-    assert best["viscous_friction.coefficient"]["value"] == pytest.approx(2.0e-4, rel=0.02)
+    told = {**found["motion"], **found["hypotheses"][0]["parameters"]}
+    for name, true in (
+        ("inertia", 3.0e-4),
+        ("coulomb_friction.torque", 0.05),
+        ("viscous_friction.coefficient", 2.0e-4),
+    ):
+        low, high = told[name]["ci95"]
+        assert low < true < high < 1.05 * low, name
+    low, high = found["motion"]["inertia"]["ci95"]
+    assert high < 1.02 * low
+    assert "−14 % from the stated value" in found["motion"]["undecided"]["inertia"]
     inside_bounds(found)
 
 
@@ -126,7 +134,8 @@ def test_13_a_motion_as_it_is():
     }
     folder = cases_folder() / "13_motion_without_checks"
     found = diagnose(folder, columns=folder / "plain.toml", preset="moteus").as_json()
-    assert found["motion"]["inertia"]["value"] == pytest.approx(2.0e-4, rel=0.02)
+    low, high = found["motion"]["inertia"]["ci95"]
+    assert low < 2.0e-4 < high < 1.02 * low
     inside_bounds(found)
 
 

@@ -86,6 +86,37 @@ def test_one_verdict_word_on_page_terminal_and_json(judged, word, capsys):
     assert f"<span class='badge {word}'>{VERDICTS[word]}</span>" in next(page(motion, "x", ""))
 
 
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [({}, "5 % is usual"), ({"inertia": 0.08}, "(8 % stated)")],
+)
+def test_an_ambiguous_verdict_says_what_is_open(judged, stated, words):
+    """An inertia that half the hypotheses hold: by how much it differs from the stated one, and
+    from what it could be otherwise; on page, terminal and in JSON alike, where it is ambiguous."""
+    best = dataclasses.replace(judged.weighed[0], effects=("coulomb_friction", "inertia"))
+    sets = (
+        dataclasses.replace(best, probability=0.7),
+        dataclasses.replace(best, effects=("coulomb_friction",), probability=0.3),
+    )
+    own = dataclasses.replace(
+        judged.campaign,
+        inertia=best.shaft.value("inertia") / 0.86,  # so it is 14 % below the stated one
+        deviations=stated,
+    )
+    motion = dataclasses.replace(judged, campaign=own, weighed=sets, unknown=0.02)
+    told = document(motion)
+    assert told["verdict"] == "ambiguous"
+    assert list(told["motion"]["undecided"]) == ["inertia"]
+    text = told["motion"]["undecided"]["inertia"]
+    assert text.startswith("70 % probable as an effect; −14 % from the stated value")
+    assert words in text
+    assert text in said(motion)["Ambiguous?"]
+    assert "<b>Ambiguous?</b>Inertia: 70" in "".join(page(motion, "x", ""))
+    sure = dataclasses.replace(motion, weighed=(dataclasses.replace(best, probability=0.99),))
+    assert document(sure)["motion"]["undecided"] == {}
+    assert "Ambiguous?" not in said(sure)
+
+
 def test_what_makes_an_axis_linear():
     assert axis_of({"inertia": 1.0}, "x") is ROTARY
     for motor in ({"axis": "linear"}, {"mass": 90.0}, {"force_constant": 30.0}):
