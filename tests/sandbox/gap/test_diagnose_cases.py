@@ -50,9 +50,9 @@ def test_04_brackets_that_are_no_units_belong_to_the_name(file):
 
 
 def test_06_an_angle_that_turns_too_far_follows_the_speed():
-    """Truth: inertia 3.0e-4 kg m^2, dry friction 0.05 N m, viscous 2.0e-4: inside 95 %
-    intervals (the inertia's 2 % wide at most).  Whether a nominal value that is 14 % off is an effect
-    no motion tells, and that is said."""
+    """Truth: inertia 3.0e-4 kg m^2, dry friction 0.05 N m, viscous 2.0e-4: inside 95 % intervals
+    (the inertia's 2 % wide at most).  Whether a nominal value 14 % off is an effect no motion
+    tells, and that is said."""
     folder = cases_folder() / "06_aliased_angle"
     found = diagnose(folder, columns=folder / "map.toml", preset="vesc").as_json()
     told = {**found["motion"], **found["hypotheses"][0]["parameters"]}
