@@ -34,7 +34,6 @@ from experiments import screens
 from experiments import withheld_words as words
 from experiments.withheld_wins import split
 from model.errors import BadInput
-from sandbox.cli.withholding import ROWS
 from sandbox.output.files import write_json
 from sandbox.output.tables import many
 from sandbox.withheld.making.make import SEAL
@@ -42,7 +41,7 @@ from sandbox.withheld.scoring.chances import calibration_error
 from sandbox.withheld.scoring.check_figure import page_figure
 from sandbox.withheld.scoring.judge import label_of
 from sandbox.withheld.scoring.metrics import GOALS, by_subsystem
-from sandbox.withheld.scoring.rows import BLIND, Row, check_seal, one_code, read_rows
+from sandbox.withheld.scoring.rows import BLIND, FILE, Row, check_seal, one_code, read_rows
 from sandbox.withheld.scoring.tables_of_rows import by_method, content_of, scored
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
@@ -119,13 +118,13 @@ def run(name: str, work: Path, jobs: int, results: Path = RESULTS) -> None:
 
 def keep(name: str, folder: Path, results: Path = RESULTS) -> None:
     """Keep the rows and the opened seal of a scored check; BadInput where it is not scored yet."""
-    if not (folder / ROWS).is_file():
+    if not (folder / FILE).is_file():
         raise BadInput(
-            f"'{folder}' holds no {ROWS}; run `sensorless withheld score` on it, with "
+            f"'{folder}' holds no {FILE}; run `sensorless withheld score` on it, with "
             "--finished for a part"
         )
     results.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(folder / ROWS, results / f"{name}.rows.jsonl")
+    shutil.copyfile(folder / FILE, results / f"{name}.rows.jsonl")
     shutil.copyfile(folder / SEAL, results / f"{name}.truth.json")
 
 
@@ -452,7 +451,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     options = parser.parse_args(arguments)
     if not options.recompute:
-        scored = [name for name in CHECKS if (options.work / name / ROWS).is_file()]
+        scored = [name for name in CHECKS if (options.work / name / FILE).is_file()]
         for name in options.only or (scored if options.finished else CHECKS):
             if options.finished:
                 keep(name, options.work / name)

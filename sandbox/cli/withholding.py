@@ -17,7 +17,6 @@ from sandbox.output.tables import many, print_prose, print_table, progress_bar
 if TYPE_CHECKING:
     from sandbox.withheld.scoring.tables_of_rows import Scores
 
-ROWS = "withheld.rows.jsonl"
 Folder = Annotated[Path, Parameter(name="DIR")]
 Kind = Literal["mixed", "controls", "pairs", "many", "outside"]
 MapShare = Annotated[
@@ -145,7 +144,7 @@ def score(
     from sandbox.withheld.scoring.blind import score as judge
     from sandbox.withheld.scoring.blind import standard
     from sandbox.withheld.scoring.check_figure import withheld_figure
-    from sandbox.withheld.scoring.rows import write_rows
+    from sandbox.withheld.scoring.rows import FILE, write_rows
     from sandbox.withheld.scoring.running import Check
     from sandbox.withheld.scoring.tables_of_rows import content_of, table
 
@@ -163,9 +162,9 @@ def score(
                 allow_mixed=allow_mixed,
             )
         scored.append(result)
-    content = {**content_of(scored), "figure": "withheld.png", "rows": ROWS}
+    content = {**content_of(scored), "figure": "withheld.png", "rows": FILE}
     with results(folder, "withheld") as out:
-        write_rows(out / ROWS, (r for s in scored for r in s.rows))
+        write_rows(out / FILE, (r for s in scored for r in s.rows))
         withheld_figure(content, out / "withheld.png")
         inputs = {name: digest_of(folder / name) for name in (SEAL, HASH)}
         made = made_by(
@@ -181,7 +180,7 @@ def score(
                 "no single effect of medium size or more among these campaigns: "
                 "nothing was left out"
             )
-        print_prose(f"seal and hash agree; {ROWS}, withheld.json and withheld.png in {folder}")
+        print_prose(f"seal and hash agree; {FILE}, withheld.json and withheld.png in {folder}")
 
 
 def _say(s: Scores) -> None:

@@ -6,19 +6,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from model.effects import library
+from model.effects import library, said
+from model.effects.said import PREFIXED, PREFIXES
 from sandbox.gap.posterior.estimates import Estimate
 
-PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H")  # not 1/H: nobody reads m1/H
-SIGNS = {
-    "ohm": "Ω",
-    "N m": "N·m",
-    "kg m^2": "kg·m²",
-    "A/Wb^2": "A/Wb²",
-    "A/Wb^3": "A/Wb³",
-    "N m s/rad": "N·m·s/rad",
-}
+SIGNS = said.SIGNS | {"A/Wb^2": "A/Wb²", "A/Wb^3": "A/Wb³"}
 
 
 def likely(p: float) -> str:

@@ -23,6 +23,7 @@ from sandbox.recordings.motion_log import MotionCampaign
 if TYPE_CHECKING:
     from estimators.contract import Estimator
 
+AnyCampaign = str | Path | Campaign
 inherit()  # effects of other packages: before anything is compiled
 
 
@@ -186,7 +187,7 @@ def load_estimator_library(path: str | Path) -> Estimator:
 
 
 def read_campaign(
-    folder: str | Path | Campaign,
+    folder: AnyCampaign,
     columns: str | Path | None = None,
     rotors: Sequence[str] = ROTORS,
     *,
@@ -241,7 +242,7 @@ def read_campaign(
 
 
 def motion_only(
-    folder: str | Path | Campaign, columns: str | Path | None, preset: str | None
+    folder: AnyCampaign, columns: str | Path | None, preset: str | None
 ) -> MotionCampaign | None:
     """Return the motion of a folder that can be judged by its motion alone, None for any other
     campaign."""

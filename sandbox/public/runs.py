@@ -196,11 +196,7 @@ class SimulationResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write the run as a trace (`.rrd`); return its path."""
-        from sandbox.evaluation.pages.compare_sheets import sheets
-        from sandbox.evaluation.pages.compare_trace import write_trace
-
-        write_trace(Path(path), self.comparison, sheets(self.comparison))
-        return Path(path)
+        return _trace(self.comparison, path)
 
     def to_html(self, path: str | Path) -> Path:
         """Write the run as one page with its figures inside (`.html`): errors, currents, fluxes,
@@ -284,11 +280,7 @@ class ComparisonResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write all runs as one trace (`.rrd`); return its path."""
-        from sandbox.evaluation.pages.compare_sheets import sheets
-        from sandbox.evaluation.pages.compare_trace import write_trace
-
-        write_trace(Path(path), self.comparison, sheets(self.comparison))
-        return Path(path)
+        return _trace(self.comparison, path)
 
     def to_html(self, path: str | Path) -> Path:
         """Write one page with its figures inside (`.html`), which estimator to take answered first;
@@ -298,6 +290,15 @@ class ComparisonResult(Result):
         known = None if self.tolerances is None else self.tolerances.for_page()
         write_comparison(Path(path), self.comparison, known)
         return Path(path)
+
+
+def _trace(comparison: Comparison, path: str | Path) -> Path:
+    """Write the runs of a comparison as a trace; return its path."""
+    from sandbox.evaluation.pages.compare_sheets import sheets
+    from sandbox.evaluation.pages.compare_trace import write_trace
+
+    write_trace(Path(path), comparison, sheets(comparison))
+    return Path(path)
 
 
 def _worst(rows: Iterable[Row], belief: str) -> str:

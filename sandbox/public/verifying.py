@@ -45,7 +45,6 @@ CLOSE = 1e-6  # of a number: what another machine or another library may change
 NOTHING = 1e-12  # in any unit
 LARGEST = 2**1000  # a whole number beyond is none of ours, and no float
 MAX_DIFFERENCES = 50  # differences that are told
-ROWS = "withheld.rows.jsonl"
 SCORED = "withheld score"
 
 
@@ -313,13 +312,13 @@ def _check_inputs(stated: Mapping[str, Any], found: Mapping[str, str]) -> None:
 def _scored(folder: Path, inputs: Mapping[str, Any]) -> Any:
     """Return the figures that follow from a check's rows; nothing is diagnosed again."""
     from sandbox.withheld.scoring.blind import opened
-    from sandbox.withheld.scoring.rows import check_seal, read_rows
+    from sandbox.withheld.scoring.rows import FILE, check_seal, read_rows
     from sandbox.withheld.scoring.tables_of_rows import by_method, content_of
 
     _check_inputs(
         inputs, {name: digest_of(folder / name) for name in inputs if (folder / name).is_file()}
     )
-    rows = read_rows(folder / ROWS)
+    rows = read_rows(folder / FILE)
     check_seal(rows, opened(folder))
     return plain(content_of(by_method(rows)))
 

@@ -20,7 +20,7 @@ from sandbox.output.files import CORRECTED
 from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.calls import records_call
 from sandbox.public.campaigns import drafting
-from sandbox.public.loading import load_motor
+from sandbox.public.loading import AnyCampaign, load_motor
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
@@ -170,7 +170,7 @@ def deviations_text(z: float) -> str:
 
 @records_call
 def check(
-    campaign: str | Path | Campaign,
+    campaign: AnyCampaign,
     *,
     columns: str | Path | None = None,
     preset: str | None = None,
@@ -491,7 +491,7 @@ def plan(
 
 
 def _read(
-    campaign: str | Path | Campaign, columns: str | Path | None, preset: str | None
+    campaign: AnyCampaign, columns: str | Path | None, preset: str | None
 ) -> tuple[str, Campaign | None, list[Noticed], str]:
     """Return a campaign's name, the campaign (None where it cannot be read, or only its motion can
     be judged), what was found on the way, and why it is None."""
@@ -518,7 +518,7 @@ def _read(
         )
 
 
-def _draft(campaign: str | Path | Campaign, columns: str | Path | None) -> str:
+def _draft(campaign: AnyCampaign, columns: str | Path | None) -> str:
     """Return a draft of a column map where a folder holds tables and nothing that describes
     them."""
     if isinstance(campaign, Campaign) or columns is not None:

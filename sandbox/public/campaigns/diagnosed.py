@@ -20,7 +20,7 @@ from sandbox.output.columns import Column, columns_of
 from sandbox.output.tables import print_prose
 from sandbox.public.calls import records_call
 from sandbox.public.campaigns.moved import MotionResult, diagnose_motion
-from sandbox.public.loading import motion_only, read_campaign
+from sandbox.public.loading import AnyCampaign, motion_only, read_campaign
 from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.motion_log import motion_of, too_slow, with_replayable
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from sandbox.gap.report.answers import Answers
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.output.refitted import Refitted
-
-AnyCampaign = str | Path | Campaign
 
 
 @dataclass(frozen=True, repr=False)

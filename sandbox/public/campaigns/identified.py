@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from sandbox.output.columns import Column, columns_of
 from sandbox.public.calls import records_call
-from sandbox.public.loading import read_campaign
+from sandbox.public.loading import AnyCampaign, read_campaign
 from sandbox.public.result import Result
-from sandbox.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.recordings.identify import Identification
     from sandbox.replay.identification.identified import OrdinaryIdentification
-
-AnyCampaign = str | Path | Campaign
 
 
 @dataclass(frozen=True, repr=False)

@@ -15,15 +15,12 @@ from model.parameters import Drive
 from sandbox.output.columns import Column
 from sandbox.output.tables import many, print_table
 from sandbox.public.calls import records_call
-from sandbox.public.loading import load_motor, read_campaign
+from sandbox.public.loading import AnyCampaign, load_motor, read_campaign
 from sandbox.public.result import Result
-from sandbox.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.replay.replay import Prediction, Prepared
-
-AnyCampaign = str | Path | Campaign
 
 
 @dataclass(frozen=True, repr=False)

@@ -14,13 +14,13 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from model.frames import SQRT3
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES, Columns, Complex
 
 THIRD = 2.0 * math.pi / 3.0
-SQRT3 = math.sqrt(3.0)
 Source = Mapping[str, str]  # standard name -> the log's column, of what the log holds
 OURS: Source = {n: n for n in ("t", "theta", "u_dc", *PHASES, *VOLTAGES)}
 DUTIES = ("d_a", "d_b", "d_c")

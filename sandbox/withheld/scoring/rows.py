@@ -18,6 +18,7 @@ from model.given import MOST_JSON, given_bytes
 from sandbox.output.files import rounded, write_whole
 from sandbox.withheld.scoring.documents import check_report
 
+FILE = "withheld.rows.jsonl"
 DIGITS = 6
 BLIND, LEFT_OUT, RESOLVED = "blind", "left_out", "resolved"
 PARTS = (BLIND, LEFT_OUT, RESOLVED)
