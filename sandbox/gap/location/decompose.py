@@ -88,7 +88,7 @@ class Decomposition:
 
 def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
     """Return a residual taken apart; point: where the model stood that left it."""
-    own = point.prepared.recordings
+    own, drive = point.prepared.recordings, point.prepared.campaign.drive
     parts = {r.file: _squares(x) for r, x in zip(own, shown, strict=True)}
     excess = {f: {c: float(np.sum(v - 1.0)) for c, v in p.items()} for f, p in parts.items()}
     total = max(sum(max(0.0, sum(e.values())) for e in excess.values()), 1e-9)
@@ -109,7 +109,12 @@ def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
         _orders(own, z, total),
         _mechanical(own, shown, total),
         _injection(point, z, total),
-        _line(point, z, total),
+        clearest_line(
+            [v for r, v in zip(own, z, strict=True) if r.rotor == "locked"],
+            drive.converter.sampling_period,
+            drive.injection.frequency,
+            total,
+        ),
         readings(shown, point.prepared.noise_std, _of_readings(point, shown)),
     )
 
@@ -291,15 +296,15 @@ def _injection(point: Point, z: Sequence[Complex], total: float) -> float:
     return max(0.0, out) / total
 
 
-def _line(point: Point, z: Sequence[Complex], total: float) -> tuple[float, float] | None:
-    """Return frequency (Hz) and share of the clearest line at locked rotor, injection's own left
-    out."""
-    drive = point.prepared.campaign.drive
-    period = drive.converter.sampling_period
+def clearest_line(
+    z: Sequence[Complex], period: float, injection: float, total: float
+) -> tuple[float, float] | None:
+    """Return frequency (Hz) and share of the clearest line in vectors at locked rotor, sampled
+    every period (s); what is an injection's own (Hz) left out."""
     window = np.hanning(BINS)
     power, kept = np.zeros(BINS), 0.0
-    for r, values in zip(point.prepared.recordings, z, strict=True):
-        if r.rotor == "locked" and len(values) >= BINS:
+    for values in z:
+        if len(values) >= BINS:
             own = values[: len(values) // BINS * BINS].reshape(-1, BINS)
             power += np.sum(np.abs(np.fft.fft(own * window, axis=1)) ** 2, axis=0) / np.sum(
                 window**2
@@ -309,10 +314,7 @@ def _line(point: Point, z: Sequence[Complex], total: float) -> tuple[float, floa
         return None
     power = 1.5 * power[1 : BINS // 2] + 1.5 * power[:0:-1][: BINS // 2 - 1]
     f = np.fft.fftfreq(BINS, period)[1 : BINS // 2]
-    near = (
-        np.abs(f / drive.injection.frequency - np.rint(f / drive.injection.frequency))
-        * drive.injection.frequency
-    )
+    near = np.abs(f / injection - np.rint(f / injection)) * injection
     clear = np.where((near > 4.0 * f[0]) & (f > 8.0 * f[0]), power, 0.0)
     level = np.median(
         np.lib.stride_tricks.sliding_window_view(np.pad(power, 20, mode="reflect"), 41), axis=1

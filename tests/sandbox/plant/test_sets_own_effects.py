@@ -23,7 +23,7 @@ from model.effects.card import At, Effect, Limit, Parameter
 from model.effects.library import load_effect
 from model.effects.own import EQUATIONS
 from model.errors import BadInput
-from model.kernels import folders
+from model.kernels.sources import depends_on
 from sandbox.drive.closed import longest_step
 from sandbox.plant import additions as add
 from sandbox.plant import sets
@@ -180,14 +180,12 @@ def test_lags_delays_and_a_second_mass_of_ones_own(tmp_path):
         assert "my_shaft_compliance.load_inertia = 0.00" in said
 
 
-def test_kernels_that_hold_no_effect_are_not_compiled_again(monkeypatch):
-    """The plant imports the ports, the switched bench shares no code with it."""
-    monkeypatch.setattr(folders, "_folder", lambda key: key)
-    monkeypatch.setattr(folders, "_MORE", [])
-    plant, bench = (folders.folder_of(f.py_func) for f in (electrical.begin, inverter.settle))
-    monkeypatch.setattr(folders, "_MORE", [("mine", EQUATIONS)])
-    assert folders.folder_of(electrical.begin.py_func) == f"{plant}-mine"
-    assert folders.folder_of(inverter.settle.py_func) == bench
+def test_kernels_that_hold_no_effect_are_not_compiled_again():
+    """Whose file depends on what holds the equations is: the plant imports the ports, the switched
+    bench shares no code with it."""
+    plant, bench = (depends_on(Path(module.__file__)) for module in (electrical, inverter))
+    assert EQUATIONS in plant
+    assert EQUATIONS not in bench
 
 
 def test_an_equation_that_the_file_does_not_name_is_refused():

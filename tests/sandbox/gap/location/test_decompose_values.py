@@ -96,12 +96,7 @@ def test_a_line_stands_apart_from_an_injections_harmonics_and_from_slow_changes(
         rng.standard_normal(n.size) + 1j * rng.standard_normal(n.size)
     )
     rate = 1.0 / (BINS * 1e-4)
-    injection = SimpleNamespace(frequency=(k - beside) * rate)
-    drive = SimpleNamespace(converter=SimpleNamespace(sampling_period=1e-4), injection=injection)
-    prepared = SimpleNamespace(
-        recordings=[SimpleNamespace(rotor="locked")], campaign=SimpleNamespace(drive=drive)
-    )
-    found = decompose._line(SimpleNamespace(prepared=prepared), [z], 1.0)
+    found = decompose.clearest_line([z], 1e-4, (k - beside) * rate, 1.0)
     assert found is None or found[0] == pytest.approx(k * rate)
     assert (found is not None) == told
 
