@@ -186,6 +186,7 @@ UNITS: tuple[Unit, ...] = (
     Unit(("resistance",), "in mohm", 1e-3),
     Unit(("magnet_flux",), "in mWb", 1e-3),
     Unit(("inertia",), "in kg cm^2", 1e-4),
+    Unit(("inertia",), "in g m^2", 1e-3),
     Unit(("inertia",), "in g cm^2", 1e-7),
     Unit(("rated_current",), "in mA", 1e-3),
     Unit(("rated_current",), "in kA", 1e3),
@@ -198,6 +199,7 @@ UNITS: tuple[Unit, ...] = (
     Unit(INDUCTANCES, SMALL, 1e3),
     Unit(("resistance",), SMALL, 1e3),
     Unit(("magnet_flux",), SMALL, 1e3),
+    Unit(("inertia",), SMALL, 1e3),
     Unit(("inertia",), "10 000 times too small", 1e4),
 )
 

@@ -45,6 +45,7 @@ from sandbox.recordings.stamps import rows_of, segment_name
 
 Array = NDArray[np.float64]
 SHORT_LAG = 2e-5  # s: below it are small coreless motors alone, and inductances in another unit
+THOUSAND = 1000.0  # of a unit that is mistaken
 OF_LAG = ("resistance", "inductance_d", "inductance_q")
 OF_TORQUE = {"i_q", "torque"}  # columns that tell a torque whatever the zero of the angle
 BESIDE = ("speed", "i_d", "i_q", "u_d", "u_q")
@@ -139,6 +140,8 @@ def _motion_only(file: str, rotor: str, source: Source) -> str | None:
     period = stated or _step(file, table, source)
     resistance, *inductances = (finite(motor.get(k)) or 0.0 for k in OF_LAG)
     if min(period, resistance, *inductances) > 0.0:
+        if _another_unit(period, resistance, max(inductances)):
+            return None  # its voltages tell which value is, and a motor that is so is told later
         rows = (
             f"sampling_period = {period:.3g} s is"
             if stated
@@ -418,6 +421,13 @@ def too_slow(campaign: Campaign) -> str | None:
     m, period = campaign.drive.motor, campaign.drive.converter.sampling_period
     rows = f"sampling_period = {period:.3g} s is"
     return _too_slow(rows, period, m.resistance, max(m.inductance_d, m.inductance_q))
+
+
+def _another_unit(period: float, resistance: float, inductance: float) -> bool:
+    """Tell whether L/R is that of hardly any motor, and a thousand times of it (ohm for mohm, H for
+    mH the other way) that of one whose currents the rows can follow."""
+    slowest = inductance / resistance
+    return slowest < SHORT_LAG and period <= THOUSAND * slowest
 
 
 def _too_slow(rows: str, period: float, resistance: float, inductance: float) -> str | None:

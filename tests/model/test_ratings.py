@@ -89,6 +89,11 @@ def small(**values):
         ({"inductance_d": 0.2, "inductance_q": 0.3}, "inductance_d and inductance_q in mH"),
         ({"resistance": 360.0}, "resistance in mohm"),
         ({"inertia": 7.06e-2}, "inertia in kg cm^2"),
+        ({"inertia": 7.06}, "inertia in kg cm^2"),
+        ({"inertia": 1e3 * 7.06e-5}, "inertia in g m^2"),  # with a load of ten rotors
+        ({"inertia": 7.06e-9}, "inertia 1000 times too small"),
+        ({"magnet_flux": 6.4}, "magnet_flux in mWb"),
+        ({"magnet_flux": 6.4e-6}, "magnet_flux 1000 times too small"),
         ({"inertia": 70.6}, "inertia in g cm^2"),
         ({"rated_current": 7100.0}, "rated_current in mA"),
         ({"rated_torque": 270.0}, "rated_torque in mN m"),

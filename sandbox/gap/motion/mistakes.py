@@ -40,6 +40,7 @@ LOUD = 100.0  # times the rated current: a unit
 LEAST_GEAR, MOST_GEAR = 1.25, 200.0  # as PACE is noticed; beyond it a unit
 COUNTS = (64.0, 2.0**24)  # of an encoder, a turn
 LINES = (360.0, 500.0, 600.0, 1000.0, 2000.0, 2500.0, 3600.0, 5000.0)  # of encoders, decimal ones
+RARE = "kA"  # that a log holds: no likelier than a mistake in [motor]
 MOST_USUAL = 3  # numbers of counts that are named
 
 
@@ -308,7 +309,7 @@ def mistakes(campaign: MotionCampaign, seen: Look) -> Iterator[Mistake]:
         yield Mistake(f"'{clock}' is in {unit}", f'map it with unit = "{unit}"', time=factor)
     for unit, factor in _others(campaign, "i_q", "current"):
         said, how = f"'{current}' is in {unit}", f'map it with unit = "{unit}"'
-        yield Mistake(said, how, current=factor)
+        yield Mistake(said, how, current=factor, rank=0.5 if unit == RARE else 0.0)
         yield Mistake(
             f"{said} and {reversed_}",
             f"{how}, and '{angle}' with scale = -1",
@@ -350,7 +351,10 @@ def _of_motor(campaign: MotionCampaign) -> Iterator[Mistake]:
         yield Mistake(
             guess, remedy, angle, torque=read if by_flux else 1.0, emf=read, speed=speed, rank=0.5
         )
-    for unit, factor in (("kg cm^2", 1e-4), ("g cm^2", 1e-7)):
+    # as likely as currents in mA, which look the same
+    small, remedy = "inertia is 1000 times too small", "multiply it by 1000 in [motor]"
+    yield Mistake(small, remedy, inertia=1e-3)
+    for unit, factor in (("kg cm^2", 1e-4), ("g m^2", 1e-3), ("g cm^2", 1e-7)):
         yield Mistake(
             f"inertia is in {unit}",
             f"multiply it by {factor:g} in [motor]",

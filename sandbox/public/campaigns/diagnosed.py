@@ -281,10 +281,12 @@ def diagnose(
     if motion is not None:
         return diagnose_motion(motion, names)
     own = with_replayable(read_campaign(campaign, columns, preset=preset))
+    if not isinstance(campaign, Campaign):
+        own = replace_fields(own, findings=(*own.findings, *further(own)))
     if slow := too_slow(own):
         return diagnose_motion(motion_of(own, slow), names)
     if not isinstance(campaign, Campaign):
-        own = replace_fields(own, findings=(*own.findings, *further(own), *shaft_contradicted(own)))
+        own = replace_fields(own, findings=(*own.findings, *shaft_contradicted(own)))
     own = excerpted(linear(own) if nominal else own, samples)
     rivals = [] if before is None else [s for s in before["rivals"] if not set(s) & set(names)]
     found = answer(

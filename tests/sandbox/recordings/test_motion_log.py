@@ -2,14 +2,17 @@
 each."""
 
 import math
+import shutil
 
 import numpy as np
 import pytest
 
 from model.errors import BadInput
+from sandbox import check
 from sandbox.recordings.angle.commutation import APART_120, STEP
 from sandbox.recordings.importing import read_recordings, source_of
 from sandbox.recordings.motion_log import motion_only, read_motion, with_replayable
+from tests.data import recordings_folder
 from tests.sandbox.recordings.made_angles import DRIVE, RPM, SWING, N, off, read, turning, written
 
 
@@ -137,3 +140,20 @@ def test_phase_currents_beside_states_become_a_torque_by_voltages_or_not_at_all(
     np.testing.assert_allclose(
         read_motion(source, motion_only(source)).recordings[0].torque, torque
     )
+
+
+def test_a_unit_that_makes_currents_too_quick_is_judged_by_the_voltages(tmp_path):
+    """L/R of the bench's p01 is 7 ms, 7 us with a wrong unit of L, and its rows are 0.25 ms apart:
+    too slow for any current, were it true.  It is not left to its motion; the unit is named."""
+    folder = recordings_folder() / "practice" / "p01"
+    shutil.copy(folder / "run_slow.parquet", tmp_path)
+    text = (folder / "campaign.toml").read_text().split("[[recording]]")[0]
+    for name, stated in (("inductance_d", "0.0919"), ("inductance_q", "0.0458")):
+        assert f"{name} = {stated}" in text
+        text = text.replace(f"{name} = {stated}", f"{name} = {stated}e-3")
+    text += '[[recording]]\nfile = "run_slow.parquet"\nrotor = "free"\n'
+    (tmp_path / "campaign.toml").write_text(text)
+    assert motion_only(source_of(tmp_path)) is None
+    told = " ".join(n.finding.text for n in check(tmp_path, effects=False).noticed)
+    assert "inductance_d and inductance_q are 1000 times too small" in told
+    assert "multiply inductance_d and inductance_q by 1000 in [motor]" in told

@@ -117,7 +117,13 @@ def test_a_speed_that_stands_for_the_angle_is_named_by_its_own_units(tmp_path, u
 
 
 @pytest.mark.parametrize(
-    ("factor", "words"), [(1e4, "inertia is in kg cm^2"), (1e7, "inertia is in g cm^2")]
+    ("factor", "words"),
+    [
+        (1e4, "inertia is in kg cm^2"),
+        (1e3, "inertia is in g m^2"),
+        (1e-3, "inertia is 1000 times too small"),
+        (1e7, "inertia is in g cm^2"),
+    ],
 )
 def test_a_stated_inertia_in_another_unit_is_named(tmp_path, factor, words):
     motor = MOTOR.replace(f"inertia = {INERTIA}", f"inertia = {INERTIA * factor}")
