@@ -29,6 +29,7 @@ BEFORE = 16  # samples over which it is seen moving
 NEAR_MIDDLE = 0.1  # relative: zero currents of a converter about its middle
 HEXAGON = 2.0 / 3.0  # of u_dc: largest phase voltage an inverter can give
 GIVEN = 0.99  # quantile of the commands: no single one counts
+LINK_OFF = 0.08  # of the stated link: beyond what mains and a sagging supply do to it
 UNITS_OFF = ((1e-3, "k"), (1e3, "m"))  # u_dc / nominal, prefix that explains it
 
 
@@ -79,6 +80,13 @@ def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
                 f'{prefix}V? convert it to V or map it with unit = "{prefix}V"'
             )
             raise Refused(Finding(r.file, "u_dc", 0, text))
+    if abs(middle / nominal - 1.0) > LINK_OFF and 0.5 < middle / nominal < 2.0:
+        text = (
+            f"{r.file}: column 'u_dc' is {middle:.4g} V in the middle, [drive] dc_bus_voltage is "
+            f"{nominal:g} V; resistance, inductances and flux that are found may be off by as "
+            f"much: state what the link is (dc_bus_voltage = {middle:.4g}), or correct the column"
+        )
+        return [Finding(r.file, "u_dc", None, text)]
     if not 0.5 < middle / nominal < 2.0:
         text = (
             f"{r.file}: column 'u_dc' is {middle:.6g} V in the middle, [drive] dc_bus_voltage is "

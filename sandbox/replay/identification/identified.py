@@ -17,6 +17,7 @@ from model.mapped import MappedMotor
 from sandbox.output.refitted import Refitted
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.checks.balance import plain
+from sandbox.replay.identification.common_scale import common_scale
 from sandbox.replay.identification.ordinary import OrdinaryFit, fit_ordinary
 from sandbox.replay.identification.places import ANGLE, NAMES, OF_EFFECT
 
@@ -126,6 +127,8 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
                 "diagnose`"
             )
         remarks.append(f"{said}; intervals take as much to be hidden in each value as is missed")
+    if said := common_scale(fit, campaign):
+        remarks.append(said)
     if fit.samples < fit.of_samples:
         remarks.append(
             f"{fit.samples} of {fit.of_samples} samples are used, the same share of each recording"

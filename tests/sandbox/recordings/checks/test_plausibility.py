@@ -251,6 +251,13 @@ def test_what_is_only_suspicious_is_returned(name):
     assert "samples seem lost" in lost[0].text
     link = check(_changed([fast], lambda r: {"u_dc": 2.5 * r.u_dc}), bench.drive)
     assert [f.column for f in link] == ["u_dc"]
+    near, far = (
+        check(_changed([fast], lambda r, k=k: {"u_dc": k * r.u_dc}), bench.drive)
+        for k in (1.05, 0.88)
+    )
+    assert near == []  # a supply does that
+    read = f"{0.88 * float(np.median(fast.u_dc)):.4g}"
+    assert f"state what the link is (dc_bus_voltage = {read})" in far[0].text
     torque = check(
         _changed([bench["run_slow"]], lambda r: {"load_torque": 1e3 * r.load_torque}), bench.drive
     )

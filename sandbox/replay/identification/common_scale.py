@@ -1,0 +1,79 @@
+"""Whether all that was identified is off by one factor, as a wrong DC link makes it.
+
+Voltages k times too large in the log make R, inductances and flux k times as large and leave the
+currents as they are: no recording tells such a link from another motor.  What tells is how unlike
+it is that all values of a motor are off from the stated ones by the same factor:
+
+    s_n = log(identified / stated) = log k + own deviation
+
+weighed without and with a common k; of usual deviations as in `sandbox.recordings.checks.factors`
+where the campaign states none.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from model.effects.said import percent
+from sandbox.recordings.campaign import Campaign
+from sandbox.replay.identification.ordinary import OrdinaryFit
+
+# standard deviations of the logarithm where nothing is stated: 40 K of winding, iron, a warm magnet
+USUAL = {
+    "resistance": 0.15,
+    "inductance_d": 0.125,
+    "inductance_q": 0.125,
+    "magnet_flux": 0.075,
+}
+SCALE = 0.12  # likewise, of a link that is stated wrong
+FEWEST = 3  # values: two may be alike by chance
+LIKELIER = 2.0  # times as likely as without it, from which a common factor is worth a line
+APART = 2.0  # mean square of what is left of each: beyond it they differ on their own
+SEEN = 0.04  # of the factor: a link varies by as much
+
+
+def common_scale(fit: OrdinaryFit, campaign: Campaign) -> str:
+    """Return a sentence on a common factor of all values that are told; where nothing speaks for
+    one, that a link that was not measured could hide one; else nothing."""
+    return _found(fit, campaign) or _hidden(fit, campaign)
+
+
+def _hidden(fit: OrdinaryFit, campaign: Campaign) -> str:
+    """Return what a link that was not measured hides."""
+    if not fit.values or any(np.ptp(r.u_dc) > 0.0 for r in campaign.recordings):
+        return ""
+    stated, names = campaign.recordings[0].u_dc[0], ", ".join(fit.values)
+    return (
+        f"the DC link was not measured ({stated:g} V is stated): if commands were worked out from "
+        f"a wrong one, {names} are off by the same factor, and no current shows it"
+    )
+
+
+def _found(fit: OrdinaryFit, campaign: Campaign) -> str:
+    """Return a sentence on a common factor, empty where nothing speaks for one."""
+    drive = campaign.drive
+    names = [n for n in USUAL if n in fit.values and getattr(drive.motor, n) > 0.0]
+    if len(names) < FEWEST:
+        return ""
+    off = np.array([math.log(fit.values[n] / getattr(drive.motor, n)) for n in names])
+    own = np.array(
+        [
+            math.hypot(campaign.uncertainty.get(n, USUAL[n]), fit.deviations[n] / fit.values[n])
+            for n in names
+        ]
+    )
+    precision = float(np.sum(own**-2.0))
+    share = precision / (precision + SCALE**-2.0)
+    scale = float(np.sum(off / own**2)) / precision
+    gain = 0.5 * precision * share * scale**2 - 0.5 * math.log(1.0 + precision * SCALE**2)
+    left = float(np.sum(((off - scale) / own) ** 2)) / (len(names) - 1)
+    if abs(scale) < SEEN or gain < math.log(LIKELIER) or left > APART:
+        return ""
+    k, link = math.exp(scale), drive.converter.dc_bus_voltage
+    return (
+        f"{', '.join(names)} are all about {percent(k - 1.0)} from the stated ones, as a wrong DC "
+        f"link makes them: [drive] dc_bus_voltage = {link:g} V, about {link / k:.3g} V would bring "
+        "them back; currents and angle alone cannot tell that from another motor: measure the link"
+    )
