@@ -47,7 +47,16 @@ def which_text(
     them has them; rivals: shares in the other likely sets.
     """
     of_sets = {**(rivals or {}), tuple(_named(d.best)): shares or {}}
-    return _which(d, shares or {}, chances or {}, of_sets) + _hidden(d.out_of_sight)
+    told = _which(d, shares or {}, chances or {}, of_sets) + _hidden(d.out_of_sight)
+    return f"{_drifted(d)}{told}"
+
+
+def _drifted(d: Diagnosis) -> str:
+    """Return that offsets of the current sensors differ between recordings: an effect that drifts,
+    which no value for all recordings could be, and so no hypothesis."""
+    named = d.drifting.named if d.drifting is not None else ""
+    first = f"Current offset, another in each recording ({named}), was taken off first."
+    return f"{first} What else? " if named else ""
 
 
 def _hidden(hidden: Sequence[str]) -> str:

@@ -67,19 +67,27 @@ class Drifting:
             "it to the offsets that are named."
         )
 
-    def _text_of_differences(self) -> str:
+    @property
+    def named(self) -> str:
+        """Return the sensor whose offset differs most, and what it reads in which recording beside
+        the median; empty where none differs."""
         sizes = np.array(list(self.offsets.values())) - self.common
         sensor = int(np.argmax(np.ptp(sizes, axis=0)))
         if not np.ptp(sizes[:, sensor]) > 0.0:
             return ""
-        named = [(x[sensor], file) for file, x in zip(self.offsets, sizes, strict=True)]
-        ranked = sorted(named, key=lambda x: x[0])
+        each = [(x[sensor], file) for file, x in zip(self.offsets, sizes, strict=True)]
+        ranked = sorted(each, key=lambda x: x[0])
         shown = ranked if len(ranked) <= NAMED else [ranked[0], ranked[-1]]
         said = ", ".join(f"{quantity(x, 'A')} in {file}" for x, file in shown)
+        return f"sensor {'abc'[sensor]} reads {said}"
+
+    def _text_of_differences(self) -> str:
+        if not self.named:
+            return ""
         within = quantity(2.0 * max(self.errors.values()), "A")
         return (
-            "The offsets of current sensors differ from recording to recording: sensor "
-            f"{'abc'[sensor]} reads {said} beside their median, within {within}. This was taken "
+            "The offsets of current sensors differ from recording to recording: "
+            f"{self.named} beside their median, within {within}. This was taken "
             "off before anything else; measure offsets at rest before each recording."
         )
 

@@ -14,6 +14,7 @@ from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.report import answers
 from sandbox.gap.report.position_moved import Moved
 from sandbox.gap.report.which import badge, doubtful, which_text
+from sandbox.gap.unstated.drifting import Drifting
 from sandbox.gap.words import tenths
 from sandbox.output.sentences import VERDICTS
 from sandbox.recordings.campaign import Made
@@ -31,6 +32,7 @@ def diagnosis(*found, closed=0.5):
         best=hypotheses[0],
         size=SimpleNamespace(closed=closed),
         out_of_sight=(),
+        drifting=None,
         parameters=[{}],
         evaluated=(),
         campaign=SimpleNamespace(limits=None, recordings=()),
@@ -389,3 +391,16 @@ def test_no_gap_says_how_probable_something_else_is(unknown, told):
     said = which_text(diagnosis(((), 1.0 - unknown), (U, unknown)))
     assert said.startswith("None: ordinary deviations alone are")
     assert (f"Something outside the library is {100 * unknown:.0f} % probable." in said) == told
+
+
+def test_offsets_that_differ_by_recording_are_named_first():
+    """What was taken off is an effect, too, beside "None": sensor a, -12 and 12 mA."""
+    drifts = Drifting(
+        {"rs1": (-0.012, 0.0, 0.0), "rs2": (0.012, 0.0, 0.0)}, {"rs1": 5e-5, "rs2": 5e-5}
+    )
+    none = diagnosis(((), 0.96), (A, 0.04))
+    alone = which_text(none)
+    none.drifting = drifts
+    said = which_text(none)
+    assert said.startswith("Current offset, another in each recording (sensor a reads −12")
+    assert said.endswith(f"was taken off first. What else? {alone}")
