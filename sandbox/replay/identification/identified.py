@@ -22,6 +22,7 @@ from sandbox.replay.identification.ordinary import OrdinaryFit, fit_ordinary
 from sandbox.replay.identification.places import ANGLE, NAMES, OF_EFFECT
 
 MOST_MISSED = 0.05  # share of the current: beyond it the log is more probably another drive's
+ROUGH = 0.6  # relative standard deviation: beyond it a value may as well be none
 MORE_THAN_NOISE = 1.5  # misfit from which what the model lacks is told
 SLOW = 2.0  # times L/R from row to row: what a command does to the current is over within a row
 ANSWERED = 0.5  # correlation from which commands are said to follow readings
@@ -123,8 +124,8 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
         if fit.missed_share > MOST_MISSED or not fit.values:
             raise PhysicsError(
                 f"{campaign.name}: with the best R, L_d, L_q and magnet flux, {said}; values would "
-                "be off by more than their intervals: see `sensorless check` or `sensorless "
-                "diagnose`"
+                f"be off by more than their intervals{_each(fit)}: see `sensorless check` or "
+                "`sensorless diagnose`"
             )
         remarks.append(f"{said}; intervals take as much to be hidden in each value as is missed")
     if said := common_scale(fit, campaign):
@@ -134,6 +135,16 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
             f"{fit.samples} of {fit.of_samples} samples are used, the same share of each recording"
         )
     return OrdinaryIdentification(campaign, fit, tuple(remarks))
+
+
+def _each(fit: OrdinaryFit) -> str:
+    """Return in words what is roughly known where no value is told, one standard deviation."""
+    known = [
+        f"{n} about {fit.rough[n][0]:.2g} {UNIT[n]}, give or take {100.0 * fit.rough[n][1]:.0f} %"
+        for n in fit.rough
+        if fit.rough[n][1] < ROUGH
+    ]
+    return f" (at best {', '.join(known)})" if known and not fit.values else ""
 
 
 def _acts(campaign: Campaign) -> str:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +62,8 @@ class OrdinaryFit:
     by the linear least squares (nominal where it says nothing); nuisance: by public name of
     effects, and angles.FILE (rad) of a zero that was made; apart: of it, what stands more than an
     interval from where it usually is; residual_rms: A; missed_share: that over the current's rms;
-    misfit: the residual's square over the noise's; files: of the recordings used; samples: used, of
+    misfit: the residual's square over the noise's; rough: value and relative deviation of what the
+    recordings hold and do not tell; files: of the recordings used; samples: used, of
     `of_samples`.
     """
 
@@ -79,6 +80,7 @@ class OrdinaryFit:
     rms: Mapping[str, float]
     samples: int
     of_samples: int
+    rough: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def ci95(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval of a parameter that is told."""
@@ -139,6 +141,7 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
         x.residual_rms(),
         count,
         sum(len(r.t) for r in campaign.recordings),
+        {n: (values[n], float(deviation[NAMES.index(n)])) for n in untold if n not in why},
     )
 
 

@@ -4,6 +4,7 @@ sizes, wrong starts; a real standstill test."""
 import csv
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -255,8 +256,12 @@ def test_a_real_standstill_test_whose_knee_no_polynomial_follows_is_refused():
     one = CampaignRecording("uq.parquet", "locked", "none", columns | {"u_dc": np.full(n, 540.0)})
     motor = Motor("synrm", 2, 0.6, 1e-6, 0.05, 0.02, 0.01, 15.0, 20.0, 1500.0)
     drive = Drive(motor, Converter(1e-4, 540.0, 0.0, 0.05), Injection(1000.0, 10.0), {})
-    with pytest.raises(PhysicsError, match="saturation of another form"):
+    with pytest.raises(PhysicsError, match="saturation of another form") as refused:
         identify_ordinary(Campaign("synrm", drive, (one,), {}, {}, False))
+    # what is known roughly: the flux over the current is 0.31 H near no current, 0.13 over all
+    said = re.search(r"inductance_q about (0\.\d+) H, give or take \d\d %", str(refused.value))
+    assert said is not None
+    assert 0.13 < float(said[1]) < 0.62
 
 
 def test_least_squares_alone_is_near():
