@@ -334,14 +334,12 @@ def _of_motor(campaign: MotionCampaign) -> Iterator[Mistake]:
     s = campaign.stated
     by_flux = "torque_constant" not in s
     if not by_flux:
-        yield Mistake(
-            "torque_constant is in mN m/A", "divide it by 1000 in [motor]", torque=1e3, rank=0.5
-        )
+        yield Mistake("torque_constant is in mN m/A", "divide it by 1000 in [motor]", torque=1e3)
     if (flux := s.get("magnet_flux", 0.0)) > 0.0:
         for factor, guess, remedy in fluxes(s.get("pole_pairs", 1.0), flux):
-            off = 1.0 / factor
+            off, own = 1.0 / factor, 0.0 if math.isclose(factor, 1e-3) else 0.5
             yield Mistake(
-                guess, f"{remedy} in [motor]", torque=off if by_flux else 1.0, emf=off, rank=0.5
+                guess, f"{remedy} in [motor]", torque=off if by_flux else 1.0, emf=off, rank=own
             )
     for read, guess, remedy in (
         (2.0, "pole_pairs counts poles", "halve it in [motor]"),
@@ -351,7 +349,7 @@ def _of_motor(campaign: MotionCampaign) -> Iterator[Mistake]:
         yield Mistake(
             guess, remedy, angle, torque=read if by_flux else 1.0, emf=read, speed=speed, rank=0.5
         )
-    # as likely as currents in mA, which look the same
+    # as likely as currents in mA, which look the same; so is a constant of the torque
     small, remedy = "inertia is 1000 times too small", "multiply it by 1000 in [motor]"
     yield Mistake(small, remedy, inertia=1e-3)
     for unit, factor in (("kg cm^2", 1e-4), ("g m^2", 1e-3), ("g cm^2", 1e-7)):

@@ -132,6 +132,17 @@ def test_a_stated_inertia_in_another_unit_is_named(tmp_path, factor, words):
     )
 
 
+def test_what_looks_like_milliamperes_is_named_beside_them(tmp_path):
+    """A thousand times too much torque: of the currents, of what makes a torque of them, or of the
+    inertia it is compared with; a motion alone cannot tell which."""
+    own = MOTOR.replace(f"magnet_flux = {FLUX}", f"torque_constant = {1500.0 * PAIRS * FLUX}")
+    found = checked(tmp_path, motor=own)
+    said = " ".join(text for level, text in found if level == "refused")
+    assert "'iq' is in mA" in said
+    assert "torque_constant is in mN m/A (divide it by 1000 in [motor])" in said
+    assert "inertia is 1000 times too small" in said
+
+
 @pytest.mark.parametrize("frozen", [False, True])
 def test_a_coarse_encoder_that_creeps_to_a_stop_is_not_stuck(tmp_path, frozen):
     """256 counts a turn: near a stop each count lasts for many rows; one that freezes at 40 rad/s
