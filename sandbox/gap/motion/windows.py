@@ -29,8 +29,9 @@ from sandbox.recordings.stamps import stamp_jitter
 Array = NDArray[np.float64]
 SAMPLES = 24  # of a window
 OVERLAP = 3  # windows that share a row
-# of the accelerations' rms, that their noise may be: twice as long windows have a sixth of it
-NOISY = 0.1
+# of the accelerations' rms, that their noise may be: what is known of it is taken out of the
+# inertia, and longer windows wash out orders of cogging
+NOISY = 0.5
 LONGEST = 8 * SAMPLES
 FEWEST = 4  # windows, one behind the other, that a recording keeps
 # Between rows nobody knows a signal: the line between its readings makes parabolas, and on average
