@@ -58,8 +58,8 @@ commands (125 ms if his current loop runs at 8 kHz; that it was set in these run
 spin-ups agree in phase although the late reading turns only the slow ones. Amplitudes in A are as good as the
 drive's current; in N m they depend on the author's torque constant, which is not measured. Inertia: four sets of
 runs agree to 7 %; their intervals are narrower than that, they count scatter, not what is left unexplained, and
-the author's figure is another. Friction: only the slow turns without compensation meet the maps; the other
-three sets say twice as much, as dry friction, viscous friction and an offset of the current trade: do not
+the author's figure is another. Friction: the slow turns stand a fifth below and above the maps, the spin-ups
+say twice as much, as dry friction, viscous friction and an offset of the current trade: do not
 believe it beyond a factor of two. Whatever is electrical is not on file and not judged.
 """  # noqa: E501
 
