@@ -215,14 +215,18 @@ class Search:
         if again is None or rms_of(again) >= rms_of(here):
             self.looked = True
             return None
-        self.state(new)
+        self.state(new, again)
         return again
 
-    def state(self, new: Unstated) -> None:
-        """State in the campaign what was found, and fit ordinary deviations again."""
+    def state(self, new: Unstated, again: Fit | None = None) -> None:
+        """State in the campaign what was found, and fit ordinary deviations again; again: a fit to
+        the campaign that states it, which serves where it is of them alone."""
         self.problem = p = self.problem.stating(new)
-        at = new.at(self.null.point)
-        self.null = fit(at, (), p.fitted, rough=self.rough, workers=p.workers)
+        if again is not None and not again.effects:
+            self.null = again
+        else:
+            at = new.at(self.null.point)
+            self.null = fit(at, (), p.fitted, rough=self.rough, workers=p.workers)
         self.trace = p.settings.trace_at(rms_of(self.null))
 
     def freed(self, here: Fit) -> bool:
