@@ -17,6 +17,7 @@ from experiments.real_drives.fitted import Fitted
 from model.datasets import dataset
 
 RESULTS = Path(os.environ.get("SENSORLESS_RESULTS") or Path(__file__).parent / "results")
+BLUE, ORANGE, GREY = "#1f5fa8", "#d9730d", "0.45"
 plt.rcParams.update(
     {
         "font.size": 10,

@@ -26,7 +26,7 @@ import numpy as np
 from model.effects.library import causes
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.normal import Point, counted, normal
-from sandbox.gap.evidence.priors import Coordinate, ordinary, with_usual_sign
+from sandbox.gap.evidence.priors import Coordinate, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.recordings.campaign import read_folder
 from sandbox.withheld.baselines import discrepancy_process as gp
@@ -159,7 +159,7 @@ def ranked(search: Search, best: Stand) -> list[tuple[tuple[str, ...], float, Ma
 def process_of(point: Point, exclude: tuple[str, ...]) -> Process:
     """Return the discrepancy whose scales suit what ordinary deviations leave at a point."""
     where, drawn = gp.places_of(point), gp.frequencies()
-    n = normal(point, ordinary(point.prepared.campaign))
+    n = normal(point, fit.usual(point.prepared.campaign))
     parts = gp.thinned(gp.parts_of(point, n, where), SAMPLED)
     scales = gp.learnt(parts, n.x, prior_of(n.coordinates), drawn, BEGIN, TRIES)
     return Process(where, drawn, scales, exclude)

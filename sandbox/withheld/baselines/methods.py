@@ -25,7 +25,7 @@ from typing import Any
 from model.effects.library import effect_names
 from model.errors import BadInput
 from sandbox.gap.evidence.normal import Point, counted
-from sandbox.gap.evidence.priors import ordinary, with_usual_sign
+from sandbox.gap.evidence.priors import with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.recordings.campaign import read_folder
 from sandbox.withheld.baselines import refit as fit
@@ -48,7 +48,7 @@ def by_refit(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     belongs to)."""
     started, campaign = time.perf_counter(), read_folder(folder)
     null, raw = fit.nuisances(campaign)
-    stated = ordinary(campaign)
+    stated = fit.usual(campaign)
     # without bounds first, then without priors
     near = fit.refit(null.point, fit.widened(stated, 1.0), fit.ROUNDS)
     free = fit.refit(near.point, fit.widened(stated, LOOSE), FREE)
@@ -85,7 +85,7 @@ def by_bic(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
         unbent = replace(
             null.point, values=with_usual_sign(null.point.values, campaign.drive.motor)
         )
-        for promise in screened(null.point, ordinary(campaign), usual_probes(null.point, exclude))[
+        for promise in screened(null.point, fit.usual(campaign), usual_probes(null.point, exclude))[
             :REFINED
         ]:
             with suppress(*UNFITTED):

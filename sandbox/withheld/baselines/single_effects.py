@@ -28,7 +28,7 @@ from scipy.special import softmax
 
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, counted, normal
-from sandbox.gap.evidence.priors import Coordinate, ordinary
+from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.posterior.candidates import candidates
 from sandbox.recordings.campaign import read_folder
 from sandbox.withheld.baselines import refit as fit
@@ -60,7 +60,7 @@ def by_single_effects(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     started, campaign, spent = time.perf_counter(), read_folder(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
-        usual = ordinary(campaign)
+        usual = fit.usual(campaign)
         probes = columns(null.point, usual, candidates(null.point, exclude, left=0.0))
         n = normal(null.point, probes.every).bare()
     found = summed(

@@ -190,8 +190,8 @@ def test_the_two_parts_of_a_late_edge_add_up_at_currents_near_zero(hold, before)
     added got lost, and an edge acted at once that should have waited 2 us."""
     c, after = 1e-9, before + 3e4
     at = (hold, before, after, LINK)
-    first = late(TIME, c, 0.0, 0.0, 0.0, *at)[0]
-    assert first + commutated(TIME, c, 0.0, 0.0, 0.0, *at) == pytest.approx(
+    first = late(TIME, c, 0.0, 0.0, 0.0, 0.0, *at)[0]
+    assert first + commutated(TIME, c, 0.0, 0.0, 0.0, 0.0, *at) == pytest.approx(
         lateness(TIME, c, LINK, hold, before, after), abs=1e-15
     )
 
@@ -207,8 +207,8 @@ def test_what_a_compensation_leaves_adds_to_real_commutation(residual, shape, ho
     c, width, at = 1e-9, 0.02, (hold, 1e3, 4e4, LINK)
 
     def acts(time, left):
-        return late(time, c, left, width, shape, *at)[0] + commutated(
-            time, c, left, width, shape, *at
+        return late(time, c, left, width, shape, 0.0, *at)[0] + commutated(
+            time, c, left, width, shape, 0.0, *at
         )
 
     x = hold / width
@@ -223,6 +223,6 @@ def test_what_a_compensation_leaves_adds_to_real_commutation(residual, shape, ho
 def test_without_a_capacitance_dead_time_and_what_is_left_of_it_are_one():
     """Both act by the same sign with the same zone: edges know their sum only."""
     at = (0.01, 1e3, 4e4, LINK)
-    both = late(1e-6, 0.0, 3e-8, 0.02, 0.5, *at)
-    one = late(1e-6 + 3e-8, 0.0, 0.0, 0.02, 0.5, *at)
+    both = late(1e-6, 0.0, 3e-8, 0.02, 0.5, 0.3, *at)
+    one = late(1e-6 + 3e-8, 0.0, 0.0, 0.02, 0.5, 0.3, *at)
     assert both == one
