@@ -121,7 +121,8 @@ class _Weighing:
             if not asked and (not near or many):
                 break
             key = asked[0] if asked else near[0]
-            new = self.search.fit_of(key, leader.fit, None, leader=leader.fit.objective)
+            ahead = math.inf if asked else leader.fit.objective  # who is asked for is fitted whole
+            new = self.search.fit_of(key, leader.fit, None, leader=ahead)
             if set(key) < set(leader.effects):
                 new = self.search.begun_anew(key, leader.fit, new)
             lead = self.lead(leader.fit, new, variance)
