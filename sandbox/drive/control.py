@@ -7,7 +7,6 @@ injection nor is disturbed by it; its voltage leaves room for what is injected.
 from __future__ import annotations
 
 import math
-from enum import IntEnum
 from typing import NamedTuple
 
 import numba
@@ -17,14 +16,19 @@ from model.compiled import kernel
 from model.frames import rotate
 
 
-class Slot(IntEnum):
+class Slots(NamedTuple):
     """Places in the controller's state."""
 
-    INTEGRAL_D, INTEGRAL_Q, INTEGRAL_SPEED, CURSOR, FRAME = range(5)
-    RING_D = 5  # currents of the last period of injection
-    RING_Q = RING_D + MAX_PERIOD
+    INTEGRAL_D: int = 0
+    INTEGRAL_Q: int = 1
+    INTEGRAL_SPEED: int = 2
+    CURSOR: int = 3
+    FRAME: int = 4
+    RING_D: int = 5  # currents of the last period of injection
+    RING_Q: int = 5 + MAX_PERIOD
 
 
+Slot = Slots()  # no enum: before 0.68 numba takes none as an index
 SIZE = Slot.RING_Q + MAX_PERIOD
 # rad/s: a count of 2 pi p/4096 blurs the speed by 0.3 rad/s (p = 6), lag 11 degrees at 50
 ENCODER_BANDWIDTH = 500.0

@@ -59,16 +59,22 @@ class Status(IntEnum):
     DONE, OUTSIDE_DOMAIN, NOT_FINITE = range(3)
 
 
-class Memory(IntEnum):
+class Places(NamedTuple):
     """Places of the loop's own memory."""
 
-    CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA = range(5)  # voltage now acting, and before
-    LINK = 5  # as read, over its nominal value
-    ENCODER = 6  # three places of its speed
-    INSTANT, SPAN = 9, 10  # s: the last sample less t_k, the plant's last segment
+    CURSOR: int = 0
+    U_ALPHA: int = 1  # voltage now acting
+    U_BETA: int = 2
+    LAST_ALPHA: int = 3  # and before
+    LAST_BETA: int = 4
+    LINK: int = 5  # as read, over its nominal value
+    ENCODER: int = 6  # three places of its speed
+    INSTANT: int = 9  # s, the last sample less t_k
+    SPAN: int = 10  # s, the plant's last segment
 
 
-MEMORY = len(Memory) + 2
+Memory = Places()  # no enum: before 0.68 numba takes none as an index
+MEMORY = Memory.SPAN + 1
 
 
 class Rig(NamedTuple):

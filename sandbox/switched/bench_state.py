@@ -2,35 +2,55 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
+from typing import NamedTuple
 
 ROOM = 8  # edges that a leg may have at hand
 MOST_READINGS = 32  # inside a period
 
 
-class Slot(IntEnum):
+class Slots(NamedTuple):
     """Places in the state; of what has several numbers the first one."""
 
-    PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
-    THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s, rad mechanical
-    FILTER_ALPHA, FILTER_BETA, I_ALPHA, I_BETA = range(10, 14)  # lagged, true terminal current, A
-    HELD_ALPHA, HELD_BETA, LOOP = range(14, 17)  # Wb that hysteresis holds; A of shorted turns
-    TIME = 17  # s, start of the coming period
-    OFFSET = 18  # s from t_k to the next sample
-    # audited energies, J: of the supply, lost, to the load; lost in the devices, from the link
-    # without dead time
-    INPUT, LOSS, OUTPUT, DEVICES, COMMANDED = range(19, 24)
-    LINK_SAG, LINK_DIP, LINK_FEED = range(24, 27)  # V: in this period; the link's resonance
-    LOAD = 27  # N m, the load torque that acts
-    # three legs each: duty, level that acts, level commanded, late edges
-    LAST_DUTY, LEVEL, WANTED, CARRIED = range(28, 40, 3)
-    # three legs each: s by which this period's pulse is late, and the last one's
-    SHIFT, LAST_SHIFT = range(40, 46, 3)
-    CORES = 46  # A, what three sensors' cores hold
-    SAMPLES = 49  # current vectors of three channels, where read before t_k
-    EDGES = 55  # three legs of ROOM edge times relative to t_k
+    PSI_ALPHA: int = 0
+    PSI_BETA: int = 1
+    CORE_ALPHA: int = 2
+    CORE_BETA: int = 3
+    SKIN_ALPHA: int = 4
+    SKIN_BETA: int = 5
+    THETA: int = 6  # rad electrical
+    SPEED: int = 7  # rad/s, mechanical, as the next
+    LOAD_SPEED: int = 8
+    TWIST: int = 9  # rad
+    FILTER_ALPHA: int = 10  # lagged current, A
+    FILTER_BETA: int = 11
+    I_ALPHA: int = 12  # true terminal current, A
+    I_BETA: int = 13
+    HELD_ALPHA: int = 14  # Wb that hysteresis holds
+    HELD_BETA: int = 15
+    LOOP: int = 16  # A of shorted turns
+    TIME: int = 17  # s, start of the coming period
+    OFFSET: int = 18  # s from t_k to the next sample
+    INPUT: int = 19  # audited energies, J: of the supply, lost, to the load
+    LOSS: int = 20
+    OUTPUT: int = 21
+    DEVICES: int = 22  # J lost in the devices
+    COMMANDED: int = 23  # J from the link without dead time
+    LINK_SAG: int = 24  # V in this period
+    LINK_DIP: int = 25
+    LINK_FEED: int = 26  # the link's resonance
+    LOAD: int = 27  # N m, the load torque that acts
+    LAST_DUTY: int = 28  # three legs, as the next ones
+    LEVEL: int = 31  # that acts
+    WANTED: int = 34  # level commanded
+    CARRIED: int = 37  # late edges
+    SHIFT: int = 40  # three legs, s by which this period's pulse is late
+    LAST_SHIFT: int = 43
+    CORES: int = 46  # A, what three sensors' cores hold
+    SAMPLES: int = 49  # current vectors of three channels, where read before t_k
+    EDGES: int = 55  # three legs of ROOM edge times relative to t_k
     # number of readings inside a period, then the current vector of each (see `reading_due`)
-    READINGS = EDGES + 3 * ROOM
+    READINGS: int = 55 + 3 * ROOM
 
 
+Slot = Slots()  # no enum: before 0.68 numba takes none as an index
 SIZE = Slot.READINGS + 1 + 2 * MOST_READINGS

@@ -18,11 +18,11 @@ SEVERAL = {
 SIZES = {Slot: bench_state.SIZE, control.Slot: control.SIZE, loop.Memory: loop.MEMORY}
 
 
-@pytest.mark.parametrize("slots", SIZES)
+@pytest.mark.parametrize("slots", SIZES, ids=["bench", "controller", "loop"])
 def test_each_place_holds_one_thing_and_none_is_left_over(slots):
     taken = [
         place + k
-        for name, place in slots.__members__.items()
+        for name, place in slots._asdict().items()
         for k in range(SEVERAL[slots].get(name, 1))
     ]
     assert sorted(taken) == list(range(SIZES[slots]))
