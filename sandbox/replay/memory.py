@@ -103,16 +103,17 @@ class Spill:
         return out
 
 
-def chosen(rows: Array, columns: NDArray[np.int64], scale: Array) -> Array:
-    """Return some columns of rows (n, p), each times its scale (q,)."""
-    out = np.empty((len(rows), len(columns)))
-    choose(rows, columns, scale, out)
+def compacted(rows: Array, columns: NDArray[np.int64], scale: Array) -> Array:
+    """Return some columns (q,), in ascending order, of rows (n, p), each times its scale (q,), in
+    the place of these: fresh memory of that size takes ten times as long."""
+    out = rows.reshape(-1)[: len(rows) * len(columns)].reshape(len(rows), len(columns))
+    compact(rows, columns, scale, out)
     return out
 
 
 @kernel
-def choose(rows, columns, scale, out):
-    """Write `chosen` in one pass: numpy's copies take six times as long."""
+def compact(rows, columns, scale, out):
+    """Write `compacted`: what is written stands where, or before, what is read next."""
     for k in range(len(out)):
         for j in range(len(columns)):
             out[k, j] = rows[k, columns[j]] * scale[j]
@@ -135,7 +136,7 @@ class Kept:
         """Return some rows (stop - start, q)."""
         first, last, _ = rows.indices(self.shape[0])
         own = self.spill.read(self.at + 8 * first * self.shape[1], (last - first, self.shape[1]))
-        return chosen(own, self.columns, self.scale)
+        return compacted(own, self.columns, self.scale)
 
     def of(self, columns: NDArray[np.int64]) -> Kept:
         """Return some of the columns."""

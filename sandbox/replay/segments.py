@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import Inputs
 from sandbox.replay.map_error import Answers
-from sandbox.replay.memory import SHARE, Kept, Spill, chosen
+from sandbox.replay.memory import SHARE, Kept, Spill, compacted
 from sandbox.replay.replay import Prepared, Residual, residual_of
 from sandbox.replay.sensitivity import Moves, Slopes, slopes
 from sandbox.replay.stretches import Stretch, blocks, stretches
@@ -159,7 +159,7 @@ class Gathering:
         columns, scale = part.columns[acts], part.scale[acts]
         rows: Rows
         if spill is None:
-            rows = chosen(part.j.reshape(-1, self.width), columns, scale)
+            rows = compacted(part.j.reshape(-1, self.width), columns, scale)
         else:
             rows = Kept(spill, self.at, (self.rows, self.width), columns, scale)
         r = self.residuals[0] if len(self.residuals) == 1 else np.concatenate(self.residuals)

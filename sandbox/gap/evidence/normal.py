@@ -34,7 +34,7 @@ from sandbox.plant.sets import ANGLE_OFFSET, complete
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import inputs_of
 from sandbox.replay.map_error import with_map_error
-from sandbox.replay.memory import SHARE, Kept
+from sandbox.replay.memory import SHARE
 from sandbox.replay.replay import Prepared, StreamingReplay, in_threads, plan, residual_of
 from sandbox.replay.segments import Segment, channel, colour_of, squared, squared_slopes
 from sandbox.replay.sensitivity import Moves
@@ -169,9 +169,9 @@ class Normal:
         A column is told by how its coordinate moves the parameters: its label and its prior do not
         matter.
         """
-        own = {self._move(c): k for k, c in enumerate(self.coordinates) if not c.of_point}
+        own = {self.move(c): k for k, c in enumerate(self.coordinates) if not c.of_point}
         turns = [k for k, c in enumerate(self.coordinates) if c.of_point]
-        moves = [self._move(c) for c in coordinates]
+        moves = [self.move(c) for c in coordinates]
         if not self.rows or any(m not in own for m in moves):
             return None
         kept = np.array([*(own[m] for m in moves), *turns])
@@ -181,7 +181,7 @@ class Normal:
             new = np.array([m for m, k in enumerate(kept) if int(k) in place], dtype=np.int64)
             old = np.array([place[int(kept[m])] for m in new], dtype=np.int64)
             segments.append(replace(s, places=new, a=s.a[:, old][:, :, old], g=s.g[:, old]))
-            rows.append(r.of(old) if isinstance(r, Kept) else r[:, old])
+            rows.append(r[:, old] if isinstance(r, np.ndarray) else r.of(old))
         whole = (*coordinates, *(self.coordinates[k] for k in turns))
         return replace(
             self,
@@ -192,7 +192,7 @@ class Normal:
             simulations=0.0,
         )
 
-    def _move(self, c: Coordinate) -> tuple[object, ...]:
+    def move(self, c: Coordinate) -> tuple[object, ...]:
         """Return what tells one column from another; parameters along with it that are there
         already move nothing."""
         return c.form, c.names, tuple((k, v) for k, v in c.along if self.values.get(k) != v), c.step

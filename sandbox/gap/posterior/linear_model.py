@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from model.effects import library
 from model.parameters import Drive
 from sandbox.gap.evidence.algebra import Algebra, Prior, prior_of
+from sandbox.gap.evidence.extended import extended
 from sandbox.gap.evidence.fit import Weights, objective, tried
-from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.normal import Normal, Point
 from sandbox.gap.evidence.priors import STEPS, Coordinate, of_effect, ordinary
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.settings import USUAL, Settings
@@ -232,7 +233,7 @@ class _Columns:
             {c.label for c in ordinary(point.prepared.campaign, point.values)},
             [self.wide[label] for label in self.narrow],
         )
-        n = (known.of(own) if known is not None else None) or normal(point, own, workers=workers)
+        n = extended(known, point, own, workers=workers)
         place = {c.label: k for k, c in enumerate(n.coordinates)}
         other = np.array([c.label not in usual and not c.of_point for c in n.coordinates])
         return LinearModel(

@@ -165,7 +165,8 @@ class Search:
         if self.chosen and not keeps_more(here, self.problem.settings.gap):
             wide = 0  # excerpts chose beside a set that leaves nothing here, either
         for turn in range(self.problem.settings.rounds):
-            sets = self.linearised(here, self.every(here) if turn < wide else self.candidates())
+            found = self.every(here) if turn < wide else self.candidates()
+            sets = self.linearised(here, found, known)
             known, self.linear = (
                 sets.model.normal,
                 replace(sets.model, normal=sets.model.normal.bare()),
@@ -281,8 +282,10 @@ class Search:
             sets.price[k] for k in chosen
         )
 
-    def linearised(self, here: Fit, found: Sequence[Candidate]) -> SetPosterior:
-        """Return the posterior over sets at a fit's point.
+    def linearised(
+        self, here: Fit, found: Sequence[Candidate], known: Normal | None = None
+    ) -> SetPosterior:
+        """Return the posterior over sets at a fit's point; known: equations that were taken there.
 
         What a set leaves tells how far the data count: it is weighed anew by what the best set
         leaves, as slopes say, until that is the best one, REWEIGHTED times at most.  So what is
@@ -298,6 +301,7 @@ class Search:
             here.effects,
             self.trace,
             weights(variance),
+            known,
             settings=p.settings,
             workers=p.workers,
         )

@@ -108,9 +108,7 @@ def pwm_counts(point: Point) -> Counted | None:
     if converter.pwm_counts is not None or converter.periods_a_row > 1:
         return None
     likely = settled(parts_of(point))
-    if likely is None or not np.logaddexp.reduce(likely.log_posterior) > math.log(
-        SURE / (1.0 - SURE)
-    ):
+    if likely is None or not sure(likely.log_posterior):
         return None
     best, own = int(np.argmax(likely.log_posterior)), likely.counts[credible(likely.log_posterior)]
     value, share = int(likely.counts[best]), float(likely.share[best])
@@ -137,7 +135,8 @@ class Likely(NamedTuple):
 def settled(parts: Sequence[RecordingSlopes]) -> Likely | None:
     """Return the likeliest numbers of counts, where data count as far as what the best of them
     leaves says: a residual that rounding makes is no misfit of a model that has it.  None where
-    recordings cannot show any."""
+    recordings cannot show any, and where they would not even if what is left was noise.
+    """
     left, before = list(parts), 0
     for _ in range(ROUNDS):
         variance = [met(p.y) for p in left]
@@ -145,11 +144,12 @@ def settled(parts: Sequence[RecordingSlopes]) -> Likely | None:
         if found is None:
             return None
         counts, along, square = found
-        best = int(np.argmax(along - 0.5 * square + log_prior(counts)))
+        factor = along - 0.5 * square
+        if not sure(np.maximum(factor, max(variance) * factor) + log_prior(counts)):
+            return None
+        best = int(np.argmax(factor + log_prior(counts)))
         left = [p._replace(y=p.y - added(p, counts[best])) for p in parts]
-        log_posterior = (along - 0.5 * square) / alike(left, variance, counts[best]) + log_prior(
-            counts
-        )
+        log_posterior = factor / alike(left, variance, counts[best]) + log_prior(counts)
         before, same = counts[best], counts[best] == before
         if same:
             break
@@ -238,6 +238,11 @@ def alike(parts: Sequence[RecordingSlopes], variance: Sequence[float], count: in
     other = np.unique(np.round(count * octave).astype(np.int64))
     along, square = weighed(parts, variance, other[(other != count) & (other > 1)])
     return max(1.0, float(np.mean(along**2 / square)))
+
+
+def sure(log_posterior: Array) -> bool:
+    """Return whether some number of counts (m,) is as probable as it takes to state it."""
+    return bool(np.logaddexp.reduce(log_posterior) > math.log(SURE / (1.0 - SURE)))
 
 
 def log_prior(counts: Counts) -> Array:

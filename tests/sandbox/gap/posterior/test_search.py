@@ -208,7 +208,7 @@ def test_a_set_that_excerpts_name_near_the_floor_is_fitted_whole(small_folder):
     again = fit(here.point, here.effects, run.problem.fitted)
     assert here.objective - again.objective < 0.2
     points, linearised = [], run.linearised
-    run.linearised = lambda at, found: points.append(at) or linearised(at, found)
+    run.linearised = lambda at, *rest: points.append(at) or linearised(at, *rest)
     found, known = run.grown(here, rough)
     assert points == [here]
     assert found is here
