@@ -8,6 +8,8 @@ dead_time.time = 2e-6                                    # SI units
 soft_current = 0.02
 [angles]                                                 # rad by which a recording's angle is turned: replay only
 "locked_d.parquet" = 1e-4
+[offsets]                                                # A that a recording's i_a, i_b, i_c read too much: replay only
+"locked_d.parquet" = [1e-3, -2e-3, 1e-3]
 """  # noqa: E501
 
 from __future__ import annotations
@@ -21,16 +23,17 @@ from model.errors import BadInput, as_toml, brief, unknown
 from model.given import read_toml
 from model.parameters import finite, table_of
 
-TABLES = ("effects", "bench", "angles", "provenance", "residual", "ci95")
+TABLES = ("effects", "bench", "angles", "offsets", "provenance", "residual", "ci95")
 Given = Mapping[str, float] | str | Path | None
 
 
 class EffectFile(NamedTuple):
     """What a file of effects says: parameters by public name, and by recording how far its angle is
-    turned (rad)."""
+    turned (rad) and what its three currents read too much (A)."""
 
     effects: dict[str, float]
     angles: dict[str, float]
+    offsets: dict[str, tuple[float, float, float]]
 
 
 def effects_of(given: Given) -> dict[str, float]:
@@ -47,13 +50,13 @@ def effects_and_angles(given: Given) -> EffectFile:
     ):
         return read_effect_file(Path(str(given).strip()))
     if given is None or isinstance(given, str):
-        return EffectFile(parse(given or ""), {})
+        return EffectFile(parse(given or ""), {}, {})
     if not isinstance(given, Mapping):
         raise BadInput(
             f"effects = {brief(given)} are neither a mapping nor a line nor a .toml "
             "file; give one of them"
         )
-    return EffectFile(dict(given), {})
+    return EffectFile(dict(given), {}, {})
 
 
 def read_effect_file(path: Path) -> EffectFile:
@@ -73,9 +76,21 @@ def read_effect_file(path: Path) -> EffectFile:
         angles = {
             file: _number("angles", file, value) for file, value in table_of(data, "angles").items()
         }
+        offsets = {file: _three(file, value) for file, value in table_of(data, "offsets").items()}
     except BadInput as error:
         raise BadInput(f"{path.name}: {error}") from None
-    return EffectFile(effects, angles)
+    return EffectFile(effects, angles, offsets)
+
+
+def _three(file: str, value: Any) -> tuple[float, float, float]:
+    """Return the offsets of a recording's three currents."""
+    if not isinstance(value, list) or len(value) != 3:
+        raise BadInput(
+            f"[offsets] {file} = {as_toml(value)} is no list of three currents; give "
+            "[i_a, i_b, i_c] in A"
+        )
+    a, b, c = (_number("offsets", file, x) for x in value)
+    return a, b, c
 
 
 def _numbers(data: dict[str, Any], table: str) -> Iterator[tuple[str, float]]:

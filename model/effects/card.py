@@ -337,6 +337,8 @@ class Effect:
     free: whether it is a form that fits nearly anything at its place, a curve; a diagnosis asks for
     it only where the other effects leave more than noise.  curve: how it is drawn.
 
+    drifts: whether each recording may have a size of its own, which a diagnosis measures first.
+
     do: what a person should do about it, one sentence from completed values, the nominal motor and
     the converter; asked for where the effect is on (`model.effects.advice`).
 
@@ -380,6 +382,7 @@ class Effect:
     ordinarily: Callable[[Mapping[str, float]], tuple[str, ...]] | None = None
     free: bool = False
     curve: Curve | None = None
+    drifts: bool = False
 
     def part(self, k: int) -> Part:
         """Return the k-th part (1 ... repeats)."""

@@ -73,4 +73,5 @@ CARD = Effect(
     separated_by="no voltage, rotor at rest: the readings' mean",
     at=(At("reading", shifted, ("offset_a", "offset_b")),),
     do=do,
+    drifts=True,  # sensors warm up
 )

@@ -113,6 +113,12 @@ def shared() -> frozenset[str]:
     return frozenset((*same_numbers(), *same_numbers().values()))
 
 
+@cache
+def drifting() -> Effect:
+    """Return the effect that may have another size in each recording."""
+    return next(card for card in map(load_effect, effect_names()) if card.drifts)
+
+
 def holders(effect: str) -> tuple[str, ...]:
     """Return the other effects that have all numbers of an effect among their own, so that they can
     stand for it."""
@@ -207,6 +213,7 @@ def forget() -> None:
         scaled,
         same_numbers,
         shared,
+        drifting,
         _neutral,
         _limited,
     ):
@@ -359,6 +366,7 @@ def card_text(card: Effect) -> str:
     lines += [entry("source", card.source), "", "parameters: neutral; bounds; typical", *sizes, ""]
     lines += [entry("enters at", "; ".join(places(card))), entry("axis", card.axis)]
     lines += [entry("order", card.order), entry("region", card.region)]
+    lines += [entry("drifts", "may have another size in each recording")] if card.drifts else []
     return "\n".join(
         [
             *lines,

@@ -29,12 +29,13 @@ from sandbox.gap.excerpts import begun, excerpted
 from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import held_out, weights_of
-from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis, hypotheses
-from sandbox.gap.posterior.inference import infer
+from sandbox.gap.posterior.hypotheses import LISTED, UNKNOWN, Hypothesis, hypotheses
+from sandbox.gap.posterior.inference import Inference, infer
 from sandbox.gap.posterior.remainder import Remainder, remainder
 from sandbox.gap.posterior.search import Problem
 from sandbox.gap.settings import USUAL as USUAL_SETTINGS
 from sandbox.gap.unstated.drifting import Drifting, drifting
+from sandbox.gap.unstated.more_than_ordinary import chance_of_effect
 from sandbox.gap.unstated.pwm_counts import Counted
 from sandbox.gap.unstated.unstated import Unstated
 from sandbox.plant.sets import complete
@@ -46,6 +47,20 @@ from sandbox.replay.replay import prepare
 CREDIBLE = 0.95
 OF_ENCODER = {"angle", "offset"}  # ports of the plant through which it reads
 NINE_IN_TEN = 600  # simulations within which nine in ten diagnoses end: what a progress bar expects
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Offsets that differ between recordings as an effect: its chance, and the campaign with these
+    differences in its readings: at the nominal model, after refitting ordinary deviations to all
+    recordings, and to those that were not held out; without: all recordings' equations where the
+    differences are taken off."""
+
+    chance: float
+    nominal: Normal
+    whole: Fit
+    before: Fit
+    without: Normal
 
 
 @dataclass(frozen=True)
@@ -83,11 +98,17 @@ class Diagnosis:
     at_bound: tuple[Held, ...] = ()
     # counts that duties are rounded to, which [drive] does not state
     counted: Counted | None = None
+    drift: Drift | None = None  # what was taken off, where it may be more than ordinary
 
     @property
     def best(self) -> Hypothesis:
         """The most probable hypothesis."""
         return self.hypotheses[0]
+
+    @property
+    def offsets_named(self) -> bool:
+        """Whether offsets that differ between recordings are named as an effect."""
+        return self.drift is not None and library.drifting().name in self.best.effects
 
     @property
     def ambiguity_set(self) -> tuple[Hypothesis, ...]:
@@ -159,9 +180,7 @@ def _diagnosed(
     told, after = foretelling(ranked, before, lambda fit: _without(fit, start, left, workers), left)
     best = told[0].evaluated
     rest = remainder(found.null, best.fit, misstated(noise))
-    size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
-    place = {r.file: k for k, r in enumerate(own.recordings)}
-    size = replace(size, recordings=tuple(sorted(size.recordings, key=lambda r: place[r.file])))
+    size = sized(own, start, nominal, before, after, left)
     return Diagnosis(
         own,
         start,
@@ -184,7 +203,30 @@ def _diagnosed(
         found.known.drifting,
         tuple(held_ordinary(best)),
         found.known.counts,
+        None if library.drifting().name in exclude else _drift(found, own, left, workers),
     )
+
+
+def _drift(found: Inference, own: Campaign, left: Sequence[int], workers: int) -> Drift | None:
+    """Return what was taken off as an effect; None where it surely is none."""
+    known, start = found.known.drifting, found.start
+    chance = chance_of_effect(known, own) if known is not None and known.named else 0.0
+    if known is None or chance < LISTED:
+        return None
+    begun = Unstated(drifting=known.put_back()).at(start)
+    whole = fit(begun, (), weights_of(len(own.recordings)), workers=workers)
+    before = _without(whole, begun, left, workers)
+    nominal = normal(begun, (), workers=workers)
+    return Drift(chance, nominal, whole, before, found.null.normal)
+
+
+def sized(
+    own: Campaign, start: Point, nominal: Normal, before: Fit, after: Fit, left: Sequence[int]
+) -> Size:
+    """Return how large the gap is, recordings in the campaign's order."""
+    size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
+    place = {r.file: k for k, r in enumerate(own.recordings)}
+    return replace(size, recordings=tuple(sorted(size.recordings, key=lambda r: place[r.file])))
 
 
 def foretelling(

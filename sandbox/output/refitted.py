@@ -24,11 +24,11 @@ class Refitted:
 
     drive: with the motor's values refitted (None where recordings say nothing of it); effects: what
     the plant has beside it, by public name, `bench.*` too; angles: rad by which recordings' angles
-    are turned; ci95: 95 % intervals of values in [motor] and of effects; units: of effects;
-    residual: rms of each recording's currents, in noise floors, that the two files leave; said:
-    where they come from, one sentence; at_bound: of values that stand at a bound, by name
-    (`angles.<file>` of an angle), which bound that is; flux_map: what the motor's map file holds,
-    where it is a new one.
+    are turned; offsets: A that a recording's three currents read too much; ci95: 95 % intervals of
+    values in [motor] and of effects; units: of effects; residual: rms of each recording's currents,
+    in noise floors, that the two files leave; said: where they come from, one sentence; at_bound:
+    of values that stand at a bound, by name (`angles.<file>` of an angle), which bound that is;
+    flux_map: what the motor's map file holds, where it is a new one.
     """
 
     drive: Drive | None
@@ -40,6 +40,7 @@ class Refitted:
     said: str
     at_bound: Mapping[str, str] = field(default_factory=dict)
     flux_map: bytes | None = None
+    offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
     @property
     def line(self) -> str:
@@ -125,6 +126,7 @@ class Refitted:
         parts = (
             toml_text([("[effects]", _nested(effects)), ("[bench]", bench)], notes),
             toml_text([("[angles]", self.angles)], angles),
+            toml_text([("[offsets]", {file: list(x) for file, x in self.offsets.items()})]),
             toml_text([("[residual]", self.residual)]),
         )
         return head + "\n".join(filter(None, parts))

@@ -15,6 +15,8 @@ cogging_torque.2.order_mech = 12
 soft_current = 0.02
 [angles]
 "locked d.parquet" = 1e-4
+[offsets]
+"locked d.parquet" = [1e-3, -2e-3, 1e-3]
 [residual]
 "locked d.parquet" = 0.98
 """
@@ -30,6 +32,7 @@ def test_a_file_says_what_a_mapping_says(tmp_path):
     }
     assert effects_of(path) == effects_of(str(path)) == effects_of(found) == found
     assert effects_and_angles(path).angles == {"locked d.parquet": 1e-4}
+    assert effects_and_angles(path).offsets == {"locked d.parquet": (1e-3, -2e-3, 1e-3)}
     assert effects_of("dead_time.time=2e-6") == {"dead_time.time": 2e-6}
     assert effects_of(None) == effects_of("") == {}
 
@@ -60,6 +63,7 @@ def test_a_file_says_what_a_mapping_says(tmp_path):
             "[bench]\nsoft_current = nan\n",
             r"mine.toml: \[bench\] soft_current = nan is no finite number",
         ),
+        ("[offsets]\na = [1, 2]\n", r"\[offsets\] a = \[1, 2\] is no list of three currents; give"),
         ("effects = 3\n", r"mine.toml: 'effects' is not a table; write \[effects\]"),
         ("[[effects\n", "not valid TOML"),
     ],

@@ -87,7 +87,7 @@ def size_of(
         for k, f in enumerate(files)
     )
     closed = interval = None
-    if after.effects and j0 > 1.0:
+    if after is not before and j0 > 1.0:
         closed = share_closed(j0, j1)
         (a, n), (b, _) = squares(before.normal, chosen), squares(after.normal, chosen)
         pick = np.random.default_rng(seed).integers(len(n), size=(DRAWS, len(n)))

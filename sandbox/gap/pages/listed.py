@@ -15,6 +15,7 @@ from sandbox.gap.report.position_moved import Moved
 from sandbox.gap.report.ranking import Ranking, ordered, parted_by
 from sandbox.gap.report.told_apart import SURE, Confused
 from sandbox.gap.report.which import FEW, by_share
+from sandbox.gap.unstated.offsets_said import sized
 from sandbox.gap.words import interval, listing, names, quantity, tenths, words
 from sandbox.output.sentences import capital
 
@@ -52,6 +53,8 @@ def rows(r: Ranking) -> list[list[str]]:
             closing = "–" if share is None else _between(share.value, share.ci95)
             own = [f"{library.title(k)} {quantity(e)}" for k, e in r.sizes(effect).items()]
             size = ", ".join(own) if len(own) <= MAX_PARAMETERS else f"{own[0]}, ..., see below"
+            if effect == library.drifting().name and r.by_recording:
+                size = sized(r.by_recording)
             out.append([words(effect), f"{100.0 * chance:.1f} %", closing, size or "–"])
     if r.unknown >= SHOWN:
         out.append(

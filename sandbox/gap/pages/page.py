@@ -279,7 +279,7 @@ def _by_recording(a: Answers) -> str:
     rows = a.diagnosis.size.recordings
     labels = [Path(f).stem + (" ●" if held else "") for f, _, _, held in rows]
     series = {"before": [r.before for r in rows]}
-    if a.diagnosis.after.effects:
+    if a.diagnosis.after is not a.diagnosis.before:
         series["after"] = [r.after for r in rows]
     return dots_svg(labels, series, "residual (noise floors)")
 

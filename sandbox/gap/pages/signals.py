@@ -84,9 +84,12 @@ def waves(
 
 
 def phases_of(d: Diagnosis, k: int) -> tuple[Array, Array, Array]:
-    """Return the three readings (n,) of a recording in A."""
-    columns = d.campaign[d.start.prepared.recordings[k].file].columns
-    return columns["i_a"], columns["i_b"], columns["i_c"]
+    """Return the three readings (n,) of a recording in A, with offsets that are named as an
+    effect."""
+    own = d.campaign[d.start.prepared.recordings[k].file]
+    taken = d.drifting.differs(own.origin) if d.drifting and d.offsets_named else (0.0, 0.0, 0.0)
+    a, b, c = (own.columns[f"i_{p}"] + x for p, x in zip("abc", taken, strict=True))
+    return a, b, c
 
 
 def _worst(residual: Array, width: int) -> tuple[int, int]:

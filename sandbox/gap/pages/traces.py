@@ -109,7 +109,7 @@ def _recording(
 ) -> Iterator[tuple[str, Plot]]:
     """Yield currents and their residuals in the rotor's frame, motion or angle over its floor, of
     one recording."""
-    r = shown["after"][0]
+    r = shown["before"][0]
     few = slice(None, None, -(-r.samples // MAX_SAMPLES))
     t: Array = period * np.arange(r.first, r.first + r.samples, dtype=np.float64)[few]
     turned = np.exp(-1j * r.motion.angle[few])
@@ -125,7 +125,10 @@ def _recording(
         "current_q",
         Plot("Current i_q (A)", t, {n: _imaginary(z) for n, z in currents.items()}, colours),
     )
-    rest = {name: currents["recorded"] - currents[f"simulated {name}"] for name in shown}
+    rest = {
+        name: _complex(own.read[few]) * turned - currents[f"simulated {name}"]
+        for name, (own, _, _) in shown.items()
+    }
     yield (
         "residual_d",
         Plot("Residual of i_d (A)", t, {n: _real(z) for n, z in rest.items()}, colours[1:]),

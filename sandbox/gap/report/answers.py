@@ -151,7 +151,10 @@ def linear(campaign: Campaign) -> Campaign:
 def where_text(a: Answers) -> str:
     """Return where the gap lies, in one sentence; one more where a single phase misses more than
     the others."""
-    found = [x.text for x in (a.diagnosis.drifting, a.diagnosis.counted) if x is not None]
+    drifts, counts = a.diagnosis.drifting, a.diagnosis.counted
+    named = a.diagnosis.offsets_named
+    known = "" if drifts is None else drifts.text_of_sum if named else drifts.text
+    found = [x for x in (known, "" if counts is None else counts.text) if x]
     if (every := _unforetold(a)) is not None:
         text = (
             "Nowhere that these recordings show: fitted to all of them, ordinary deviations leave "
@@ -170,7 +173,8 @@ def which_text(a: Answers) -> str:
     if a.ranking is None:
         return which.which_text(a.diagnosis, a.shares)
     rivals = {key: {e: s.value for e, s in of.items()} for key, of in a.ranking.rivals.items()}
-    return which.which_text(a.diagnosis, a.shares, a.ranking.inclusion.chances, rivals)
+    chances = a.ranking.inclusion.chances
+    return which.which_text(a.diagnosis, a.shares, chances, rivals, a.ranking.by_recording)
 
 
 def todo_texts(a: Answers) -> list[str]:
@@ -379,6 +383,8 @@ def caveats(a: Answers) -> list[str]:
             "Residuals before and after are of fits without the recordings held out. The listed "
             "values are fitted to all recordings, and the choice among hypotheses saw them all."
         )
+    if d.held_out and d.offsets_named:
+        out.append("What a recording's offsets differ by was measured on it, held out or not.")
     own = d.campaign.drive.provenance
     if stand_ins := [
         f"{k} ({own[k].rpartition(': ')[2]})" for k in d.campaign.stand_ins if k in own

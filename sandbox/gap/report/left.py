@@ -29,7 +29,7 @@ def remains_text(a: Answers) -> str:
     r = a.diagnosis.remainder
     before, after = (math.sqrt(max(0.0, 1.0 + x)) for x in (r.before, r.after))
     best = a.diagnosis.best
-    named = best.evaluated.effects
+    named = best.evaluated.effects or tuple(e for e in best.effects if e != UNKNOWN)
     these = (
         names(named)
         if best.effects == (UNKNOWN,)

@@ -21,6 +21,7 @@ from sandbox.gap.report.open_part import OpenPart, Remaining, open_part, own_of,
 from sandbox.gap.report.position_moved import Moved, moved
 from sandbox.gap.report.shares import Share, Shares, of_set, shares
 from sandbox.gap.report.told_apart import Telling, telling
+from sandbox.gap.unstated.offsets_said import subtracted
 
 # chance of `unknown` below which no regression is fitted beside the effects; of an effect: no size
 SLIGHT = 0.05
@@ -36,7 +37,7 @@ class Ranking:
     that lies (None: nothing is left); what a free regression beside the effects says (None where
     `unknown` is unlikely, or the regression predicts nothing).  moved: by effect and estimator,
     what it does to the position error; told: what it is confused with; rivals: shares in the likely
-    sets beside the best hypothesis."""
+    sets beside the best hypothesis; by_recording: sizes of current_offset, which differ."""
 
     inclusion: Inclusion
     shares: Shares
@@ -49,6 +50,7 @@ class Ranking:
     tellings: Mapping[str, Telling | None] = field(default_factory=dict)
     rivals: Mapping[tuple[str, ...], Mapping[str, Share]] = field(default_factory=dict)
     of_best: tuple[str, ...] = ()  # effects of the best hypothesis
+    by_recording: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
 
     def as_json(self, following: Next | None = None) -> dict[str, Any]:
         """Return `effects`, `groups`, `unknown` and `waterfall` of `diagnosis.json`; following: a
@@ -111,6 +113,7 @@ class Ranking:
                 "alone": share.alone,
             },
             "parameters": {k: parameter(e) for k, e in self.parameters.get(name, {}).items()},
+            "by_recording": self._by_recording() if name == library.drifting().name else None,
             "group": None if group is None else list(group),
             **({"tellable": None, "confused_with": None} if telling is None else telling.as_json()),
             "position": {k: m.as_json() for k, m in self.moved.get(name, {}).items()},
@@ -118,6 +121,13 @@ class Ranking:
             if self.open_part is None
             else beside_unknown(self.open_part, name),
         }
+
+    def _by_recording(self) -> list[dict[str, Any]] | None:
+        """Return the sizes of an effect that has others in each recording."""
+        return [
+            {"file": file, "parameters": {k: parameter(e) for k, e in own.items()}}
+            for file, own in self.by_recording.items()
+        ] or None
 
 
 def beside_unknown(part: OpenPart, name: str) -> dict[str, Any]:
@@ -144,7 +154,7 @@ def advised(d: Diagnosis, r: Ranking) -> dict[str, str]:
             out |= what_to_do(
                 [e], {k: p.value for k, p in own.items()}, drive.motor, drive.converter
             )
-    return out
+    return out | ({library.drifting().name: subtracted(r.by_recording)} if r.by_recording else {})
 
 
 def parted_by(group: tuple[str, ...], following: Next | None) -> dict[str, str]:

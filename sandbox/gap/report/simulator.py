@@ -68,7 +68,16 @@ def refitted(d: Diagnosis) -> Refitted:
     angles = {name: turn for name, turn in turns.items() if turn and name not in parts}
     bounds = at_bound(found, d.at_bound)
     return Refitted(
-        drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said, bounds, flux_map
+        drive,
+        effects,
+        angles,
+        ci95,
+        units,
+        residual_of(judged.fit, parts),
+        said,
+        bounds,
+        flux_map,
+        {} if d.drifting is None else d.drifting.offsets,
     )
 
 

@@ -8,6 +8,7 @@ from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.location.where import percent
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
+from sandbox.gap.unstated.offsets_said import ByRecording, sized
 from sandbox.gap.words import likely, listing, names, percent_fine, sizes, tenths, words
 from sandbox.output.sentences import capital
 
@@ -39,22 +40,24 @@ def which_text(
     shares: Mapping[str, float] | None = None,
     chances: Mapping[str, float] | None = None,
     rivals: Rivals | None = None,
+    by_recording: ByRecording | None = None,
 ) -> str:
     """Return which effect causes it, or that none does, or that it cannot be told; and which were
     no candidates.
 
     shares: of the gap, by effect of the best hypothesis; chances: of effects, as the list of all of
-    them has them; rivals: shares in the other likely sets.
+    them has them; rivals: shares in the other likely sets; by_recording: offsets that differ.
     """
     of_sets = {**(rivals or {}), tuple(_named(d.best)): shares or {}}
-    told = _which(d, shares or {}, chances or {}, of_sets) + _hidden(d.out_of_sight)
+    drifts = sized(by_recording) if by_recording else ""
+    told = _which(d, shares or {}, chances or {}, of_sets, drifts) + _hidden(d.out_of_sight)
     return f"{_drifted(d)}{told}"
 
 
 def _drifted(d: Diagnosis) -> str:
     """Return that offsets of the current sensors differ between recordings: an effect that drifts,
-    which no value for all recordings could be, and so no hypothesis."""
-    named = d.drifting.named if d.drifting is not None else ""
+    where it is named as no effect."""
+    named = d.drifting.named if d.drifting is not None and not d.offsets_named else ""
     first = f"Current offset, another in each recording ({named}), was taken off first."
     return f"{first} What else? " if named else ""
 
@@ -74,7 +77,11 @@ def _hidden(hidden: Sequence[str]) -> str:
 
 
 def _which(
-    d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, float], of_sets: Rivals
+    d: Diagnosis,
+    shares: Mapping[str, float],
+    chances: Mapping[str, float],
+    of_sets: Rivals,
+    drifts: str,
 ) -> str:
     best, named = d.best, verdict(d)
     if named == "no_gap":
@@ -105,9 +112,10 @@ def _which(
             f"{len(best.effects)} effects at once, {likely(best.probability)}. "
             f"{_by_share(best.effects, shares)}"
         )
+    known = [sizes(d.parameters[0])] if d.parameters[0] or not drifts else []
     return (
         f"{capital(_with_shares(best.effects, shares))}, {likely(best.probability)}: "
-        f"{sizes(d.parameters[0])}."
+        f"{'; '.join(filter(None, [*known, drifts]))}."
     )
 
 

@@ -46,18 +46,22 @@ NONE = (0.0, 0.0, 0.0)
 @dataclass(frozen=True)
 class Drifting:
     """By recording what (A) was taken off each sensor: how far its offset lies beside the median of
-    turning recordings, with what all sensors have in common; and its standard error (A)."""
+    turning recordings, with what all sensors have in common; and its standard error (A); seen: the
+    recordings whose turns tell."""
 
     offsets: Mapping[str, tuple[float, float, float]]
     errors: Mapping[str, float]
     common: float = 0.0
+    seen: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
         """Return it as sentences, with what to do."""
-        return " ".join(filter(None, (self._text_of_sum(), self._text_of_differences())))
+        return " ".join(filter(None, (self.text_of_sum, self._text_of_differences())))
 
-    def _text_of_sum(self) -> str:
+    @property
+    def text_of_sum(self) -> str:
+        """Return as a sentence what all sensors have in common; empty where that is nothing."""
         if not self.common:
             return ""
         return (
@@ -108,7 +112,13 @@ class Drifting:
             {f: (a, b, c) for f, (a, b, c) in both.items()},
             {**self.errors, **new.errors},
             self.common + new.common,
+            tuple(dict.fromkeys([*self.seen, *new.seen])),
         )
+
+    def put_back(self) -> Drifting:
+        """Return what puts the differences between recordings into readings again."""
+        own = {f: self.differs(f) for f in self.seen}
+        return Drifting({f: (-a, -b, -c) for f, (a, b, c) in own.items()}, self.errors)
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return one row a recording."""
@@ -166,7 +176,7 @@ def drifting(
         for whole in point.prepared.campaign.recordings:
             offsets.setdefault(whole.origin, (common, common, common))
             scatter.setdefault(whole.origin, float(np.max(errors)))
-    return Drifting(offsets, scatter, common)
+    return Drifting(offsets, scatter, common, tuple(own))
 
 
 def _usual(campaign: Campaign) -> float:
@@ -177,7 +187,14 @@ def _usual(campaign: Campaign) -> float:
 
 def steadied(campaign: Campaign, found: Drifting) -> Campaign:
     """Return a campaign without what its recordings' offsets differ by."""
-    recordings = tuple(_without(r, found.offsets.get(r.origin)) for r in campaign.recordings)
+    return without_offsets(campaign, found.offsets)
+
+
+def without_offsets(
+    campaign: Campaign, offsets: Mapping[str, tuple[float, float, float]]
+) -> Campaign:
+    """Return a campaign without what its recordings' currents read too much (A, by file)."""
+    recordings = tuple(_without(r, offsets.get(r.origin)) for r in campaign.recordings)
     return replace(campaign, recordings=recordings)
 
 

@@ -168,16 +168,19 @@ class DiagnosisResult(Result):
                 " + ".join(s) or "no effect" for s in self.continued["ambiguity_set"]
             )
             print_prose(f"The earlier diagnosis said: {self.continued['verdict']} ({left}).")
-        found = self.answers.diagnosis.best.effects
-        if any(e != "unknown" for e in found):
+        best = self.answers.diagnosis.best
+        found = best.effects
+        if best.evaluated.effects and any(e != "unknown" for e in found):
             but = ": what is outside the library is not in it" if "unknown" in found else ""
             print_prose(
                 "For a simulator that has what was found, give motor.toml and effects.toml to "
                 f"--motor and --effects{but}."
             )
         else:
+            alone = self.answers.diagnosis.offsets_named
             print_prose(
-                "Nothing was found to simulate: motor.toml holds ordinary deviations alone."
+                "Nothing was found to simulate: motor.toml holds ordinary deviations alone"
+                f"{', effects.toml the offsets, which `sensorless replay` takes off' * alone}."
             )
         if self.table is not None:
             print_prose(
@@ -268,6 +271,7 @@ def diagnose(
     'explained'
     """
     from model.errors import unknown
+    from sandbox.gap.by_recording import with_offsets
     from sandbox.gap.excerpts import check_samples, excerpted
     from sandbox.gap.report.answers import answer, linear
     from sandbox.replay.memory import USUAL
@@ -289,13 +293,15 @@ def diagnose(
         own = replace_fields(own, findings=(*own.findings, *shaft_contradicted(own)))
     own = excerpted(linear(own) if nominal else own, samples)
     rivals = [] if before is None else [s for s in before["rivals"] if not set(s) & set(names)]
-    found = answer(
-        own,
-        exclude=names,
-        rivals=rivals,
-        workers=jobs or os.cpu_count() or 1,
-        memory=USUAL if memory is None else memory,
-        report=progress or (lambda _: None),
+    found = with_offsets(
+        answer(
+            own,
+            exclude=names,
+            rivals=rivals,
+            workers=jobs or os.cpu_count() or 1,
+            memory=USUAL if memory is None else memory,
+            report=progress or (lambda _: None),
+        )
     )
     return DiagnosisResult(found, None if before is None else before["said"])
 

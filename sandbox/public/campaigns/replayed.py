@@ -144,7 +144,8 @@ def replay(
         See `read_campaign`.
     effects : mapping, str or Path, optional
         What the motor lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`),
-        or a file of effects as `diagnose` writes it (``effects.toml``; its angles are turned, too).
+        or a file of effects as `diagnose` writes it (``effects.toml``; its angles are turned and
+        its offsets taken off, too).
     motor : str, Path or Drive, optional
         See `load_motor`; in place of the campaign's nominal motor, such as the ``motor.toml`` that
         `diagnose` writes.
@@ -181,11 +182,12 @@ def replay(
     """
     from sandbox.gap.evidence.noise import floor_of
     from sandbox.gap.evidence.normal import Point
+    from sandbox.gap.unstated.drifting import without_offsets
     from sandbox.replay.replay import prepare, residuals
     from sandbox.replay.replay import replay as put_through
 
-    added, angles = effects_and_angles(effects)
-    own = read_campaign(campaign, columns, preset=preset)
+    added, angles, offsets = effects_and_angles(effects)
+    own = without_offsets(read_campaign(campaign, columns, preset=preset), offsets)
     if motor is not None:
         own = dataclasses.replace(
             own, drive=dataclasses.replace(own.drive, motor=load_motor(motor).motor)

@@ -20,9 +20,10 @@ from typing import Any
 from model.effects import library
 from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
+from sandbox.gap.by_recording import with_offsets
 from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.location.where import where
-from sandbox.gap.report.answers import next_recording
+from sandbox.gap.report.answers import Answers, next_recording
 from sandbox.gap.report.diagnosis_json import document
 from sandbox.gap.report.ranking import ranking
 from sandbox.output.files import plain
@@ -43,7 +44,9 @@ def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
     is not scored."""
     d = diagnosis_of(read_folder(folder), exclude=exclude, workers=1)
     whole = ranking(d, position=False)
-    return SimpleNamespace(json=plain(document(d, where(d), None, next_recording(d), whole=whole)))
+    a = with_offsets(Answers(d, where(d), None, next_recording(d), None, ranking=whole))
+    told = document(a.diagnosis, a.where, None, a.following, whole=a.ranking)
+    return SimpleNamespace(json=plain(told))
 
 
 def score(

@@ -14,8 +14,9 @@ from model.effects.library import parameters as library_parameters
 from model.map_points import read_points
 from model.mapped import map_quality
 from model.ratings import cautions
-from sandbox import check, diagnose
+from sandbox import check, diagnose, replay
 from tests.data import cases_folder
+from tests.schemas import misfits
 
 
 def told(case, file, preset=None):
@@ -187,10 +188,24 @@ def test_03_a_size_that_needs_a_rated_speed_is_not_said_without_one():
     assert stated.cannot == {}
 
 
-def test_20_offsets_that_differ_are_taken_off():
-    """Put in: -12 mA of sensor a in one recording, +12 mA in the other, and no effect."""
-    found = diagnose(cases_folder() / "20_offset_differs_between_recordings").as_json()
-    assert found["verdict"] == "no_gap"
+def test_20_offsets_that_differ_are_an_effect(tmp_path):
+    """Put in: -12 mA of sensor a in one recording, +12 mA in the other, and nothing else."""
+    result = diagnose(cases_folder() / "20_offset_differs_between_recordings")
+    found = result.as_json()
+    assert misfits("diagnosis", result.save(tmp_path) / "diagnosis.json") == []
+    assert found["verdict"] == "explained"
+    assert found["hypotheses"][0]["effects"] == ["current_offset"]
+    own = found["effects"][0]
+    assert own["name"] == "current_offset"
+    assert own["probability"] > 0.999
+    for r, true in zip(own["by_recording"], (-0.012, 0.012), strict=True):
+        low, high = r["parameters"]["current_offset.offset_a"]["ci95"]
+        assert low < true < high
+    ready = replay(
+        cases_folder() / "20_offset_differs_between_recordings", tmp_path / "effects.toml"
+    )
+    for r in found["simulator"]["residual"]:  # motor.toml holds ordinary deviations beside
+        assert ready.rms[r["file"]] == pytest.approx(r["rms"], abs=0.1)
     assert [r["file"] for r in found["recording_offsets"]] == ["rs1.parquet", "rs2.parquet"]
     for r, true in zip(found["recording_offsets"], (-0.012, 0.012), strict=True):
         assert abs(r["i_a"] - true) < 4.0 * r["standard_error"]

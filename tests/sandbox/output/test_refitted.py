@@ -3,7 +3,7 @@
 import tomllib
 
 from model.drive_files import load_drive
-from model.effect_files import effects_of
+from model.effect_files import effects_and_angles
 from sandbox.output.refitted import Refitted
 from sandbox.output.toml import toml_text
 from tests.fuzz.whole import make_map
@@ -27,10 +27,12 @@ def test_a_flux_map_goes_along(tmp_path):
         {"dead_time.time": "s"},
         {"a b.parquet": 0.98},
         "A test",
+        offsets={"a b.parquet": (0.01, -0.02, 0.01)},
     ).write(out)
     assert sorted(p.name for p in out.iterdir()) == ["effects.toml", "mine.npz", "motor.toml"]
     assert load_drive(out / "motor.toml").motor == drive.motor
-    assert effects_of(out / "effects.toml") == effects
+    found = effects_and_angles(out / "effects.toml")
+    assert found == (effects, {"a b.parquet": 1e-4}, {"a b.parquet": (0.01, -0.02, 0.01)})
     assert (
         "dead_time.time = 2e-06  # s, 95 % interval 1e-06 to 3e-06"
         in (out / "effects.toml").read_text()
