@@ -8,13 +8,15 @@ from dataclasses import replace
 
 from sandbox.gap.motion.load_side import ROWS, load_contradicted
 from sandbox.gap.motion.mistakes import contradictions, inertia_contradicted
+from sandbox.gap.motion.shifted import shifted
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.checks.motion import loads, standing
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.motion_log import MotionCampaign, motion_of
 from sandbox.recordings.preflight import REFUSED, Noticed, on_the_way, refusals_first, tried
 
-CHECKS = (standing, load_contradicted, contradictions, loads)  # a cause before its consequences
+# a cause before its consequences
+CHECKS = (standing, load_contradicted, shifted, contradictions, loads)
 
 
 def noticed_in_motion(campaign: MotionCampaign) -> list[Noticed]:

@@ -241,7 +241,10 @@ def ranked(parameters, shares=None):
     of = {e: SimpleNamespace(value=x) for e, x in (shares or {}).items()}
     chances = dict.fromkeys(parameters, 0.9)
     return SimpleNamespace(
-        parameters=own, inclusion=SimpleNamespace(chances=chances), shares=SimpleNamespace(of=of)
+        parameters=own,
+        inclusion=SimpleNamespace(chances=chances),
+        shares=SimpleNamespace(of=of),
+        by_recording={},
     )
 
 
@@ -394,13 +397,14 @@ def test_no_gap_says_how_probable_something_else_is(unknown, told):
 
 
 def test_offsets_that_differ_by_recording_are_named_first():
-    """What was taken off is an effect, too, beside "None": sensor a, -12 and 12 mA."""
+    """What was taken off is told beside "None" where it is no more than ordinary, which an effect's
+    own sentence tells: sensor a, -12 and 12 mA."""
     drifts = Drifting(
         {"rs1": (-0.012, 0.0, 0.0), "rs2": (0.012, 0.0, 0.0)}, {"rs1": 5e-5, "rs2": 5e-5}
     )
     none = diagnosis(((), 0.96), (A, 0.04))
     alone = which_text(none)
-    none.drifting = drifts
+    none.drifting, none.offsets_named = drifts, False
     said = which_text(none)
     assert said.startswith("Current offset, another in each recording (sensor a reads −12")
     assert said.endswith(f"was taken off first. What else? {alone}")
