@@ -256,6 +256,16 @@ class Excerpts:
         return [file for file in self.files if file not in {e.of for e in self.parts}]
 
 
+def seen(deviation: float) -> float:
+    """Return a relative deviation of the stated from the true value, as [uncertainty] has it, as
+    seen from the stated one.
+
+    True = stated/(1 + x): three deviations too low a statement, 1 - 3 s of the truth, is 3 s/(1 - 3
+    s) of itself off.
+    """
+    return deviation / (1.0 - min(3.0 * deviation, 0.6))
+
+
 @dataclass(frozen=True, repr=False)
 class Campaign:
     """A drive's nominal model and what was recorded on it.
@@ -299,11 +309,11 @@ class Campaign:
         files = ", ".join(r.file for r in self.recordings)
         return f"<Campaign: {self.name}, {len(self.recordings)} recordings: {files}>"
 
-    def deviation_of(self, o: Ordinary) -> float:
-        """Return the standard deviation of an ordinary deviation, as stated here or usual: of the
-        motor's values relative, otherwise in the parameter's unit."""
+    def deviation_of(self, o: Ordinary, stated: float) -> float:
+        """Return the standard deviation of an ordinary deviation in the parameter's unit, as stated
+        here or usual; of a value of the motor, of the truth about what is stated."""
         if o.of_motor:
-            return self.uncertainty.get(o.stated, o.usual)
+            return seen(self.uncertainty.get(o.stated, o.usual)) * abs(stated)
         usual = o.usual * scales(self.drive.motor, self.drive.converter)[o.relative_to]
         return o.share * self.background.get(o.stated, usual)
 

@@ -196,7 +196,10 @@ def read_recordings(
     source = source_of(path, columns, preset, rotors)
     campaign = unchecked(source)
     try:
-        found = (*campaign.findings, *check(campaign.recordings, campaign.drive))
+        found = (
+            *campaign.findings,
+            *check(campaign.recordings, campaign.drive, campaign.uncertainty),
+        )
     except BadInput as error:
         raise BadInput(str(error) if source.foreign else how_to_map(str(error))) from None
     return with_link(dataclasses.replace(campaign, findings=found))

@@ -70,8 +70,8 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     sensors = list[Noticed]()
     for r in recordings:
         sensors += tried(r.file, lambda r=r: current_sensors(r, drive))  # type: ignore[misc]
+        out += tried(r.file, lambda r=r: link_voltage(r, drive, campaign.uncertainty))  # type: ignore[misc]
         for one in (
-            link_voltage,
             _limit,
             angle,
             other_columns,

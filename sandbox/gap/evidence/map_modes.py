@@ -30,7 +30,6 @@ from model.spline import SplineEnergy, currents
 from model.spline_correction import Basis, MapError, refined
 from model.spline_energy import CHOICES
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.evidence.priors import deviation_of
 from sandbox.gap.evidence.response import added_current, fluxes
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import LEGS
@@ -107,7 +106,7 @@ def smooth(campaign: Campaign, basis: Basis) -> Array:
     d, q = (basis.places(axis) for axis in (0, 1))
     flux = np.stack([x.ravel() for x in np.meshgrid(d, q[q >= 0.0], indexing="ij")], axis=1)
     read = np.array([currents(e, x, y) for x, y in flux])
-    shares = [deviation_of(campaign, stated[f"inductance_{axis}"], 1.0) for axis in "dq"]
+    shares = [campaign.deviation_of(stated[f"inductance_{axis}"], 1.0) for axis in "dq"]
     inductances = np.array([motor.inductance_d, motor.inductance_q])
     return basis.sizes(flux, np.array(shares) * flux * (read - flux / inductances))
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from model.effects import library
-from model.effects.card import Effect, Ordinary, Part
+from model.effects.card import Effect, Part
 from model.errors import BadInput
 from model.parameters import Drive, Motor
 from sandbox.plant.sets import BENCH, ORDINARY, SIGN_SPREAD, further_parts, soft_current
@@ -144,13 +144,13 @@ def ordinary(campaign: Campaign, at: Set | None = None) -> list[Coordinate]:
         form = _of_form(name, values)
         if p.ordinary is not None and name in form:
             mean = p.neutral_for(motor)
-            each = deviation_of(campaign, p.ordinary, mean) / math.sqrt(len(form))
+            each = campaign.deviation_of(p.ordinary, mean) / math.sqrt(len(form))
             out.append(Coordinate(name, mean, each, "linear", (name,)))
     for name, b in BENCH.items():
         if b.ordinary is not None:
             mean = b.neutral or 0.0
             out.append(
-                Coordinate(name, mean, deviation_of(campaign, b.ordinary, mean), "linear", (name,))
+                Coordinate(name, mean, campaign.deviation_of(b.ordinary, mean), "linear", (name,))
             )
     out = [replace(c, within=ORDINARY) for c in out if c.deviation > 0.0]
     forms = [c for card in _with_forms() for c in _shapes(card, campaign, values)]
@@ -193,7 +193,7 @@ def _shapes(card: Effect, campaign: Campaign, values: Set) -> list[Coordinate]:
     usual = library.neutral(motor)
     for p in card.parameters:
         if p.ordinary is not None:
-            usual[card.public(1, p.name)] = deviation_of(campaign, p.ordinary, 0.0)
+            usual[card.public(1, p.name)] = campaign.deviation_of(p.ordinary, 0.0)
     about = card.otherwise(usual, soft_current(motor), motor, converter)
     names = [card.public(1, p.name) for p in own]
     return [
@@ -226,22 +226,6 @@ def with_usual_sign(values: Set, motor: Motor) -> dict[str, float]:
     for c in soft_sign(motor):
         out |= c.changes(out, c.mean)
     return out
-
-
-def deviation_of(campaign: Campaign, o: Ordinary, mean: float) -> float:
-    """Return the standard deviation of an ordinary deviation about its mean, of a motor's value as
-    seen from the stated one."""
-    stated = campaign.deviation_of(o)
-    return seen(stated) * abs(mean) if o.of_motor else stated
-
-
-def seen(deviation: float) -> float:
-    """Return a relative deviation of the stated from the true value as seen from the stated one.
-
-    True = stated/(1 + x): three deviations too low a statement, 1 - 3 s of the truth, is 3 s/(1 - 3
-    s) of itself off.
-    """
-    return deviation / (1.0 - min(3.0 * deviation, 0.6))
 
 
 def of_effect(effect: str, drive: Drive, start: Set, at: Set | None = None) -> list[Coordinate]:

@@ -182,7 +182,7 @@ def drifting(
 def _usual(campaign: Campaign) -> float:
     """Return the ordinary standard deviation (A) of one sensor's offset."""
     ordinary = BENCH["bench.common_offset"].ordinary
-    return 0.0 if ordinary is None else campaign.deviation_of(ordinary) / ordinary.share
+    return 0.0 if ordinary is None else campaign.deviation_of(ordinary, 0.0) / ordinary.share
 
 
 def steadied(campaign: Campaign, found: Drifting) -> Campaign:

@@ -29,7 +29,7 @@ def chance_of_effect(found: Drifting, campaign: Campaign, settings: Settings = U
     card, drive = library.drifting(), campaign.drive
     offset = card.parameters[0]
     assert offset.ordinary is not None
-    usual = campaign.deviation_of(offset.ordinary)
+    usual = campaign.deviation_of(offset.ordinary, 0.0)
     wide = WIDE * offset.reach_for(drive.motor, drive.converter)
     a, b, c = np.array([found.differs(file) for file in found.seen]).T
     vectors = np.stack([(2.0 * a - b - c) / 3.0, (b - c) / math.sqrt(3.0)])

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -36,9 +36,15 @@ UNIT = 10.0  # a factor that no gap is: of a unit, however near to it the best o
 # relative, that the balance is off by on any drive: it leaves its square of the voltage open
 OFF = 0.03
 WORTH_ASKING = 0.02  # of the voltage: less is not worth asking a saturated model for
-# standard deviations of the logarithm, of resistance (40 K), inductances (saturation, an air gap)
-# and flux (a warm magnet)
-USUAL = (0.15, 0.125, 0.075)
+# standard deviations of the logarithm where none is stated: 40 K of winding; saturation, an air
+# gap; a warm magnet
+OF_VALUES = {
+    "resistance": 0.15,
+    "inductance_d": 0.125,
+    "inductance_q": 0.125,
+    "magnet_flux": 0.075,
+}
+USUAL = tuple(OF_VALUES[n] for n in ("resistance", "inductance_d", "magnet_flux"))
 WEIGHT = 4.0  # independent pieces of evidence that recordings count as, however many (chosen)
 LIKELIER = 1.25  # odds at which a caution is worth its line, mistakes being rare already (FALLS)
 ODD = 2.0  # of the cost: values two standard deviations off, which no single mistake leaves
@@ -55,6 +61,11 @@ class Fitted:
     cost: float
     off: float
     after: float
+
+
+def deviations(uncertainty: Mapping[str, float]) -> dict[str, float]:
+    """Return by name how far values of [motor] are from what is stated, as stated or usual."""
+    return {n: uncertainty.get(n, usual) for n, usual in OF_VALUES.items()}
 
 
 def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:

@@ -8,7 +8,7 @@ column shows by itself.  BadInput for the impossible, a `Finding` for the rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import PHASES
+from sandbox.recordings.checks.factors import deviations
 from sandbox.recordings.checks.mistakes import contradictions
 from sandbox.recordings.checks.pace import without_sign
 from sandbox.recordings.checks.shifts import shifted
@@ -29,16 +30,20 @@ BEFORE = 16  # samples over which it is seen moving
 NEAR_MIDDLE = 0.1  # relative: zero currents of a converter about its middle
 HEXAGON = 2.0 / 3.0  # of u_dc: largest phase voltage an inverter can give
 GIVEN = 0.99  # quantile of the commands: no single one counts
-LINK_OFF = 0.08  # of the stated link: beyond what mains and a sagging supply do to it
+INNER = (0.005, 0.995)  # quantiles between which the link moves: no single reading counts
 UNITS_OFF = ((1e-3, "k"), (1e3, "m"))  # u_dc / nominal, prefix that explains it
 
 
-def check(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
+def check(
+    recordings: Sequence[CampaignRecording],
+    drive: Drive,
+    uncertainty: Mapping[str, float] | None = None,
+) -> list[Finding]:
     """Return what is suspicious in recordings; BadInput for the first thing that cannot be
-    right."""
+    right; uncertainty: relative, of what [motor] states, where it is stated."""
     findings: list[Finding] = []
     for r in recordings:
-        findings += link_voltage(r, drive)
+        findings += link_voltage(r, drive, uncertainty)
         findings += current_sensors(r, drive)
         findings += without_sign(r, drive)
     findings += contradictions(recordings, drive)
@@ -49,9 +54,11 @@ def check(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding
     return findings + shifted(recordings, drive)
 
 
-def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
-    """Return a finding where u_dc is far from nominal; BadInput where it is not positive or in
-    another unit."""
+def link_voltage(
+    r: CampaignRecording, drive: Drive, uncertainty: Mapping[str, float] | None = None
+) -> list[Finding]:
+    """Return a finding where u_dc is farther from nominal than it moves in the log and the best
+    known value of [motor] is sure; BadInput where it is not positive or in another unit."""
     low = np.flatnonzero(r.u_dc <= 0.0)
     nominal, middle = r.dc_bus_voltage or drive.converter.dc_bus_voltage, float(np.median(r.u_dc))
     if low.size:
@@ -80,7 +87,9 @@ def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
                 f'{prefix}V? convert it to V or map it with unit = "{prefix}V"'
             )
             raise Refused(Finding(r.file, "u_dc", 0, text))
-    if abs(middle / nominal - 1.0) > LINK_OFF and 0.5 < middle / nominal < 2.0:
+    moves = 0.5 * float(np.ptp(np.quantile(r.u_dc, INNER))) / nominal
+    ordinary = math.hypot(moves, min(deviations(uncertainty or {}).values()))
+    if abs(middle / nominal - 1.0) > ordinary and 0.5 < middle / nominal < 2.0:
         text = (
             f"{r.file}: column 'u_dc' is {middle:.4g} V in the middle, [drive] dc_bus_voltage is "
             f"{nominal:g} V; resistance, inductances and flux that are found may be off by as "

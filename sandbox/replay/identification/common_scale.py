@@ -6,8 +6,9 @@ it is that all values of a motor are off from the stated ones by the same factor
 
     s_n = log(identified / stated) = log k + own deviation
 
-weighed without and with a common k; of usual deviations as in `sandbox.recordings.checks.factors`
-where the campaign states none.
+weighed without and with a common k, of which is known before the data what one value alone tells
+(Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995) 928); of usual deviations as in
+`sandbox.recordings.checks.factors` where the campaign states none.
 """
 
 from __future__ import annotations
@@ -16,22 +17,16 @@ import math
 
 import numpy as np
 
+from model.effects import library
 from model.effects.said import percent
 from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.checks.factors import deviations
 from sandbox.replay.identification.ordinary import OrdinaryFit
 
-# standard deviations of the logarithm where nothing is stated: 40 K of winding, iron, a warm magnet
-USUAL = {
-    "resistance": 0.15,
-    "inductance_d": 0.125,
-    "inductance_q": 0.125,
-    "magnet_flux": 0.075,
-}
-SCALE = 0.12  # likewise, of a link that is stated wrong
+LINK = "dc_link_error.gain_error"
 FEWEST = 3  # values: two may be alike by chance
 LIKELIER = 2.0  # times as likely as without it, from which a common factor is worth a line
 APART = 2.0  # mean square of what is left of each: beyond it they differ on their own
-SEEN = 0.04  # of the factor: a link varies by as much
 
 
 def common_scale(fit: OrdinaryFit, campaign: Campaign) -> str:
@@ -54,22 +49,18 @@ def _hidden(fit: OrdinaryFit, campaign: Campaign) -> str:
 def _found(fit: OrdinaryFit, campaign: Campaign) -> str:
     """Return a sentence on a common factor, empty where nothing speaks for one."""
     drive = campaign.drive
-    names = [n for n in USUAL if n in fit.values and getattr(drive.motor, n) > 0.0]
+    known, typical = deviations(campaign.uncertainty), library.parameters()[LINK].typical
+    names = [n for n in known if n in fit.values and getattr(drive.motor, n) > 0.0]
     if len(names) < FEWEST:
         return ""
     off = np.array([math.log(fit.values[n] / getattr(drive.motor, n)) for n in names])
-    own = np.array(
-        [
-            math.hypot(campaign.uncertainty.get(n, USUAL[n]), fit.deviations[n] / fit.values[n])
-            for n in names
-        ]
-    )
+    own = np.array([math.hypot(known[n], fit.deviations[n] / fit.values[n]) for n in names])
     precision = float(np.sum(own**-2.0))
-    share = precision / (precision + SCALE**-2.0)
+    share = len(names) / (len(names) + 1.0)
     scale = float(np.sum(off / own**2)) / precision
-    gain = 0.5 * precision * share * scale**2 - 0.5 * math.log(1.0 + precision * SCALE**2)
+    gain = 0.5 * precision * share * scale**2 - 0.5 * math.log(1.0 + len(names))
     left = float(np.sum(((off - scale) / own) ** 2)) / (len(names) - 1)
-    if abs(scale) < SEEN or gain < math.log(LIKELIER) or left > APART:
+    if abs(scale) < typical or gain < math.log(LIKELIER) or left > APART:
         return ""
     k, link = math.exp(scale), drive.converter.dc_bus_voltage
     return (

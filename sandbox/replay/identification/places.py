@@ -149,7 +149,5 @@ def _log(unit: float, spread: float, p: Parameter | None = None) -> Place:
 
 def _ordinary(p: Parameter, campaign: Campaign) -> float:
     """Return the standard deviation of an ordinary deviation about a parameter's neutral value."""
-    own = p.ordinary
-    assert own is not None
-    stated = campaign.deviation_of(own)
-    return stated * abs(p.neutral_for(campaign.drive.motor)) if own.of_motor else stated
+    assert p.ordinary is not None
+    return campaign.deviation_of(p.ordinary, p.neutral_for(campaign.drive.motor))

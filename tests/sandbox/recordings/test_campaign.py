@@ -205,13 +205,15 @@ def test_a_bench_campaign_without_ratings_is_read_and_copied(tmp_path):
 
 def test_a_deviation_is_as_stated_or_usual():
     """A share of what `[background]` states in the parameter's unit, or of the usual one in units
-    of the drive's; a motor's value as `[uncertainty]` states it, relative."""
+    of the drive's; of a motor's value as `[uncertainty]` states it, of the truth about what is
+    stated: 5 % of 2 ohm are 0.1 ohm/(1 - 3 x 0.05)."""
     campaign = _campaign()
     gain = Ordinary("current_gain", 0.01, share=0.5)
     offset = Ordinary("current_offset", 0.001, "rated current", 0.5)
     resistance = Ordinary("resistance", 0.05, of_motor=True)
-    assert campaign.deviation_of(gain) == 0.5 * 0.002
-    assert campaign.deviation_of(resistance) == 0.01
+    unstated = dataclasses.replace(resistance, stated="inertia")
+    assert campaign.deviation_of(gain, 0.0) == 0.5 * 0.002
+    assert campaign.deviation_of(resistance, 2.0) == pytest.approx(0.02 / 0.97)
     rated = campaign.drive.motor.rated_current
-    assert campaign.deviation_of(offset) == pytest.approx(0.5 * 0.001 * rated)
-    assert campaign.deviation_of(dataclasses.replace(resistance, stated="inertia")) == 0.05
+    assert campaign.deviation_of(offset, 0.0) == pytest.approx(0.5 * 0.001 * rated)
+    assert campaign.deviation_of(unstated, 2.0) == pytest.approx(0.1 / 0.85)

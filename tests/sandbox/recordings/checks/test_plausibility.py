@@ -15,7 +15,7 @@ from model.errors import BadInput
 from sandbox.recordings.campaign import CampaignRecording, read_folder
 from sandbox.recordings.checks.balance import PHASES, balance
 from sandbox.recordings.checks.mistakes import contradictions
-from sandbox.recordings.checks.plausibility import angle, angle_step, check
+from sandbox.recordings.checks.plausibility import angle, angle_step, check, link_voltage
 from sandbox.recordings.importing import read_recordings
 from tests.data import recordings_folder
 
@@ -209,6 +209,26 @@ def test_a_stated_link_in_another_unit_is_not_blamed_on_the_log():
     drive = dataclasses.replace(bench.drive, converter=converter)
     with pytest.raises(BadInput, match=r"is it in kV. write 400"):
         check([bench["coast_down"]], drive)
+
+
+@pytest.mark.parametrize(
+    ("stated", "moves", "known", "told"),
+    [
+        (370.0, 0.0, {}, True),  # 8.1 %: beyond 7.5 % of a flux that nobody states better
+        (375.0, 0.0, {}, False),
+        (390.0, 0.0, {"magnet_flux": 0.02}, True),
+        (390.0, 0.0, {"magnet_flux": 0.03}, False),
+        (370.0, 30.0, {}, False),  # V to either side: 7.5 and 8.1 % together
+    ],
+)
+def test_a_link_is_off_beyond_how_sure_values_are_and_how_far_it_moves(stated, moves, known, told):
+    bench = _bench("p01")
+    converter = dataclasses.replace(bench.drive.converter, dc_bus_voltage=stated)
+    own = bench["run_slow"]
+    swings = moves * np.sin(np.linspace(0.0, 20.0, len(own.t)))
+    r = dataclasses.replace(own, columns={**own.columns, "u_dc": 400.0 + swings})
+    found = link_voltage(r, dataclasses.replace(bench.drive, converter=converter), known)
+    assert ["400 V in the middle" in f.text for f in found] == [True] * told
 
 
 @pytest.mark.parametrize("counts", [256, 4096, 1 << 16])

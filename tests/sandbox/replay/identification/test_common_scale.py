@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive
-from sandbox.replay.identification.common_scale import USUAL, common_scale
+from sandbox.recordings.checks.factors import OF_VALUES
+from sandbox.replay.identification.common_scale import common_scale
 
 DRIVE = load_drive("ipm_exchanged")
 
 
-def said(factors, *, uncertainty=None, ripple=1.0, names=tuple(USUAL)):
+def said(factors, *, uncertainty=None, ripple=1.0, names=tuple(OF_VALUES)):
     """What is said of values so many times the stated ones, each known to 0.5 %."""
-    values = {n: k * getattr(DRIVE.motor, n) for n, k in zip(USUAL, factors, strict=True)}
+    values = {n: k * getattr(DRIVE.motor, n) for n, k in zip(OF_VALUES, factors, strict=True)}
     values = {n: values[n] for n in names}
     fit = types.SimpleNamespace(values=values, deviations={n: 0.005 * v for n, v in values.items()})
     recording = types.SimpleNamespace(u_dc=400.0 + ripple * np.arange(3.0))
@@ -25,7 +26,7 @@ def said(factors, *, uncertainty=None, ripple=1.0, names=tuple(USUAL)):
 
 @pytest.mark.parametrize("k", [0.85, 1.125, 1.2])
 def test_a_common_factor_names_the_link(k):
-    """Odds of 2.5 for 12 % by the usual deviations: 0.5 x 350 x 0.83 x 0.118^2 - 0.5 log(6)."""
+    """Odds of 3 for 12 % by the usual deviations: 0.5 x 350 x 4/5 x 0.118^2 - 0.5 log(1 + 4)."""
     text = said([k] * 4)
     assert "as a wrong DC link makes them" in text
     assert f"about {400.0 / k:.3g} V would bring them back" in text
@@ -34,7 +35,7 @@ def test_a_common_factor_names_the_link(k):
 
 def test_well_known_values_tell_a_link_of_five_percent():
     assert said([1.05] * 4) == ""
-    known = dict.fromkeys(USUAL, 0.015)
+    known = dict.fromkeys(OF_VALUES, 0.015)
     assert "DC link" in said([1.05] * 4, uncertainty=known)
 
 

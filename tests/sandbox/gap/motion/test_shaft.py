@@ -1,0 +1,57 @@
+"""A fit of the shaft's equation: what noise of the acceleration makes of the inertia, and how wide
+intervals are."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sandbox.gap.motion.shaft import Nominal, Terms, _wider, _with_one_more, design_of, fitted
+from sandbox.gap.motion.windows import averages
+from tests.sandbox.gap.motion.shafts import INERTIA, campaign, thrown
+
+TERMS = Terms(inertia=True, viscous=True, dry=0.2)
+
+
+def design(seed=1, count=math.tau / 512):
+    own = campaign(*(thrown(s, 2e-3, count) for s in (seed, seed + 1)), count=count)
+    return design_of([averages(r, own) for r in own.recordings])
+
+
+def test_a_stated_inertia_that_says_nothing_changes_nothing():
+    """Noise of the acceleration is known and taken out of the inertia, all of it, whatever the fit
+    begins with: 1000 times its value as a deviation is as good as free."""
+    d = design()
+    free = fitted(d, TERMS, Nominal(None, 0.0, 0.0, 0.0))
+    for stated in (0.5 * INERTIA, 3.0 * INERTIA):
+        loose = fitted(d, Terms(viscous=True, dry=0.2), Nominal(stated, 0.0, 1e3, 0.0))
+        assert loose.value("inertia") == pytest.approx(free.value("inertia"), rel=1e-6)
+
+
+def test_variances_are_the_larger_of_both():
+    a, b = np.array([[4.0, 1.0], [1.0, 1.0]]), np.diag([1.0, 9.0])
+    own = _wider(a, b)
+    np.testing.assert_allclose(np.diag(own), [4.0, 9.0])
+    assert own[0, 1] / math.sqrt(own[0, 0] * own[1, 1]) == pytest.approx(0.5)
+
+
+def test_one_more_column_is_that_of_the_whole_equations():
+    rng = np.random.default_rng(3)
+    a, c = rng.standard_normal((50, 3)), rng.standard_normal(50)
+    both, own = _with_one_more(a, np.linalg.inv(a.T @ a), c, 1.0, 1e-3)
+    whole = np.column_stack([a, c])
+    np.testing.assert_allclose(both, whole)
+    expected = np.linalg.inv(whole.T @ whole + np.diag([0.0, 0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(own, expected, atol=1e-12)
+
+
+def test_intervals_hold_the_truth():
+    """Inertia, viscous and dry friction of 12 logs: of 36 intervals of 95 % fewer than 30 hold the
+    truth twice in a thousand (binomial)."""
+    held = 0
+    for seed in range(0, 24, 2):
+        shaft = fitted(design(10 + seed, math.tau / 3600), TERMS, Nominal(None, 0.0, 0.0, 0.0))
+        for name, true in (("inertia", INERTIA), ("viscous", 1e-4), ("dry", 0.02)):
+            low, high = shaft.ci95(name)
+            held += low < true < high
+    assert held >= 30
