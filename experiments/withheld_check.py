@@ -57,7 +57,7 @@ class Check(NamedTuple):
 
     title: str
     kind: str
-    count: int
+    campaigns: int
     seed: int
     sizes: str = "published"
     options: tuple[str, ...] = ()
@@ -105,7 +105,7 @@ def run(name: str, work: Path, jobs: int, results: Path = RESULTS) -> None:
         "--kind",
         check.kind,
         "--count",
-        check.count,
+        check.campaigns,
         "--seed",
         check.seed,
         "--sizes",
@@ -148,10 +148,10 @@ def kept(name: str, results: Path) -> Kept:
     check, sealed = CHECKS[name], len(seal["campaigns"])
     found = [seal.get(k) for k in ("kind", "seed", "style", "sizes")]
     asked = [check.kind, check.seed, "scored", check.sizes]
-    if found != asked or sealed != check.count:
+    if found != asked or sealed != check.campaigns:
         raise BadInput(
             f"'{name}' was sealed as {found} with {sealed} campaigns, not as {asked} with "
-            f"{check.count}; correct CHECKS or keep the run that it names"
+            f"{check.campaigns}; correct CHECKS or keep the run that it names"
         )
     if len({(r.method, r.part, r.campaign) for r in rows}) < len(rows):
         raise BadInput(
@@ -216,13 +216,13 @@ def recompute(results: Path = RESULTS) -> list[str]:
         table_of = outside_table(found["outside"].rows, found["mixed"].rows)
         lines += ["## Causes outside the library by subsystem", "", *table_of, ""]
     if {"mixed", "ladder"} <= set(contents):
-        both = {
+        two = {
             "methods": {
                 k: contents[n]["methods"][OWN]
                 for k, n in ((OWN, "mixed"), ("by the ladder", "ladder"))
             }
         }
-        lines += ["## Published sizes beside the ladder's", "", *table(both, GOALS), ""]
+        lines += ["## Published sizes beside the ladder's", "", *table(two, GOALS), ""]
     for name in {*CHECKS, *(f"{n}_{BASELINES}" for n in CHECKS)} - set(contents):
         # of a run whose rows are not kept
         for suffix in (".json", ".svg", ".narrow.svg"):
@@ -233,7 +233,7 @@ def recompute(results: Path = RESULTS) -> list[str]:
 
 def head(found: Sequence[str], date: str) -> list[str]:
     """Return how the page begins: what it is, where it comes from, what was not run."""
-    left = [f"{CHECKS[n].title.lower()} ({CHECKS[n].count})" for n in CHECKS if n not in found]
+    left = [f"{CHECKS[n].title.lower()} ({CHECKS[n].campaigns})" for n in CHECKS if n not in found]
     return [
         f"Made {date} by `python -m experiments.withheld_check`.",
         "",

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from model.confidence import Z95
 from model.energy import Energy
 from model.errors import BadInput
 from model.ripple import flux_ripple
@@ -100,7 +101,7 @@ class Fit:
 
     def ci95(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval of a parameter."""
-        half = 1.959964 * self.sd[name]
+        half = Z95 * self.sd[name]
         return self.values[name] - half, self.values[name] + half
 
     @property

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from model.confidence import Z95
 from model.mapped import FOUND, OF_MAP, MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.output.toml import key, toml_text
 
 MOTOR, EFFECTS = "motor.toml", "effects.toml"
-Z = 1.959964
 DIGITS = ".7g"  # of the line
 
 
@@ -83,7 +83,7 @@ class Refitted:
         }
         ends = {k: list(v) for k, v in self.ci95.items() if k in own}
         spread = {
-            k: (b - a) / (2.0 * Z * abs(own[k])) for k, (a, b) in ends.items() if own[k] != 0.0
+            k: (b - a) / (2.0 * Z95 * abs(own[k])) for k, (a, b) in ends.items() if own[k] != 0.0
         }
         head = (
             f"# {self.said}\n# [ci95]: 95 % intervals; [uncertainty]: relative deviations, "

@@ -25,7 +25,7 @@ def results(tmp_path, monkeypatch):
     Figures are left out: what is committed has them all (below)."""
     monkeypatch.setattr(screens, "write", lambda drawn, path: None)
     for name, check in CHECKS.items():
-        monkeypatch.setitem(CHECKS, name, check._replace(count=12, seed=3, kind="mixed"))
+        monkeypatch.setitem(CHECKS, name, check._replace(campaigns=12, seed=3, kind="mixed"))
     rows = twelve()
     rows += [type(r)(**{**vars(r), "method": "bic"}) for r in rows]
     write_rows(tmp_path / "mixed.rows.jsonl", rows)
@@ -177,7 +177,7 @@ def test_no_campaign_more_or_less_was_sealed_and_none_counts_twice(results, monk
     write_rows(results / "mixed.rows.jsonl", [*rows, rows[0]])
     with pytest.raises(BadInput, match="two rows of one diagnosis"):
         recompute(results)
-    monkeypatch.setitem(CHECKS, "mixed", CHECKS["mixed"]._replace(count=13))
+    monkeypatch.setitem(CHECKS, "mixed", CHECKS["mixed"]._replace(campaigns=13))
     with pytest.raises(BadInput, match=r"with 12 campaigns, not as .* with 13"):
         recompute(results)
 
@@ -190,9 +190,9 @@ def test_without_rows_there_is_nothing_to_compute(tmp_path):
 def test_one_state_of_the_code_and_enough_controls():
     """No alarm in 300 excludes the goal of 1 %: 1 - 0.05^(1/300) = 0.0099; 298 would not.  Of one
     to three effects at least 100 are drawn."""
-    assert 1.0 - 0.05 ** (1.0 / CHECKS["controls"].count) < 0.01
+    assert 1.0 - 0.05 ** (1.0 / CHECKS["controls"].campaigns) < 0.01
     assert 1.0 - 0.05 ** (1.0 / 298) > 0.01
-    assert CHECKS["mixed"].count >= 100
+    assert CHECKS["mixed"].campaigns >= 100
     assert len({c.seed for c in CHECKS.values()}) == len(CHECKS)
     assert set(CHECKS) == {"mixed", "pairs", "many", "outside", "controls", "ladder"}
 

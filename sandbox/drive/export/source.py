@@ -273,9 +273,9 @@ def _rows(drive: Drive, energy: SplineEnergy | None) -> list[str]:
     lines += ["if (is->dead_time_zone_width == R(0.0)) {"]  # as `sets.zone_of`
     lines += [f"    w->dead_time_zone_width = {_is('bench.soft_current')};"]
     for name in ("shape", "center"):
-        own = f"dead_time_zone_{name}"
+        row = f"dead_time_zone_{name}"
         usual = _is(f"bench.soft_{name}")
-        lines.append(f"    w->{own} = is->{own} != R(0.0) ? is->{own} : {usual};")
+        lines.append(f"    w->{row} = is->{row} != R(0.0) ? is->{row} : {usual};")
     lines.append("}")
     lines += [line for card in sets.several() for line in _further(drive.motor, card)]
     table = drive.converter.inverter_table

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 
 from model.effects import library
 from model.effects.card import Effect, Part
-from model.errors import BadInput
 from model.parameters import Drive, Motor
 from sandbox.plant.sets import BENCH, ORDINARY, SIGN_SPREAD, further_parts, soft_current
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.ends import ends
 from sandbox.replay.sensitivity import mechanical_only
 
 Set = Mapping[str, float]
@@ -27,7 +27,6 @@ FARTHEST = 4.0  # standard deviations that an effect may move before its bounds 
 OF_POINT = ("turn", "map")  # forms of what a point has beside its parameters
 STEPS = ("share", "presence")  # forms that are there or not, nothing between
 REACHED = 0.99  # of them: a value there is at its bound
-BELOW = 1.0 - 1e-6  # of a limit that a value must stay below: what a fit may reach
 
 
 @dataclass(frozen=True)
@@ -271,23 +270,13 @@ def of_part(
         else:
             own, away = p.same_as or name, p.reach_for(drive.motor, drive.converter)
             out.append(Coordinate(own, neutral, WIDE * away, "linear", (own,)))
-    most = limited(card, drive, start)
+    most = ends(card, drive, start)
     return [replace(c, within=reach(c, at or start), most=_most(c, most)) for c in out]
 
 
-def limited(card: Effect, drive: Drive, values: Set) -> dict[str, float]:
-    """Return the limits of a card that are of a parameter itself, by public name; none of sums and
-    of products."""
-    try:
-        asked = list(card.limits_at(values, drive.motor, drive.converter))
-    except BadInput:  # the values have none, as a shaft without a load
-        return {}
-    return {x.name: x.bound for x in asked if not x.simulated and x.size == values.get(x.name)}
-
-
-def _most(c: Coordinate, limits: Mapping[str, float]) -> float:
+def _most(c: Coordinate, ends_of: Mapping[str, float]) -> float:
     """Return how far a coordinate may go for the limit of its parameter."""
-    inside = BELOW * limits.get(c.names[0], math.inf)
+    inside = ends_of.get(c.names[0], math.inf)
     return inside if c.form == "linear" else math.log(inside) if c.form == "log" else math.inf
 
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.confidence import Z95
 from model.effects import library
 from sandbox.gap.evidence.algebra import algebra, prior_of
-from sandbox.gap.posterior.estimates import Z, spread
+from sandbox.gap.posterior.estimates import spread
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 
 STEP = 1e-4  # of a coordinate's standard deviation: the difference a curve's slope is taken over
@@ -59,7 +60,7 @@ def _curve(effect: str, j: EvaluatedModel) -> CurveFound | None:
     # as the parameters' own intervals
     wider = np.divide(s.sd[own], size, out=np.zeros(len(own)), where=size > 0.0)
     covariance = plain * np.outer(wider, wider)
-    off = Z * np.sqrt(np.maximum(np.einsum("ki,kl,li->i", slopes, covariance, slopes), 0.0))
+    off = Z95 * np.sqrt(np.maximum(np.einsum("ki,kl,li->i", slopes, covariance, slopes), 0.0))
     low, high = (tuple(map(float, value + sign * off)) for sign in (-1.0, 1.0))
     said = card.curve.said(values, drive.motor, drive.converter)
     about = (card.curve.across, card.curve.unit_across, card.curve.of, card.curve.unit)

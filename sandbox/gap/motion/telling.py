@@ -68,7 +68,7 @@ def undecided(m: Motion) -> dict[str, str]:
     sets = [set(effects) for effects in _set(m)]
     if verdict(m) != "ambiguous":
         return {}
-    some = set.union(*sets) - set.intersection(*sets) - {UNKNOWN}
+    some = sets[0].union(*sets) - sets[0].intersection(*sets) - {UNKNOWN}
     return {e: _undecided(m, e) for e in numbers() if e in some}
 
 

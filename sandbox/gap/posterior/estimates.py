@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.confidence import Z95
 from model.effects import library
 from model.effects.card import Effect
 from sandbox.gap.evidence.algebra import (
@@ -26,7 +27,6 @@ from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.plant.sets import BENCH
 
 Array = NDArray[np.float64]
-Z = 1.959964
 SPREAD = 1.15  # of standard deviations: what the largest of three estimates still falls short of
 TRACES = 0.5  # of the move that traces of other effects bring, taken as one standard deviation
 
@@ -85,7 +85,7 @@ def estimates_beside(j: EvaluatedModel, equations: Algebra) -> dict[str, Estimat
     place = ordinary.place
     usual = [ordinary.sd[place[c.label]] if c.label in place else 0.0 for c in j.model.coordinates]
     sd = np.maximum(wider * np.array(usual), SPREAD * with_)
-    s = Spread(j.model.coordinates, j.model.point.values, x, sd, (x - Z * sd, x + Z * sd), free)
+    s = Spread(j.model.coordinates, j.model.point.values, x, sd, (x - Z95 * sd, x + Z95 * sd), free)
     return {name: e for effect in j.effects for name, e in _of_effect(effect, s).items()}
 
 
@@ -120,8 +120,8 @@ def spread(j: EvaluatedModel) -> Spread:
     variance = _as_if_free(own, prior, free, variance)
     wider = np.sqrt(SPREAD**2 * variance + (TRACES * traces) ** 2)
     tails = own.tails(prior)
-    below = np.where(x > prior.low, tails, 0.0) + Z * wider
-    above = np.where(x < prior.high, tails, 0.0) + Z * wider
+    below = np.where(x > prior.low, tails, 0.0) + Z95 * wider
+    above = np.where(x < prior.high, tails, 0.0) + Z95 * wider
     return Spread(j.fit.coordinates, j.fit.point.values, x, wider, (x - below, x + above), free)
 
 
@@ -205,8 +205,10 @@ def _of_part(card: Effect, k: int, s: Spread) -> dict[str, Estimate]:
             angle = math.atan2(x[v], x[u])
             turn = min(across / around, math.pi)
             held = not (s.free[u] and s.free[v])
-            out[name] = Estimate(size, max(0.0, size - Z * radial), size + Z * radial, p.unit, held)
-            out[phase] = Estimate(angle, angle - Z * turn, angle + Z * turn, "rad", held)
+            out[name] = Estimate(
+                size, max(0.0, size - Z95 * radial), size + Z95 * radial, p.unit, held
+            )
+            out[phase] = Estimate(angle, angle - Z95 * turn, angle + Z95 * turn, "rad", held)
         elif own in place:
             at = place[own]
             ends = (s.coordinates[at].bounded(float(to[at])) for to in (x, *s.ends))

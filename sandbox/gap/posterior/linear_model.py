@@ -247,8 +247,3 @@ class _Columns:
             other,
             settings,
         )
-
-
-def no_weights(n: Normal) -> Mapping[tuple[int, str], float]:
-    """Return weights of 1."""
-    return {(s.recording, s.channel): 1.0 for s in n.segments}

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.confidence import Z95
 from model.effects.library import title, true_motor
 from model.errors import BadInput
 from model.mapped import MappedMotor
@@ -42,7 +43,7 @@ from sandbox.replay.identification.places import (
     SIGN,
     places,
 )
-from sandbox.replay.identification.search import HALF, Search
+from sandbox.replay.identification.search import Search
 from sandbox.replay.replay import prepare
 
 Array = NDArray[np.float64]
@@ -84,7 +85,7 @@ class OrdinaryFit:
 
     def ci95(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval of a parameter that is told."""
-        half = HALF * self.deviations[name]
+        half = Z95 * self.deviations[name]
         return self.values[name] - half, self.values[name] + half
 
 
@@ -123,7 +124,7 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
         beside.pop(LAG)
     if {"inductance_d", "inductance_q"} <= set(estimated):  # those at no current: with what bends
         told = {n: v for n, v in beside.items() if n.startswith(ALPHA)}
-    apart = np.abs(x.x - x.centre) > HALF * size
+    apart = np.abs(x.x - x.centre) > Z95 * size
     count = sum(len(r.t) for r in used.recordings)
     current = [np.mean(y**2) for r in used.recordings for y in (r.i_a, r.i_b, r.i_c)]
     left = x.prepared.noise_std * math.sqrt(x.square())

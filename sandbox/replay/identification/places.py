@@ -21,6 +21,7 @@ from model.mapped import MappedMotor
 from model.parameters import Motor
 from sandbox.plant.sets import ORDINARY, SIGN_SPREAD, soft_current
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.ends import ends
 from sandbox.replay.replay import Prepared
 
 NAMES = ("resistance", "inductance_d", "inductance_q", "magnet_flux")
@@ -46,7 +47,6 @@ ALPHA = "saturation.alpha_"
 OFFSET, DROP = 0.01, 0.02
 # prior of R and flux, one standard deviation over nominal: data that say anything outdo it
 OPEN = 10.0
-BELOW = 1.0 - 1e-6  # of a limit that a value must stay below: what a fit may reach
 # logarithm of the factor from the start within which one is looked for; inductances: inside a
 # scale's bounds
 WIDE = {
@@ -130,10 +130,8 @@ def _beside(prepared: Prepared) -> Iterator[tuple[str, Place]]:
 def _limit(name: str, campaign: Campaign) -> float:
     """Return how far a parameter may go for the limits of its effect's card."""
     drive = campaign.drive
-    values = neutral(drive.motor) | {name: 0.0}
-    limits = load_effect(name.partition(".")[0]).limits_at(values, drive.motor, drive.converter)
-    own = [x.bound for x in limits if x.name == name and not x.simulated]
-    return BELOW * min(own, default=math.inf)
+    card, values = load_effect(name.partition(".")[0]), neutral(drive.motor) | {name: 0.0}
+    return ends(card, drive, values).get(name, math.inf)
 
 
 def _linear(p: Parameter, own: float, deviation: float) -> Place:

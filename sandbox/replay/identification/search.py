@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from model.confidence import Z95
 from model.errors import BadInput, PhysicsError
 from sandbox.replay.identification.places import ANGLE, NAMES, OF_EFFECT, OFFSET_OF, Place
 from sandbox.replay.inputs import Inputs
@@ -22,7 +23,6 @@ BLOCKS = 40  # blocks of time that all recordings are cut into, for the scatter 
 STEPS, ENOUGH = 40, 1e-3  # of Gauss and Newton; in standard deviations
 SHARE = 1e-3  # of a parameter: the step of its slope
 FARTHEST = math.log(3.0)  # of a parameter in one step
-HALF = 1.959964  # standard deviations to either side that a 95 % interval reaches
 
 
 class Search:
@@ -164,7 +164,7 @@ class Search:
         cuts = np.array_split(np.arange(len(self.r)), BLOCKS)
         g = np.stack([self.j[c].T @ self.r[c] for c in cuts])
         scatter = np.diag(covariance @ (g.T @ g + weight) @ covariance)
-        lacks = len(self.r) * max(self.square() - 1.0, 0.0) / HALF**2
+        lacks = len(self.r) * max(self.square() - 1.0, 0.0) / Z95**2
         hidden = lacks * np.diag(covariance @ told @ covariance)
         return np.sqrt(np.maximum(np.diag(covariance), scatter) + hidden), covariance
 

@@ -100,3 +100,38 @@ def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_fold
     assert found.objective == pytest.approx(honest.objective, abs=little)
     seen = objective(whole.normal, prior_of(whole.coordinates), others)
     assert seen > honest.objective + 100.0 * little  # where it began
+
+
+@pytest.fixture
+def at_nominal(small_folder):
+    """The nominal point of a campaign and the whole fit of a wrong effect, far from the floor."""
+    own = read_folder(small_folder)
+    start = Point(prepare(own), complete(own.drive.motor, own.drive.converter))
+    return start, fit(start, ("inductance",), weights_of(len(own.recordings)))
+
+
+def ended_at(whole, **values):
+    """Return a fit that ended at other values."""
+    moved = {name.replace("__", "."): x for name, x in values.items()}
+    return replace(whole, point=replace(whole.point, values={**whole.point.values, **moved}))
+
+
+def test_a_fit_to_the_others_that_no_drive_can_begin_is_left(at_nominal):
+    """The whole fit ended beyond what a motor can have, in a deviation that its effect does not
+    claim: the one from the nominal model stands alone, as where both are made it is the better of
+    the two."""
+    start, whole = at_nominal
+    spoilt = ended_at(whole, stator_resistance__resistance=-1.0)
+    found = _without(spoilt, start, (0,), 1)
+    others = weights_of(len(start.prepared.recordings), (0,))
+    assert found is not spoilt
+    assert found.objective == pytest.approx(
+        fit(start, ("inductance",), others).objective, rel=0.001
+    )
+
+
+def test_where_no_fit_to_the_others_can_be_made_the_whole_one_stands(at_nominal):
+    """The effect's own value is none that a motor can have: neither beginning is one."""
+    start, whole = at_nominal
+    spoilt = ended_at(whole, inductance__scale_q=9.0)
+    assert _without(spoilt, start, (0,), 1) is spoilt
