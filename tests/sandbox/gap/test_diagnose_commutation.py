@@ -16,14 +16,14 @@ from sandbox.replay.replay import prepare, replay
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, TURNING, small_campaign
 
 
-@pytest.mark.parametrize("capacitance", [1e-12, 1e-10, 1e-9])
+@pytest.mark.parametrize("capacitance", [1e-12, 1e-9])
 def test_dead_time_by_switches_diodes_and_capacitance(capacitance):
     """Named alone, time and capacitance within three standard deviations (1.53 halves of 95 %) of
     those put in.
 
-    1 pF: switches and diodes hardly slew.  100 pF: the leg slews over in the dead time at 3 % of
-    rated current; 1 nF: at a third of it.  J scatters by 0.8 % (`test_five_at_once`); five
-    deviations are allowed."""
+    1 pF: switches and diodes hardly slew; 1 nF: the leg slews over in the dead time at a third of
+    rated current (100 pF, at 3 % of it: below, behind a compensation).  J scatters by 0.8 %
+    (`test_five_at_once`); five deviations are allowed."""
     put_in = {"dead_time.time": DEAD_TIME, "dead_time.capacitance": capacitance}
     d = diagnosis_of(small_campaign(put_in, CASES + TURNING), workers=1)
     assert d.best.effects == ("dead_time",)
@@ -59,11 +59,10 @@ def test_what_a_compensation_leaves_is_no_device_drop():
         assert abs(x.value - true) < 1.53 * 0.5 * (x.high - x.low), name
 
 
-@pytest.mark.parametrize("capacitance", [1e-12, 1e-10])
-def test_an_ordinary_dead_time_is_no_discovery_in_any_form(capacitance):
+def test_an_ordinary_dead_time_is_no_discovery_in_any_form():
     """Twice the deviation that any drive may have (50 ns), by switches and diodes: what an ordinary
     one by a sign of the current leaves of it is no dead time to name, nor another effect."""
-    put_in = {"dead_time.time": 1e-7, "dead_time.capacitance": capacitance}
+    put_in = {"dead_time.time": 1e-7, "dead_time.capacitance": 1e-10}
     d = diagnosis_of(small_campaign(put_in, CASES + TURNING), workers=1)
     assert d.best.effects == ()
     assert d.best.probability > 0.9

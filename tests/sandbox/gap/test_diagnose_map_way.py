@@ -98,7 +98,8 @@ def test_a_drive_without_a_fault_is_not_suspicious_where_the_iron_saturates(scen
     assert not any("alphas" in n.finding.text for n in found.noticed)  # a map has none
 
 
-@pytest.mark.parametrize("name", [*MAP, "quartic"])
+# a map turned to the magnets, one of a table with gradients; the plan above takes a third file
+@pytest.mark.parametrize("name", ["thor", "sew", "quartic"])
 def test_from_a_map_to_a_simulator_that_has_what_was_found(name, tmp_path):
     """Size within four of the stated standard deviations; the two files leave the noise, as the
     truth does."""

@@ -1,8 +1,9 @@
 """The whole way of a motor that another tool or a data sheet states: convert, simulate, record,
 check, diagnose; what is planted is named, with its size.
 
-Motors of three of these forms have no saliency: an estimator without injection runs on them, and
-the refusal of the others says so.
+Of each kind one or two: with and without saliency, a tool's file and a data sheet's numbers; what
+else a form has is tested where it is read (tests/model/tools).  Without saliency an estimator
+without injection runs, and the refusal of the others says so.
 """
 
 import json
@@ -12,13 +13,11 @@ import pytest
 import sandbox
 from model.effects.library import effect_names
 from sandbox import BadInput, Scenario, Segment
-from tests.model.tool_files import MOTEUS, ODRIVE, SIMPLEFOC, VESC
+from tests.model.tool_files import ODRIVE, VESC
 
 FORMS = {
     "VESC": (VESC, []),
     "ODrive": (json.dumps(ODRIVE), ["voltage=24V"]),
-    "moteus": (MOTEUS, ["voltage=24V", "inductance=30uH"]),
-    "SimpleFOC": (SIMPLEFOC, ["voltage=12V"]),
     "terminals": (
         "",
         ["poles=8", "r_ll=0.72 ohm", "l_ll=0.5 mH", "kt=0.0543 Nm/A rms", "i=5 A rms", "u=48"],

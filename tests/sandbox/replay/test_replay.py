@@ -498,7 +498,8 @@ def test_p01_is_met_to_its_noise_floor():
     )
 
 
-@pytest.mark.parametrize("name", [f"p{k:02d}" for k in range(2, 13)])
+# p06, p07 and p10 have what is fitted in every campaign, or nothing: p01 shows that; p02: below
+@pytest.mark.parametrize("name", ["p03", "p04", "p05", "p08", "p09", "p11", "p12"])
 def test_true_effect_brings_the_residual_to_the_noise_floor(name):
     recorded, values, effects = practice(name)
     # they are nearly linear: a second step changes rms by 2e-4 (p05)

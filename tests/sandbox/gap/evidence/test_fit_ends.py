@@ -86,8 +86,8 @@ def test_chance_of_one_recording_is_no_more_than_noise(clean):
 
 
 def test_one_recording_that_keeps_more_is_not_hidden_by_the_others(clean):
-    """1.25 in one of four recordings: rms 1.12 there, less over all of them."""
-    one = with_left(clean, 0, 1.25)
+    """1.25 in both channels of one of four recordings: rms 1.12 there, less over all of them."""
+    one = with_left(clean, 2, 1.25)
     assert rms_of(one) < 1.1
     assert keeps_more(one, 1.1)
     assert not keeps_more(one, 1.12)

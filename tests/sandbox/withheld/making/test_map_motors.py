@@ -169,7 +169,7 @@ def test_the_stated_file_gives_the_stated_map(effect, size, tmp_path):
 
 
 @here
-@pytest.mark.parametrize("effect", [None, *MAGNETIC, "dead_time", "flux_harmonics"])
+@pytest.mark.parametrize("effect", [None, *MAGNETIC, "dead_time"])
 def test_on_a_map_the_replay_meets_the_floor_at_the_truth(effect, tmp_path):
     """As on quartics (test_make): 1 within five times the scatter of 4000 readings;
     without the truth a gap.
