@@ -18,7 +18,7 @@ from model.effects.card import Effect, Part
 from model.parameters import Drive, Motor
 from sandbox.plant.sets import BENCH, ORDINARY, SIGN_SPREAD, further_parts, soft_current
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.ends import ends
+from sandbox.replay.identification.ends import ends
 from sandbox.replay.sensitivity import mechanical_only
 
 Set = Mapping[str, float]

@@ -21,7 +21,7 @@ from model.mapped import MappedMotor
 from model.parameters import Motor
 from sandbox.plant.sets import ORDINARY, SIGN_SPREAD, soft_current
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.ends import ends
+from sandbox.replay.identification.ends import ends
 from sandbox.replay.replay import Prepared
 
 NAMES = ("resistance", "inductance_d", "inductance_q", "magnet_flux")

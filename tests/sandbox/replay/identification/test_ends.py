@@ -4,7 +4,7 @@ import pytest
 
 from model.drive_files import load_drive
 from model.effects import library
-from sandbox.replay.ends import ends
+from sandbox.replay.identification.ends import ends
 
 DRIVE = load_drive("ipm_exchanged")
 NEUTRAL = library.neutral(DRIVE.motor)
