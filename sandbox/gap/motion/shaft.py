@@ -25,10 +25,9 @@ Array = NDArray[np.float64]
 # presliding.
 WIDTHS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.03)
 USUAL_WIDTH = 0.005
-# standard deviation of its logarithm before the log (0.1 to 5 %), and least with one: counts blur
-# the instants of turning back, so that widths come out too large; measured: without it intervals of
-# dry friction hold the truth in 80 % of 40 logs of 8192 counts
-SPREAD_WIDTH, LEAST_SPREAD = 1.0, 0.15
+# standard deviation of its logarithm before the log (0.1 to 5 %), and least where the speed goes
+# through it within a row: there counts blur it (0.2 rad/s came out as 0.2 to 0.42 in 24 logs)
+SPREAD_WIDTH, UNRESOLVED = 1.0, 0.4
 # of an order, seen in the angle: with fewer it stands for anything that depends on the place
 LEAST_PERIODS = 2.0
 MOST_ORDERS = 16
@@ -77,6 +76,11 @@ class Design:
         """The speed (rad/s) that samples exceed in one of a hundred."""
         speeds = np.concatenate([np.abs(a.path_speed) for a in self.averages])
         return float(np.quantile(speeds, 0.99)) or 1.0
+
+    @cached_property
+    def within_a_row(self) -> float:
+        """Half of what the speed (rad/s) usually changes from row to row."""
+        return 0.5 * self.step * float(np.sqrt(np.mean(self.acceleration**2)))
 
     @cached_property
     def widths(self) -> tuple[float, ...]:
@@ -285,27 +289,24 @@ def fitted(design: Design, terms: Terms, nominal: Nominal) -> Shaft:
     residual = design.torque - columns @ values
     scored = residual * design.weight
     strain = float(np.sum(precision * (values - mean)[~fixed] ** 2))
-    if terms.dry is not None:  # its width was fitted, too
-        bend = values[names.index(DRY.size)] * design.bend(terms.dry) * design.weight
-        a, inverse = _with_one_more(a, inverse, bend, SPREAD_WIDTH, LEAST_SPREAD)
     chi2, inflation = float(scored @ scored), _inflation(scored, design)
     plain = inverse * (chi2 / max(np.count_nonzero(design.weight), 1) * inflation)
+    found = _wider(_sandwich(a, scored, design.block, inverse), plain)
+    if terms.dry is not None:
+        bend = values[names.index(DRY.size)] * design.bend(terms.dry) * design.weight
+        found += _of_width(a, inverse, bend, design.within_a_row / terms.dry)
     covariance = np.zeros((len(names), len(names)))
-    found, count = _wider(_sandwich(a, scored, design.block, inverse), plain), len(move)
-    covariance[np.ix_(~fixed, ~fixed)] = found[:count, :count]
+    covariance[np.ix_(~fixed, ~fixed)] = found
     return Shaft(terms, tuple(names), values, covariance, residual, chi2, strain, inflation)
 
 
-def _with_one_more(
-    a: Array, inverse: Array, column: Array, most: float, least: float
-) -> tuple[Array, Array]:
-    """Return columns and the inverse of their normal equations with one more column, whose size is
-    known to `most` before and to no less than `least` (standard deviations)."""
-    u = inverse @ (a.T @ column)
-    left = max(float(column @ column) - float((a.T @ column) @ u), 0.0) + most**-2.0
-    left = min(left, least**-2.0)
-    own = np.block([[inverse + np.outer(u, u) / left, -u[:, None] / left], [-u / left, 1.0 / left]])
-    return np.hstack([a, column[:, None]]), own
+def _of_width(a: Array, inverse: Array, bend: Array, rows: float) -> Array:
+    """Return what the other sizes' covariance has more as the width of dry friction was fitted;
+    bend: how its torque changes with the logarithm of the width; rows: what the speed changes in
+    half a row, over the width."""
+    moved = inverse @ (a.T @ bend)
+    told = max(float(bend @ bend) - float((a.T @ bend) @ moved), 0.0) + SPREAD_WIDTH**-2.0
+    return np.outer(moved, moved) * max(1.0 / told, (UNRESOLVED * min(rows, 1.0) ** 2) ** 2)
 
 
 def _wider(covariance: Array, other: Array) -> Array:

@@ -3,8 +3,7 @@
 What torque the shaft's equation leaves is looked at for every number of rows by which the torque is
 moved; the fewest rows that leave as little as any are the place.  A first-order filter is late in
 the same way, but moved rows explain it worse than the lag does: what explains the log better by
-more than the chance among all places that were tried, in the log's own scatter, and leaves little
-beside noise, is told.
+more than the chance among all places that were tried, in the log's own scatter, is told.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ from sandbox.gap.motion.shaft import (
     fitted,
     reweighted,
 )
-from sandbox.gap.motion.windows import OVERLAP, SAMPLES, averages, white
-from sandbox.recordings.checks.shifts import ALIKE, LATE, SHIFTED
+from sandbox.gap.motion.windows import SAMPLES, averages
+from sandbox.recordings.checks.shifts import ALIKE, LATE
 from sandbox.recordings.findings import Doubt, Finding
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
@@ -56,21 +55,13 @@ def shifted(campaign: MotionCampaign) -> list[Finding]:
         )
         best, late, still = _fit(there, False), _fit(here, True), _fit(here, False)
     before, after, filtered = (float(np.mean(x.residual**2)) for x in (still, best, late))
-    noise, count = _noise(best, there), len(there.torque)
-    gain = count / best.inflation * math.log(filtered / after)
-    if not gain > 2.0 * math.log((2 * most + 1) * count) or not (
-        after - noise < SHIFTED * (before - noise)
-    ):
+    count = len(there.torque)
+    gain = 2.0 * count / best.inflation * math.log(min(before, filtered) / after)
+    if not gain > 2.0 * math.log((2 * most + 1) * count):
         return []
     size = float(np.mean(there.torque**2))
     shares = tuple(100.0 * math.sqrt(x / size) for x in (before, after))
     return [_finding(own[0], rows, there.step, shares)]
-
-
-def _noise(shaft: Shaft, design: Design) -> float:
-    """Return the mean square of what changes at random between windows that share no row."""
-    parts = [shaft.residual[design.owner == k] for k in range(len(design.averages))]
-    return sum(len(x) * white(x[::OVERLAP]) ** 2 for x in parts) / len(shaft.residual)
 
 
 def _curve(own: Sequence[MotionRecording], campaign: MotionCampaign, most: int) -> Array:

@@ -52,6 +52,12 @@ def unwrapped(
     step = np.diff(raw)
     if not step.size or np.ptp(raw) == 0.0:
         return raw
+    if many := _turns_of_wrap(raw, step, turn):
+        jumps = np.flatnonzero(np.abs(step) > 0.5 * many * turn)
+        notes.append(_said(file, column, jumps, "is unwrapped here", many))
+        whole = np.zeros(len(raw))
+        whole[jumps + 1] = -np.sign(step[jumps])
+        return raw + many * turn * np.cumsum(whole)
     if not (estimate and np.any(np.abs(np.abs(step) / turn - 0.25) < QUARTER)):
         _refuse_other_turn(file, column, raw, step, turn)
     if np.ptp(raw) > WRAP * turn:
@@ -78,10 +84,26 @@ def unwrapped(
     return raw + np.repeat(np.append(0.0, turns), np.diff([0, *(jumps + 1), len(raw)]))
 
 
-def _said(file: str, column: str, jumps: NDArray[np.int64], what: str) -> Finding:
+def _turns_of_wrap(raw: Array, step: Array, turn: float) -> int:
+    """Return of how many turns, two at least, a counter wraps that is followed well within one from
+    row to row; 0 where it does not."""
+    span = float(np.ptp(raw))
+    if not span > WRAP * turn:
+        return 0
+    many = round(span / turn)
+    back = np.abs(step) > BACK * span
+    moved = np.abs(np.where(back, np.abs(step) - many * turn, step))
+    if many < 2 or not np.any(back) or np.all(back):
+        return 0
+    usual = float(np.max(moved[~back]))  # a jump goes on as rows without one do
+    return many if np.max(moved[back]) <= usual < FOLLOWED * turn else 0
+
+
+def _said(file: str, column: str, jumps: NDArray[np.int64], what: str, many: int = 1) -> Finding:
     k = int(jumps[0]) + 1
+    by = "a turn" if many == 1 else f"{many} turns"
     text = (
-        f"{file}: row {k} of column '{column}' jumps by a turn ({jumps.size} jumps); the "
+        f"{file}: row {k} of column '{column}' jumps by {by} ({jumps.size} jumps); the "
         f"angle was wrapped and {what}"
     )
     return Finding(file, column, k, text)

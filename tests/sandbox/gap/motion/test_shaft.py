@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.gap.motion.shaft import Nominal, Terms, _wider, _with_one_more, design_of, fitted
+from sandbox.gap.motion.shaft import Nominal, Terms, _of_width, _wider, design_of, fitted
 from sandbox.gap.motion.windows import averages
 from tests.sandbox.gap.motion.shafts import INERTIA, campaign, thrown
 
@@ -35,14 +35,15 @@ def test_variances_are_the_larger_of_both():
     assert own[0, 1] / math.sqrt(own[0, 0] * own[1, 1]) == pytest.approx(0.5)
 
 
-def test_one_more_column_is_that_of_the_whole_equations():
+def test_a_fitted_width_widens_as_one_more_column_does():
+    """What the inverse of the whole equations has more, the width known to 1 before."""
     rng = np.random.default_rng(3)
     a, c = rng.standard_normal((50, 3)), rng.standard_normal(50)
-    both, own = _with_one_more(a, np.linalg.inv(a.T @ a), c, 1.0, 1e-3)
-    whole = np.column_stack([a, c])
-    np.testing.assert_allclose(both, whole)
-    expected = np.linalg.inv(whole.T @ whole + np.diag([0.0, 0.0, 0.0, 1.0]))
-    np.testing.assert_allclose(own, expected, atol=1e-12)
+    alone, whole = np.linalg.inv(a.T @ a), np.column_stack([a, c])
+    both = np.linalg.inv(whole.T @ whole + np.diag([0.0, 0.0, 0.0, 1.0]))
+    more = _of_width(a, alone, c, 0.0)
+    np.testing.assert_allclose(alone + more, both[:3, :3], atol=1e-12)
+    assert np.all(np.diag(_of_width(a, alone, c, 1.0)) >= np.diag(more))
 
 
 def test_intervals_hold_the_truth():
