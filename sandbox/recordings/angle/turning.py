@@ -91,7 +91,7 @@ def _turns_of_wrap(raw: Array, step: Array, turn: float) -> int:
     if not span > WRAP * turn:
         return 0
     many = round(span / turn)
-    back = np.abs(step) > BACK * span
+    back = np.abs(step) > 0.5 * span
     moved = np.abs(np.where(back, np.abs(step) - many * turn, step))
     if many < 2 or not np.any(back) or np.all(back):
         return 0
