@@ -16,11 +16,12 @@ from operator import add
 import numpy as np
 from numpy.typing import NDArray
 
+from model.confidence import Z95
 from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, Drift, misstated, sized
 from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.location.where import LEAST, Finding, percent, sentences
-from sandbox.gap.posterior.estimates import Estimate, Z, spread
+from sandbox.gap.posterior.estimates import Estimate, spread
 from sandbox.gap.posterior.hypotheses import LISTED, UNKNOWN, Hypothesis
 from sandbox.gap.posterior.remainder import remainder
 from sandbox.gap.posterior.sets import Set
@@ -139,7 +140,7 @@ def by_recording(d: Diagnosis) -> dict[str, dict[str, Estimate]]:
     a, b = (values[name] for name in own)
     deviation = max(s.sd[s.place[name]] for name in own if name in s.place)
     for file in d.drifting.seen:
-        width = Z * math.hypot(deviation, d.drifting.errors[file])
+        width = Z95 * math.hypot(deviation, d.drifting.errors[file])
         total = np.add(d.drifting.offsets[file], (a, b, -a - b)) + values["bench.common_offset"]
         names = [card.public(1, f"offset_{p}") for p in "abc"]
         out[file] = {
