@@ -1,21 +1,36 @@
 """Fits with planted scatter of blocks, and the size of their gap."""
 
-from types import SimpleNamespace
-
 import numpy as np
 
+from sandbox.gap.evidence.fit import Fit
 from sandbox.gap.evidence.gap_size import size_of
+from sandbox.gap.evidence.normal import Normal, Segment
 
 BLOCKS, COUNT, SCATTER = 400, 10, 0.2
 
 
-def fit_with(squares, effects=()):
-    """Return what is read of a fit: one recording, mean squares (b,) of its blocks over their
-    floor."""
-    segment = SimpleNamespace(
-        recording=0, rr=COUNT * squares, n=np.full(len(squares), float(COUNT))
+def left_by(*squares, count=COUNT):
+    """Return equations without coordinates: of each recording mean squares (b,) of its currents'
+    blocks over their floor."""
+    own = tuple(
+        Segment(
+            k,
+            "current",
+            np.arange(0),
+            np.zeros((len(x), 0, 0)),
+            np.zeros((len(x), 0)),
+            count * x,
+            np.full(len(x), float(count)),
+        )
+        for k, x in enumerate(squares)
     )
-    return SimpleNamespace(normal=SimpleNamespace(segments=(segment,)), effects=effects)
+    return Normal((), np.zeros(0), own, 0.0)
+
+
+def fit_with(squares, effects=()):
+    """Return a fit, of which no point is asked: one recording, mean squares (b,) of its blocks over
+    their floor."""
+    return Fit(effects, None, left_by(squares), float(COUNT * np.sum(squares)), 0.0)
 
 
 def size_at(deviations):

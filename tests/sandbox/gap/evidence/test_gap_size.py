@@ -43,8 +43,7 @@ def test_farther_off_the_interval_holds_the_share(deviations):
 
 def twice(one):
     """Return a fit whose second channel was read at the same times and scatters as the first."""
-    segments = one.normal.segments * 2
-    return SimpleNamespace(normal=SimpleNamespace(segments=segments), effects=one.effects)
+    return replace(one, normal=replace(one.normal, segments=one.normal.segments * 2))
 
 
 def test_channels_of_one_time_are_no_more_blocks():

@@ -1,30 +1,23 @@
 """Probability of a cause outside the library, from what a fit leaves of each recording."""
 
-from types import SimpleNamespace
+import dataclasses
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import lomax, norm
 
-from sandbox.gap.posterior import unmodeled as module
-from sandbox.gap.posterior.unmodeled import _log_densities, log_bayes_factor
+from sandbox.gap.evidence.fit import Fit, coordinates_of, stray
+from sandbox.gap.evidence.normal import normal
+from sandbox.gap.posterior.unmodeled import _log_densities, log_bayes_factor, log_stretched
 from sandbox.gap.settings import USUAL
+from tests.sandbox.gap.conftest import start
+from tests.sandbox.gap.sizes import left_by
 
 
 def left(excess, count=20000.0):
     """Normal equations of recordings whose currents leave so much."""
-    return SimpleNamespace(
-        segments=[
-            SimpleNamespace(
-                recording=k,
-                channel="current",
-                rr=np.array([(1.0 + e) * count]),
-                n=np.array([count]),
-            )
-            for k, e in enumerate(excess)
-        ]
-    )
+    return left_by(*(np.array([1.0 + e]) for e in excess), count=count)
 
 
 @pytest.mark.parametrize("e", [-0.01, 0.0, 0.02, 0.1, 1.0])
@@ -90,14 +83,21 @@ def test_misstated_noise_is_allowed_for():
     assert log_bayes_factor(before, after, 0.05) < log_bayes_factor(before, after, 0.0)
 
 
-def test_an_ordinary_deviation_that_goes_far_speaks_for_it(monkeypatch):
-    """One of four at 4 deviations: the mean of exp(z^2 (1 - 1/16) / 2) / 4, that is 1808 / 16."""
-    monkeypatch.setattr(
-        module, "stray", lambda f: {k: (None, z) for k, z in enumerate((4.0, 0.0, 0.0, 0.0))}
-    )
-    assert np.exp(module.log_stretched(None)) == pytest.approx(0.25 * (np.exp(7.5) + 3.0) / 4.0)
-    monkeypatch.setattr(module, "stray", lambda f: {0: (None, 0.0)})
-    assert module.log_stretched(None) == 0.0
+def test_an_ordinary_deviation_that_goes_far_speaks_for_it(small_folder):
+    """One of n at 4 deviations, all others at none: the mean of exp(z^2 (1 - 1/16) / 2) / 4, that
+    is (1808 + n - 1) / 4 n."""
+    here = start(small_folder)
+    n = normal(here, coordinates_of(here, ())).bare()
+    nominal = Fit((), here, n, 0.0, 0.0)
+    of = stray(nominal)
+    assert not any(z for _, z in of.values())
+    assert log_stretched(nominal) == 0.0
+    k = next(k for k, c in enumerate(n.coordinates) if c.label in of)
+    x = n.x.copy()
+    x[k] += 4.0 * n.coordinates[k].deviation
+    far = Fit((), here, dataclasses.replace(n, x=x), 0.0, 0.0)
+    expected = 0.25 * (np.exp(7.5) + len(of) - 1.0) / len(of)
+    assert np.exp(log_stretched(far)) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("mean", [0.008, 10.0, 1e3, 9999.9, 1e4, 1e6])
