@@ -21,6 +21,7 @@ from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, Drift, misstated, sized
 from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.location.where import LEAST, Finding, percent, sentences
+from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.posterior.estimates import Estimate, spread
 from sandbox.gap.posterior.hypotheses import LISTED, UNKNOWN, Hypothesis
 from sandbox.gap.posterior.remainder import remainder
@@ -59,7 +60,23 @@ def with_offsets(a: Answers) -> Answers:
             by_recording=by_recording(named),
         )
     found = sorted([_finding(named, own), *said], key=lambda f: -f.share)
-    return replace(a, diagnosis=named, where=tuple(found), parts=tuple(parts), ranking=ranked)
+    return replace(
+        a,
+        diagnosis=named,
+        where=tuple(found),
+        parts=tuple(parts),
+        ranking=ranked,
+        following=_parting(a.following),
+    )
+
+
+def _parting(following: Next | None) -> Next | None:
+    """Return a planned recording by the sets that it separates, with the effect; None where they
+    differ by it alone."""
+    if following is None:
+        return None
+    sets = tuple(dict.fromkeys(with_offset(s) for s in following.separates))
+    return replace(following, separates=sets) if len(sets) > 1 else None
 
 
 def included(r: Ranking, chance: float) -> Ranking:

@@ -136,8 +136,10 @@ def drifting(
     point: Point, shown: Sequence[Residual], known: Drifting | None = None
 ) -> Drifting | None:
     """Return what the offsets of a campaign's recordings differ by and what all sensors have in
-    common; None where neither is more than ordinary.  shown: the residuals at a point; known: what
-    was taken off already: the answer is what to take off beside it, however small."""
+    common; None where nothing differs surely and nothing in common is more than ordinary.
+
+    shown: the residuals at a point; known: what was taken off already: the answer is what to take
+    off beside it, however small."""
     turns: dict[str, list[Array]] = {}
     for r, x in zip(point.prepared.recordings, shown, strict=True):
         if r.rotor != "locked":
@@ -157,9 +159,8 @@ def drifting(
     middle = np.median(means + gone, axis=0)
     beside = means + gone - middle - gone
     usual = _usual(point.prepared.campaign)
-    least = 0.0 if known else ORDINARY * usual
-    largest = np.max(np.abs(beside), axis=1)
-    if not np.any((largest > least) & (largest > SURE * errors)):
+    least = 0.0 if known else ORDINARY * usual  # of what is common to all recordings
+    if not np.any(np.max(np.abs(beside), axis=1) > SURE * errors):
         beside = np.zeros_like(beside)
     common = float(np.median(means.mean(axis=1)))
     if not abs(common) > max(least / math.sqrt(3.0), SURE * float(np.max(errors))):

@@ -5,9 +5,10 @@ import dataclasses
 import pytest
 
 from model.effect_files import effects_and_angles
-from sandbox.gap.by_recording import with_offset, with_offsets
+from sandbox.gap.by_recording import _parting, with_offset, with_offsets
 from sandbox.gap.diagnose import diagnosis_of, verdict
 from sandbox.gap.location.where import where
+from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.report.answers import Answers, where_text, which_text
 from sandbox.gap.report.diagnosis_json import document
 from sandbox.gap.report.ranking import ranking
@@ -90,6 +91,14 @@ def test_the_name_stands_once():
     assert with_offset(()) == ("current_offset",)
     assert with_offset(("current_offset",)) == ("current_offset",)
     assert with_offset(("dead_time", "unknown")) == ("current_offset", "dead_time", "unknown")
+
+
+def test_a_planned_recording_parts_sets_that_still_differ():
+    planned = Next("locked", "locked rotor", 1.0, ((), ("current_offset",)), 9.0, 0.9)
+    assert _parting(planned) is None
+    other = dataclasses.replace(planned, separates=((), ("dead_time",)))
+    assert _parting(other).separates == (("current_offset",), ("current_offset", "dead_time"))
+    assert _parting(None) is None
 
 
 def test_where_nothing_differs_answers_stay(small_answers):
