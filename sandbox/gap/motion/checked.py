@@ -9,6 +9,7 @@ from dataclasses import replace
 from sandbox.gap.motion.load_side import ROWS, load_contradicted
 from sandbox.gap.motion.mistakes import contradictions, inertia_contradicted
 from sandbox.gap.motion.shifted import shifted
+from sandbox.gap.motion.unsigned import unsigned
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.checks.motion import loads, standing
 from sandbox.recordings.findings import Finding
@@ -16,7 +17,7 @@ from sandbox.recordings.motion_log import MotionCampaign, motion_of
 from sandbox.recordings.preflight import REFUSED, Noticed, on_the_way, refusals_first, tried
 
 # a cause before its consequences
-CHECKS = (standing, load_contradicted, shifted, contradictions, loads)
+CHECKS = (standing, load_contradicted, unsigned, shifted, contradictions, loads)
 
 
 def noticed_in_motion(campaign: MotionCampaign) -> list[Noticed]:
