@@ -43,7 +43,6 @@ from sandbox.gap.motion.torques import (
     users,
 )
 from sandbox.gap.motion.windows import OVERLAP, averages, white
-from sandbox.recordings.campaign import seen
 from sandbox.recordings.motion_axis import LINEAR
 from sandbox.recordings.motion_log import MotionCampaign
 
@@ -131,7 +130,8 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     nominal = Nominal(
         campaign.inertia,
         campaign.viscous_friction,
-        *(seen(campaign.deviations.get(n.stated, ORDINARY)) for n in (INERTIA, VISCOUS)),
+        campaign.deviations.get(INERTIA.stated, ORDINARY),
+        campaign.deviations.get(VISCOUS.stated, ORDINARY),
     )
     plain, held = design_of(parts), _held_out(parts)
     cannot = _cannot(plain, nominal, exclude)
