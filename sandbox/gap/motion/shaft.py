@@ -290,7 +290,7 @@ def fitted(design: Design, terms: Terms, nominal: Nominal) -> Shaft:
     scored = residual * design.weight
     strain = float(np.sum(precision * (values - mean)[~fixed] ** 2))
     chi2, inflation = float(scored @ scored), _inflation(scored, design)
-    plain = inverse * (chi2 / max(np.count_nonzero(design.weight), 1) * inflation)
+    plain = inverse * (chi2 / max(int(np.count_nonzero(design.weight)), 1) * inflation)
     found = _wider(_sandwich(a, scored, design.block, inverse), plain)
     if terms.dry is not None:
         bend = values[names.index(DRY.size)] * design.bend(terms.dry) * design.weight

@@ -55,9 +55,9 @@ def unwrapped(
     if many := _turns_of_wrap(raw, step, turn):
         jumps = np.flatnonzero(np.abs(step) > 0.5 * many * turn)
         notes.append(_said(file, column, jumps, "is unwrapped here", many))
-        whole = np.zeros(len(raw))
-        whole[jumps + 1] = -np.sign(step[jumps])
-        return raw + many * turn * np.cumsum(whole)
+        laps = np.zeros(len(raw))
+        laps[jumps + 1] = -np.sign(step[jumps])
+        return raw + many * turn * np.cumsum(laps)
     if not (estimate and np.any(np.abs(np.abs(step) / turn - 0.25) < QUARTER)):
         _refuse_other_turn(file, column, raw, step, turn)
     if np.ptp(raw) > WRAP * turn:
