@@ -26,11 +26,17 @@ def tree_of(path: Path) -> ast.Module:
 
 
 @cache
+def nodes(tree: ast.Module) -> tuple[ast.AST, ...]:
+    """Return all nodes of a file's tree, walked once for all rules."""
+    return tuple(ast.walk(tree))
+
+
+@cache
 def imported(path: Path) -> frozenset[str]:
     """Return the modules of all imports of a file, those inside functions or for types only
     included."""
     names = set()
-    for node in ast.walk(tree_of(path)):
+    for node in nodes(tree_of(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -43,7 +49,7 @@ def files_imported(path: Path) -> set[Path]:
     """Return the files of the rooms that a file imports; of `from a import b` a or a.b, whichever
     is a file."""
     names = set(imported(path))
-    for node in ast.walk(tree_of(path)):
+    for node in nodes(tree_of(path)):
         if isinstance(node, ast.ImportFrom):
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
     files = {ROOT.joinpath(*name.split(".")).with_suffix(".py") for name in names}
@@ -163,7 +169,7 @@ def wide(tree):
     """Return the functions of a file, kernels apart, that take more than eight by place or return
     five and more."""
     found = []
-    for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
+    for node in (n for n in nodes(tree) if isinstance(n, ast.FunctionDef)):
         if any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list):
             continue
         own = [
@@ -186,7 +192,7 @@ def wide_kernels(tree):
     take fifteen.
     """
     found = []
-    for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
+    for node in (n for n in nodes(tree) if isinstance(n, ast.FunctionDef)):
         if any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list):
             returned = [
                 n.value
@@ -202,7 +208,7 @@ def long(tree):
     """Return the functions of a file, kernels apart, of more than a screen: 60 lines without their
     docstring."""
     found = []
-    for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
+    for node in (n for n in nodes(tree) if isinstance(n, ast.FunctionDef)):
         if any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list):
             continue
         said = node.body[0] if ast.get_docstring(node) else None
@@ -250,7 +256,7 @@ def many(tree):
     name included."""
     return {
         node.name
-        for node in ast.walk(tree)
+        for node in nodes(tree)
         if isinstance(node, ast.FunctionDef)
         and not any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list)
         and len([a for a in (*node.args.args, *node.args.kwonlyargs) if a.arg != "self"]) > 7
@@ -308,7 +314,7 @@ def test_the_diagnosis_names_no_effect():
         assert not any(re.fullmatch(rf"model\.effects\.(?:{names})", n) for n in imported(path)), (
             path
         )
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 of_motor = node.value in ("inertia", "magnet_flux")  # as [motor] states them
                 of_shaft = path.parent.name == "motion" and of_motor
@@ -345,7 +351,7 @@ def test_the_plant_names_no_effect():
         assert not any(re.fullmatch(rf"model\.effects\.(?:{names})", n) for n in imported(path)), (
             path
         )
-        strings = {n.value for n in ast.walk(tree_of(path)) if isinstance(n, ast.Constant)}
+        strings = {n.value for n in nodes(tree_of(path)) if isinstance(n, ast.Constant)}
         quoted = {
             s for s in strings if isinstance(s, str) and re.fullmatch(rf"(?:{names})(?:\.\w*)?", s)
         }
