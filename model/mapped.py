@@ -46,7 +46,7 @@ from model.map_energy import energy_file, energy_in, with_stiffness
 from model.map_fit import choose_for_points
 from model.map_mistakes import check_points
 from model.map_names import STATED
-from model.map_points import check_angle, read_points
+from model.map_points import MapPoints, check_angle, read_points
 from model.map_quality import Quality, quality
 from model.names import check_file, check_path
 from model.parameters import Motor, build
@@ -403,6 +403,12 @@ def corrected(motor: MappedMotor, energy: SplineEnergy) -> tuple[MappedMotor, by
     return replace(motor, **stiff, map_hash=hash_of(e), spline=e), body  # type: ignore[arg-type]
 
 
+def motor_points(motor: MappedMotor) -> MapPoints:
+    """Return the points of the map that a motor was read from."""
+    assert motor.origin is not None
+    return read_points(motor.origin.path, *_reading(motor.origin.table))
+
+
 def held_by_data(
     motor: Motor, i_d: NDArray[np.float64], i_q: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
@@ -410,7 +416,7 @@ def held_by_data(
     is; all of them where the motor has no map, or its points lie on one line."""
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         return np.ones(np.shape(i_d), dtype=bool)
-    points = read_points(motor.origin.path, *_reading(motor.origin.table))
+    points = motor_points(motor)
     scale = float(np.max(np.hypot(points.i_d, points.i_q)))
     both = (
         np.column_stack([np.tile(points.i_d, 2), np.concatenate([points.i_q, -points.i_q])]) / scale

@@ -74,6 +74,11 @@ class Basis(NamedTuple):
         low, high = knots[DEGREE], knots[-DEGREE - 1]
         return np.linspace(low, high, 2 * round((high - low) * per) + 2 * DEGREE + 1)
 
+    def grid(self) -> Array:
+        """Return the fluxes (n, 2) in Wb of all places, along q from 0 on."""
+        d, q = (self.places(axis) for axis in (0, 1))
+        return np.stack([x.ravel() for x in np.meshgrid(d, q[q >= 0.0], indexing="ij")], axis=1)
+
     def sizes(self, flux: Array, energy: Array) -> Array:
         """Return the sizes (size, k) in J of all energies whose sums come nearest to energies
         (n, k) in J at fluxes (n, 2) in Wb."""

@@ -36,7 +36,9 @@ MARGIN = 0.03  # of the flux range: the box reaches beyond the data
 FLOOR = 0.1  # of the smallest curvature in the data: least curvature anywhere in the box
 Choice = tuple[tuple[int, int], float]  # number of cells along d and along |q|, smoothness
 CHOICES: list[Choice] = [
-    (c, s) for c in ((10, 8), (14, 12), (20, 16)) for s in (1e-4, 3e-4, 1e-3, 3e-3)
+    (c, s)
+    for c in ((10, 8), (14, 12), (20, 16), (28, 16), (40, 16))
+    for s in (1e-4, 3e-4, 1e-3, 3e-3)
 ]
 FOLDS = 5
 TOLERATED = 1.2  # of the least squared error: the smoothest choice within it is taken

@@ -3,10 +3,9 @@
 A map is off between its points, and it is another machine's, or that of another day.  Prior: the
 sum of two energies.
 
-- Between points: independent B-splines on the map's own cells, each cut in two along d, all of one
-  size; together they move the current, at the recordings' operating points, as the map's own flux
-  is off by: the flux error that its fit makes at points left out of it, over the inductances at
-  zero current.
+- Between points and at them (`between`): bumps of coenergy over the currents, as far apart as the
+  map's points and half as far, independent and all of one size; together the flux at a current is
+  off by what the map's fit misses at points that are left out of it.
 - As a whole (`smooth`): saturation that comes sooner or later, by the share that the campaign
   states for the inductances.
 
@@ -22,13 +21,14 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline
 
 from model.effects import library
 from model.effects.library import true_motor
-from model.mapped import MappedMotor, map_quality
-from model.spline import SplineEnergy, currents
+from model.map_points import MapPoints
+from model.mapped import MappedMotor, map_quality, motor_points
+from model.spline import DEGREE, SplineEnergy, currents
 from model.spline_correction import Basis, MapError, refined
-from model.spline_energy import CHOICES
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.response import added_current, fluxes
 from sandbox.recordings.campaign import Campaign
@@ -38,46 +38,41 @@ from sandbox.replay.memory import SHARE
 from sandbox.replay.replay import replay
 
 Array = NDArray[np.float64]
-FINER = (2, 1)  # parts of the map's cells along d and q
-# cells along d that a fit may have: one that has more was cut before
-FINEST = max(cells[0] for cells, _ in CHOICES)
 # of the prior's precision: information in the recordings below which a direction is left away
 MIN_INFORMATION = 1.0
-MAX_DIRECTIONS = 64  # directions, the best told ones
+MAX_DIRECTIONS = 96  # directions, the best told ones
+SPACINGS = (1.0, 0.5)  # of bumps, in that of the map's points
 SAMPLES = 40_000  # that directions are looked for in
 SETTLED = 5.0  # time constants L/R of each part in a row of these: of its start 0.7 % is left
 
 
 def map_error(campaign: Campaign) -> float:
-    """Return what the current at a flux of a motor's map is off by, A rms of both components; 0
-    without a map."""
+    """Return what the flux at a current of a motor's map is off by, Wb rms of the vector; 0 without
+    a map."""
     motor = campaign.drive.motor
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         return 0.0
-    missed = map_quality(motor.origin.table, motor.origin.path.parent).held_out
-    if missed is None:
-        return 0.0
-    each = math.sqrt(0.5) * missed  # of the rms of the vector, along d and along q
-    return each * math.hypot(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
+    return map_quality(motor.origin.table, motor.origin.path.parent).held_out or 0.0
 
 
 def with_modes(point: Point, size: float) -> Point:
     """Return the point with modes of its motor's flux map, none of them there yet; as it is where
     the motor has no map.
 
-    size: rms of the current that the map is off by, A.
+    size: rms of the flux that the map is off by, Wb.
     """
     prepared = point.prepared
     stated = prepared.campaign.drive.motor.energy
     if not isinstance(stated, SplineEnergy):
         return point
-    basis = Basis(refined(stated, *(FINER if stated.cells.shape[0] <= FINEST else (1, 1))))
-    path, answers, chosen = _answers(point, basis)
+    basis = Basis(refined(stated, *parts_of(prepared.campaign.drive.motor, stated)))
+    answers, chosen = _answers(point, basis)
     if not len(chosen):
         return point
-    spread = np.hstack(
-        [size / np.sqrt(path) * np.eye(len(chosen)), smooth(prepared.campaign, basis)[chosen]]
-    )
+    parts = [smooth(prepared.campaign, basis)]
+    if size:
+        parts.append(size * between(prepared.campaign.drive.motor, basis))
+    spread = np.hstack(parts)[chosen]
     along = spread.T @ basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0]
     answers = _without(spread.T @ answers @ spread, along)
     value, vector = np.linalg.eigh(answers / prepared.noise_std**2)
@@ -92,6 +87,51 @@ def with_modes(point: Point, size: float) -> Point:
     return replace(point, prepared=with_map_error(prepared, error))
 
 
+def parts_of(motor: MappedMotor, stated: SplineEnergy) -> tuple[int, int]:
+    """Return into how many parts a map's cells are cut along d and q, for no fewer cells than
+    points."""
+    if motor.origin is None:
+        return 1, 1
+    point = motor_points(motor)
+    apart = spacing(point)
+    sides = np.ptp(point.i_d), 2.0 * np.max(np.abs(point.i_q))
+    return tuple(math.ceil(x / apart / n) for x, n in zip(sides, stated.cells.shape, strict=False))
+
+
+def spacing(point: MapPoints) -> float:
+    """Return how far apart a map's points are, A: the side of the square that each of them has."""
+    return math.sqrt(float(np.ptp(point.i_d) * np.ptp(point.i_q)) / len(point.i_d))
+
+
+def between(motor: MappedMotor, basis: Basis) -> Array:
+    """Return energies (size, k) in J of bumps as far apart as the map's points, and half as far;
+    with sizes of 1 each the flux at a current is off by 1 Wb rms of the vector, as much along d as
+    along q, and as much by wide bumps (points that are off) as by narrow ones (what lies between
+    them).
+
+    An error w of the coenergy at a current is one of -w of the energy at its flux (Legendre).
+    """
+    point, flux = motor_points(motor), basis.grid()
+    read = np.array([currents(basis.of, x, y) for x, y in flux])
+    bump = BSpline.basis_element(np.arange(DEGREE + 2) - 0.5 * (DEGREE + 1), extrapolate=False)
+    x = np.linspace(-0.5, 0.5, 1001)[1:-1] * (DEGREE + 1)
+    square, slope = (float(np.trapezoid(bump(x, nu=k) ** 2, x)) for k in (0, 1))
+    out = []
+    for apart in spacing(point) * np.array(SPACINGS):
+        first, last = (f(point.i_d) / apart for f in (np.min, np.max))
+        d = np.arange(math.floor(first), math.ceil(last) + 1)
+        q = np.arange(math.ceil(np.max(np.abs(point.i_q)) / apart) + 1)
+        along_d, above, below = (
+            np.nan_to_num(bump(read[:, k : k + 1] / apart - at))
+            for k, at in ((0, d), (1, q), (1, -q))
+        )
+        along_q = np.where(q > 0, above + below, above)  # even in q, the one at its zero once
+        energies = (along_d[:, :, None] * along_q[:, None, :]).reshape(len(flux), -1)
+        size = apart / math.sqrt(2.0 * square * slope * len(SPACINGS))
+        out.append(-size * basis.sizes(flux, energies))
+    return np.hstack(out)
+
+
 def smooth(campaign: Campaign, basis: Basis) -> Array:
     """Return what a machine of the map's kind differs from the map by, each column (size, 2) in J
     as large as is likely: along d, along q.
@@ -103,8 +143,7 @@ def smooth(campaign: Campaign, basis: Basis) -> Array:
     """
     motor, e = campaign.drive.motor, basis.of
     stated = {p.ordinary.stated: p.ordinary for p in library.parameters().values() if p.ordinary}
-    d, q = (basis.places(axis) for axis in (0, 1))
-    flux = np.stack([x.ravel() for x in np.meshgrid(d, q[q >= 0.0], indexing="ij")], axis=1)
+    flux = basis.grid()
     read = np.array([currents(e, x, y) for x, y in flux])
     shares = [campaign.deviation_of(stated[f"inductance_{axis}"], 1.0) for axis in "dq"]
     inductances = np.array([motor.inductance_d, motor.inductance_q])
@@ -121,9 +160,9 @@ def _without(answers: Array, along: Array) -> Array:
     return np.asarray(left @ answers @ left)
 
 
-def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64]]:
-    """Return of energies that recordings meet the mean square of all their currents (A^2), the
-    squares of how readings answer (c, c), and their places (c,)."""
+def _answers(point: Point, basis: Basis) -> tuple[Array, NDArray[np.int64]]:
+    """Return of energies that recordings meet the squares of how readings answer (c, c), and their
+    places (c,)."""
     prepared, drive = point.turned(), point.prepared.campaign.drive
     motor = true_motor(drive.motor, dict(point.values), keep_map=True)
     told = replay(prepared, [point.values])
@@ -137,11 +176,10 @@ def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64
     share = min(1.0, SAMPLES / prepared.samples, room / prepared.samples)
     slowest = max(motor.inductance_d, motor.inductance_q) / motor.resistance
     lasting = SETTLED * slowest / drive.converter.sampling_period
-    squares, count, total = 0.0, 0, np.zeros((len(chosen), len(chosen)))
+    total = np.zeros((len(chosen), len(chosen)))
     for r, dq, psi in paths:
         for own in spread(r.samples, share, lasting):
             x = basis.gradients(psi[own], chosen)
-            squares, count = squares + float(np.sum(x**2)), count + len(x)
             answer = x + added_current(
                 motor.energy,
                 motor.resistance,
@@ -152,7 +190,7 @@ def _answers(point: Point, basis: Basis) -> tuple[float, Array, NDArray[np.int64
             )
             rows = np.ascontiguousarray(answer.transpose(0, 2, 1)).reshape(-1, len(chosen))
             total += 1.5 / share * rows.T @ rows  # three phases hold 3/2 of squares of d and q
-    return squares / count, total, chosen
+    return total, chosen
 
 
 def spread(samples: int, share: float, least: float) -> list[slice]:

@@ -7,9 +7,16 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import lomax, norm
 
+from model.spline import SplineEnergy
+from model.spline_correction import MapError
 from sandbox.gap.evidence.fit import Fit, coordinates_of, stray
 from sandbox.gap.evidence.normal import normal
-from sandbox.gap.posterior.unmodeled import _log_densities, log_bayes_factor, log_stretched
+from sandbox.gap.posterior.unmodeled import (
+    _log_densities,
+    log_bayes_factor,
+    log_stretched,
+    map_left,
+)
 from sandbox.gap.settings import USUAL
 from tests.sandbox.gap.conftest import start
 from tests.sandbox.gap.sizes import left_by
@@ -98,6 +105,19 @@ def test_an_ordinary_deviation_that_goes_far_speaks_for_it(small_folder):
     far = Fit((), here, dataclasses.replace(n, x=x), 0.0, 0.0)
     expected = 0.25 * (np.exp(7.5) + len(of) - 1.0) / len(of)
     assert np.exp(log_stretched(far)) == pytest.approx(expected)
+
+
+def test_what_a_map_leaves_grows_with_the_last_of_its_modes():
+    """Modes of 3 deviations in the last half, after any in the first: nine times as much."""
+    zero = np.zeros((4, 1, 1, 5, 5))
+    for x, factor in (([9.0, 9.0, 3.0, -3.0], 9.0), ([9.0, 9.0, 0.1, 0.0], 1.0)):
+        error = MapError(
+            SplineEnergy(zero[0], 0.0, 0.0, 1.0, 1.0, 0.0, 0.0), zero, np.array(x), 0.01
+        )
+        f = SimpleNamespace(point=SimpleNamespace(prepared=SimpleNamespace(map_error=error)))
+        assert map_left(f) == pytest.approx(0.01 * factor)
+    f = SimpleNamespace(point=SimpleNamespace(prepared=SimpleNamespace(map_error=None)))
+    assert map_left(f) == 0.0
 
 
 @pytest.mark.parametrize("mean", [0.008, 10.0, 1e3, 9999.9, 1e4, 1e6])
