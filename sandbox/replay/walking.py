@@ -22,6 +22,7 @@ from sandbox.plant.electrical import quartic
 from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
 from sandbox.replay.kernel import Rows, run, turn
+from sandbox.replay.twisted_start import without_start
 
 Array = NDArray[np.float64]
 NEWTON_STEPS = 60
@@ -68,6 +69,9 @@ class Running:
     done: int = 0
     # (3, lanes) readings of sample `done` taken before its pattern began
     ahead: Array | None = None
+    # states at the first sample, and the rated torque, N m: of shafts whose start nobody has read
+    start: Any = None
+    rated: float = 0.0
 
     @classmethod
     def begun(
@@ -98,6 +102,8 @@ class Running:
             np.array(w["supply"]),
             torque,
         )
+        if features & additions.TWIST and turns_at_first(r):
+            own.start, own.rated = w.copy(), drive.motor.rated_torque
         if r.settling is not None and settled:
             own._settle(r.settling.samples)
         return own
@@ -115,6 +121,7 @@ class Running:
         if self.ahead is not None:
             out[0, :, columns] = self.ahead
         self._run(before + self.done, before + stop, out, moved, first)
+        self._free_start(stop, moved[:, columns])
         self.ahead = out[stop - self.done, :, columns].copy() if ahead else None
         self.done = stop
 
@@ -128,14 +135,34 @@ class Running:
         """Go on to sample `stop` by the shafts alone, all under the torque of another block's first
         lane, and write innovations (stop - done, lanes): for sets that differ from that lane in
         nothing but the motion."""
+        self._turn(self.batch, stop, torque, moved)
+        self._free_start(stop, moved)
+        self.done = stop
+
+    def _turn(self, w: Any, stop: int, torque: Array, moved: Array) -> None:
+        """Move shafts with given states on to a sample, and write their innovations."""
         before = len(self.track) // self.r.held - self.r.samples
         spans = [(before + self.done, before + stop, moved)]
         if before and not self.done:
             spans.insert(0, (0, before, np.empty((before, len(self.supply)))))
         for first, last, out in spans:
             rows, wobbles = self._rows(first, last), self.r.motion.eccentric
-            turn(self.batch, self.timing, self.features, self.track, rows, wobbles, torque, out)
-        self.done = stop
+            turn(w, self.timing, self.features, self.track, rows, wobbles, torque, out)
+
+    def _free_start(self, stop: int, moved: Array) -> None:
+        """Take off innovations (stop, lanes) of the first stretch what the start of compliant
+        shafts adds to them."""
+        if self.start is None or self.done:
+            return
+        rest = np.zeros(len(self.track))
+
+        def turned(w: Any) -> Array:
+            """Return innovations of shafts without torque."""
+            out = np.empty((stop, len(self.supply)))
+            self._turn(w, stop, rest, out)
+            return out
+
+        without_start(moved, self.start, self.rated, turned)
 
     def _rows(self, start: int, stop: int) -> Rows:
         """Return samples start to stop - 1, each of so many periods of the track."""
@@ -196,8 +223,13 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
     d, q = flux[0] + w["magnet"] + rest[0], flux[1] + rest[1]
     w["psi_alpha"], w["psi_beta"] = c * d - s * q, s * d + c * q
     w["eddy_alpha"], w["eddy_beta"] = w["psi_alpha"], w["psi_beta"]
-    if r.rotor == "free" and (r.turning or r.first > 0):
+    if turns_at_first(r):
         start_turning(w, r)
+
+
+def turns_at_first(r: Inputs) -> bool:
+    """Return whether a free rotor turns, or may, at a recording's first sample."""
+    return r.rotor == "free" and (r.turning or r.first > 0)
 
 
 def start_turning(w: Any, r: Inputs) -> None:
