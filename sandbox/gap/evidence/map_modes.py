@@ -4,8 +4,8 @@ A map is off between its points, and it is another machine's, or that of another
 sum of two energies.
 
 - At points and between them (`between`): bumps of coenergy over the currents, as far apart as the
-  map's points, independent and all of one size; together the flux at a current is off by what the
-  map's fit misses at points that are left out of it.
+  map's points and half as far, independent and all of one size; together the flux at a current is
+  off by what the map's fit misses at points that are left out of it.
 - As a whole (`smooth`): saturation that comes sooner or later, by the share that the campaign
   states for the inductances.
 
@@ -40,7 +40,8 @@ from sandbox.replay.replay import replay
 Array = NDArray[np.float64]
 # of the prior's precision: information in the recordings below which a direction is left away
 MIN_INFORMATION = 1.0
-MAX_DIRECTIONS = 96  # directions, the best told ones
+MAX_DIRECTIONS = 160  # directions, the best told ones
+SPACINGS = (1.0, 0.5)  # of bumps, in that of the map's points
 SAMPLES = 40_000  # that directions are looked for in
 SETTLED = 5.0  # time constants L/R of each part in a row of these: of its start 0.7 % is left
 
@@ -103,26 +104,32 @@ def spacing(point: MapPoints) -> float:
 
 
 def between(motor: MappedMotor, basis: Basis) -> Array:
-    """Return energies (size, k) in J of bumps as far apart as the map's points; with sizes of 1
-    each the flux at a current is off by 1 Wb rms of the vector, as much along d as along q.
+    """Return energies (size, k) in J of bumps as far apart as the map's points, and half as far;
+    with sizes of 1 each the flux at a current is off by 1 Wb rms of the vector, as much along d as
+    along q, and as much by wide bumps (points that are off) as by narrow ones (what lies between
+    them).
 
     An error w of the coenergy at a current is one of -w of the energy at its flux (Legendre).
     """
     point, flux = motor_points(motor), basis.grid()
-    apart = spacing(point)
-    read = np.array([currents(basis.of, x, y) for x, y in flux]) / apart
+    read = np.array([currents(basis.of, x, y) for x, y in flux])
     bump = BSpline.basis_element(np.arange(DEGREE + 2) - 0.5 * (DEGREE + 1), extrapolate=False)
-    first, last = (f(point.i_d) / apart for f in (np.min, np.max))
-    d = np.arange(math.floor(first), math.ceil(last) + 1)
-    q = np.arange(math.ceil(np.max(np.abs(point.i_q)) / apart) + 1)
-    along_d, above, below = (
-        np.nan_to_num(bump(read[:, k : k + 1] - at)) for k, at in ((0, d), (1, q), (1, -q))
-    )
-    along_q = np.where(q > 0, above + below, above)  # even in q, the one at its zero once
-    energies = (along_d[:, :, None] * along_q[:, None, :]).reshape(len(flux), -1)
     x = np.linspace(-0.5, 0.5, 1001)[1:-1] * (DEGREE + 1)
     square, slope = (float(np.trapezoid(bump(x, nu=k) ** 2, x)) for k in (0, 1))
-    return -basis.sizes(flux, energies) * apart / math.sqrt(2.0 * square * slope)
+    out = []
+    for apart in spacing(point) * np.array(SPACINGS):
+        first, last = (f(point.i_d) / apart for f in (np.min, np.max))
+        d = np.arange(math.floor(first), math.ceil(last) + 1)
+        q = np.arange(math.ceil(np.max(np.abs(point.i_q)) / apart) + 1)
+        along_d, above, below = (
+            np.nan_to_num(bump(read[:, k : k + 1] / apart - at))
+            for k, at in ((0, d), (1, q), (1, -q))
+        )
+        along_q = np.where(q > 0, above + below, above)  # even in q, the one at its zero once
+        energies = (along_d[:, :, None] * along_q[:, None, :]).reshape(len(flux), -1)
+        size = apart / math.sqrt(2.0 * square * slope * len(SPACINGS))
+        out.append(-size * basis.sizes(flux, energies))
+    return np.hstack(out)
 
 
 def smooth(campaign: Campaign, basis: Basis) -> Array:
