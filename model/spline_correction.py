@@ -76,15 +76,20 @@ class Basis(NamedTuple):
 
     def grid(self) -> Array:
         """Return the fluxes (n, 2) in Wb of all places, along q from 0 on."""
-        d, q = (self.places(axis) for axis in (0, 1))
-        return np.stack([x.ravel() for x in np.meshgrid(d, q[q >= 0.0], indexing="ij")], axis=1)
+        d, q = self._grid()
+        return np.stack([x.ravel() for x in np.meshgrid(d, q, indexing="ij")], axis=1)
 
-    def sizes(self, flux: Array, energy: Array) -> Array:
+    def _grid(self) -> tuple[Array, Array]:
+        d, q = (self.places(axis) for axis in (0, 1))
+        return d, q[q >= 0.0]
+
+    def sizes(self, energy: Array) -> Array:
         """Return the sizes (size, k) in J of all energies whose sums come nearest to energies
-        (n, k) in J at fluxes (n, 2) in Wb."""
-        a, b = (self._along(axis, flux[:, axis], 0) for axis in (0, 1))
-        rows = (a[:, :, None] * b[:, None, :]).reshape(len(flux), self.size)
-        return np.asarray(np.linalg.lstsq(rows, energy, rcond=None)[0])
+        (n, k) in J on the grid."""
+        places = self._grid()
+        a, b = (np.linalg.pinv(self._along(axis, places[axis], 0)) for axis in (0, 1))
+        on = energy.reshape(len(places[0]), len(places[1]), -1)
+        return np.einsum("am,mnk,bn->abk", a, on, b, optimize=True).reshape(self.size, -1)
 
     def there(self, flux: Array) -> NDArray[np.int64]:
         """Return the energies that are not zero all around fluxes (n, 2): those of their cells."""

@@ -25,7 +25,6 @@ from scipy.interpolate import BSpline
 
 from model.effects import library
 from model.effects.library import true_motor
-from model.map_points import MapPoints
 from model.mapped import MappedMotor, map_quality, motor_points
 from model.spline import DEGREE, SplineEnergy, currents
 from model.spline_correction import Basis, MapError, refined
@@ -69,10 +68,10 @@ def with_modes(point: Point, size: float) -> Point:
     answers, chosen = _answers(point, basis)
     if not len(chosen):
         return point
-    parts = [smooth(prepared.campaign, basis)]
+    parts = [smooth(prepared.campaign, basis)[chosen]]
     if size:
-        parts.append(size * between(prepared.campaign.drive.motor, basis))
-    spread = np.hstack(parts)[chosen]
+        parts.append(size * between(prepared.campaign.drive.motor, basis)[chosen])
+    spread = factor(np.hstack(parts))
     along = spread.T @ basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0]
     answers = _without(spread.T @ answers @ spread, along)
     value, vector = np.linalg.eigh(answers / prepared.noise_std**2)
@@ -87,20 +86,31 @@ def with_modes(point: Point, size: float) -> Point:
     return replace(point, prepared=with_map_error(prepared, error))
 
 
+def factor(spread: Array) -> Array:
+    """Return as few columns (c, m) of the same covariance as many columns (c, k) have."""
+    if spread.shape[1] <= spread.shape[0]:
+        return spread
+    value, vector = np.linalg.eigh(spread @ spread.T)
+    return np.asarray(vector * np.sqrt(value.clip(0.0)))
+
+
 def parts_of(motor: MappedMotor, stated: SplineEnergy) -> tuple[int, int]:
     """Return into how many parts a map's cells are cut along d and q, for no fewer cells than
-    points."""
+    points (`spacing`)."""
     if motor.origin is None:
         return 1, 1
     point = motor_points(motor)
-    apart = spacing(point)
-    sides = np.ptp(point.i_d), 2.0 * np.max(np.abs(point.i_q))
-    return tuple(math.ceil(x / apart / n) for x, n in zip(sides, stated.cells.shape, strict=False))
+    sides = np.array([np.ptp(point.i_d), 2.0 * np.max(np.abs(point.i_q))]) / spacing(motor)
+    d, q = (math.ceil(x / n) for x, n in zip(sides, stated.cells.shape[:2], strict=True))
+    return d, q
 
 
-def spacing(point: MapPoints) -> float:
-    """Return how far apart a map's points are, A: the side of the square that each of them has."""
-    return math.sqrt(float(np.ptp(point.i_d) * np.ptp(point.i_q)) / len(point.i_d))
+def spacing(motor: MappedMotor) -> float:
+    """Return how far apart a map's points are, A: the side of the square that each of them has; of
+    more points than the fit has cells the side that a cell has."""
+    point, cells = motor_points(motor), motor.energy.cells
+    count = min(len(point.i_d), cells.shape[0] * cells.shape[1])
+    return math.sqrt(float(np.ptp(point.i_d) * np.ptp(point.i_q)) / count)
 
 
 def between(motor: MappedMotor, basis: Basis) -> Array:
@@ -117,7 +127,7 @@ def between(motor: MappedMotor, basis: Basis) -> Array:
     x = np.linspace(-0.5, 0.5, 1001)[1:-1] * (DEGREE + 1)
     square, slope = (float(np.trapezoid(bump(x, nu=k) ** 2, x)) for k in (0, 1))
     out = []
-    for apart in spacing(point) * np.array(SPACINGS):
+    for apart in spacing(motor) * np.array(SPACINGS):
         first, last = (f(point.i_d) / apart for f in (np.min, np.max))
         d = np.arange(math.floor(first), math.ceil(last) + 1)
         q = np.arange(math.ceil(np.max(np.abs(point.i_q)) / apart) + 1)
@@ -128,7 +138,7 @@ def between(motor: MappedMotor, basis: Basis) -> Array:
         along_q = np.where(q > 0, above + below, above)  # even in q, the one at its zero once
         energies = (along_d[:, :, None] * along_q[:, None, :]).reshape(len(flux), -1)
         size = apart / math.sqrt(2.0 * square * slope * len(SPACINGS))
-        out.append(-size * basis.sizes(flux, energies))
+        out.append(-size * basis.sizes(energies))
     return np.hstack(out)
 
 
@@ -147,7 +157,7 @@ def smooth(campaign: Campaign, basis: Basis) -> Array:
     read = np.array([currents(e, x, y) for x, y in flux])
     shares = [campaign.deviation_of(stated[f"inductance_{axis}"], 1.0) for axis in "dq"]
     inductances = np.array([motor.inductance_d, motor.inductance_q])
-    return basis.sizes(flux, np.array(shares) * flux * (read - flux / inductances))
+    return basis.sizes(np.array(shares) * flux * (read - flux / inductances))
 
 
 def _without(answers: Array, along: Array) -> Array:

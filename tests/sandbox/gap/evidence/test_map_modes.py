@@ -12,12 +12,13 @@ import pytest
 from model.drive_files import load_drive
 from model.energy import flux_from_current
 from model.fluxmap import FluxMap, write_map
-from model.mapped import MappedMotor, motor_points
+from model.mapped import MappedMotor
 from model.spline import currents, flux_newton
 from model.spline_correction import Basis, refined
 from sandbox.gap.evidence import map_modes
 from sandbox.gap.evidence.map_modes import (
     between,
+    factor,
     map_error,
     parts_of,
     smooth,
@@ -107,7 +108,7 @@ def mapped(tmp_path_factory):
     d, q = flux_from_current(IPM.motor.energy, *np.meshgrid(i, i, indexing="ij"))
     write_map(folder / "map.csv", FluxMap("map", i, i, d + IPM.motor.magnet_flux, q))
     rows = [f"{k} = {v!r}" for k, v in NUMBERS.items() if k in SHEET]
-    text = "\n".join(["[motor]", *rows, '[flux_map]\nfile = "map.csv"', "cells = [10, 8]"])
+    text = "\n".join(["[motor]", *rows, '[flux_map]\nfile = "map.csv"', "cells = [14, 12]"])
     (folder / "map.toml").write_text(text + "\nsmooth = 1e-4\n")
     return dataclasses.replace(IPM, motor=load_drive(folder / "map.toml").motor)
 
@@ -135,10 +136,19 @@ def test_bumps_move_the_flux_by_one_weber_rms(mapped):
 def test_points_are_apart_by_the_side_of_their_square(mapped):
     """15 by 15 points over 4 rated currents a side: four of them in 15, as each has its own part of
     the box; cells are cut until there are as many as points."""
-    assert spacing(motor_points(mapped.motor)) == pytest.approx(
-        4.0 * IPM.motor.rated_current / 15.0
-    )
-    assert parts_of(mapped.motor, mapped.motor.spline) == (2, 1)  # of 10 cells, and of 2 times 8
+    assert spacing(mapped.motor) == pytest.approx(4.0 * IPM.motor.rated_current / 15.0)
+    assert parts_of(mapped.motor, mapped.motor.spline) == (2, 1)  # of 14 cells, and of 2 times 12
+    coarse = mapped.motor.spline._replace(cells=mapped.motor.spline.cells[:6, :6])
+    motor = dataclasses.replace(mapped.motor, spline=coarse)
+    assert spacing(motor) == pytest.approx(4.0 * IPM.motor.rated_current / 6.0)
+
+
+def test_few_columns_have_the_covariance_of_many():
+    spread = np.random.default_rng(2).standard_normal((5, 12))
+    few = factor(spread)
+    assert few.shape == (5, 5)
+    np.testing.assert_allclose(few @ few.T, spread @ spread.T, rtol=1e-12)
+    assert factor(spread[:, :3]).shape == (5, 3)
 
 
 def test_what_directions_left_away_leave_in_the_readings(mapped, monkeypatch):
