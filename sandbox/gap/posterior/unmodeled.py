@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from model.spline_correction import MapError
 from sandbox.gap.evidence.fit import Fit, stray
 from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.settings import USUAL, Settings
@@ -40,21 +41,22 @@ def unmodeled(before: Fit, after: Fit, noise: float = 0.0, settings: Settings = 
     noise's square may be misstated.
     """
     shown = math.log(settings.unknown / (1.0 - settings.unknown))
-    shown += log_bayes_factor(before.normal, after.normal, noise, settings, map_left(after))
+    shown += log_bayes_factor(
+        before.normal, after.normal, noise, settings, map_left(after.point.prepared.map_error)
+    )
     if not after.effects:
         return float(expit(shown))
     hidden = math.log(settings.imitated * len(after.effects)) + log_stretched(after, settings)
     return float(expit(np.logaddexp(shown, hidden)))
 
 
-def map_left(f: Fit) -> float:
+def map_left(error: MapError | None) -> float:
     """Return the mean excess J^2 - 1 that what the motor's flux map is off by beside its modes is
     likely to leave; 0 without a map.
 
     Modes come in the order of what recordings tell of them: where the last half of them turns out
     larger than is likely, so is what comes after.
     """
-    error = f.point.prepared.map_error
     if error is None:
         return 0.0
     last = error.x[len(error.x) // 2 :]

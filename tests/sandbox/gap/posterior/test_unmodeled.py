@@ -114,10 +114,8 @@ def test_what_a_map_leaves_grows_with_the_last_of_its_modes():
         error = MapError(
             SplineEnergy(zero[0], 0.0, 0.0, 1.0, 1.0, 0.0, 0.0), zero, np.array(x), 0.01
         )
-        f = SimpleNamespace(point=SimpleNamespace(prepared=SimpleNamespace(map_error=error)))
-        assert map_left(f) == pytest.approx(0.01 * factor)
-    f = SimpleNamespace(point=SimpleNamespace(prepared=SimpleNamespace(map_error=None)))
-    assert map_left(f) == 0.0
+        assert map_left(error) == pytest.approx(0.01 * factor)
+    assert map_left(None) == 0.0
 
 
 @pytest.mark.parametrize("mean", [0.008, 10.0, 1e3, 9999.9, 1e4, 1e6])
