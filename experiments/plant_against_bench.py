@@ -39,8 +39,8 @@ from model.parameters import Drive
 from model.spline import SplineEnergy
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.inputs import Inputs, course_of, with_columns
+from sandbox.replay.motion.smoothing import Motion
 from sandbox.replay.replay import Prepared, prepare, replay, with_steps
-from sandbox.replay.smoothing import Motion
 from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
 

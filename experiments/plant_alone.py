@@ -23,7 +23,7 @@ from sandbox.drive.sensing import encoder, looked_at, read_phases
 from sandbox.plant.period import AppliedTorque
 from sandbox.plant.sets import complete, features_of
 from sandbox.recordings.campaign import CampaignRecording
-from sandbox.replay.smoothing import Motion
+from sandbox.replay.motion.smoothing import Motion
 
 START = 0.3  # rad electrical: where the bench's free rotor stands at first
 

@@ -23,7 +23,7 @@ from model.spline import SplineEnergy, hessian
 from sandbox.plant.edges import LEG_X, LEG_Y, duties
 from sandbox.plant.sets import batch_of, complete
 from sandbox.recordings.campaign import CampaignRecording
-from sandbox.replay.smoothing import Motion
+from sandbox.replay.motion.smoothing import Motion
 
 LEGS = np.array(LEG_X) + 1j * np.array(LEG_Y)
 APART = 1e-3  # of the magnet's flux: between the places at which third derivatives are taken

@@ -25,7 +25,7 @@ from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.rows.commands import every_period
 from sandbox.replay.kernel import TRACK
-from sandbox.replay.smoothing import (
+from sandbox.replay.motion.smoothing import (
     GAINS,
     Motion,
     driven_motion,

@@ -22,7 +22,7 @@ from sandbox.plant.electrical import quartic
 from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
 from sandbox.replay.kernel import Rows, run, turn
-from sandbox.replay.twisted_start import without_start
+from sandbox.replay.motion.twisted_start import without_start
 
 Array = NDArray[np.float64]
 NEWTON_STEPS = 60

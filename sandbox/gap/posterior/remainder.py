@@ -43,7 +43,7 @@ def remainder(before: Fit, after: Fit, noise: float, settings: Settings = USUAL)
     j0, j1 = rms(before.normal, every) ** 2 - 1.0, rms(after.normal, every) ** 2 - 1.0
     explained = min(1.0, max(0.0, 1.0 - j1 / j0)) if j0 > 0.0 else 0.0
     count = sum(float(s.n.sum()) for s in after.normal.segments)
-    misses = settings.misses + map_left(after)
+    misses = settings.misses + map_left(after.point.prepared.map_error)
     least = math.hypot(misses, math.sqrt(2.0 / count), noise)
     return Remainder(j0, j1, explained, unexplained(before.normal, after.normal, least, settings))
 

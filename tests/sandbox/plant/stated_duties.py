@@ -10,8 +10,8 @@ from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import LEGS, Inputs, course_of, with_columns
 from sandbox.replay.kernel import TRACK
+from sandbox.replay.motion.smoothing import Motion
 from sandbox.replay.replay import Prepared
-from sandbox.replay.smoothing import Motion
 from tests.sandbox.plant.reference import Reference
 
 DRIVE = load_drive("ipm")

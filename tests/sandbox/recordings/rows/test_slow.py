@@ -11,8 +11,8 @@ from model.effects.library import check_inside, complete
 from model.errors import BadInput
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.rows.slow import _deviation, interpolated, with_slow_rows, without_jumps
+from sandbox.replay.motion.smoothing import Motion
 from sandbox.replay.replay import prepare, replay
-from sandbox.replay.smoothing import Motion
 from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
 from tests.sandbox.replay.benches import DRIVE

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from sandbox.replay.free_rotor import on_counts
-from sandbox.replay.ramps import Ramps, inside
+from sandbox.replay.motion.free_rotor import on_counts
+from sandbox.replay.motion.ramps import Ramps, inside
 
 Array = NDArray[np.float64]
 HALF = 0.5 * (1.0 + 1e-3)  # count; a thousandth for what corners that still move leave

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
-from sandbox.replay.free_rotor import STEP, KnownMotion, filtered, within_readings
-from sandbox.replay.ramps import are_ramps, ramps_of, straightened
-from sandbox.replay.rounded import within_counts
+from sandbox.replay.motion.free_rotor import STEP, KnownMotion, filtered, within_readings
+from sandbox.replay.motion.ramps import are_ramps, ramps_of, straightened
+from sandbox.replay.motion.rounded import within_counts
 
 Array = NDArray[np.float64]
 # (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second

@@ -7,7 +7,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from scipy.stats import truncnorm
 
 from model.compiled import kernel
-from sandbox.replay.free_rotor import (
+from sandbox.replay.motion.free_rotor import (
     ANYWHERE,
     AROUND,
     CONSTANT,
@@ -21,8 +21,8 @@ from sandbox.replay.free_rotor import (
     smoothed,
     within_readings,
 )
+from sandbox.replay.motion.smoothing import free_motion
 from sandbox.replay.replay import prepare
-from sandbox.replay.smoothing import free_motion
 from tests.sandbox.replay.benches import DRIVE, campaign
 
 COUNT = 2.0 * np.pi * 2 / 4096

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.replay import ramps, rounded
-from sandbox.replay.ramps import ramps_of
-from sandbox.replay.rounded import HALF, within_counts
-from sandbox.replay.smoothing import driven_motion
+from sandbox.replay.motion import ramps, rounded
+from sandbox.replay.motion.ramps import ramps_of
+from sandbox.replay.motion.rounded import HALF, within_counts
+from sandbox.replay.motion.smoothing import driven_motion
 
 PERIOD, COUNT, PAIRS, N = 250e-6, 2.0 * math.pi * 2.0 / 4096.0, 2, 2400
 DEVIATION = COUNT / math.sqrt(12.0)

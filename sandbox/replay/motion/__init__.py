@@ -1,0 +1,1 @@
+"""Motion behind what an encoder read: of driven, free and compliant rotors."""
