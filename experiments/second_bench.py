@@ -3,9 +3,10 @@ imports nothing of it?
 
 The plan stands here, and is committed before the first campaign is drawn: the seed, how many
 campaigns of which kind, and the goals (`second_bench_scores.GOALS`).  Campaigns of all kinds are
-made and diagnosed in turn, so that a run which ends early has seen each kind.  Rows (answer and
-truth of a campaign) are added to results/second_bench/rows.jsonl one by one, and a run goes on
-where it was interrupted; a diagnosis that fails counts as wrong.  What rivals answer on the same
+made and diagnosed in turn, so that a run which ends early has seen each kind; those whose seal was
+opened before come last (`OPENED`).  Rows (answer and truth of a campaign) are added to
+results/second_bench/rows.jsonl one by one, and a run goes on where it was interrupted; a diagnosis
+that fails counts as wrong.  What rivals answer on the same
 campaigns stands in rivals.jsonl beside it (`sandbox/withheld/baselines`).
 
 Run: python -m experiments.second_bench WORK [--hours H] [--jobs N]
@@ -39,6 +40,9 @@ from sandbox.withheld.scoring.running import code_digest
 SEED = 20261129
 GROUPS = {"none": 40, "one": 60, "several": 40, "many": 30, "outside": 30}
 AT_ONCE = 5  # campaigns of a kind that are drawn together
+# batches of each kind whose seal was opened on 2026-11-29, when the code was mended by what they
+# showed: they come last
+OPENED = 1
 RESULTS = Path(__file__).parent / "results" / "second_bench"
 ROWS = RESULTS / "rows.jsonl"
 RIVALS = RESULTS / "rivals.jsonl"
@@ -46,14 +50,15 @@ RIVALS = RESULTS / "rivals.jsonl"
 
 def places() -> list[tuple[str, int, int]]:
     """Return every campaign of the plan as its kind, a batch's number and its place in that, all
-    kinds in turn in proportion to their counts."""
-    every = [
-        ((k * AT_ONCE + j + 0.5) / count, kind, k, j)
-        for kind, count in GROUPS.items()
-        for k in range(count // AT_ONCE)
-        for j in range(AT_ONCE)
-    ]
-    return [(kind, k, j) for _, kind, k, j in sorted(every)]
+    kinds in turn in proportion to their counts; opened ones at the end."""
+    blind, opened = [], []
+    for kind, count in GROUPS.items():
+        for k in range(count // AT_ONCE):
+            for j in range(AT_ONCE):
+                place = (k - OPENED) * AT_ONCE + j + 0.5
+                own = blind if k >= OPENED else opened
+                own.append((place / (count - OPENED * AT_ONCE), kind, k, j))
+    return [(kind, k, j) for _, kind, k, j in [*sorted(blind), *sorted(opened)]]
 
 
 def answered(d: Diagnosis) -> dict[str, Any]:
