@@ -62,7 +62,14 @@ def read_configuration(path: Path) -> Configuration:
     numbers = _one_axis(path.name, numbers_of(text, path.name))
     for program in PROGRAMS:
         if any(_last(numbers, key) is not None for key in program.known_by):
-            quantities = {k: t for k, t in program.convert(numbers).items() if t and t.value > 0.0}
+            told = {k: t for k, t in program.convert(numbers).items() if t}
+            for key, t in told.items():
+                if not math.isfinite(t.value):
+                    raise BadInput(
+                        f"{path.name}: {t.origin}, which is no finite number; measure it again and "
+                        f"save the configuration, or write the number there ({key} comes from it)"
+                    )
+            quantities = {k: t for k, t in told.items() if t.value > 0.0}
             if quantities:
                 control = {k: v for k, v in program.control(numbers).items() if v is not None}
                 stated = {k: f"{t.value!r} {t.unit}".strip() for k, t in quantities.items()}

@@ -8,7 +8,6 @@ shell prints a value with its type behind it, and without the path it was asked 
 from __future__ import annotations
 
 import json
-import math
 import re
 from typing import Any
 from xml.etree import ElementTree
@@ -122,7 +121,6 @@ def _float(value: Any) -> float | None:
     if isinstance(value, bool):
         return None
     try:
-        x = float(value)
+        return float(value)
     except (TypeError, ValueError):
         return None
-    return x if math.isfinite(x) else None

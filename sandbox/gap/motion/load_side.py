@@ -3,18 +3,20 @@ counted as poles.
 
     T = J theta'' + g load + frictions + offset,   g = 1 where all is read right
 
-Where the load varies beside the rest, g is fitted.  Where it does not, a friction could stand in
-for any part of it: then a mistake is believed only if its g leaves little of the torque without any
-friction, and 1 leaves much more.
+Where the load varies beside the rest, by as much as tells g surely, it is fitted.  Where it does
+not, a friction could stand in for any part of it: then a mistake is believed only if its g leaves
+little of the torque without any friction, and 1 leaves much more.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t
 
 from sandbox.gap.motion.shaft import USUAL_WIDTH, design_of
 from sandbox.gap.motion.windows import averages
@@ -25,8 +27,8 @@ Array = NDArray[np.float64]
 LEFT = 0.35  # of the torque: most that friction and the nominal model's errors leave
 WORSE = 3.0  # times as much is left without the mistake ...
 MUCH = 0.6  # ... and so much of the torque at least
-VARIES = 0.15  # of a load's size that nothing else can stand in for: its factor is fitted
-NEAR = 0.15  # relative: between the fitted factor and a mistake's
+NEAR = 0.15  # relative: between the fitted factor and a mistake's, and what it is known to
+SURE = 0.975  # of the factor's t distribution, to either side
 FITTED = 0.2  # of the torque: most that the fit may leave
 ROWS = 64  # of a recording at least
 TOGETHER, FEWEST = 32, 8  # windows that are averaged, and averages of a recording at least
@@ -107,16 +109,25 @@ def _equations(
 
 
 def _fitted(torque: Array, load: Array, rest: Array) -> float | None:
-    """Return g, None where the load hardly varies beside the rest, or the fit leaves much."""
+    """Return g, None where the rest may stand in for the load, or the fit leaves much.
+
+    The rest is told from the load by what it leaves of it: g is known to what the fit leaves, by
+    Student's t of the means that are left beside its unknowns.
+    """
     if len(torque) < FEWEST:
         return None
     rest = rest / np.maximum(np.linalg.norm(rest, axis=0), 1e-300)
     own = load - rest @ np.linalg.lstsq(rest, load, rcond=None)[0]
-    if np.linalg.norm(own) < VARIES * np.linalg.norm(load):
+    size = float(np.linalg.norm(own))
+    if not size > 1e-9 * np.linalg.norm(load):
         return None
-    g = float(own @ torque) / float(own @ own)
+    g = float(own @ torque) / size**2
     left = torque - g * load
     left = left - rest @ np.linalg.lstsq(rest, left, rcond=None)[0]
+    free = len(torque) - np.linalg.matrix_rank(rest) - 1
+    deviation = float(np.linalg.norm(left)) / math.sqrt(free) / size
+    if not t.ppf(SURE, free) * deviation < NEAR * abs(g):
+        return None
     return g if np.linalg.norm(left) < FITTED * np.linalg.norm(torque) else None
 
 

@@ -14,7 +14,7 @@ from model.effects.advice import what_to_do
 from model.effects.library import parameters as library_parameters
 from model.effects.library import title as title_of
 from model.effects.said import percent
-from sandbox.gap.motion.judging import ORDINARY, Motion, Weighed
+from sandbox.gap.motion.judging import HELD_OUT, ORDINARY, Motion, Weighed
 from sandbox.gap.motion.shaft import STUDENT
 from sandbox.gap.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, numbers, users
 from sandbox.output.document import answer, bullets, figure, prose, table
@@ -326,6 +326,12 @@ def sentences(m: Motion) -> list[tuple[str, str]]:
     return [(question, stopped(capital(text))) for question, text in _answers(m)]
 
 
+def _unseen(m: Motion) -> str:
+    """Return in words which rows are held out of the fit."""
+    files = [file for file, _, _, held_out in m.by_recording if held_out]
+    return ", ".join(files) or f"the last {100.0 * HELD_OUT:.0f} % of each recording"
+
+
 def _answers(m: Motion) -> list[tuple[str, str]]:
     w, p = m.best, parameters(m, m.best)
     words, of_effect = m.campaign.axis.words, {e: f"{e.replace('_', ' ')}" for e in w.effects}
@@ -345,9 +351,9 @@ def _answers(m: Motion) -> list[tuple[str, str]]:
             "How far?",
             words("residual torque: ")
             + f"{m.before:.3g} times the noise floor (rms of the noise alone) "
-            f"before, {m.after:.3g} after, on rows held out",
+            f"before, {m.after:.3g} after, on {_unseen(m)}, which no fit has seen",
         ),
-        ("Electrical?", m.campaign.why),
+        ("Electrical?", f"not judged: {m.campaign.why}"),
     ]
     if open_ := undecided(m):
         listed = "; ".join(f"{e.replace('_', ' ')}: {words(why)}" for e, why in open_.items())

@@ -3,6 +3,7 @@ gaps told."""
 
 import json
 import math
+import re
 
 import pytest
 
@@ -156,6 +157,21 @@ def test_the_command_writes_a_file_that_is_read_again(tmp_path):
         table = drive.motor if row["table"] == "motor" else drive.converter
         assert getattr(table, row["key"]) == pytest.approx(row["value"])
     assert "1 / (sqrt(3) pole_pairs Kv)" in drive.provenance["magnet_flux"]
+
+
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_a_value_that_is_used_and_no_number_is_named(tmp_path, value):
+    """Not called missing, and of what nobody asks for nothing is said."""
+    path = tmp_path / "vesc.xml"
+    own = re.sub(r"(flux_linkage>)[^<]*", rf"\g<1>{value}", VESC)
+    assert own != VESC
+    path.write_text(own)
+    said = rf"vesc.xml: foc_motor_flux_linkage = {value} Wb, which is no finite number; measure"
+    with pytest.raises(BadInput, match=said):
+        read_configuration(path)
+    beside = f"<other>{value}</other></MCConfiguration>"
+    path.write_text(VESC.replace("</MCConfiguration>", beside))
+    assert read_configuration(path).stated["magnet_flux"]
 
 
 def test_a_file_of_no_known_tool(tmp_path):

@@ -381,11 +381,11 @@ def test_a_folder_without_voltages_goes_through_the_command(tmp_path, capsys):
     )
     said = capsys.readouterr().out
     assert "motion only" in said
-    assert "No column is a commanded voltage, so electrical effects are no candidates" in said
+    assert "Not judged: no column is a commanded voltage, so electrical effects are no" in said
     answer = json.loads((tmp_path / "o" / "diagnosis.json").read_text())
     assert answer["command"] == "diagnose"
     assert set(answer["hypotheses"][0]["effects"]) == {"coulomb_friction", "cogging_torque"}
-    assert "No column is a commanded voltage" in (tmp_path / "o" / "report.html").read_text()
+    assert "no column is a commanded voltage" in (tmp_path / "o" / "report.html").read_text()
     found = diagnose(tmp_path, columns=columns, exclude="coulomb_friction")
     assert "coulomb_friction" not in found.motion.best.effects
     assert "motion only" in repr(found)

@@ -82,6 +82,22 @@ def motion(load, read, stated=None):
     return MotionCampaign("m", 0.04, INERTIA, 0.0, {}, None, 0.0, (r,), (), "why", stated or {})
 
 
+@pytest.mark.parametrize(("noise", "told"), [(1e-3, True), (0.3, False)])
+def test_a_load_that_changes_little_tells_its_factor_where_the_rest_is_clean(noise, told):
+    """By a twentieth of its size: half of it read is two pairs for one.  Of 4000 rows each half of
+    the load's steps has a mean to 1e-3/sqrt(2000) = 2e-5 N m, a thousandth of the change of
+    0.02 N m; with noise of 0.3 N m it is a third of it, and nothing is told."""
+    t = np.arange(4000) * 1e-3
+    load = 0.4 + 0.02 * np.sign(np.sin(7.0 * t))
+    campaign = motion(load, 0.5 * load)
+    (r,) = campaign.recordings
+    torque = r.torque + noise * np.random.default_rng(2).standard_normal(len(t))
+    found = load_contradicted(
+        dataclasses.replace(campaign, recordings=(dataclasses.replace(r, torque=torque),))
+    )
+    assert ["pole_pairs counts poles" in f.text for f in found] == [True] * told
+
+
 def test_a_load_that_never_changes():
     """Its sign and unit are told by size; a factor of two may as well be friction."""
     assert load_contradicted(motion(0.4, 0.4)) == []
