@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from sandbox.gap.motion.shaft import USUAL_WIDTH, design_of
 from sandbox.gap.motion.windows import averages
@@ -126,7 +126,7 @@ def _fitted(torque: Array, load: Array, rest: Array) -> float | None:
     left = left - rest @ np.linalg.lstsq(rest, left, rcond=None)[0]
     free = len(torque) - np.linalg.matrix_rank(rest) - 1
     deviation = float(np.linalg.norm(left)) / math.sqrt(free) / size
-    if not t.ppf(SURE, free) * deviation < NEAR * abs(g):
+    if not stdtrit(free, SURE) * deviation < NEAR * abs(g):
         return None
     return g if np.linalg.norm(left) < FITTED * np.linalg.norm(torque) else None
 
