@@ -138,7 +138,6 @@ CHECK = (
 )
 # figures and traces hold the hour at which they were made
 KEPT = {".json", ".parquet", ".toml", ".csv", ".sealed", ""}
-# of costs, and of a manifest with them
 OF_NOW = {*COSTS, "seconds", "seconds_over_60", "made_by", "made", "sha256"}
 
 

@@ -30,6 +30,7 @@ from experiments.drawing import new_figure
 from experiments.on_cluster import on_dask
 from sandbox import sweep
 from sandbox.output.files import plain, version
+from sandbox.output.provenance import digest_of
 
 HERE = Path(__file__).parent
 PLAN, RESULTS, RUNS = (
@@ -103,9 +104,11 @@ def scaling() -> dict[str, Any]:
                 "runs_a_wall_second": done.plan.runs / wall,
                 "cpu_ms": 1e3 * done.cpu_seconds / done.plan.runs,
             }
-        one, two = ((Path(place) / f"{jobs}" / "manifest.json").read_text() for jobs in (1, 2))
-        digests = [[b["sha256"] for b in json.loads(text)["blocks"]] for text in (one, two)]
-        found["same_to_the_bit"] = digests[0] == digests[1]
+        one, two = (
+            [digest_of(p) for p in sorted((Path(place) / f"{jobs}" / "runs").glob("*.parquet"))]
+            for jobs in (1, 2)
+        )
+        found["same_to_the_bit"] = one == two
     return found
 
 

@@ -32,6 +32,7 @@ from model.kernels.folders import cache_home
 from model.kernels.kept import note_damage
 from model.kernels.kept import read as read_kept
 from model.kernels.kept import write as write_kept
+from model.kernels.sources import source_key
 from model.map_checks import (
     TorqueLine,
     cell_notes,
@@ -71,23 +72,6 @@ FOUND = "flux_map_found.npz"  # a map as recordings have it
 # of the map's lowest psi_d: without magnets, a flux at zero current that is negative by less is
 # noise
 NO_MAGNET = 1e-3
-FITTED_BY = (
-    "spline_energy",
-    "spline",
-    "fluxmap",
-    "map_points",
-    "map_names",
-    "map_fit",
-    "map_checks",
-    "map_mistakes",
-    "map_energy",
-    "arrays",
-    "matfile",
-    "text_table",
-    "text_lines",
-    "units",
-    "workbook",
-)
 
 
 class MapFile(NamedTuple):
@@ -258,8 +242,7 @@ def _remembered(
         max(MOST_BYTES.values()),
         "give a flux map (.npz, .mat, .csv or .xlsx), nothing else in it",
     )
-    here = Path(__file__).parent
-    code = b"".join((here / f"{name}.py").read_bytes() for name in FITTED_BY)
+    code = source_key(Path(__file__).resolve()).encode()
     key = hashlib.sha256(code + content + repr((path.name, how, choice)).encode()).hexdigest()[:24]
     place = cache_home() / "maps" / f"{key}.kept"
     stored = read_kept(place)

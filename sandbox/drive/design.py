@@ -30,6 +30,7 @@ from model.kernels.folders import cache_home
 from model.kernels.kept import note_damage
 from model.kernels.kept import read as read_kept
 from model.kernels.kept import write as write_kept
+from model.kernels.sources import source_key
 from model.parameters import OVERLOAD, Drive, Motor
 from model.saliency import LEAST_SALIENCY, tracking_sign
 from sandbox.drive.control import Control
@@ -234,7 +235,8 @@ def check_saliency(energy: AnyEnergy) -> None:
 
 def _remembered(plant: SampledMotor) -> dict[str, Loop]:
     """Return `design_loops(plant)`, from disk where this version has designed them before."""
-    version = hashlib.sha256(Path(__file__).read_bytes() + repr(plant).encode()).hexdigest()[:24]
+    code = source_key(Path(__file__).resolve())
+    version = hashlib.sha256(f"{code} {plant!r}".encode()).hexdigest()[:24]
     path = cache_home() / "designs" / f"{version}.kept"
     stored = read_kept(path)
     if stored is not None:

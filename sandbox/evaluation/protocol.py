@@ -3,10 +3,9 @@ judges.
 
 A unit is one test of one estimator with one belief on one motor.  Finished units are kept, a line
 each, in `.protocol-<key>.jsonl` beside the results until all are done, so that an interrupted
-protocol goes on where it stopped; the key changes with the code and with the seed.  Every line
-begins with the SHA-256 of the rest, and says which drive it is of: half a line, or one of a motor
-file that was changed meanwhile, counts as not
-run.
+protocol goes on where it stopped (sandbox/engine/journal.py); the key changes with the code and
+with the seed.  A unit's name holds a hash of the drive: one of a motor file that was changed
+meanwhile counts as not run.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, astuple, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +23,8 @@ from estimators.registry import MODULES, AnyEstimator, load_estimator
 from model.drive_files import fetched, load_drive
 from model.errors import BadInput, PhysicsError, unknown
 from model.kernels.kept import digest
-from model.kernels.sources import ROOT, source_key
 from model.parameters import Drive
+from sandbox.engine.journal import Journal, state_of_code
 from sandbox.engine.processes import Workers, spread
 from sandbox.evaluation.choice import ANY, Limits
 from sandbox.evaluation.compare import distinct
@@ -72,6 +71,8 @@ TWO = Workers(2)
 SHARED = ("start",)  # the same for every estimator: run with the first
 ONE_MOTOR = {"mission": "ipm_exchanged"}
 PEER = "motulator 2.2 kW"  # the motor of the reversal
+# with all that they import; estimators are looked up by name
+MADE_BY = ("sandbox/evaluation/protocol.py", "estimators/*.py")
 
 
 @dataclass(frozen=True)
@@ -308,46 +309,40 @@ class Kept:
 
     def __init__(self, folder: Path | None, seed: int, drives: Mapping[str, str]) -> None:
         """drives: a hash of each motor's drive by its name."""
-        code = source_key(Path(__file__).resolve(), *(ROOT / "estimators").glob("*.py"))
-        self.path = folder / f".protocol-{code}-{seed}.jsonl" if folder else None
+        code = state_of_code(*MADE_BY)
+        self.journal = Journal(folder / f".protocol-{code}-{seed}.jsonl" if folder else None)
         self.drives = drives
         self.rows: dict[Unit, Row] = {}
-        if self.path and self.path.is_file():
-            for line in self.path.read_bytes().splitlines():
-                self._read(line)
+        for name, content in self.journal.entries.items():
+            self._read(name, content)
 
-    def _read(self, line: bytes) -> None:
-        stated, _, body = line.partition(b" ")
-        if stated != digest(body).encode():  # a line cut off by the interruption
-            return
+    def _name(self, unit: Unit) -> str:
+        return json.dumps([*astuple(unit), self.drives.get(unit.motor)])
+
+    def _read(self, name: str, found: Any) -> None:
         try:
-            found = json.loads(body)
-            if found["drive"] != self.drives.get(found["unit"]["motor"]):
-                return
-            points = tuple(Point(**p) for p in found["points"])
-            outcome = Outcome(points, found["metrics"], found["passed"])
-            row = Row(Unit(**found["unit"]), outcome, found["cpu_seconds"], found["failure"])
-        except (ValueError, KeyError, TypeError):  # written by another state of the code
+            unit = Unit(**found["unit"])
+            outcome = Outcome(
+                tuple(Point(**p) for p in found["points"]), found["metrics"], found["passed"]
+            )
+            row = Row(unit, outcome, found["cpu_seconds"], found["failure"])
+        except (KeyError, TypeError):  # of somebody else
             return
-        self.rows[row.unit] = row
+        if name == self._name(unit):
+            self.rows[unit] = row
 
     def add(self, row: Row, lasting: bool = True) -> None:
         """Remember a finished unit; lasting: in the file, too."""
         self.rows[row.unit] = row
-        if self.path and lasting:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            line = {
-                "drive": self.drives[row.unit.motor],
-                "unit": asdict(row.unit),
-                "points": [asdict(p) for p in row.outcome.points],
-                "metrics": dict(row.outcome.metrics),
-                "passed": row.outcome.passed,
-                "cpu_seconds": row.cpu_seconds,
-                "failure": row.failure,
-            }
-            body = json.dumps(plain(line)).encode()
-            with self.path.open("ab") as file:  # begins a line: the one before may be half written
-                file.write(b"\n%s %s\n" % (digest(body).encode(), body))
+        content = {
+            "unit": asdict(row.unit),
+            "points": [asdict(p) for p in row.outcome.points],
+            "metrics": dict(row.outcome.metrics),
+            "passed": row.outcome.passed,
+            "cpu_seconds": row.cpu_seconds,
+            "failure": row.failure,
+        }
+        self.journal.add(self._name(row.unit), plain(content), lasting)
 
 
 def forget(folder: Path) -> None:

@@ -190,7 +190,7 @@ def _json_of(place: Path) -> Path:
         if place.is_dir()
         else []
     )
-    found = [p for p in found if p.stem not in ("manifest", "schema")]  # of a sweep
+    found = [p for p in found if p.stem != "schema"]  # of a sweep
     if not found:
         raise BadInput(
             f"no result at '{place}'; give a folder that a command has written, or its JSON"
@@ -336,7 +336,7 @@ def _swept(found: Any, folder: Path) -> Any:
             raise
         said = brief(" ".join(str(error).split()))
         raise BadInput(
-            f"'{folder}' has a damaged block or manifest ({said}); run the sweep again with it"
+            f"'{folder}' has a damaged block or journal ({said}); run the sweep again with it"
         ) from None
     same = found.to_table().equals(kept)
     return content if same else content | {"runs of the table": "changed"}

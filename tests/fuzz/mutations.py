@@ -4,6 +4,7 @@ the same damage."""
 from __future__ import annotations
 
 import copy
+import hashlib
 import json
 import random
 import re
@@ -179,6 +180,20 @@ def damaged_json(text: str, chance: random.Random) -> bytes:
     for _ in range(chance.choice((1, 1, 2, 3))):
         _damage(tree, chance)
     return json.dumps(tree).encode()
+
+
+def damaged_lines(text: str, chance: random.Random) -> bytes:
+    """Return a journal with the content of one of its lines damaged, half of the time as if it had
+    been written so."""
+    lines = [line for line in text.splitlines() if line]
+    k = chance.randrange(len(lines))
+    stated, _, body = lines[k].partition(" ")
+    new = damaged_json(body, chance)
+    if chance.random() < 0.5:
+        stated = hashlib.sha256(new).hexdigest()
+    whole = [line.encode() for line in lines]
+    whole[k] = stated.encode() + b" " + new
+    return b"\n".join(whole)
 
 
 def _damage(tree: Any, chance: random.Random) -> None:

@@ -36,7 +36,7 @@ from tests.fuzz.arrays import damaged_arrays
 from tests.fuzz.doors import Door
 from tests.fuzz.kept import KEPT_DOORS
 from tests.fuzz.logs import LOG_DOORS
-from tests.fuzz.mutations import damaged_bytes, damaged_json, damaged_toml
+from tests.fuzz.mutations import damaged_bytes, damaged_json, damaged_lines, damaged_toml
 from tests.fuzz.sizes import claimed_npz, grown_json, grown_toml, long_csv, long_mat, long_parquet
 
 COLUMNS = """
@@ -416,7 +416,7 @@ DOORS = (
         lambda f: load_scenario(f / "s.toml"),
     ),
     Door("sweep", make_sweep, ("s.toml",), of_text(damaged_toml), read_and_size),
-    Door("swept", make_swept, ("manifest.json",), of_text(damaged_json), read_swept),
+    Door("swept", make_swept, ("journal.jsonl",), of_text(damaged_lines), read_swept),
     Door("result", make_result, ("audit.json",), of_text(damaged_json), verify),
     *KEPT_DOORS,
     Door("report", make_check, REPORTS, of_text(damaged_json), read_check),

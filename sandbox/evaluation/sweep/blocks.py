@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 import time
 from functools import cache
-from importlib.metadata import version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.effects import own
 from model.errors import BadInput
-from model.kernels import sources
+from sandbox.engine.journal import state_of_code
 from sandbox.evaluation.sweep.keys import keys
 from sandbox.evaluation.sweep.plan import Sweep, again, label
 
 if TYPE_CHECKING:
     import pyarrow
 
-LIBRARIES = ("numpy", "scipy", "numba")
 MADE_BY = (
     "sandbox/evaluation/sweep/blocks.py",
     "estimators/*.py",
@@ -124,7 +118,7 @@ def arrow_schema(sweep: Sweep) -> pyarrow.Schema:
 
 def tasks_of(sweep: Sweep) -> list[Task]:
     """Return the blocks of a sweep; they depend on the sweep alone, not on who runs them."""
-    size, code = block_size(sweep), code_key()
+    size, code = block_size(sweep), state_of_code(*MADE_BY)
     return [
         Task(sweep.text, code, a, min(a + size, sweep.runs)) for a in range(0, sweep.runs, size)
     ]
@@ -169,7 +163,7 @@ def samples_of(sweep: Sweep) -> int:
 def run_block(task: Task) -> Block:
     """Run a block; BadInput where this process has another state of the code than the one that
     asks."""
-    if task.code != code_key():
+    if task.code != state_of_code(*MADE_BY):
         raise BadInput(
             "a worker has another state of the code, or of numpy, scipy or numba; "
             "install the same there"
@@ -230,14 +224,3 @@ def crashed(task: Task) -> Block:
         Row(CRASHED, "the process that ran it died (out of memory, or a crash in compiled code)")
     ] * len(cases)
     return Block(task.start, table_of(sweep, task.start, cases, rows), _room(sweep, task), 0.0, 0.0)
-
-
-@cache
-def code_key() -> str:
-    """Return a short hash of the code that runs depend on, effects of the user's own included, and
-    of the libraries that compute."""
-    found = hashlib.sha256(repr([(name, version(name)) for name in LIBRARIES]).encode())
-    for file in filter(None, os.environ.get(own.VARIABLE, "").split(os.pathsep)):
-        found.update(Path(file).read_bytes())
-    found.update(sources.code_key(*MADE_BY).encode())
-    return found.hexdigest()[:16]

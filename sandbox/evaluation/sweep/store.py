@@ -1,42 +1,43 @@
-"""The folder of a sweep: finished blocks as Parquet files, traces as zarr, and a manifest that says
+"""The folder of a sweep: finished blocks as Parquet files, traces as zarr, and a journal that says
 which are whole.
 
-runs/block-*.parquet together are one data set; manifest.json has the SHA-256 of each, and of
-itself.  A block counts once the manifest names it, and every file is written aside and renamed: an
-interrupted sweep goes on where it was, and half a file is never taken for a whole one.
+runs/block-*.parquet together are one data set; journal.jsonl has the SHA-256 of each.  A block
+counts once the journal names it, and its file is written aside and renamed: an interrupted sweep
+goes on where it was, and half a file is never taken for a whole one.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
-import json
 import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from model.errors import BadInput
-from model.given import MOST_JSON, given_bytes
 from model.parameters import finite
-from sandbox.evaluation.sweep.blocks import Block, block_size, code_key, samples_of, schema_of
+from sandbox.engine.journal import Journal, state_of_code
+from sandbox.evaluation.sweep.blocks import MADE_BY, Block, block_size, samples_of, schema_of
 from sandbox.evaluation.sweep.plan import Sweep, digest_of
 from sandbox.output.files import check_free, json_bytes, write_whole
 from sandbox.output.provenance import digest_of as digest_of_file
 from sandbox.output.provenance import version
 
-RUNS, TRACES, MANIFEST, SCHEMA = "runs", "traces.zarr", "manifest.json", "schema.json"
+RUNS, TRACES, JOURNAL, SCHEMA = "runs", "traces.zarr", "journal.jsonl", "schema.json"
+SWEEP = "sweep"  # the entry that says what the others are blocks of
 BYTES_A_RUN = 150  # in the table, about
 
 
 @dataclass
 class Kept:
-    """What a sweep's folder holds: by the first run of each finished block, what the manifest says
+    """What a sweep's folder holds: by the first run of each finished block, what the journal says
     of it."""
 
     folder: Path
     sweep: Sweep
+    journal: Journal
     blocks: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     @property
@@ -47,7 +48,7 @@ class Kept:
 
 def key_of(sweep: Sweep) -> str:
     """Return what a folder's content hangs on: the sweep, the files it names, the code."""
-    return hashlib.sha256(f"{digest_of(sweep)} {code_key()}".encode()).hexdigest()
+    return hashlib.sha256(f"{digest_of(sweep)} {state_of_code(*MADE_BY)}".encode()).hexdigest()
 
 
 def open_folder(sweep: Sweep, folder: Path, afresh: bool = False) -> Kept:
@@ -58,19 +59,19 @@ def open_folder(sweep: Sweep, folder: Path, afresh: bool = False) -> Kept:
     _check_places(folder)
     if afresh:
         forget(folder)
-    kept = Kept(folder, sweep)
-    found = _read(folder / MANIFEST)
+    kept = Kept(folder, sweep, Journal(folder / JOURNAL))
+    found = _sound(kept.journal)
     if found is not None:
-        if found.get("key") != key_of(sweep):
+        if found.said.get("key") != key_of(sweep):
             raise BadInput(
                 f"'{folder}' holds another sweep, or this one made by another state of the code; "
                 "give a new --out, or begin anew with --again"
             )
-        kept.blocks = {b["start"]: b for b in found["blocks"] if _is_whole(kept, b)}
-    elif any((folder / RUNS).glob("block-*")):
+        kept.blocks = {b["start"]: b for b in found.blocks if _is_whole(kept, b)}
+    elif kept.journal.entries or any((folder / RUNS).glob("block-*")):
         # without one it is where a sweep stopped before its first block
         raise BadInput(
-            f"'{folder / RUNS}' has no readable {MANIFEST} beside it; give a new --out, or --again"
+            f"'{folder / RUNS}' has no readable {JOURNAL} beside it; give a new --out, or --again"
         )
     return kept
 
@@ -85,12 +86,12 @@ def _check_places(folder: Path) -> None:
                 f"'{path}' is a link or a file, where a sweep keeps a folder; move it, "
                 "or give another --out"
             )
-    check_free(folder, ("sweep.json", "sweep.png", MANIFEST, SCHEMA))
+    check_free(folder, ("sweep.json", "sweep.png", JOURNAL, SCHEMA))
 
 
 def forget(folder: Path) -> None:
     """Remove a sweep's files from a folder, the result first."""
-    for name in ("sweep.json", "sweep.png", MANIFEST, SCHEMA):
+    for name in ("sweep.json", "sweep.png", JOURNAL, SCHEMA):
         (folder / name).unlink(missing_ok=True)
     for name in (RUNS, TRACES):
         shutil.rmtree(folder / name, ignore_errors=True)
@@ -102,11 +103,20 @@ def begin(kept: Kept) -> None:
     write_whole(kept.folder / SCHEMA, json_bytes({"schema": 1, "columns": schema_of(kept.sweep)}))
     if kept.sweep.traces is not None and not kept.blocks:
         _new_traces(kept)
-    _write_manifest(kept)
+    if SWEEP not in kept.journal.entries:
+        said = {
+            "schema": 1,
+            "version": version(),
+            "code": state_of_code(*MADE_BY),
+            "key": key_of(kept.sweep),
+            "runs": kept.sweep.runs,
+            "block": block_size(kept.sweep),
+        }
+        kept.journal.add(SWEEP, said)
 
 
 def add(kept: Kept, block: Block) -> None:
-    """Keep a finished block: its table, its traces, then its line in the manifest."""
+    """Keep a finished block: its table, its traces, then its line in the journal."""
     from pyarrow import parquet
 
     body = io.BytesIO()
@@ -123,17 +133,15 @@ def add(kept: Kept, block: Block) -> None:
         said["traces_sha256"] = _write_traces(kept, block)
     said |= {"cpu_seconds": block.cpu_seconds, "kernel_seconds": block.kernel_seconds}
     kept.blocks[block.start] = said
-    _write_manifest(kept)
+    kept.journal.add(str(block.start), said)
 
 
 def counts(folder: Path) -> tuple[int, int]:
     """Return how many runs a folder keeps, and of how many; 0, 0 where it holds no sweep."""
-    found = _read(folder / MANIFEST)
-    return (
-        (0, 0)
-        if found is None
-        else (sum(block["rows"] for block in found["blocks"]), int(found["runs"]))
-    )
+    found = _sound(Journal(folder / JOURNAL))
+    if found is None:
+        return 0, 0
+    return sum(block["rows"] for block in found.blocks), int(found.said["runs"])
 
 
 def read_table(folder: Path) -> Any:
@@ -142,10 +150,10 @@ def read_table(folder: Path) -> Any:
     import pyarrow as pa
     from pyarrow import parquet
 
-    found = _read(folder / MANIFEST)
+    found = _sound(Journal(folder / JOURNAL))
     if found is None:
-        raise BadInput(f"'{folder}' holds no sweep ({MANIFEST}); run one with --out '{folder}'")
-    blocks = sorted(found["blocks"], key=lambda b: b["start"])
+        raise BadInput(f"'{folder}' holds no sweep ({JOURNAL}); run one with --out '{folder}'")
+    blocks = sorted(found.blocks, key=lambda b: b["start"])
     check_files(folder, [b["file"] for b in blocks])
     return pa.concat_tables([parquet.read_table(folder / b["file"]) for b in blocks])
 
@@ -174,27 +182,29 @@ def _file(start: int) -> str:
     return f"{RUNS}/block-{start:09d}.parquet"
 
 
-def _read(path: Path) -> dict[str, Any] | None:
-    """Return a manifest, None where there is none that is what was written."""
+class Found(NamedTuple):
+    """What a journal says of a sweep, and of its blocks."""
+
+    said: dict[str, Any]
+    blocks: list[dict[str, Any]]
+
+
+def _sound(journal: Journal) -> Found | None:
+    """Return what a journal says; None where it is no sweep's, or names other files than blocks."""
+    blocks = [content for name, content in journal.entries.items() if name != SWEEP]
+    said = journal.entries.get(SWEEP)
     try:
-        found = json.loads(given_bytes(path, MOST_JSON, "sweep again"))
-        return dict(found) if found.pop("sha256") == _digest(found) and _is_sound(found) else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        sound = all(map(_is_sound, blocks)) and type(said["runs"]) is int
+    except (LookupError, TypeError):
         return None
+    return Found(said, blocks) if sound else None
 
 
-def _is_sound(found: dict[str, Any]) -> bool:
-    """Tell whether a manifest names its own blocks and nothing else."""
-    numbers = [
-        (b["start"], b["rows"], b["cpu_seconds"], b["kernel_seconds"]) for b in found["blocks"]
-    ]
-    whole = all(type(start) is int and type(rows) is int for start, rows, *_ in numbers)
-    spent = all(finite(x) is not None for _, _, *costs in numbers for x in costs)
-    return whole and spent and all(b["file"] == _file(b["start"]) for b in found["blocks"])
-
-
-def _digest(content: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+def _is_sound(b: Any) -> bool:
+    """Tell whether an entry is of a block, and names its own file."""
+    whole = type(b["start"]) is int and type(b["rows"]) is int
+    spent = all(finite(b[name]) is not None for name in ("cpu_seconds", "kernel_seconds"))
+    return whole and spent and bool(b["file"] == _file(b["start"]))
 
 
 def _is_whole(kept: Kept, block: dict[str, Any]) -> bool:
@@ -210,20 +220,6 @@ def _is_whole(kept: Kept, block: dict[str, Any]) -> bool:
         )
     except (OSError, KeyError, ValueError):
         return False
-
-
-def _write_manifest(kept: Kept) -> None:
-    blocks = [kept.blocks[start] for start in sorted(kept.blocks)]
-    content = {
-        "schema": 1,
-        "version": version(),
-        "code": code_key(),
-        "key": key_of(kept.sweep),
-        "runs": kept.sweep.runs,
-        "block": block_size(kept.sweep),
-        "blocks": blocks,
-    }
-    write_whole(kept.folder / MANIFEST, json_bytes(content | {"sha256": _digest(content)}))
 
 
 def _trace_libraries() -> tuple[Any, Any]:

@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from model.kernels.sources import code_key
+from sandbox.engine.journal import state_of_code
 from sandbox.engine.processes import ALONE, Workers, spread
 from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.withheld.making.draw import Drawn
@@ -141,4 +141,4 @@ def _write(task: _Task, content: dict[str, Any]) -> None:
 def code_digest() -> str:
     """Return a short hash of the code that diagnoses, which tells reports of one version from those
     of another."""
-    return code_key(*CODE)[:12]
+    return state_of_code(*CODE)[:12]

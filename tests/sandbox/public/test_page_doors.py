@@ -24,6 +24,7 @@ from sandbox import audit, maps, verify
 from sandbox.cli import main
 from sandbox.drive import design
 from sandbox.drive.feasible import first_state
+from sandbox.engine.journal import Journal
 from sandbox.evaluation.sweep import store
 from sandbox.evaluation.sweep.plan import _found
 from sandbox.output.files import check_output
@@ -166,32 +167,28 @@ def test_a_path_that_is_no_utf8_is_told_before_a_run(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "blocks",
+    "block",
     [
         3,
-        [3],
-        [{"start": "x"}],
-        [
-            {
-                "start": 0,
-                "rows": 1,
-                "file": "../elsewhere.parquet",
-                "cpu_seconds": 1.0,
-                "kernel_seconds": 1.0,
-            }
-        ],
-        [
-            {
-                "start": 0,
-                "rows": 1,
-                "file": store._file(0),
-                "cpu_seconds": "x",
-                "kernel_seconds": 1.0,
-            }
-        ],
+        {"start": "x"},
+        {
+            "start": 0,
+            "rows": 1,
+            "file": "../elsewhere.parquet",
+            "cpu_seconds": 1.0,
+            "kernel_seconds": 1.0,
+        },
+        {
+            "start": 0,
+            "rows": 1,
+            "file": store._file(0),
+            "cpu_seconds": "x",
+            "kernel_seconds": 1.0,
+        },
     ],
 )
-def test_a_manifest_that_is_none_of_ours_is_no_manifest(tmp_path, blocks):
+def test_a_journal_that_is_none_of_ours_is_none(tmp_path, block):
+    """Nothing but a sweep's own blocks is believed: a path elsewhere would be read."""
     sound = {
         "start": 0,
         "rows": 1,
@@ -199,11 +196,14 @@ def test_a_manifest_that_is_none_of_ours_is_no_manifest(tmp_path, blocks):
         "cpu_seconds": 1.0,
         "kernel_seconds": 1.0,
     }
-    for own, there in (([sound], True), (blocks, False)):
-        content = {"blocks": own}
-        path = tmp_path / "manifest.json"
-        path.write_text(json.dumps(content | {"sha256": store._digest(content)}))
-        assert (store._read(path) is not None) == there
+    journal = Journal(tmp_path / store.JOURNAL)
+    journal.add(store.SWEEP, {"runs": 2})
+    journal.add("0", sound)
+    assert store.counts(tmp_path) == (1, 2)
+    journal.add("0", block)
+    assert store.counts(tmp_path) == (0, 0)
+    with pytest.raises(BadInput, match="holds no sweep"):
+        store.read_table(tmp_path)
 
 
 def test_a_command_whose_output_is_closed_goes_well(tmp_path):
@@ -298,8 +298,8 @@ def test_a_sweep_follows_no_link_and_removes_nothing_behind_one(tmp_path, name):
     assert (behind / "mine.txt").read_text() == "kept"
 
 
-@pytest.mark.parametrize("name", ["manifest.json", "schema.json"])
-def test_a_folder_in_the_manifest_s_place_is_told(tmp_path, name):
+@pytest.mark.parametrize("name", ["journal.jsonl", "schema.json"])
+def test_a_folder_in_the_journal_s_place_is_told(tmp_path, name):
     (tmp_path / name).mkdir()
     with pytest.raises(BadInput, match="is a folder, where a file is to be written"):
         store.open_folder(None, tmp_path, afresh=True)

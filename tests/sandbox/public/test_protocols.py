@@ -122,7 +122,7 @@ def test_results_of_many_runs(tmp_path):
     )
     assert repr(done).startswith("<SweepResult: sweep, 2 runs, ")
     assert done.save(csv=True) == tmp_path / "sweep"
-    names = {"manifest.json", "runs", "schema.json", "sweep.csv", "sweep.json", "sweep.png"}
+    names = {"journal.jsonl", "runs", "schema.json", "sweep.csv", "sweep.json", "sweep.png"}
     assert {p.name for p in (tmp_path / "sweep").iterdir()} == names
     assert done.to_dataframe().attrs["units"]["mean_deg"] == "deg"
     assert json.loads((tmp_path / "sweep" / "sweep.json").read_text())["status"] == {"ok": 2}

@@ -2,7 +2,6 @@
 often they stop."""
 
 import contextlib
-import json
 import os
 import shutil
 import signal
@@ -21,6 +20,7 @@ from model.errors import BadInput
 from sandbox.cli import main
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
+from sandbox.engine.journal import Journal
 from sandbox.engine.processes import Workers, spread
 from sandbox.evaluation.protocol import protocol
 from sandbox.evaluation.sweep.blocks import arrow_schema, run_block, schema_of, tasks_of
@@ -53,9 +53,14 @@ SMALL = SCENE | {  # 40 runs in 4 blocks of 10
 
 
 def digests(folder):
-    """Return what the manifest says of each block: first run, rows, checksum."""
-    found = json.loads((Path(folder) / "manifest.json").read_text())["blocks"]
-    return [(b["start"], b["rows"], b["sha256"]) for b in found]
+    """Return what the journal says of each block: first run, rows, checksum."""
+    return [(b["start"], b["rows"], b["sha256"]) for b in blocks_in(Path(folder))]
+
+
+def blocks_in(folder):
+    """Return what a folder's journal says of its blocks, by first run."""
+    entries = Journal(folder / "journal.jsonl").entries.items()
+    return sorted((b for name, b in entries if name != "sweep"), key=lambda b: b["start"])
 
 
 @pytest.fixture(scope="module")
@@ -305,12 +310,12 @@ def test_a_folder_of_another_sweep_is_left_alone(tmp_path):
 
 
 def test_a_folder_without_a_block_yet_is_gone_on_with(tmp_path):
-    """Where the disk was full, or a kill came, between the folder and its manifest; blocks without
+    """Where the disk was full, or a kill came, between the folder and its journal; blocks without
     one stay refused."""
     (tmp_path / "runs").mkdir()
     run_sweep(sweep_of(SCENE), tmp_path)
-    (tmp_path / "manifest.json").unlink()
-    with pytest.raises(BadInput, match="has no readable manifest"):
+    (tmp_path / "journal.jsonl").unlink()
+    with pytest.raises(BadInput, match="has no readable journal"):
         run_sweep(sweep_of(SCENE), tmp_path)
 
 
@@ -414,9 +419,8 @@ def children(pid):
 
 
 def blocks_of(place):
-    """Return how many blocks a folder's manifest names."""
-    path = place / "out" / "manifest.json"
-    return len(json.loads(path.read_text())["blocks"]) if path.is_file() else 0
+    """Return how many blocks the journal of a sweep names."""
+    return len(blocks_in(place / "out"))
 
 
 def wait_for_blocks(place, running, count):
@@ -463,10 +467,7 @@ def test_killed_workers_and_signals_leave_no_child_and_the_same_results(tmp_path
     for kind, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
         found, own, said = signalled(tmp_path, kind)
         assert found == code
-        rows = sum(
-            b["rows"]
-            for b in json.loads((tmp_path / "out" / "manifest.json").read_text())["blocks"]
-        )
+        rows = sum(b["rows"] for b in blocks_in(tmp_path / "out"))
         line = (
             f"sensorless sweep: interrupted; {rows} of 120 runs are kept; the same command goes on"
         )
