@@ -8,7 +8,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,21 @@ def _wanted(
     )
 
 
+class How(NamedTuple):
+    """How a run is made, whatever is simulated.
+
+    closed_loop: whether the estimate (or the encoder) controls; stride: record every stride-th
+    sample; plant_step: s, an upper bound (the plant chooses its own below); truth: another magnetic
+    model for the plant than the one the estimator's belief comes from.
+    """
+
+    closed_loop: bool = True
+    seed: int = 0
+    stride: int = 1
+    plant_step: float = LONGEST
+    truth: AnyEnergy | None = None
+
+
 @dataclass(frozen=True)
 class Setup:
     """What runs have in common that differ only in the plant's values, the belief's and the
@@ -119,35 +134,22 @@ def simulate(
     estimator: Estimator,
     belief: str = "saturated",
     *,
-    closed_loop: bool = True,
-    seed: int = 0,
-    stride: int = 1,
-    plant_step: float = LONGEST,
-    truth: AnyEnergy | None = None,
     effects: Mapping[str, float] | None = None,
     plant: str = EXACT,
+    **how: Any,
 ) -> Simulation:
     """Run a scenario and return its recording.
 
-    belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls;
-    stride: record every stride-th sample; plant_step: s, an upper bound (the plant chooses its own
-    below); truth: another magnetic model for the plant than the one the estimator's belief comes
-    from; effects: what the plant has and the model lacks, by public name such as {"dead_time.time":
-    2e-6}, on the exact plant `bench.*`, too; plant: `exact` (event by event) or `switched` (the
-    independent bench).  Raises BadInput or PhysicsError with one sentence.
+    belief: `saturated` or `linear`; effects: what the plant has and the model lacks, by public name
+    such as {"dead_time.time": 2e-6}, on the exact plant `bench.*`, too; plant: `exact` (event by
+    event) or `switched` (the independent bench); how: fields of `How`.  Raises BadInput or
+    PhysicsError with one sentence.
     """
-    check_call(estimator, belief, seed, stride, plant_step)
+    asked = How(**how)
+    check_call(estimator, belief, asked.seed, asked.stride, asked.plant_step)
     # before the design, which takes longer
     values = sets.complete(drive.motor, drive.converter, effects)
-    return _run_once(
-        set_up(drive, scenario, estimator, belief, plant),
-        values,
-        closed_loop=closed_loop,
-        seed=seed,
-        stride=stride,
-        plant_step=plant_step,
-        truth=truth,
-    )
+    return _run(set_up(drive, scenario, estimator, belief, plant), values, asked)
 
 
 def set_up(
@@ -176,38 +178,13 @@ def set_up(
     )
 
 
-def run_once(
-    setup: Setup,
-    effects: Mapping[str, float] | None = None,
-    *,
-    closed_loop: bool = True,
-    seed: int = 0,
-    stride: int = 1,
-    plant_step: float = LONGEST,
-    truth: AnyEnergy | None = None,
-) -> Simulation:
+def run_once(setup: Setup, effects: Mapping[str, float] | None = None, **how: Any) -> Simulation:
     """Run what was made ready on a plant with effects; arguments and errors as `simulate`."""
-    return _run_once(
-        setup,
-        sets.complete(setup.drive.motor, setup.drive.converter, effects),
-        closed_loop=closed_loop,
-        seed=seed,
-        stride=stride,
-        plant_step=plant_step,
-        truth=truth,
-    )
+    values = sets.complete(setup.drive.motor, setup.drive.converter, effects)
+    return _run(setup, values, How(**how))
 
 
-def _run_once(
-    setup: Setup,
-    values: Mapping[str, float],
-    *,
-    closed_loop: bool,
-    seed: int,
-    stride: int,
-    plant_step: float,
-    truth: AnyEnergy | None,
-) -> Simulation:
+def _run(setup: Setup, values: Mapping[str, float], how: How) -> Simulation:
     """The same with all values of the plant."""
     drive, scenario, estimator = setup.drive, setup.scenario, setup.estimator
     believed, gains, samples = setup.believed, setup.design, setup.samples
@@ -215,6 +192,7 @@ def _run_once(
     injects = estimator.injection not in (NONE, PWM)
     check_feasible(dataclasses.replace(drive, motor=true), scenario, gains, injects)
     tuning, h = gains.tuning, gains.tuning.sampling_period
+    stride = how.stride
     if samples // stride > MOST_SAMPLES:
         text = f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run"
         raise BadInput(f"{text} or raise the stride")
@@ -223,10 +201,9 @@ def _run_once(
     rows = np.zeros(-(-samples // stride), ROW)
     inside = inside_for(estimator, drive)
     on = _switched if setup.plant == SWITCHED else exact_bench
-    run, *bench = on(
-        drive, scenario, values, plant_step, truth, believed if estimator.compiled else None, inside
-    )
-    rig = rig_of(drive, scenario, closed_loop, samples, stride, setup.start_time)
+    compiled = believed if estimator.compiled else None
+    run, *bench = on(drive, scenario, values, how.plant_step, how.truth, compiled, inside)
+    rig = rig_of(drive, scenario, how.closed_loop, samples, stride, setup.start_time)
     if setup.plant == EXACT:
         check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
     step = step_of(estimator, believed)
@@ -244,7 +221,7 @@ def _run_once(
         profile,
         setup.carrier.waveform,
         setup.carrier.primitive,
-        np.random.default_rng(seed),
+        np.random.default_rng(how.seed),
         rows,
     )
     spent = time.thread_time() - begun

@@ -20,7 +20,7 @@ from model.ratings import cautions
 from sandbox.drive.design import Design
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario
-from sandbox.drive.simulate import EXACT, MOST_SAMPLES, Simulation, plant_named, simulate
+from sandbox.drive.simulate import EXACT, MOST_SAMPLES, How, Simulation, plant_named, simulate
 from sandbox.evaluation.choice import ANY, Limits, best, standings
 from sandbox.evaluation.injection_cost import injection_cost
 from sandbox.evaluation.lost import why_lost, why_missed
@@ -233,18 +233,15 @@ def single(
     estimator: AnyEstimator,
     belief: str = "saturated",
     *,
-    closed_loop: bool = True,
-    seed: int = 0,
     effects: Mapping[str, float] | None = None,
     plant: str = EXACT,
-    stride: int = 1,
+    **how: Any,
 ) -> tuple[Comparison, Design]:
-    """Return one run as a comparison of one, and the gains it used; effects, plant and stride as
-    `simulate`."""
-    plant = plant_named(plant)
-    loaded, how = load_estimator(estimator), {"seed": seed, "stride": stride, "plant": plant}
+    """Return one run as a comparison of one, and the gains it used; arguments as `simulate`."""
+    plant, loaded = plant_named(plant), load_estimator(estimator)
+    asked = How(**how)
     run, gains = _run(
-        drive, scenario, loaded, belief, closed_loop=closed_loop, effects=effects, **how
+        drive, scenario, loaded, belief, effects=effects, plant=plant, **asked._asdict()
     )
-    made = properties_of(drive, scenario, seed) | {"plant": plant} | dict(effects or {})
+    made = properties_of(drive, scenario, asked.seed) | {"plant": plant} | dict(effects or {})
     return Comparison(drive, scenario, (run,), made), gains

@@ -12,7 +12,7 @@ u_alpha, u_beta is the command acting from t_k on: sensors that sample late alre
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -239,6 +239,20 @@ def run(state, b, mode, u_alpha, u_beta, u_dc, load_torque, theta, speed, rng, o
         advance(state, b, mode, u_alpha[k], u_beta[k], u_dc[k], load_torque[k], acceleration)
 
 
+class Motion(NamedTuple):
+    """How a rotor begins and what turns it.
+
+    load_torque: N m; theta (rad, electrical; true, not the encoder's) and speed (rad/s,
+    mechanical): initial values, of a driven rotor those at every sample; current: initial alpha,
+    beta in A.
+    """
+
+    load_torque: ArrayLike = 0.0
+    theta: ArrayLike = 0.0
+    speed: ArrayLike = 0.0
+    current: tuple[float, float] = (0.0, 0.0)
+
+
 def replay(
     b: SwitchedBench,
     rotor: str,
@@ -246,27 +260,24 @@ def replay(
     u_beta: ArrayLike,
     u_dc: ArrayLike,
     *,
-    load_torque: ArrayLike = 0.0,
-    theta: ArrayLike = 0.0,
-    speed: ArrayLike = 0.0,
-    current: tuple[float, float] = (0.0, 0.0),
     seed: int = 0,
+    **motion: Any,
 ) -> dict[str, Vector]:
     """Return predicted readings i_a, i_b, i_c (A), theta (rad), and the truth: position, speed,
     torque; per sample.
 
-    rotor: 'locked' or 'free' (theta, speed: initial values) or 'driven' (their values at every
-    sample; true angle, not the encoder's).  u_alpha, u_beta, u_dc: (n,) V;
-    load_torque: N m; current: initial alpha, beta in A.  Noise and counts are the bench's own: pass
-    `quiet(b)` for a prediction.  BadInput for an unknown rotor or columns of different length.
+    rotor: 'locked', 'free' or 'driven'; u_alpha, u_beta, u_dc: (n,) V; motion: fields of `Motion`.
+    Noise and counts are the bench's own: pass `quiet(b)` for a prediction.  BadInput for an unknown
+    rotor or columns of different length.
     """
+    m = Motion(**motion)
     if rotor not in MODES:
         raise unknown("rotor", rotor, MODES)
     n = len(np.atleast_1d(u_alpha))
     columns = {"u_alpha": u_alpha, "u_beta": u_beta, "u_dc": u_dc}
-    columns |= {"load_torque": load_torque, "theta": theta, "speed": speed}
+    columns |= {"load_torque": m.load_torque, "theta": m.theta, "speed": m.speed}
     spread = {name: _column(name, value, n) for name, value in columns.items()}
-    state = start(b, float(spread["theta"][0]), float(spread["speed"][0]), *current)
+    state = start(b, float(spread["theta"][0]), float(spread["speed"][0]), *m.current)
     out = np.empty(n, PREDICTED)
     run(state, b, MODES[rotor], *spread.values(), np.random.default_rng(seed), out)
     return {name: out[name] for name in PREDICTED.names or ()}

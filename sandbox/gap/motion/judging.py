@@ -11,8 +11,9 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ from sandbox.gap.motion.torques import (
     unidentifiable,
     users,
 )
-from sandbox.gap.motion.windows import OVERLAP, averages, white
+from sandbox.gap.motion.windows import OVERLAP, Averages, averages, white
 from sandbox.recordings.motion_axis import LINEAR
 from sandbox.recordings.motion_log import MotionCampaign
 
@@ -112,6 +113,43 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     began = time.perf_counter()
     for name in exclude:
         _check_known(name)
+    parts = _averaged(campaign)
+    nominal = Nominal(
+        campaign.inertia,
+        campaign.viscous_friction,
+        campaign.deviations.get(INERTIA.stated, ORDINARY),
+        campaign.deviations.get(VISCOUS.stated, ORDINARY),
+    )
+    plain = design_of(parts)
+    able, cannot = _told_apart(campaign, plain, nominal, exclude)
+    whole, design = _richest(plain, plain, able, nominal)
+    if beyond := _beyond(design, whole, nominal, able):
+        cannot |= beyond
+        able = [e for e in able if e not in beyond]
+        whole, design = _richest(plain, design, able, nominal)
+    sets = _sets(design, able, whole, nominal)
+    sizes = _Sizes(plain, design, nominal, _noise_std(design, sets[0].shaft), _held_out(parts))
+    left = sizes.left(sets, whole)
+    after = left[sets[0].effects]
+    return Motion(
+        campaign,
+        design,
+        tuple(sets),
+        float(np.clip((after - SURE) / (DOUBTFUL - SURE), 0.02, 0.98)),
+        sizes.of(_as_stated(design, nominal), sizes.out),
+        left[()],
+        after,
+        tuple(sizes.by_recording(sets[0].shaft.terms)),
+        _shares(left, sets[0].effects),
+        cannot,
+        tuple(exclude),
+        time.perf_counter() - began,
+    )
+
+
+def _averaged(campaign: MotionCampaign) -> list[Averages]:
+    """Return what windows of each recording have in the mean; BadInput where numbers are beyond
+    what can be, or nothing moves."""
     with np.errstate(all="ignore"):  # what is no number is refused below
         parts = [averages(r, campaign) for r in campaign.recordings]
     for a in parts:
@@ -127,13 +165,13 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     if turned < campaign.axis.least:
         moved = f"{campaign.axis.moves} by {turned:.2g} {campaign.axis.unit('rad')} at most"
         raise BadInput(f"{campaign.name}: {moved}; record it moving")
-    nominal = Nominal(
-        campaign.inertia,
-        campaign.viscous_friction,
-        campaign.deviations.get(INERTIA.stated, ORDINARY),
-        campaign.deviations.get(VISCOUS.stated, ORDINARY),
-    )
-    plain, held = design_of(parts), _held_out(parts)
+    return parts
+
+
+def _told_apart(
+    campaign: MotionCampaign, plain: Design, nominal: Nominal, exclude: Sequence[str]
+) -> tuple[list[str], dict[str, str]]:
+    """Return the effects that a motion can tell, and why it cannot tell the others."""
     cannot = _cannot(plain, nominal, exclude)
     if any(r.sixth for r in campaign.recordings):
         cannot[COGGING.effect] = BY_STATES
@@ -141,51 +179,56 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
         cannot[COGGING.effect] = OF_LINEAR
     able = [e for e in numbers() if e not in cannot and e not in exclude]
     whole = _terms(able, _width(plain, able, nominal, ()), ())
-    design = plain
-    for e, why in _driving(
-        reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able
-    ).items():
-        cannot[e] = why
-        able.remove(e)
-    whole, design = _richest(plain, design, able, nominal)
-    if beyond := _beyond(design, whole, nominal, able):
-        cannot |= beyond
-        able = [e for e in able if e not in beyond]
-        whole, design = _richest(plain, design, able, nominal)
-    sets = _sets(design, able, whole, nominal)
-    noise_std = _noise_std(design, sets[0].shaft)
-    kept, out = design.only(~held), held if np.any(held) else np.ones(len(held), bool)
-    terms = {
-        e: _terms(e, whole.dry or design.widths[0], whole.orders) for e in _subsets(sets[0].effects)
-    }
-    terms |= {w.effects: w.shaft.terms for w in sets}
-    sizes = {e: _rms(plain, fitted(kept, t, nominal), noise_std, out) for e, t in terms.items()}
-    none, best = fitted(kept, Terms(), nominal), fitted(kept, sets[0].shaft.terms, nominal)
-    rows = tuple(
-        (
-            a.file,
-            _rms(plain, none, noise_std, design.owner == k),
-            _rms(plain, best, noise_std, design.owner == k),
-            bool(np.all(held[design.owner == k])),
-        )
-        for k, a in enumerate(parts)
-    )
-    after = sizes[sets[0].effects]
-    left = float(np.clip((after - SURE) / (DOUBTFUL - SURE), 0.02, 0.98))
-    return Motion(
-        campaign,
-        design,
-        tuple(sets),
-        left,
-        _rms(plain, _as_stated(design, nominal), noise_std, out),
-        sizes[()],
-        after,
-        rows,
-        _shares(sizes, sets[0].effects),
-        cannot,
-        tuple(exclude),
-        time.perf_counter() - began,
-    )
+    design = reweighted(plain, fitted(plain, whole, nominal))
+    driving = _driving(design, whole, nominal, able)
+    return [e for e in able if e not in driving], {**cannot, **driving}
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """What shafts leave of a motion, over its noise; plain: equations that nothing has weighted;
+    held: rows (n,) that are not fitted here."""
+
+    plain: Design
+    design: Design
+    nominal: Nominal
+    noise_std: Array
+    held: NDArray[np.bool_]
+
+    @property
+    def out(self) -> NDArray[np.bool_]:
+        """The rows that are judged: those held out, all where there are none."""
+        return self.held if np.any(self.held) else np.ones(len(self.held), bool)
+
+    @cached_property
+    def kept(self) -> Design:
+        """The equations of the rows that are fitted here."""
+        return self.design.only(~self.held)
+
+    def of(self, shaft: Shaft, rows: NDArray[np.bool_]) -> float:
+        """Return the rms over the noise of rows, with a shaft's own values."""
+        _, columns, _, _ = columns_of(self.plain, shaft.terms, Nominal(1.0, 0.0, 0.0, 0.0))
+        rest = (self.plain.torque - columns @ shaft.values) / self.noise_std
+        return float(np.sqrt(np.mean(rest[rows] ** 2)))
+
+    def fitted(self, terms: Terms) -> Shaft:
+        """Return the shaft with these terms, fitted to the rows that are not held out."""
+        return fitted(self.kept, terms, self.nominal)
+
+    def left(self, sets: Sequence[Weighed], whole: Terms) -> dict[tuple[str, ...], float]:
+        """Return what every set leaves, and every part of the most probable one."""
+        width = whole.dry or self.design.widths[0]
+        terms = {e: _terms(e, width, whole.orders) for e in _subsets(sets[0].effects)}
+        terms |= {w.effects: w.shaft.terms for w in sets}
+        return {e: self.of(self.fitted(t), self.out) for e, t in terms.items()}
+
+    def by_recording(self, best: Terms) -> Iterator[tuple[str, float, float, bool]]:
+        """Yield each recording with what no effect and the best set leave, and whether it was held
+        out."""
+        none, some = self.fitted(Terms()), self.fitted(best)
+        for k, a in enumerate(self.design.averages):
+            own = self.design.owner == k
+            yield a.file, self.of(none, own), self.of(some, own), bool(np.all(self.held[own]))
 
 
 def _subsets(effects: Sequence[str]) -> list[tuple[str, ...]]:
@@ -390,13 +433,6 @@ def _noise_std(design: Design, shaft: Shaft) -> Array:
         )
         out[design.owner == k] = np.maximum(known, random)
     return out
-
-
-def _rms(design: Design, shaft: Shaft, noise_std: Array, rows: NDArray[np.bool_]) -> float:
-    """Return the rms over the noise floor of rows, with a shaft's own values."""
-    _, columns, _, _ = columns_of(design, shaft.terms, Nominal(1.0, 0.0, 0.0, 0.0))
-    rest = (design.torque - columns @ shaft.values) / noise_std
-    return float(np.sqrt(np.mean(rest[rows] ** 2)))
 
 
 def _shares(sizes: dict[tuple[str, ...], float], best: tuple[str, ...]) -> dict[str, float]:

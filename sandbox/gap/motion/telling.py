@@ -185,50 +185,21 @@ def refitted(m: Motion) -> Refitted:
 def document(m: Motion) -> dict[str, Any]:
     """Return what `diagnosis.json` holds beyond its header; `motion` is more than other campaigns'
     have."""
-    s = m.best.shaft
-    closed = _closed(m, m.after) if m.best.effects else None
     return {
         "campaign": m.campaign.name,
         "verdict": verdict(m),
-        "gap": {
-            "raw": m.raw,
-            "before": m.before,
-            "after": m.after,
-            "floor": 1.0,
-            "closed": closed,
-            "closed_ci95": None,
-            "recordings": [
-                {"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in m.by_recording
-            ],
-            "position_error_deg": None,
-            "remains": None,
-        },
+        "gap": _gap(m),
         "where": where(m),
         "hypotheses": [
             {
                 "effects": effects,
                 "probability": p,
-                "closed": closed if w is m.best else (0.0 if not effects else None),
+                "closed": _closed(m) if w is m.best else (None if effects else 0.0),
                 "parameters": parameters(m, w),
             }
             for effects, p, w in _hypotheses(m)[:12]
         ],
-        "effects": [
-            {
-                "name": e,
-                "probability": m.inclusion(e),
-                "share": {"value": m.shares.get(e, 0.0), "ci95": None},
-                "parameters": {
-                    k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")
-                },
-                "group": None,
-                "do": todo(m).get(e),
-            }
-            for e in sorted(
-                (e for e in numbers() if m.looked_for(e)),
-                key=lambda e: (-round(m.inclusion(e), 3), -m.shares.get(e, 0.0)),
-            )
-        ],
+        "effects": _effects(m),
         "unknown": {"probability": m.unknown, "share": None, "where": "torque"},
         "ambiguity_set": _set(m),
         "next_recording": following(m),
@@ -239,7 +210,7 @@ def document(m: Motion) -> dict[str, Any]:
             "axis": m.campaign.axis.name,
             **{VISCOUS.effect: None, **values(m)},
             "stated_inertia": m.campaign.inertia,
-            "dry_friction_width": s.terms.dry,
+            "dry_friction_width": m.best.shaft.terms.dry,
             "orders": orders(m, m.best),
             "undecided": undecided(m),
             "cannot": m.cannot,
@@ -250,8 +221,47 @@ def document(m: Motion) -> dict[str, Any]:
     }
 
 
-def _closed(m: Motion, after: float) -> float | None:
-    return (m.before**2 - after**2) / (m.before**2 - 1.0) if m.before > 1.0 else None
+def _gap(m: Motion) -> dict[str, Any]:
+    return {
+        "raw": m.raw,
+        "before": m.before,
+        "after": m.after,
+        "floor": 1.0,
+        "closed": _closed(m),
+        "closed_ci95": None,
+        "recordings": [
+            {"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in m.by_recording
+        ],
+        "position_error_deg": None,
+        "remains": None,
+    }
+
+
+def _effects(m: Motion) -> list[dict[str, Any]]:
+    """Return what is said of each effect that was looked for, the most probable first."""
+    own = parameters(m, m.best)
+    return [
+        {
+            "name": e,
+            "probability": m.inclusion(e),
+            "share": {"value": m.shares.get(e, 0.0), "ci95": None},
+            "parameters": {k: v for k, v in own.items() if k.startswith(f"{e}.")},
+            "group": None,
+            "do": todo(m).get(e),
+        }
+        for e in sorted(
+            (e for e in numbers() if m.looked_for(e)),
+            key=lambda e: (-round(m.inclusion(e), 3), -m.shares.get(e, 0.0)),
+        )
+    ]
+
+
+def _closed(m: Motion) -> float | None:
+    """Return how much of the gap the best set closes; None where it names nothing, or there is
+    none."""
+    if not m.best.effects or not m.before > 1.0:
+        return None
+    return (m.before**2 - m.after**2) / (m.before**2 - 1.0)
 
 
 def where(m: Motion) -> list[dict[str, Any]]:

@@ -9,8 +9,9 @@ rated current, speeds of rated speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,134 +64,94 @@ def usual_seconds(drive: Drive) -> float:
     return DURATION * min(1.0, FULL_RATE * drive.converter.sampling_period)
 
 
-def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
-    """Return the experiments for a drive; seconds: how long each takes (`usual_seconds`)."""
-    period = drive.converter.sampling_period
-    seconds = usual_seconds(drive) if seconds is None else seconds
-    t = np.linspace(0.0, 1.0, round(seconds / period), endpoint=False)
-    zero, one = np.zeros_like(t), np.ones_like(t)
-    fade = np.minimum(seconds * t / SETTLE, 1.0)
-    rate, pulse = (
-        drive.motor.rated_current,
+class Courses(NamedTuple):
+    """What experiments are made of, over the share of the duration that has passed (n,): currents
+    in units of rated current, speeds in rad/s electrical."""
+
+    t: Array
+    zero: Array
+    fade: Array  # from 0 to 1 while currents settle
+    around: Array  # an angle, two turns
+    both: Array  # a speed one way, then the other
+    pulse: float  # V that are injected
+
+
+def courses(drive: Drive, seconds: float) -> Courses:
+    """Return what experiments of so many seconds are made of."""
+    n = round(seconds / drive.converter.sampling_period)
+    t = np.linspace(0.0, 1.0, n, endpoint=False)
+    return Courses(
+        t,
+        np.zeros_like(t),
+        np.minimum(seconds * t / SETTLE, 1.0),
+        math.tau * 2.0 * t,
+        drive.motor.rated_omega * ramp(t, (0.0, 0.8), (0.35, 0.8), (0.65, -0.8), (1.0, -0.8)),
         drive.injection.amplitude or 0.07 * drive.converter.dc_bus_voltage,
     )
-    rated = drive.motor.rated_omega
-    around = math.tau * 2.0 * t
-    crossing = 0.15 * np.sin(2.0 * around)
-    steps = np.where(np.sin(3.0 * around) > 0.0, 0.6, -0.6)
-    turn = 0.04 * rated
-    stairs: Array = np.round(4.0 * ramp(t, (0.0, -1.0), (1.0, 1.0))) / 4.0
-    swing = 0.5 * np.sign(np.sin(math.tau * np.cumsum(5.0 + 75.0 * t) * period))
-    both = ramp(t, (0.0, 0.8), (0.35, 0.8), (0.65, -0.8), (1.0, -0.8))
-    link, top, high = tight(drive)
-    out = [
-        Entry(
-            "locked_low_current",
-            "locked rotor, current slowly through zero",
-            "locked",
-            crossing,
-            crossing * np.cos(around),
-            zero,
-        ),
-        Entry(
-            "locked_low_current_half_link",
-            "locked rotor, current slowly through zero at half the DC-link voltage",
-            "locked",
-            crossing,
-            crossing * np.cos(around),
-            zero,
-            link=0.5,
-        ),
-        Entry(
-            "locked_circle",
-            "locked rotor, current slowly around the circle",
-            "locked",
-            fade * np.cos(around),
-            fade * np.sin(around),
-            zero,
-        ),
-        Entry(
-            "locked_steps",
-            "locked rotor, large steps along d and q",
-            "locked",
-            steps,
-            np.roll(steps, len(t) // 5),
-            zero,
-        ),
-        Entry(
-            "locked_q_inject_d",
-            "locked rotor, injection along d over a staircase on q",
-            "locked",
-            zero,
-            stairs,
-            zero,
-            injection=(pulse, 0.0),
-        ),
-        Entry(
-            "locked_d_inject_q",
-            "locked rotor, injection along q over a staircase on d",
-            "locked",
-            stairs,
-            zero,
-            zero,
-            injection=(0.0, pulse),
-        ),
-        Entry(
-            "driven_fast_q",
-            "driven fast both ways, current on q",
-            "driven",
-            zero,
-            fade,
-            both * rated,
-        ),
-        Entry(
-            "driven_fast_idle",
-            "driven fast both ways without current",
-            "driven",
-            zero,
-            zero,
-            both * rated,
-        ),
-        Entry(
-            "driven_idle_half_link",
-            "driven both ways without current at half the DC-link voltage",
-            "driven",
-            zero,
-            zero,
-            0.5 * both * rated,
-            link=0.5,
-        ),
-        Entry(
-            "driven_tight_link",
-            "driven both ways, current along d, the DC-link voltage nearly used up",
-            "driven",
-            high * fade,
-            zero,
-            ramp(t, (0, 0.8), (0.35, 1.0), (0.45, 1.0), (0.65, -0.8), (1, -1.0)) * top,
-            link=link,
-        ),
-        Entry(
-            "driven_slow_dq",
-            "driven slowly, current on d and q",
-            "driven",
-            0.35 * fade,
-            0.35 * fade,
-            turn * one,
-        ),
-        Entry(
-            "free_coast",
-            "free rotor, accelerated and left to coast to standstill",
-            "free",
-            zero,
-            ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)),
-            zero,
-        ),
-        Entry(
-            "free_swing", "free rotor, torque reversed faster and faster", "free", zero, swing, zero
-        ),
-    ]
+
+
+def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
+    """Return the experiments for a drive; seconds: how long each takes (`usual_seconds`)."""
+    seconds, rate = usual_seconds(drive) if seconds is None else seconds, drive.motor.rated_current
+    c = courses(drive, seconds)
+    out = [*_locked(c), *_driven(c, drive), *_free(c, drive)]
     scaled = (replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q, seconds=seconds) for e in out)
     return [_in_map(e, drive) for e in scaled]
+
+
+def _locked(c: Courses) -> Iterator[Entry]:
+    def entry(name: str, description: str, i_d: Array, i_q: Array, **more: Any) -> Entry:
+        """Return an experiment with a locked rotor."""
+        return Entry(
+            f"locked_{name}", f"locked rotor, {description}", "locked", i_d, i_q, c.zero, **more
+        )
+
+    crossing = 0.15 * np.sin(2.0 * c.around)
+    small = crossing, crossing * np.cos(c.around)
+    steps = np.where(np.sin(3.0 * c.around) > 0.0, 0.6, -0.6)
+    stairs: Array = np.round(4.0 * ramp(c.t, (0.0, -1.0), (1.0, 1.0))) / 4.0
+    slowly = "current slowly through zero"
+    yield entry("low_current", slowly, *small)
+    yield entry("low_current_half_link", f"{slowly} at half the DC-link voltage", *small, link=0.5)
+    turning = c.fade * np.cos(c.around), c.fade * np.sin(c.around)
+    yield entry("circle", "current slowly around the circle", *turning)
+    yield entry("steps", "large steps along d and q", steps, np.roll(steps, len(steps) // 5))
+    text = "injection along d over a staircase on q"
+    yield entry("q_inject_d", text, c.zero, stairs, injection=(c.pulse, 0.0))
+    text = "injection along q over a staircase on d"
+    yield entry("d_inject_q", text, stairs, c.zero, injection=(0.0, c.pulse))
+
+
+def _driven(c: Courses, drive: Drive) -> Iterator[Entry]:
+    def entry(
+        name: str, how: str, i_d: Array, i_q: Array, speed: Array, link: float = 1.0
+    ) -> Entry:
+        """Return an experiment with a driven rotor."""
+        return Entry(f"driven_{name}", f"driven {how}", "driven", i_d, i_q, speed, link)
+
+    zero, some = c.zero, 0.35 * c.fade
+    yield entry("fast_q", "fast both ways, current on q", zero, c.fade, c.both)
+    yield entry("fast_idle", "fast both ways without current", zero, zero, c.both)
+    text = "both ways without current at half the DC-link voltage"
+    yield entry("idle_half_link", text, zero, zero, 0.5 * c.both, 0.5)
+    link, top, high = tight(drive)
+    text = "both ways, current along d, the DC-link voltage nearly used up"
+    speed = top * ramp(c.t, (0, 0.8), (0.35, 1.0), (0.45, 1.0), (0.65, -0.8), (1, -1.0))
+    yield entry("tight_link", text, high * c.fade, zero, speed, link)
+    turn = np.full_like(c.t, 0.04 * drive.motor.rated_omega)
+    yield entry("slow_dq", "slowly, current on d and q", some, some, turn)
+
+
+def _free(c: Courses, drive: Drive) -> Iterator[Entry]:
+    def entry(name: str, how: str, i_q: Array) -> Entry:
+        """Return an experiment with a free rotor."""
+        return Entry(f"free_{name}", f"free rotor, {how}", "free", c.zero, i_q, c.zero)
+
+    period = drive.converter.sampling_period
+    coast = ramp(c.t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0))
+    yield entry("coast", "accelerated and left to coast to standstill", coast)
+    swing = 0.5 * np.sign(np.sin(math.tau * np.cumsum(5.0 + 75.0 * c.t) * period))
+    yield entry("swing", "torque reversed faster and faster", swing)
 
 
 def _in_map(entry: Entry, drive: Drive) -> Entry:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -343,78 +343,98 @@ def caveats(a: Answers) -> list[str]:
     """Return what a reader has to know before believing the rest, one sentence each; assumed values
     are last."""
     d = a.diagnosis
-    out = _findings(d)
-    out += _of_noise(d)
-    if a.odd_phase is not None and a.verdict == "no_gap":
-        out.append(a.odd_phase.text)
-    out += [text] if (text := sentence(d.at_bound)) else []
-    if a.map_found is not None:
-        out.append(a.map_found.text(d.campaign.drive.motor.rated_current))
-    if d.excluded:
-        out.append(
-            f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}."
-        )
+    return [
+        *_findings(d),
+        *_of_noise(d),
+        *_of_the_fit(a),
+        *_of_columns(d),
+        *_of_held_out(a),
+        *_of_what_is_stated(d.campaign),
+        *_of_excerpts(d),
+        *_of_what_cannot_be_asked(a),
+        *_of_the_model(d.campaign.drive.provenance),
+    ]
+
+
+def _of_the_fit(a: Answers) -> Iterator[str]:
+    """Yield what is odd about what was found, and what was never looked for."""
+    d = a.diagnosis
     motor = d.campaign.drive.motor
+    if a.odd_phase is not None and a.verdict == "no_gap":
+        yield a.odd_phase.text
+    if text := sentence(d.at_bound):
+        yield text
+    if a.map_found is not None:
+        yield a.map_found.text(motor.rated_current)
+    if d.excluded:
+        yield f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}."
     if not isinstance(motor, MappedMotor) and all(getattr(motor, x) == 0.0 for x in ALPHAS):
-        out.append("The nominal model has no saturation (all five alphas are 0).")
+        yield "The nominal model has no saturation (all five alphas are 0)."
+
+
+def _of_columns(d: Diagnosis) -> Iterator[str]:
+    """Yield what recordings lack: an encoder's angle, a load's torque."""
     if made := _made(d):
         beyond = " beyond the noise" if d.campaign.unseen else ""
-        text = (
+        yield (
             f"The angle was made from {listing(made)}: what it misses{beyond} counts as "
             "something outside the library."
         )
-        out.append(text)
     blind = [
         r.origin
         for r in d.campaign.recordings
         if r.rotor == "free" and "load_torque" not in r.columns
     ]
     if blind := list(dict.fromkeys(blind)):
-        out.append(
-            f"{', '.join(blind)}: no column 'load_torque', so a free rotor's load is taken as none."
-        )
+        said = "no column 'load_torque', so a free rotor's load is taken as none."
+        yield f"{', '.join(blind)}: {said}"
+
+
+def _of_held_out(a: Answers) -> Iterator[str]:
+    """Yield which figures are of recordings that no fit has seen."""
+    d = a.diagnosis
     if not d.held_out:
-        out.append(
+        yield (
             "No recording was held out (each kind of rotor is there only once), so the "
             "figures are those of the fit."
         )
     elif a.verdict != "no_gap":
-        out.append(
+        yield (
             "Residuals before and after are of fits without the recordings held out. The listed "
             "values are fitted to all recordings, and the choice among hypotheses saw them all."
         )
     if d.held_out and d.offsets_named:
-        out.append("What a recording's offsets differ by was measured on it, held out or not.")
-    own = d.campaign.drive.provenance
-    if stand_ins := [
-        f"{k} ({own[k].rpartition(': ')[2]})" for k in d.campaign.stand_ins if k in own
-    ]:
-        out.append(f"Not stated, so that something stands in: {', '.join(stand_ins)}.")
-    missing = [k for k in ("uncertainty", "background") if not getattr(d.campaign, k)]
-    if missing:
-        out.append(
+        yield "What a recording's offsets differ by was measured on it, held out or not."
+
+
+def _of_what_is_stated(campaign: Campaign) -> Iterator[str]:
+    """Yield what the campaign's file leaves open, and what stands in for it."""
+    own = campaign.drive.provenance
+    if stand_ins := [f"{k} ({own[k].rpartition(': ')[2]})" for k in campaign.stand_ins if k in own]:
+        yield f"Not stated, so that something stands in: {', '.join(stand_ins)}."
+    if missing := [k for k in ("uncertainty", "background") if not getattr(campaign, k)]:
+        yield (
             f"No [{'], ['.join(missing)}] is stated: usual values of a careful "
             "identification are assumed."
         )
-    out += _of_excerpts(d)
-    kinds = {r.rotor for r in d.start.prepared.recordings}
-    if kinds == {"locked"}:
-        out.append(
+
+
+def _of_what_cannot_be_asked(a: Answers) -> Iterator[str]:
+    """Yield which questions these recordings leave without an answer, or with a weaker one."""
+    d = a.diagnosis
+    if {r.rotor for r in d.start.prepared.recordings} == {"locked"}:
+        yield (
             "The rotor never turned, so effects that need speed (flux, encoder, iron "
             "loss) can hardly be seen."
         )
     if a.position is None:
-        out.append(
-            stopped(
-                f"The position error cannot be compared: {a.no_position or 'it was not asked for'}"
-            )
-        )
+        why = a.no_position or "it was not asked for"
+        yield stopped(f"The position error cannot be compared: {why}")
     if d.variance > 2.0:
-        out.append(
+        yield (
             f"When hypotheses were compared, the data got {d.variance:,.3g} times less weight than "
             "independent samples have: what the best fit leaves is alike over many samples."
         )
-    return out + _of_the_model(d.campaign.drive.provenance)
 
 
 def _of_excerpts(d: Diagnosis) -> list[str]:
