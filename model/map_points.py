@@ -321,6 +321,7 @@ def _once(
     )
 
     def mean(x: Array) -> Array:
+        """Return the mean of what stands at one current."""
         return np.asarray(np.bincount(of.ravel(), x, len(first)) / count)
 
     order = np.argsort(first)  # as in the file

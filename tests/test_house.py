@@ -159,8 +159,7 @@ def test_public_names_have_docstrings_and_files_stay_small(path):
     tree = tree_of(path)
     assert ast.get_docstring(tree), path
     assert text.count("\n") <= 600, path
-    classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
-    for node in [*tree.body, *(member for c in classes for member in c.body)]:
+    for node in nodes(tree):
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
             assert ast.get_docstring(node), f"{path}: {node.name}"
 

@@ -178,6 +178,7 @@ def _fill(steps: list[Step], motor: dict[str, float], drive: dict[str, float]) -
     """Add what physics gives, and what has to be assumed."""
 
     def add(table: str, key: str, value: float, said: str) -> None:
+        """Add a value to a table, with what it comes from."""
         (motor if table == "motor" else drive)[key] = value
         steps.append(Step(table, key, value, said))
 

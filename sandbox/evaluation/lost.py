@@ -69,6 +69,7 @@ def _of_null(row: Row, true: Motor, i_d: float, i_q: float, rated: float) -> str
     does."""
 
     def beyond(end: float) -> str:
+        """Return where it ends, beside what is asked for."""
         return (
             f"beyond {end:.3g} A ({100.0 * end / rated:.0f} % of rated current; asked for are i_d "
             f"= {i_d:.3g} A and i_q = {i_q:.3g} A)"

@@ -74,6 +74,7 @@ def _lines(title: str, text: str) -> Iterator[Callable[[str], None]]:
     lines, over = _Lines(title, text), threading.Event()
 
     def watch() -> None:
+        """Write a line in each beat, until it is over."""
         while not over.wait(BEAT):
             lines.beat()
 
@@ -91,13 +92,16 @@ def _effort_lines(title: str) -> Iterator[tuple[Callable[[str], None], Callable[
     with _lines(title, stage[0]) as say:
 
         def tell() -> None:
+            """Say how far it is."""
             say(f"{stage[0]}, {done[0]:,.0f} simulations")
 
         def now(what: str) -> None:
+            """Say what is done from here on."""
             stage[0] = what
             tell()
 
         def count(more: float) -> None:
+            """Count simulations in."""
             done[0] += more
             tell()
 

@@ -333,6 +333,7 @@ def _sound() -> str:
 
 def _bounds(name: str, numbers: list[Number]) -> list[str]:
     def of(title: str, value: str) -> str:
+        """Return the C of one set of numbers."""
         lines = [f"    .{n.field} = {_number(getattr(n, value))}," for n in numbers]
         return "\n".join([f"const sensorless_drive_parameters {title} = {{", *lines, "};"])
 

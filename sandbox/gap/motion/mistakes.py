@@ -384,6 +384,7 @@ def _angles(campaign: MotionCampaign, angle: str) -> Iterator[Mistake]:
     mechanical = _mechanical(campaign, name)
 
     def of(guess: str, remedy: str, factor: float) -> Mistake:
+        """Return a mistake by a factor of the angle."""
         return Mistake(guess, remedy, angle=factor, speed=factor if made else 1.0)
 
     for unit, factor in _others(campaign, name, kind):

@@ -97,6 +97,7 @@ class Design:
         """Return how that column changes with the logarithm of its width."""
 
         def one(a: Averages) -> Array:
+            """Return a recording's part."""
             x = a.path_speed / width
             return a.along(-x * (1.0 - np.tanh(x) ** 2))
 
@@ -107,6 +108,7 @@ class Design:
         early."""
 
         def one(a: Averages) -> Array:
+            """Return a recording's part."""
             f = np.tanh(a.path_speed / width)
             return a.along(np.gradient(f.ravel(), a.step / f.shape[1]).reshape(f.shape))
 
@@ -117,6 +119,7 @@ class Design:
         2)."""
 
         def one(a: Averages) -> Array:
+            """Return a recording's part."""
             return a.along(np.stack([np.sin(n * a.angle), np.cos(n * a.angle)], axis=2))
 
         return self._once(("order", n), lambda: [one(a) for a in self.averages])

@@ -189,6 +189,7 @@ def _smooth(at: Array, off: Array, known: Array) -> Callable[[Array], Array]:
     gap, usual = float(at[-1] - at[0]) / (len(at) - 1), float(np.median(known))
 
     def curve(bending: float) -> BSpline:
+        """Return the curve of a bending."""
         return make_smoothing_spline(at / gap, off, (usual / known) ** 2, lam=10.0**bending)
 
     low, high = BENDING

@@ -302,6 +302,7 @@ def _reversed(name: str, kind: tuple[str, ...], source: Source) -> Change:
     """Return the change of one of two sensors' sign; the third phase follows."""
 
     def signal(c: Columns) -> Complex:
+        """Return the current with that sensor's sign reversed."""
         own = {n: (-c[n] if n == name else c[n]) for n in kind}
         third = next(n for n in PHASES if n not in kind)
         return current_of({**own, third: -np.sum(list(own.values()), axis=0)})
@@ -318,6 +319,7 @@ def _of_axes(
     turns = kind[0] in ("i_d", "u_d")
 
     def frame(c: Columns) -> Complex:
+        """Return the rotor's direction for its axes, 1 for the stator's."""
         return np.asarray(np.exp(1j * c["theta"])) if turns else np.ones(1, dtype=np.complex128)
 
     column = "i_a" if part == CURRENT else "u_beta"
@@ -399,6 +401,7 @@ def _of_motor(m: Motor) -> Iterator[Change]:
     """Yield other readings of the stated values; a flux map's own are not stated."""
 
     def of(guess: str, remedy: str, r: float = 1.0, mean: float = 1.0, flux: float = 1.0) -> Change:
+        """Return a change of the motor's values."""
         values, line = (r, mean, mean, flux), "between two terminals" in guess
         words = f"{remedy} in [motor]"
         return Change(MOTOR, "", guess, words, values=values, convention=True, line=line)

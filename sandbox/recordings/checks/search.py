@@ -77,6 +77,7 @@ def likeliest(alike: Sequence[Reading]) -> list[Reading]:
     """
 
     def rank(x: Reading) -> tuple[bool, bool, int]:
+        """Return what less likely readings have more of."""
         own = sum(c.convention and c.part != MOTOR for c in x.changes)
         return any(c.fitted for c in x.changes), x.zero != 0.0, own
 
@@ -197,6 +198,7 @@ def bases(
     source, motor = source_of(parts[0].recording), drive.motor
 
     def left(*own: Change) -> float:
+        """Return what all recordings leave with these changes."""
         return sum(p.share(terms_of((*beside, *own), motor), zero) for p in parts)
 
     for part in (CURRENT, VOLTAGE):
