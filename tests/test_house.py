@@ -323,9 +323,9 @@ def test_the_plant_names_no_effect():
     """An effect is one file: neither the library nor the plant nor the closed loop has its name or
     imports its file.
 
-    `ports.py` is written from the cards; `record` speaks of a bench.
+    `record` speaks of a bench.
     """
-    others = {"ports.py", "record.py"}
+    others = {"record.py"}
     names = "|".join(effect_names())
     rooms = [
         p

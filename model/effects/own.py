@@ -18,7 +18,7 @@ from model.kernels.sources import ROOT
 VARIABLE = "SENSORLESS_EFFECTS_FROM"  # by which processes started from this one are told
 PLANT = "sandbox.plant.electrical"  # the first of the plant's kernels
 # kernels that depend on it hold the effects taken over
-EQUATIONS = ROOT / "sandbox" / "plant" / "ports.py"
+EQUATIONS = ROOT / "sandbox" / "plant" / "compose.py"
 FILES: dict[str, str] = {}  # module of each file taken over so far, by the file
 
 

@@ -74,8 +74,6 @@ def folder_of(function: Callable[..., Any]) -> Path | None:
     return _folder("-".join([numba.__version__, source_key(file), *more]))
 
 
-def kernel_folder() -> Path:
-    """Return the folder for sources written for kernels decorated now, or one of this process
-    alone."""
-    name = "-".join(["ports", *(key for key, _ in _MORE)])
+def kernel_folder(name: str) -> Path:
+    """Return the folder for sources that are written for kernels, or one of this process alone."""
     return _folder(name) or Path(tempfile.mkdtemp(prefix="sensorless-kernels-"))

@@ -15,6 +15,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ("model", "estimators", "sandbox")
+# modules without a file, and what they are composed of
+COMPOSED = {"sandbox.plant.ports": ("sandbox/plant/compose.py", "model/effects/*.py")}
 _FROM = re.compile(r"^[ \t]*from ([\w.]+) import (\([^)]*\)|[^\n#]+)", re.MULTILINE)
 _PLAIN = re.compile(r"^[ \t]*import ([\w.]+)", re.MULTILINE)
 _TYPES_ONLY = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)*", re.MULTILINE)
@@ -72,7 +74,7 @@ def imports_of(path: Path) -> tuple[Path, ...]:
     """Return the files of the rooms that a file imports, anywhere in it but for a type checker
     alone."""
     text = _TYPES_ONLY.sub("", _body(path).decode("utf-8", "replace"))
-    return tuple(file for name in _names(text) if (file := _file_of(name)) is not None)
+    return tuple(file for name in _names(text) for file in _files_of(name))
 
 
 def _names(text: str) -> Iterator[str]:
@@ -84,10 +86,12 @@ def _names(text: str) -> Iterator[str]:
     yield from _PLAIN.findall(text)
 
 
-def _file_of(name: str) -> Path | None:
-    """Return the file of a module of the rooms; None for packages (theirs hold no code that kernels
-    see) and others."""
+def _files_of(name: str) -> list[Path]:
+    """Return the file of a module of the rooms, those of what a module is composed of; none for
+    packages (theirs hold no code that kernels see) and others."""
     if name.partition(".")[0] not in ROOMS:
-        return None
+        return []
+    if name in COMPOSED:
+        return [path for pattern in COMPOSED[name] for path in sorted(ROOT.glob(pattern))]
     path = ROOT.joinpath(*name.split(".")).with_suffix(".py")
-    return path if path.is_file() else None
+    return [path] if path.is_file() else []

@@ -1,10 +1,7 @@
 """The plant: inverter, machine, sensors and shaft, exact between the events of each PWM period."""
 
-from model.effects import own
 from model.effects.adopt import inherit
+from sandbox.plant.compose import ports_module
 
 inherit()
-if own.cards():
-    from sandbox.plant.compose import with_own_effects
-
-    with_own_effects()
+ports = ports_module()  # of the effects' cards

@@ -16,8 +16,8 @@ import numpy as np
 
 from model.effects.card import REPEATED
 from model.inverter_table import MOST_POINTS
+from sandbox.plant import ports
 from sandbox.plant.edges import EDGES
-from sandbox.plant.ports import FURTHER, NUMBERS
 
 NEVER = -1.0  # s: no edge waits
 
@@ -177,10 +177,12 @@ def batch_type(lanes: int) -> np.dtype[Any]:
     at a port, and the inverter's measured table, the same for all lanes: points (A, V) and the
     integral up to each (A V).
     """
-    rows = [(name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *FIXED, *NUMBERS)]
+    rows = [
+        (name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *FIXED, *ports.NUMBERS)
+    ]
     parts = [
         (name, np.float64, (count, lanes))
-        for name, count in {**dict.fromkeys(LAGS, 3), **FURTHER}.items()
+        for name, count in {**dict.fromkeys(LAGS, 3), **ports.FURTHER}.items()
     ]
     counts = [(name, np.int64) for name in (*map(more, REPEATED), "table_points")]
     table = [(f"table_{name}", np.float64, (MOST_POINTS,)) for name in ("current", "volts", "sum")]

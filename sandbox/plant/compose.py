@@ -1,20 +1,19 @@
 """The plant's ports from the effects' cards: Python source that adds up what all effects do at each
 port.
 
-`python -m sandbox.plant.compose` writes `sandbox/plant/ports.py` for the library; a test keeps it
-up to date.  To compose it at import would cost next to nothing (0.5 ms, measured).  It is committed
-because the hash that tells compiled kernels apart follows imports (`model.kernels.sources`), and
-through this file they lead to every equation; type checker and readers follow them, too.
+Composed whenever the plant is imported, which takes a millisecond; `python -m
+sandbox.plant.compose` prints it.
 """
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import os
 import sys
 import textwrap
 from collections.abc import Iterable
-from pathlib import Path
+from types import ModuleType
 
 from model.effects import own
 from model.effects.card import PORTS, REPEATED, At, Effect, Port
@@ -23,7 +22,7 @@ from model.kernels.folders import kernel_folder
 
 HEAD = '''"""Where effects enter the plant: what their equations add at each port, for lane j.
 
-Written by `python -m sandbox.plant.compose` from the effects' cards; do not edit.
+Composed of the effects' cards (sandbox/plant/compose.py).
 """
 
 from __future__ import annotations
@@ -157,35 +156,31 @@ def _joined(port: Port, count: int) -> str:
     return ", ".join(" + ".join(f"{r}_{k}" for k in range(count)) for r in RESULTS[: port.returns])
 
 
-def library_source() -> str:
-    """Return the text for the effects of the library."""
+def ports_source() -> str:
+    """Return the text for the effects of the library, those taken over (`model.effects.own`)
+    included."""
+    modules = {card.name: module for card, module in own.cards()}
     cards = [load_effect(name) for name in effect_names()]
-    return source(cards, dict.fromkeys((c.name for c in cards), LIBRARY))
+    return source(cards, dict.fromkeys((c.name for c in cards), LIBRARY) | modules)
 
 
-def with_own_effects() -> None:
-    """Put ports that hold the effects taken over (`model.effects.own`) in place of the
-    library's."""
-    extra = own.cards()
-    cards = [load_effect(name) for name in effect_names()]
-    modules = dict.fromkeys((c.name for c in cards), LIBRARY) | {
-        card.name: module for card, module in extra
-    }
-    text = source(cards, modules)
-    folder = kernel_folder()
+def ports_module() -> ModuleType:
+    """Return the ports as the module `sandbox.plant.ports`; its text is kept beside the compiled
+    kernels."""
+    text = ports_source().encode()
+    folder = kernel_folder(f"ports-{hashlib.sha256(text).hexdigest()[:16]}")
     file = folder / "ports.py"
-    aside = folder / f"ports-{os.getpid()}.part"
-    aside.write_text(text, encoding="utf-8")
-    aside.replace(file)
-    name = f"{__package__}.ports"
-    spec = importlib.util.spec_from_file_location(name, file)
+    if not file.is_file() or file.read_bytes() != text:
+        aside = folder / f"ports-{os.getpid()}.part"
+        aside.write_bytes(text)
+        aside.replace(file)
+    spec = importlib.util.spec_from_file_location(f"{__package__}.ports", file)
     assert spec is not None
     assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    setattr(sys.modules[str(__package__)], "ports", module)  # noqa: B010 - a submodule, as the import system sets it
+    return module
 
 
 if __name__ == "__main__":
-    (Path(__file__).parent / "ports.py").write_text(library_source(), encoding="utf-8")
+    print(ports_source())

@@ -21,12 +21,12 @@ from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from sandbox.plant import additions as add
+from sandbox.plant import ports
 from sandbox.plant.batch import batch_type, more
 from sandbox.plant.commutation import latest
 from sandbox.plant.compose import field, further_field
 from sandbox.plant.fixed import fix
 from sandbox.plant.period import Timing
-from sandbox.plant.ports import FURTHER
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
@@ -299,12 +299,12 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
     w = np.zeros(1, batch_type(lanes))[0]
     compiled = [rows_of(motor, v) for v in sets]
     compiled += [compiled[0]] * (lanes - len(compiled))
-    plain = [name for name in compiled[0] if name not in FURTHER]
+    plain = [name for name in compiled[0] if name not in ports.FURTHER]
     for name, values in zip(
         plain, np.array([[rows[name] for name in plain] for rows in compiled]).T, strict=True
     ):
         w[name] = values
-    for name in FURTHER:
+    for name in ports.FURTHER:
         w[name] = np.array([rows[name] for rows in compiled]).T
     neutral = library.neutral(motor)
     for card in several():

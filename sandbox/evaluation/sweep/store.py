@@ -192,12 +192,11 @@ class Found(NamedTuple):
 def _sound(journal: Journal) -> Found | None:
     """Return what a journal says; None where it is no sweep's, or names other files than blocks."""
     blocks = [content for name, content in journal.entries.items() if name != SWEEP]
-    said = journal.entries.get(SWEEP)
     try:
-        sound = all(map(_is_sound, blocks)) and type(said["runs"]) is int
+        found = Found(journal.entries[SWEEP], blocks)
+        return found if all(map(_is_sound, blocks)) and type(found.said["runs"]) is int else None
     except (LookupError, TypeError):
         return None
-    return Found(said, blocks) if sound else None
 
 
 def _is_sound(b: Any) -> bool:
