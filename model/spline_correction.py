@@ -105,11 +105,12 @@ class Basis(NamedTuple):
         return np.flatnonzero(near)
 
     def cells(self, sizes: Array) -> Array:
-        """Return the cells (k, n_d, n_q, 5, 5) of sums of all energies, sizes (k, size) in J."""
+        """Return the cells (n_d, n_q, 5, 5, k) of sums of all energies, sizes (k, size) in J: all
+        sums of a cell side by side, as they are asked for together."""
         n, m = self.of.cells.shape[:2]
         full = sizes.reshape(len(sizes), n + DEGREE, self.half) @ self._fold.T
         a, b = (self._taylor(axis, count) for axis, count in ((0, n), (1, m)))
-        return np.ascontiguousarray(np.einsum("ian,jbm,knm->kijab", a, b, full, optimize=True))
+        return np.ascontiguousarray(np.einsum("ian,jbm,knm->ijabk", a, b, full, optimize=True))
 
     @property
     def _fold(self) -> Array:
@@ -151,7 +152,7 @@ class Basis(NamedTuple):
 
 @dataclass(frozen=True)
 class MapError:
-    """The energy that a map states, on fine cells; energies `modes` (k, n_d, n_q, 5, 5) in J that
+    """The energy that a map states, on fine cells; energies `modes` (n_d, n_q, 5, 5, k) in J that
     may be added to it, each as large as a size of 1 is likely to be; their sizes x (k,); beyond:
     mean square of current readings, over the noise's, that what is off beside these is likely to
     leave."""
@@ -163,7 +164,7 @@ class MapError:
 
     def energy(self) -> SplineEnergy:
         """Return the map's energy with what is added."""
-        return self.stated._replace(cells=self.stated.cells + np.tensordot(self.x, self.modes, 1))
+        return self.stated._replace(cells=self.stated.cells + self.modes @ self.x)
 
     @property
     def cells(self) -> tuple[float, float, float, float]:

@@ -22,11 +22,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import kernel
+from model.compiled import inlined, kernel
 from model.effects.library import true_motor
 from model.energy import flux_newton, hessian
 from model.mapped import MappedMotor
-from model.spline import SplineEnergy, currents
+from model.spline import DEGREE
 from model.spline_correction import MapError
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Prepared
@@ -75,7 +75,7 @@ class Answers:
         assert error is not None
         own = self.states.pop(s.recording, None)
         if own is None:
-            start = np.zeros((len(error.modes) + 4, 2))
+            start = np.zeros((2, len(error.x) + 4))
             own = displaced(self.prepared, self.values, s.recording), start
         moves = transitions(own[0], s.last, SHARE * motor.inductance_q * motor.rated_current)
         if s.last < s.n:
@@ -88,7 +88,7 @@ class Answers:
 
 @kernel
 def answered(m, modes, cells, moves, how, state):
-    """Return three phases (n, 3, k) in A that energies on cells (k, n_d, n_q, 5, 5) add where
+    """Return three phases (n, 3, k) in A that energies on cells (n_d, n_q, 5, 5, k) add where
     `moves` go (`Transitions`).
 
     At a constant current an energy moves the flux by -L grad dH, L the incremental inductances:
@@ -96,81 +96,160 @@ def answered(m, modes, cells, moves, how, state):
     flux itself goes straight there: gradients and inverse inductances are means over that way, by
     Simpson's rule, since ripple crosses cells.
     how: whether a stretch goes on from `state`; if not, whether it begins at a constant current (as
-    read, or settled), not at a constant flux.  state (k + 4, 2): flux that each energy has moved,
+    read, or settled), not at a constant flux.  state (2, k + 4): flux that each energy has moved,
     the last sample's flux, angle, and transition; written at the end.
     """
-    n, count = len(moves.flux), len(modes)
+    n, count = len(moves.flux), modes.shape[-1]
     begun, rests = how
-    out, mean, own = np.empty((n, 3, count)), np.empty((count, 2)), np.empty((count, 2))
-    psi = state[:count]
-    old_d, old_q, old_angle = state[count, 0], state[count, 1], state[count + 1, 0]
+    out, mean, own = np.empty((n, 3, count)), np.empty((2, count)), np.zeros((2, count))
+    psi = state[:, :count]
+    old_d, old_q, old_angle = state[0, count], state[1, count], state[0, count + 1]
     if begun:
-        gradient_at(modes, cells, old_d, old_q, own)
+        add_gradients(modes, cells, old_d, old_q, 1.0, own)
     for k in range(n):
         d, q = moves.flux[k]
         if k > 0 or begun:
-            last = moves.a[k - 1] if k > 0 else state[count + 2 :]
-            t_aa, t_ab, t_ba, t_bb = last[0, 0], last[0, 1], last[1, 0], last[1, 1]
             mean[:] = own / 6.0
-            g_dd, g_dq, g_qq = hessian(m, old_d, old_q)
-            m_dd, m_dq, m_qq = g_dd / 6.0, g_dq / 6.0, g_qq / 6.0
-            for share, w in ((0.5, 4.0 / 6.0), (1.0, 1.0 / 6.0)):
-                x, y = old_d + share * (d - old_d), old_q + share * (q - old_q)
-                g_dd, g_dq, g_qq = hessian(m, x, y)
-                m_dd, m_dq, m_qq = m_dd + w * g_dd, m_dq + w * g_dq, m_qq + w * g_qq
-                gradient_at(modes, cells, x, y, own)
-                for i in range(count):
-                    mean[i, 0] += w * own[i, 0]
-                    mean[i, 1] += w * own[i, 1]
-            angle = 0.5 * (moves.theta[k] + old_angle)
-            co, si, inverse = math.cos(angle), math.sin(angle), 1.0 / (m_dd * m_qq - m_dq * m_dq)
+            x, y = 0.5 * (d + old_d), 0.5 * (q + old_q)
+            add_gradients(modes, cells, x, y, 4.0 / 6.0, mean)
+            own[:] = 0.0
+            add_gradients(modes, cells, d, q, 1.0, own)
             for i in range(count):
-                x = inverse * (m_qq * mean[i, 0] - m_dq * mean[i, 1])
-                y = inverse * (m_dd * mean[i, 1] - m_dq * mean[i, 0])
-                x, y = co * x - si * y, si * x + co * y
-                u, v = psi[i, 0] + x, psi[i, 1] + y
-                psi[i, 0], psi[i, 1] = t_aa * u + t_ab * v - x, t_ba * u + t_bb * v - y
+                mean[0, i] += own[0, i] / 6.0
+                mean[1, i] += own[1, i] / 6.0
+            inductance = inverse_mean(hessian(m, old_d, old_q), hessian(m, x, y), hessian(m, d, q))
+            last = moves.a[k - 1] if k > 0 else state[:, count + 2 :]
+            turned = along(inductance, 0.5 * (moves.theta[k] + old_angle))
+            go_on(psi, last, turned, mean)
         else:
-            gradient_at(modes, cells, d, q, own)
-        g_dd, g_dq, g_qq = hessian(m, d, q)
-        co, si, inverse = (
-            math.cos(moves.theta[k]),
-            math.sin(moves.theta[k]),
-            1.0 / (g_dd * g_qq - g_dq * g_dq),
-        )
-        for i in range(count):
-            x = inverse * (g_qq * own[i, 0] - g_dq * own[i, 1])
-            y = inverse * (g_dd * own[i, 1] - g_dq * own[i, 0])
-            x, y = co * x - si * y, si * x + co * y
-            if k == 0 and rests and not begun:
-                psi[i, 0], psi[i, 1] = -x, -y
-            u, v = psi[i, 0] + x, psi[i, 1] + y
-            for j in range(3):
-                out[k, j, i] = moves.c[k, j, 0] * u + moves.c[k, j, 1] * v
+            add_gradients(modes, cells, d, q, 1.0, own)
+        here = hessian(m, d, q)
+        turned = along(inverse_mean(here, here, here), moves.theta[k])
+        if k == 0 and rests and not begun:
+            psi[:] = 0.0
+            take_off(psi, turned, own)
+        read(psi, turned, own, moves.c[k], out[k])
         old_d, old_q, old_angle = d, q, moves.theta[k]
-    state[count, 0], state[count, 1], state[count + 1, 0] = old_d, old_q, old_angle
-    state[count + 2 :] = moves.a[n - 1]
+    state[0, count], state[1, count], state[0, count + 1] = old_d, old_q, old_angle
+    state[:, count + 2 :] = moves.a[n - 1]
     return out
 
 
+@inlined
+def inverse_mean(one, two, three):
+    """Return incremental inductances (dd, dq, qq) in H: the inverse of Simpson's mean of inverse
+    ones."""
+    dd, dq, qq = (
+        (one[0] + 4.0 * two[0] + three[0]) / 6.0,
+        (one[1] + 4.0 * two[1] + three[1]) / 6.0,
+        (one[2] + 4.0 * two[2] + three[2]) / 6.0,
+    )
+    over = 1.0 / (dd * qq - dq * dq)
+    return over * qq, -over * dq, over * dd
+
+
+@inlined
+def along(inductance, angle):
+    """Return a matrix (aa, ab, ba, bb) in H from currents d, q to fluxes in the stationary
+    frame."""
+    dd, dq, qq = inductance
+    c, s = math.cos(angle), math.sin(angle)
+    return c * dd - s * dq, c * dq - s * qq, s * dd + c * dq, s * dq + c * qq
+
+
+@inlined
+def go_on(psi, last, turned, mean):
+    """Move fluxes (2, k) in Wb to the next sample, as changes of the flux decay: towards those at
+    which currents (2, k) in A are made up for."""
+    t_aa, t_ab, t_ba, t_bb = last[0, 0], last[0, 1], last[1, 0], last[1, 1]
+    aa, ab, ba, bb = turned
+    for i in range(psi.shape[1]):
+        x, y = aa * mean[0, i] + ab * mean[1, i], ba * mean[0, i] + bb * mean[1, i]
+        u, v = psi[0, i] + x, psi[1, i] + y
+        psi[0, i], psi[1, i] = t_aa * u + t_ab * v - x, t_ba * u + t_bb * v - y
+
+
+@inlined
+def take_off(psi, turned, current):
+    """Take off fluxes (2, k) in Wb those of currents (2, k) in A."""
+    aa, ab, ba, bb = turned
+    for i in range(psi.shape[1]):
+        psi[0, i] -= aa * current[0, i] + ab * current[1, i]
+        psi[1, i] -= ba * current[0, i] + bb * current[1, i]
+
+
+@inlined
+def read(psi, turned, current, c, out):
+    """Write how three phases (3, k) in A show fluxes and currents (2, k)."""
+    aa, ab, ba, bb = turned
+    for j in range(3):
+        to_a, to_b = c[j, 0], c[j, 1]
+        for i in range(psi.shape[1]):
+            u = psi[0, i] + aa * current[0, i] + ab * current[1, i]
+            v = psi[1, i] + ba * current[0, i] + bb * current[1, i]
+            out[j, i] = to_a * u + to_b * v
+
+
 @kernel
-def gradients(m, modes, cells, current):
-    """Return the currents (n, k, 2) in A of energies on cells (k, n_d, n_q, 5, 5) at the fluxes
-    that a map m has for currents (n, 2)."""
+def gradients(m, mode, cells, current):
+    """Return the currents (n, 2) in A of an energy on cells (n_d, n_q, 5, 5) at the fluxes that a
+    map m has for currents (n, 2)."""
     n = len(current)
-    out = np.empty((n, len(modes), 2))
+    out, own = np.empty((n, 2)), np.empty((2, 1))
+    modes = mode.reshape(*mode.shape, 1)
     d = q = 0.0
     for k in range(n):
         d, q, _ = flux_newton(m, current[k, 0], current[k, 1], d, q)
-        gradient_at(modes, cells, d, q, out[k])
+        own[:] = 0.0
+        add_gradients(modes, cells, d, q, 1.0, own)
+        out[k, 0], out[k, 1] = own[0, 0], own[1, 0]
     return out
 
 
 @kernel
-def gradient_at(modes, cells, d, q, out):
-    """Write the currents (k, 2) in A of energies on cells at one flux (Wb)."""
+def add_gradients(modes, cells, d, q, weight, out):
+    """Add the currents (2, k) in A of energies on cells (n_d, n_q, 5, 5, k) at one flux (Wb), each
+    times a weight; beyond the box they go on with the inductances of its edge.
+
+    The current is linear in a cell's 25 coefficients: their factors are found once for all
+    energies.
+    """
     low_d, low_q, per_d, per_q = cells
-    for j in range(len(modes)):
-        out[j, 0], out[j, 1] = currents(
-            SplineEnergy(modes[j], low_d, low_q, per_d, per_q, 0.0, 0.0), d, q
-        )
+    x, y = (d - low_d) * per_d, (q - low_q) * per_q
+    in_x, in_y = min(max(x, 0.0), float(modes.shape[0])), min(max(y, 0.0), float(modes.shape[1]))
+    i, j = min(int(in_x), modes.shape[0] - 1), min(int(in_y), modes.shape[1] - 1)
+    far_x, far_y, by_d, by_q = x - in_x, y - in_y, weight * per_d, weight * per_q
+    x, y = in_x - i, in_y - j
+    to_d, to_q = out[0], out[1]
+    for a in range(DEGREE + 1):
+        p = powers(x, a)
+        own = modes[i, j, a]
+        d_0, q_0 = factors(p, powers(y, 0), far_x, far_y)
+        d_1, q_1 = factors(p, powers(y, 1), far_x, far_y)
+        d_2, q_2 = factors(p, powers(y, 2), far_x, far_y)
+        d_3, q_3 = factors(p, powers(y, 3), far_x, far_y)
+        d_4, q_4 = factors(p, powers(y, 4), far_x, far_y)
+        for k in range(modes.shape[-1]):  # five coefficients at once: a loop that writes less
+            e, f, g, h, u = own[0, k], own[1, k], own[2, k], own[3, k], own[4, k]
+            to_d[k] += by_d * (d_0 * e + d_1 * f + d_2 * g + d_3 * h + d_4 * u)
+            to_q[k] += by_q * (q_0 * e + q_1 * f + q_2 * g + q_3 * h + q_4 * u)
+
+
+@inlined
+def factors(x, y, far_x, far_y):
+    """Return what a term x^a y^b adds to the slopes along x and y, of powers and their derivatives;
+    far_x, far_y: how far beyond the box the place is."""
+    return (
+        x[1] * y[0] + far_x * x[2] * y[0] + far_y * x[1] * y[1],
+        x[0] * y[1] + far_x * x[1] * y[1] + far_y * x[0] * y[2],
+    )
+
+
+@inlined
+def powers(x, n):
+    """Return x^n and its first two derivatives."""
+    return (
+        x**n,
+        n * x ** (n - 1) if n > 0 else 0.0,
+        n * (n - 1) * x ** (n - 2) if n > 1 else 0.0,
+    )

@@ -54,7 +54,7 @@ def squared_slopes(
 ) -> list[tuple[Segment, Rows]]:
     """Return all segments with their slopes, which stay in memory where they fit; cut: samples of a
     block."""
-    beside = 0 if prepared.map_error is None else len(prepared.map_error.modes)
+    beside = 0 if prepared.map_error is None else len(prepared.map_error.x)
     answers, moves = Answers(prepared, moves.at), replace(moves, beside=beside)
     width, n = len(moves.to) + beside, [r.samples for r in prepared.recordings]
     room, size = (

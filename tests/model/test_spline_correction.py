@@ -38,7 +38,7 @@ def test_the_basis_is_what_its_cells_say_and_even_in_q():
     cells = basis.cells(np.eye(basis.size)[chosen])
     found, mirrored = basis.gradients(FLUX, chosen), basis.gradients(FLUX * [1.0, -1.0], chosen)
     for k in range(len(chosen)):
-        own = basis.of._replace(cells=cells[k])
+        own = basis.of._replace(cells=np.ascontiguousarray(cells[..., k]))
         got = np.array([currents(own, d, q) for d, q in FLUX])
         np.testing.assert_allclose(found[:, k], got, rtol=1e-9, atol=1e-9 * PER_D)
     np.testing.assert_allclose(mirrored, found * [1.0, -1.0], rtol=1e-9, atol=1e-9 * PER_D)
@@ -57,7 +57,7 @@ def test_energies_tell_their_sizes():
     """A sum of all energies, known at a basis' own places, gives its sizes back."""
     basis = Basis(refined(a_map(), 2, 1))
     sizes = np.random.default_rng(3).normal(size=(basis.size, 1))
-    whole = basis.of._replace(cells=basis.cells(sizes.T)[0])
+    whole = basis.of._replace(cells=np.ascontiguousarray(basis.cells(sizes.T)[..., 0]))
     d, q = (basis.places(axis) for axis in (0, 1))
     flux = np.array([(x, y) for x in d for y in q if y >= 0.0])
     inside = np.nextafter(flux, 0.0)  # of the box' edge

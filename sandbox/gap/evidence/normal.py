@@ -304,7 +304,7 @@ def turns(prepared: Prepared) -> list[Coordinate]:
 
 def modes(prepared: Prepared) -> list[Coordinate]:
     """Return one coordinate for each mode of what a flux map may be off by."""
-    count = 0 if prepared.map_error is None else len(prepared.map_error.modes)
+    count = 0 if prepared.map_error is None else len(prepared.map_error.x)
     return [Coordinate(f"map:{k + 1}", 0.0, 1.0, "map", (str(k),)) for k in range(count)]
 
 

@@ -50,13 +50,13 @@ def map_found(found: Fit) -> MapFound | None:
         return None
     drive = p.campaign.drive
     motor = true_motor(drive.motor, dict(values), keep_map=True)
-    mode = np.tensordot(error.x, error.modes, 1)[None]
+    mode = error.modes @ error.x
     off = []
     turned = found.point.turned()
     for r, read in zip(turned.recordings, replay(turned, [values]).currents, strict=True):
         lock = values[LOCK] if r.rotor == "locked" else 0.0
         path = rotor_currents(read[:, :, 0], r.motion.angle - values[ANGLE_OFFSET] + lock)
-        off.append(gradients(motor.energy, mode, error.cells, path)[:, 0])
+        off.append(gradients(motor.energy, mode, error.cells, path))
     size = np.sum(np.concatenate(off) ** 2, axis=1)
     largest = math.sqrt(float(np.max(size)))
     return MapFound(math.sqrt(float(np.mean(size))), largest, rms_of(found), as_stated(found))

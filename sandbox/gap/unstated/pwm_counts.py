@@ -137,13 +137,13 @@ def settled(parts: Sequence[RecordingSlopes]) -> Likely | None:
     leaves says: a residual that rounding makes is no misfit of a model that has it.  None where
     recordings cannot show any, and where they would not even if what is left was noise.
     """
-    left, before = list(parts), 0
+    first, left, before = first_look(parts), list(parts), 0
+    if first is None:
+        return None
     for _ in range(ROUNDS):
         variance = [met(p.y) for p in left]
-        found = looked(parts, variance)
-        if found is None:
-            return None
-        counts, along, square = found
+        counts = first.finalists(variance)
+        along, square = weighed(parts, variance, counts)
         factor = along - 0.5 * square
         if not sure(np.maximum(factor, max(variance) * factor) + log_prior(counts)):
             return None
@@ -156,18 +156,27 @@ def settled(parts: Sequence[RecordingSlopes]) -> Likely | None:
     return Likely(counts, log_posterior, along / square)
 
 
-def looked(
-    parts: Sequence[RecordingSlopes], variance: Sequence[float]
-) -> tuple[Counts, Array, Array] | None:
-    """Return the numbers that stand out most on the first samples, and their sums (`weighed`) on
-    all of them."""
-    counts = numbers(parts, variance)
+class FirstLook(NamedTuple):
+    """All numbers of counts (m,) that recordings may show, and the sums (`products`) of the first
+    samples of each recording, (recordings, 2, m)."""
+
+    counts: Counts
+    sums: Array
+
+    def finalists(self, variance: Sequence[float]) -> Counts:
+        """Return those that stand out most under variances of the recordings."""
+        along, square = np.tensordot(1.0 / np.asarray(variance), self.sums, 1)
+        likely = along - 0.5 * square + log_prior(self.counts)
+        return np.sort(self.counts[np.argsort(likely)[-FINALISTS:]])
+
+
+def first_look(parts: Sequence[RecordingSlopes]) -> FirstLook | None:
+    """Return the first look at recordings; None where no number of counts would show in them."""
+    counts = numbers(parts)
     if not len(counts):
         return None
     some = min(1.0, WORK / (len(counts) * sum(len(p.duty) for p in parts)))
-    along, square = weighed([p.first(some) for p in parts], variance, counts)
-    counts = np.sort(counts[np.argsort(along - 0.5 * square + log_prior(counts))[-FINALISTS:]])
-    return counts, *weighed(parts, variance, counts)
+    return FirstLook(counts, products([p.first(some) for p in parts], counts))
 
 
 def with_counts(drive: Drive, value: int) -> Drive:
@@ -201,26 +210,30 @@ def parts_of(point: Point) -> list[RecordingSlopes]:
     return out
 
 
-def numbers(parts: Sequence[RecordingSlopes], variance: Sequence[float]) -> Counts:
-    """Return the numbers of counts whose rounding these recordings would show: what it adds falls
-    as their square."""
+def numbers(parts: Sequence[RecordingSlopes]) -> Counts:
+    """Return the numbers of counts whose rounding these recordings would show if all else was
+    noise: what it adds falls as their square."""
     few = np.arange(500, 516)
-    square = float(np.median(weighed(parts, variance, few)[1] * few**2.0))
+    square = float(np.median(np.sum(products(parts, few)[:, 1], axis=0) * few**2.0))
     most = min(MOST_COUNTS, math.floor(math.sqrt(0.5 * square / NEEDED)))
     return np.arange(FEWEST_COUNTS, most + 1)
+
+
+def products(parts: Sequence[RecordingSlopes], counts: Counts) -> Array:
+    """Return for numbers of counts (m,) what they foretell times the residual, and its own square:
+    (recordings, 2, m)."""
+    sums = np.zeros((len(parts), 2, len(counts)))
+    for p, own in zip(parts, sums, strict=True):
+        foretold(p, counts.astype(float), LANES, own, np.empty((0, 3)))
+    return sums
 
 
 def weighed(
     parts: Sequence[RecordingSlopes], variance: Sequence[float], counts: Counts
 ) -> tuple[Array, Array]:
-    """Return for numbers of counts (m,) what they foretell times the residual, and its own square,
-    over variances."""
-    sums = np.zeros((2, len(counts)))
-    for p, v in zip(parts, variance, strict=True):
-        own = np.zeros_like(sums)
-        foretold(p, counts.astype(float), LANES, own, np.empty((0, 3)))
-        sums += own / v
-    return sums[0], sums[1]
+    """Return `products` summed over recordings (m,), each over its variance."""
+    along, square = np.tensordot(1.0 / np.asarray(variance), products(parts, counts), 1)
+    return along, square
 
 
 def added(part: RecordingSlopes, count: int) -> Array:

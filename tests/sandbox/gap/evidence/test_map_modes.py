@@ -91,7 +91,7 @@ def test_without_points_a_map_is_off_as_a_whole_alone():
     basis = Basis(error.stated)
     gradients = basis.gradients(met, np.arange(basis.size))
     both = np.einsum("nsx,sk->nxk", gradients, smooth(campaign, basis)).reshape(-1, 2)
-    for mode in error.modes:
+    for mode in np.moveaxis(error.modes, -1, 0):
         alone = error.stated._replace(cells=np.ascontiguousarray(mode))
         added = np.array([currents(alone, *psi) for psi in met]).ravel()
         share, *_ = np.linalg.lstsq(both, added, rcond=None)
@@ -125,7 +125,9 @@ def test_bumps_move_the_flux_by_one_weber_rms(mapped):
     where = [flux_newton(basis.of, *i, 0.0, 0.0)[:2] for i in at]
     size, moved = 1e-7, []
     for _ in range(40):
-        cells = basis.cells(size * (energies @ rng.standard_normal(energies.shape[1]))[None])[0]
+        cells = basis.cells(size * (energies @ rng.standard_normal(energies.shape[1]))[None])[
+            ..., 0
+        ]
         other = basis.of._replace(cells=np.ascontiguousarray(basis.of.cells + cells))
         there = [flux_newton(other, *i, *psi)[:2] for i, psi in zip(at, where, strict=True)]
         moved.append((np.array(there) - where) / size)

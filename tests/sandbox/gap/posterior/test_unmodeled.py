@@ -109,10 +109,10 @@ def test_an_ordinary_deviation_that_goes_far_speaks_for_it(small_folder):
 
 def test_what_a_map_leaves_grows_with_the_last_of_its_modes():
     """Modes of 3 deviations in the last half, after any in the first: nine times as much."""
-    zero = np.zeros((4, 1, 1, 5, 5))
+    zero = np.zeros((1, 1, 5, 5, 4))
     for x, factor in (([9.0, 9.0, 3.0, -3.0], 9.0), ([9.0, 9.0, 0.1, 0.0], 1.0)):
         error = MapError(
-            SplineEnergy(zero[0], 0.0, 0.0, 1.0, 1.0, 0.0, 0.0), zero, np.array(x), 0.01
+            SplineEnergy(zero[..., 0], 0.0, 0.0, 1.0, 1.0, 0.0, 0.0), zero, np.array(x), 0.01
         )
         assert map_left(error) == pytest.approx(0.01 * factor)
     assert map_left(None) == 0.0
