@@ -9,15 +9,15 @@ option of the drive, `[injection] tracking = "mesc"` (`published`).
 
 from __future__ import annotations
 
-from estimators.beside import SIZE, init, step_beside
 from estimators.contract import STEP, Estimator
+from estimators.diagonal import SIZE, diagonal_step, init
 from model.compiled import kernel_as
 
 
 @kernel_as(STEP)
 def step(state, sample, belief, tuning):
     """Take one sample; see the module's text."""
-    return step_beside(state, sample, belief, tuning, SIZE)
+    return diagonal_step(state, sample, belief, tuning, SIZE)
 
 
 ESTIMATOR = Estimator(

@@ -252,7 +252,7 @@ def _followed(state, theta):
 
 
 @numba.njit(inline="always", error_model="numpy")
-def _told(x, e, sample):
+def _write_sample(x, e, sample):
     """Write a sample, and an estimate that the library has not filled in yet."""
     x[I_ALPHA], x[I_BETA] = sample.i_alpha, sample.i_beta
     x[U_ALPHA], x[U_BETA] = sample.u_alpha, sample.u_beta
@@ -279,7 +279,7 @@ def _found(state, e):
 @kernel_as(STEP)
 def step_double(state, sample, belief, tuning):
     """Take one sample: a library of doubles."""
-    _told(state[SAMPLE:ESTIMATE], state[ESTIMATE:OWN], sample)
+    _write_sample(state[SAMPLE:ESTIMATE], state[ESTIMATE:OWN], sample)
     _call(state.view(np.int64)[ADDRESS], state)  # type: ignore[call-arg]  # numba hands the context over
     return _found(state, state[ESTIMATE:OWN])
 
@@ -288,6 +288,6 @@ def step_double(state, sample, belief, tuning):
 def step_single(state, sample, belief, tuning):
     """Take one sample: a library of floats."""
     e = state[ESTIMATE:OWN].view(np.float32)
-    _told(state[SAMPLE:ESTIMATE].view(np.float32), e, sample)
+    _write_sample(state[SAMPLE:ESTIMATE].view(np.float32), e, sample)
     _call(state.view(np.int64)[ADDRESS], state)  # type: ignore[call-arg]  # numba hands the context over
     return _found(state, e)

@@ -22,15 +22,15 @@ current.  Its own loop's gains are an option of the drive, `[injection] tracking
 
 from __future__ import annotations
 
-from estimators.beside import ALONG, init, step_beside
 from estimators.contract import STEP, Estimator
+from estimators.diagonal import ALONG, diagonal_step, init
 from model.compiled import kernel_as
 
 
 @kernel_as(STEP)
 def step(state, sample, belief, tuning):
     """Take one sample; see the module's text."""
-    return step_beside(state, sample, belief, tuning, ALONG)
+    return diagonal_step(state, sample, belief, tuning, ALONG)
 
 
 ESTIMATOR = Estimator(

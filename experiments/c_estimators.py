@@ -275,7 +275,7 @@ def markdown(found: dict[str, Any]) -> str:
         "0; the last table by the same with `--foreign`, and that of two seeds with `--chance`.",
         "",
     ]
-    return "\n".join([*lines, *beside(found["foreign"])]) + "\n"
+    return "\n".join([*lines, *of_others(found["foreign"])]) + "\n"
 
 
 def chance(found: dict[str, dict[str, dict[str, float]]]) -> list[str]:
@@ -325,7 +325,7 @@ def chance(found: dict[str, dict[str, dict[str, float]]]) -> list[str]:
     return lines
 
 
-def beside(rows: list[dict[str, str]]) -> list[str]:
+def of_others(rows: list[dict[str, str]]) -> list[str]:
     """Return the other family's observer beside ours as lines of the page."""
     names = list(
         dict.fromkeys(name for row in rows for name in row if name not in ("motor", "test"))

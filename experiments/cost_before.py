@@ -69,8 +69,8 @@ def table(before: dict[str, float], now: dict[str, float], only_now: dict[str, f
     ]
     for name, old in before.items():
         goal = next((g for k, g in GOALS.items() if name.startswith(k)), None)
-        told = "" if goal is None else f"≤ {goal:g}"
-        lines.append(f"| {name} | {old:.4g} | {now[name]:.4g} | {now[name] / old:.2f} | {told} |")
+        text = "" if goal is None else f"≤ {goal:g}"
+        lines.append(f"| {name} | {old:.4g} | {now[name]:.4g} | {now[name] / old:.2f} | {text} |")
     if only_now:
         lines += [
             "",

@@ -46,7 +46,7 @@ encoder_counts = 20000
 """
 
 
-def told(campaign: Path, *arguments: str) -> dict[str, Any]:
+def answer_of(campaign: Path, *arguments: str) -> dict[str, Any]:
     """Return what `sensorless diagnose` says: its lines and figures, or the sentence with which it
     refuses."""
     said, refused = io.StringIO(), io.StringIO()
@@ -82,7 +82,7 @@ def figures(found: dict[str, Any]) -> dict[str, Any]:
 
 def synrm_quartic(folder: Path) -> dict[str, Any]:
     """Return the SynRM's standstill test against the quartic energy that was fitted to it."""
-    return told(
+    return answer_of(
         shared("SENSORLESS_DATA", "realdata") / "synrm_standstill",
         "--columns",
         str(OWN / "synrm_standstill.toml"),
@@ -95,7 +95,7 @@ def laas_rolling(folder: Path) -> dict[str, Any]:
     os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))
     drive = real_drives("laas_bldc")[0]
     assert drive.campaign is not None
-    return told(
+    return answer_of(
         write_campaign(folder / "laas", drive.campaign), "--exclude", ",".join(drive.hidden)
     )
 
@@ -104,7 +104,7 @@ def thor_quartic(folder: Path) -> dict[str, Any]:
     """Return THOR's finite elements behind voltages against the quartic energy fitted to their
     mean."""
     table = thor.read(shared("SENSORLESS_DATA", "realdata") / "thor_fea" / "thor_fea.npz")
-    return told(write_campaign(folder / "thor", bench(table)))
+    return answer_of(write_campaign(folder / "thor", bench(table)))
 
 
 def write_map(path: Path, points: Any) -> None:
@@ -124,7 +124,9 @@ def synrm_own_map(folder: Path) -> dict[str, Any]:
         (place / file).write_bytes(
             (shared("SENSORLESS_DATA", "realdata") / "synrm_standstill" / file).read_bytes()
         )
-    return told(*_with_map(place, np.c_[i_d, i_q, psi_d, psi_q], "cells = [12, 8]\nsmooth = 0.003"))
+    return answer_of(
+        *_with_map(place, np.c_[i_d, i_q, psi_d, psi_q], "cells = [12, 8]\nsmooth = 0.003")
+    )
 
 
 def synrm_as_integrated(folder: Path) -> dict[str, Any]:
@@ -147,7 +149,7 @@ def synrm_as_integrated(folder: Path) -> dict[str, Any]:
     (place / "columns.toml").write_text(
         text.replace("resistance = 11.02", f"resistance = {resistance:.6g}")
     )
-    return told(*arguments)
+    return answer_of(*arguments)
 
 
 def _with_map(place: Path, points: Any, fitted: str) -> tuple[Any, ...]:
@@ -164,7 +166,7 @@ def _with_map(place: Path, points: Any, fitted: str) -> tuple[Any, ...]:
 def thor_own_map(folder: Path) -> dict[str, Any]:
     """Return THOR's finite elements behind voltages, their mean over the angle as nominal flux
     map."""
-    return told(thor_with_map(folder))
+    return answer_of(thor_with_map(folder))
 
 
 def thor_with_map(folder: Path) -> Path:
@@ -201,7 +203,7 @@ def laas_motion(folder: Path) -> dict[str, Any]:
     )
     text = LAAS + "".join(f'[[recording]]\nfile = "{file}.txt"\nrotor = "free"\n' for file in files)
     (folder / "laas.toml").write_text(text)
-    return told(
+    return answer_of(
         shared("SENSORLESS_DATA", "realdata") / "laas_bldc", "--columns", str(folder / "laas.toml")
     )
 
@@ -220,7 +222,7 @@ def emps(folder: Path) -> dict[str, Any]:
     """Return what the motion of a linear axis tells: metres stand for radians, newtons for newton
     metres."""
     (folder / "emps.toml").write_text(EMPS)
-    return told(
+    return answer_of(
         shared("SENSORLESS_DATA", "realdata") / "emps", "--columns", str(folder / "emps.toml")
     )
 
@@ -228,7 +230,7 @@ def emps(folder: Path) -> dict[str, Any]:
 def moteus(folder: Path) -> dict[str, Any]:
     """Return what steady points say, and how `diagnose` refuses them."""
     os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))
-    found = told(shared("SENSORLESS_DATA", "realdata") / "moteus_ld")
+    found = answer_of(shared("SENSORLESS_DATA", "realdata") / "moteus_ld")
     return found | {
         "lines": found["lines"] + [f"{d.name}: {d.can[0]}" for d in real_drives("moteus_ld")]
     }

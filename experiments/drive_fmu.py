@@ -36,14 +36,14 @@ EFFECTS = {"dead_time.time": 5e-7}
 def unit(folder: Path) -> tuple[Any, dict[str, int]]:
     """Return the FMU ready to step, its rotor driven, and its variables' references by name."""
     file = export_drive(MOTOR, EFFECTS).save(folder / "drive") / f"{MOTOR}_fmi2.fmu"
-    told = fmpy.read_model_description(str(file))
+    description = fmpy.read_model_description(str(file))
     fmu = FMU2Slave(
-        guid=told.guid,
+        guid=description.guid,
         unzipDirectory=fmpy.extract(str(file)),
         instanceName="drive",
-        modelIdentifier=told.coSimulation.modelIdentifier,
+        modelIdentifier=description.coSimulation.modelIdentifier,
     )
-    places = {v.name: v.valueReference for v in told.modelVariables}
+    places = {v.name: v.valueReference for v in description.modelVariables}
     fmu.instantiate()
     fmu.setInteger([places["rotor"], places["noise_seed"]], [ROTOR_DRIVEN, 1])
     fmu.enterInitializationMode()

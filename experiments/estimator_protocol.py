@@ -138,8 +138,8 @@ def kept() -> tuple[Protocol, str]:
         )
         for r in found["tests"]
     ]
-    beside = found["peer"] and (found["peer"]["cpu_s_per_s"], found["peer"]["rms_deg"])
-    return Protocol(tuple(rows), found["seed"], beside), stamp(
+    reversal = found["peer"] and (found["peer"]["cpu_s_per_s"], found["peer"]["rms_deg"])
+    return Protocol(tuple(rows), found["seed"], reversal), stamp(
         found["date"], found["version"], found["commit"]
     )
 
@@ -174,7 +174,7 @@ def main() -> None:
     folder = output_folder(Path("sensorless-out") / NAME)
     result = protocol(workers=Workers(options.jobs, options.dask), keep=folder)
     if options.peer_python:
-        result = result.beside(*peer(ANCHORS, options.peer_python, "lin", 4.0))
+        result = result.with_reversal_of(*peer(ANCHORS, options.peer_python, "lin", 4.0))
     draw(result, stamp(time.strftime("%Y-%m-%d"), version(), commit()))
     write_table(folder / f"{NAME}.parquet", ProtocolResult(result).to_table())
     save(NAME, {"version": version(), "commit": commit(), **result.as_json()})

@@ -151,26 +151,26 @@ def in_child(work: Callable[[Count], None], count: Count, silent: float = SILENT
     """Let a child process work on a copy of a count; return it, with an escape where the child
     crashed or hung."""
     fork = multiprocessing.get_context("fork")
-    heard, told = fork.Pipe(duplex=False)
+    receiver, sender = fork.Pipe(duplex=False)
 
     def child() -> None:
         """Work within limits, and say how far it is after every input."""
         limit_memory()
         own = Count(count.state())
-        own.tell = lambda: told.send(own.state())  # type: ignore[method-assign]
+        own.tell = lambda: sender.send(own.state())  # type: ignore[method-assign]
         work(own)
-        told.send(own.state())
-        told.send(None)
+        sender.send(own.state())
+        sender.send(None)
 
     process = fork.Process(target=child)
     process.start()
-    told.close()
+    sender.close()
     why = ""
     while not why:
         try:
-            if not heard.poll(silent):
+            if not receiver.poll(silent):
                 why = f"did not end in {silent:g} s and heard no alarm"
-            elif (state := heard.recv()) is None:
+            elif (state := receiver.recv()) is None:
                 break
             else:
                 count = Count(state)
@@ -179,7 +179,7 @@ def in_child(work: Callable[[Count], None], count: Count, silent: float = SILENT
             why = f"the process died with exit code {process.exitcode}"
     process.kill()
     process.join()
-    heard.close()
+    receiver.close()
     if why:
         number = count.next
         if count.add(Outcome("escaped", f"{why}:", silent)):

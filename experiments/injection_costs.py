@@ -38,7 +38,7 @@ SCENE = Scenario(
 
 def main() -> None:
     """Run all estimators; print and write tables, figures and numbers."""
-    parts, numbers = [f"# What injection costs\n\n{datetime.date.today()}, seed 0. {told()}"], {}
+    parts, numbers = [f"# What injection costs\n\n{datetime.date.today()}, seed 0. {setting()}"], {}
     for name in MOTORS:
         drive = load_drive(name)
         result = compare(
@@ -56,7 +56,7 @@ def main() -> None:
     (RESULTS / "injection_costs.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 
 
-def told() -> str:
+def setting() -> str:
     """Return what was run and how to read it."""
     return textwrap.fill(
         "A driven rotor at standstill without load, at standstill with rated load, at 10 % speed "

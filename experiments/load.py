@@ -182,12 +182,12 @@ def table(found: Sequence[Cost]) -> list[str]:
     """Return lines of markdown."""
     lines = ["| command | length | processor s | memory GB | exponent |", "|---|--:|--:|--:|--:|"]
     for c, exponent in exponents(found):
-        told = "" if math.isnan(exponent) else f"{exponent:.2f}"
+        text = "" if math.isnan(exponent) else f"{exponent:.2f}"
         if c.refused:
             lines.append(f"| {c.name} | {c.length:g} {c.unit} | {c.refused} | {c.memory:.2f} | |")
         else:
             lines.append(
-                f"| {c.name} | {c.length:g} {c.unit} | {c.seconds:.1f} | {c.memory:.2f} | {told} |"
+                f"| {c.name} | {c.length:g} {c.unit} | {c.seconds:.1f} | {c.memory:.2f} | {text} |"
             )
     return lines
 

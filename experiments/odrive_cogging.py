@@ -171,7 +171,7 @@ def value(case: dict[str, Any], name: str, scale: float = 1.0) -> str:
     )
 
 
-def page(found: dict[str, Any], rows: list[dict[str, Any]], told: dict[str, float]) -> str:
+def page(found: dict[str, Any], rows: list[dict[str, Any]], values: dict[str, float]) -> str:
     """Return the results as a page."""
     lines = ["An ODrive's runs without voltages, by `python -m experiments.odrive_cogging`.", ""]
     lines += [
@@ -216,7 +216,7 @@ def page(found: dict[str, Any], rows: list[dict[str, Any]], told: dict[str, floa
         lines.append(
             f"| {r['order']} | {r['map']:.3f} ± {r['map_spread']:.3f} | {' | '.join(cells)} |"
         )
-    return "\n".join([*lines, "", BELIEVE.format(**{**told, "inertia": 1e4 * told["inertia"]})])
+    return "\n".join([*lines, "", BELIEVE.format(**{**values, "inertia": 1e4 * values["inertia"]})])
 
 
 def main() -> None:
@@ -234,7 +234,7 @@ def main() -> None:
         np.mean([maps[m][1] for m in MAPS]),
         np.mean([maps[m][1] for m in ("e_16r", "rev_16")]),
     )
-    told = {
+    values = {
         "friction": float(forward - back) / 2.0,
         "inertia": spin_up_inertia(data),
         "ripple_without": ripple(runs["nocomp"]),
@@ -274,8 +274,8 @@ def main() -> None:
         }
         for name, case in found.items()
     }
-    save("odrive_cogging", {"cases": keep, "orders": rows, "told": told}, drawn)
-    text = page(found, rows, told)
+    save("odrive_cogging", {"cases": keep, "orders": rows, "told": values}, drawn)
+    text = page(found, rows, values)
     (RESULTS / "odrive_cogging.md").write_text(text, encoding="utf-8")
     print(text)
 

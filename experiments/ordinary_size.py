@@ -157,15 +157,20 @@ def main() -> None:
             own = traces(path, truths[path.name], values_of(folder, path.name))
             rows += [{"plant": folder.name, **row} for row in own]
             print(path.name, len(rows), flush=True)
-    told = {"all": summary(rows)} | {
+    summaries = {"all": summary(rows)} | {
         f.name: summary([r for r in rows if r["plant"] == f.name]) for f in options.folders
     }
     write_json(
         RESULTS,
         "ordinary_size",
-        {"small": USUAL.trace, "largest": USUAL.trace_most, "summary": told, "coordinates": rows},
+        {
+            "small": USUAL.trace,
+            "largest": USUAL.trace_most,
+            "summary": summaries,
+            "coordinates": rows,
+        },
     )
-    for plant, lines in told.items():
+    for plant, lines in summaries.items():
         for line in lines:
             print(plant, {k: round(v, 4) if np.isfinite(v) else v for k, v in line.items()})
 

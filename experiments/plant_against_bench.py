@@ -73,7 +73,7 @@ What each reason is, S the length of a segment, e the change of current to its m
   differences of any origin).  Steps do not help against it; the drive does the same to a change of its resistance.
 - bench's own step: it ends at the corners of sign(i) (over them it would be of first order), late edges aside.
 """  # noqa: E501
-Told = list[tuple[CampaignRecording, Motion]]
+Logs = list[tuple[CampaignRecording, Motion]]
 
 
 def record(
@@ -113,21 +113,21 @@ def record(
         x: r[x] for x in ("i_a", "i_b", "i_c")
     }
     wobble = b.eccentricity / pairs * np.cos(r["position"] / pairs + b.eccentricity_phase)
-    told = Motion(r["theta"].copy(), pairs * r["speed"] * (1.0 + wobble))
-    return CampaignRecording(f"{rotor}_{speed:g}.parquet", rotor, "d", columns), told
+    logs = Motion(r["theta"].copy(), pairs * r["speed"] * (1.0 + wobble))
+    return CampaignRecording(f"{rotor}_{speed:g}.parquet", rotor, "d", columns), logs
 
 
-def recorded(drive: Drive, effects: Mapping[str, float], finer: float = 1.0) -> Told:
+def recorded(drive: Drive, effects: Mapping[str, float], finer: float = 1.0) -> Logs:
     """Return the four recordings."""
     return [record(drive, effects, rotor, speed, finer) for rotor, speed in CASES]
 
 
 def apart(
-    drive: Drive, told: Told, prepared: Prepared, effects: Mapping[str, float]
+    drive: Drive, logs: Logs, prepared: Prepared, effects: Mapping[str, float]
 ) -> list[float]:
     """Return the rms difference of currents over rated current of each recording."""
     out = []
-    for (r, _), current in zip(told, replay(prepared, [effects]).currents, strict=True):
+    for (r, _), current in zip(logs, replay(prepared, [effects]).currents, strict=True):
         miss = (np.stack([r.i_a, r.i_b, r.i_c], axis=1) - current[:, :, 0])[SETTLED:]
         out.append(
             float(np.sqrt(np.mean(np.sum(miss**2, axis=1) * 2.0 / 3.0))) / drive.motor.rated_current
@@ -144,34 +144,34 @@ def moved(inputs: Inputs, motion: Motion, period: float) -> Inputs:
 def run(drive: Drive, effects: Mapping[str, float]) -> dict[str, Any]:
     """Return the differences, and where one is too large those with a finer bench, finer plant, and
     told motion."""
-    told = recorded(drive, effects)
-    campaign = Campaign("bench", drive, tuple(r for r, _ in told), {}, {}, False)
+    logs = recorded(drive, effects)
+    campaign = Campaign("bench", drive, tuple(r for r, _ in logs), {}, {}, False)
     prepared = prepare(campaign, effects)
     found: dict[str, Any] = {
         "steps": prepared.steps,
-        "apart": apart(drive, told, prepared, effects),
+        "apart": apart(drive, logs, prepared, effects),
     }
-    found["alone"] = alone(drive, *told[-1], effects, SETTLED)
+    found["alone"] = alone(drive, *logs[-1], effects, SETTLED)
     if max(found["alone"].current, found["alone"].speed) > LARGEST:
         own = record(drive, effects, *CASES[-1], 32.0)
         found["alone_bench_finer"] = alone(drive, *own, effects, SETTLED)
-        found["alone_plant_finer"] = alone(drive, *told[-1], effects, SETTLED, 16.0)
+        found["alone_plant_finer"] = alone(drive, *logs[-1], effects, SETTLED, 16.0)
         found["alone_both"] = alone(drive, *own, effects, SETTLED, 16.0)
     if max(found["apart"]) > LARGEST:
         period = drive.converter.sampling_period
         exactly = tuple(
-            moved(i, m, period) for i, (_, m) in zip(prepared.recordings, told, strict=True)
+            moved(i, m, period) for i, (_, m) in zip(prepared.recordings, logs, strict=True)
         )
         fine = recorded(drive, effects, 32.0)
         found["bench_finer"] = apart(drive, fine, prepared, effects)
-        found["plant_finer"] = apart(drive, told, with_steps(prepared, 16), effects)
+        found["plant_finer"] = apart(drive, logs, with_steps(prepared, 16), effects)
         found["motion_told"] = apart(
-            drive, told, dataclasses.replace(prepared, recordings=exactly), effects
+            drive, logs, dataclasses.replace(prepared, recordings=exactly), effects
         )
         all_three = dataclasses.replace(prepared, recordings=exactly, steps=16)
         found["all_three"] = apart(drive, fine, all_three, effects)
         if isinstance(drive.motor.energy, SplineEnergy):
-            held = [x for x in told if x[0].rotor != "free"]
+            held = [x for x in logs if x[0].rotor != "free"]
             found["left_out"] = [left_out(drive, *x, effects, SETTLED) for x in held]
         found["grown"] = grown(drive, with_steps(prepared, 16), effects)
     return found
@@ -206,14 +206,14 @@ def why(found: Mapping[str, Any], k: int) -> str:
         f"{found[least][k] * 1e6:.1f} ppm without; {found['all_three'][k] * 1e6:.1f} without "
         "all three"
     )
-    told = found.get("left_out", [])[k : k + 1]
+    logs = found.get("left_out", [])[k : k + 1]
     if (
         least == "plant_finer"
-        and told
-        and abs(told[0] - found["apart"][k]) < ALIKE * found["apart"][k]
+        and logs
+        and abs(logs[0] - found["apart"][k]) < ALIKE * found["apart"][k]
     ):
         return (
-            f"the plant's step on a flux map, whose equation says {told[0] * 1e6:.1f} ppm ({said})"
+            f"the plant's step on a flux map, whose equation says {logs[0] * 1e6:.1f} ppm ({said})"
         )
     return f"{kinds[least]} ({said})"
 
@@ -258,8 +258,8 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
                 )
                 continue
             i, angle, v = found["alone"]
-            told = [(x, f"{x * 1e6:.1f}") for x in (*found["apart"], i)] + [(v, f"{v * 1e6:.2f}")]
-            cells = [f"**{ppm}**" if x > LARGEST else ppm for x, ppm in told]
+            logs = [(x, f"{x * 1e6:.1f}") for x in (*found["apart"], i)] + [(v, f"{v * 1e6:.2f}")]
+            cells = [f"**{ppm}**" if x > LARGEST else ppm for x, ppm in logs]
             cells.insert(-1, f"{angle * 1e3:.2f}")
             lines.append(f"| {title} | {found['steps']} | {' | '.join(cells)} |")
             large = [k for k, x in enumerate(found["apart"]) if x > LARGEST]

@@ -72,8 +72,8 @@ def moved_by_neutral(drive: Drive, prepared: Prepared) -> dict[str, float]:
     plain, found = currents(prepared, {}), {}
     for name in library.effect_names():
         on = library.typical(name, drive.motor, drive.converter)
-        beside = [i[SETTLED:, :, 0] for i in replay(prepared, [{}, on]).currents]
-        found[name] = max(float(np.abs(a - b).max()) for a, b in zip(beside, plain, strict=True))
+        together = [i[SETTLED:, :, 0] for i in replay(prepared, [{}, on]).currents]
+        found[name] = max(float(np.abs(a - b).max()) for a, b in zip(together, plain, strict=True))
     return {name: x / drive.motor.rated_current for name, x in found.items() if x > 0.0}
 
 
@@ -81,8 +81,8 @@ def rows(drive: Drive) -> Iterator[tuple[str, dict[int, list[float]]]]:
     """Yield title and errors of every effect at typical size, of none, and of pairs."""
     for title, effects in cases(drive):
         if not title.endswith(" x 2") and not of_quartic(drive, title):
-            told = recorded(drive, effects)
-            campaign = Campaign("bench", drive, tuple(r for r, _ in told), {}, {}, False)
+            recordings = recorded(drive, effects)
+            campaign = Campaign("bench", drive, tuple(r for r, _ in recordings), {}, {}, False)
             yield title, errors(drive, prepare(campaign, effects, steps=1), effects)
 
 

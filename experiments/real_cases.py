@@ -28,7 +28,7 @@ from experiments.drawing import RESULTS, save
 class Case(NamedTuple):
     """A case: how it is diagnosed, what was published, what to believe in a few words, and why."""
 
-    told: Callable[[Path], dict[str, Any]]
+    answer_of: Callable[[Path], dict[str, Any]]
     published: str
     believe: str
     why: str
@@ -233,7 +233,7 @@ def main(names: list[str]) -> None:
     for name in names or CASES:
         begun, used = time.perf_counter(), time.process_time()
         with tempfile.TemporaryDirectory() as folder:
-            found = CASES[name].told(Path(folder))
+            found = CASES[name].answer_of(Path(folder))
         found = {"simulations": 0, "seconds": time.perf_counter() - begun} | found
         if "date" not in found:  # not taken from another record
             found["processor_seconds"] = time.process_time() - used

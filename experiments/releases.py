@@ -60,14 +60,14 @@ def scores(answers: Any, truth: str) -> dict[str, float]:
 def worse(kept: Mapping[str, Any], kind: str, own: Mapping[str, float]) -> list[str]:
     """Return in words what is worse than a kept entry beyond its noise: errors that grew, scores
     that fell."""
-    sign, told = SIGN[kind], []
+    sign, text = SIGN[kind], []
     for name, entry in kept[kind].items():
         allowed = max(LARGE * entry["noise"], LEAST[kind])
         if sign * (own[name] - entry["value"]) > allowed:
-            told.append(
+            text.append(
                 f"{name}: {own[name]:.4g}, was {entry['value']:.4g} with {allowed:.2g} allowed"
             )
-    return told
+    return text
 
 
 def last() -> dict[str, Any]:

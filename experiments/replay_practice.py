@@ -135,13 +135,13 @@ def campaigns(folder: Path) -> list[dict[str, Any]]:
                 "fitted": fitted,
             }
         )
-        told = [
+        text = [
             f"{title} {min(sizes):.2f} to {max(sizes):.2f}"
             for title, rows in (("as stated", stated), ("with the truth", true), ("fitted", fitted))
             for sizes in [[r["current"] for r in rows]]
         ]
         print(
-            f"{name} {' + '.join(truth['effects']) or 'no effect':28s} {', '.join(told)}",
+            f"{name} {' + '.join(truth['effects']) or 'no effect':28s} {', '.join(text)}",
             flush=True,
         )
     return out

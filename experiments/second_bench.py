@@ -166,21 +166,21 @@ def said(row: dict[str, Any]) -> str:
     found, truth = row["found"], row["truth"]
     first = (found.get("sets") or [{"effects": found.get("failed"), "probability": 1.0}])[0]
     true = [c["name"] for c in truth["causes"] + truth["outside"]]
-    told = f"{first['effects']} {first['probability']:.3f}"
-    return f"{row['name']} {row.get('method', '')} {true} -> {told} {row['cpu']:.0f} s"
+    answered = f"{first['effects']} {first['probability']:.3f}"
+    return f"{row['name']} {row.get('method', '')} {true} -> {answered} {row['cpu']:.0f} s"
 
 
 def rival_row(one: Asked) -> dict[str, Any]:
     """Return what a rival answers on a campaign, in the form of its row."""
     began = time.process_time()
     try:
-        told = BASELINES[one.method](one.folder, ()).json["hypotheses"]
+        answered = BASELINES[one.method](one.folder, ()).json["hypotheses"]
         found: dict[str, Any] = {
-            "sets": [{k: h[k] for k in ("effects", "probability")} for h in told]
+            "sets": [{k: h[k] for k in ("effects", "probability")} for h in answered]
         }
-        named = sorted({e for h in told for e in h["effects"]} - {UNKNOWN})
+        named = sorted({e for h in answered for e in h["effects"]} - {UNKNOWN})
         found["chances"] = {
-            e: sum(h["probability"] for h in told if e in h["effects"]) for e in named
+            e: sum(h["probability"] for h in answered if e in h["effects"]) for e in named
         }
     except Exception as error:  # whatever it is, it counts as wrong
         found = {"failed": repr(error)}

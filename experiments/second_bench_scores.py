@@ -239,7 +239,7 @@ def bound(goal: Goal) -> str:
     return f"≥ {goal.least:g}" if goal.least is not None else f"≤ {goal.most:g}"
 
 
-def told(x: float | None) -> str:
+def cell(x: float | None) -> str:
     """Return a number of a table."""
     return "" if x is None else f"{x:.3g}"
 
@@ -256,14 +256,14 @@ def fifths(rows: Sequence[Row]) -> list[str]:
         ]
         if own:
             f, p = share([right(r) for r in own]), float(np.mean([first(r)[1] for r in own]))
-            limits = f"{told(f.low)} to {told(f.high)}"
+            limits = f"{cell(f.low)} to {cell(f.high)}"
             out.append(
-                f"| {low:.1f} to {low + 0.2:.1f} | {f.n} | {p:.2f} | {told(f.value)} | {limits} |"
+                f"| {low:.1f} to {low + 0.2:.1f} | {f.n} | {p:.2f} | {cell(f.value)} | {limits} |"
             )
     return out
 
 
-def beside(rows: Sequence[Row], rivals: Sequence[Row]) -> list[str]:
+def against_rivals(rows: Sequence[Row], rivals: Sequence[Row]) -> list[str]:
     """Return the lines of a table: each rival and the diagnosis on the campaigns that both
     answered.
 
@@ -316,9 +316,11 @@ def page(
         own = [r for r in rows if kind in ("all", r["kind"])]
         for goal in goals:
             f = goal.of(own)
-            limits = "" if f.low is None and f.high is None else f"{told(f.low)} to {told(f.high)}"
+            limits = "" if f.low is None and f.high is None else f"{cell(f.low)} to {cell(f.high)}"
             lines.append(
-                f"| {title} | {goal.title} | {bound(goal)} | {told(f.value)} | {limits} "
+                f"| {title} | {goal.title} | {bound(goal)} | {cell(f.value)} | {limits} "
                 f"| {f.n} | {goal.verdict(f)} |"
             )
-    return "\n".join([*lines, "", *fifths(rows), "", *(beside(rows, rivals) if rivals else []), ""])
+    return "\n".join(
+        [*lines, "", *fifths(rows), "", *(against_rivals(rows, rivals) if rivals else []), ""]
+    )

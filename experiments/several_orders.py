@@ -112,12 +112,12 @@ def by_order(values: Mapping[str, float]) -> list[tuple[float, str]]:
             parts.setdefault(".".join((effect, *k)), {})[
                 number.removesuffix("6").removesuffix("_")
             ] = x
-    told = []
+    rows = []
     for own in parts.values():
         order = own.pop("order_mech", own.pop("order", 6.0))
         numbers = (f"{n} {x:.4g}" for n, x in sorted(own.items()) if n != "phase" or x)
-        told.append((order, ", ".join(numbers)))
-    return sorted(told)
+        rows.append((order, ", ".join(numbers)))
+    return sorted(rows)
 
 
 def row(name: str) -> str:
@@ -131,7 +131,7 @@ def row(name: str) -> str:
         name,
         f"{' + '.join(d.best.effects)} ({d.best.probability:.3f}), {verdict(d)}",
         f"{d.size.before:.2f} → {d.size.after:.3f}",
-        *("; ".join(f"{n:g}: {told}" for n, told in by_order(x)) for x in (own, found)),
+        *("; ".join(f"{n:g}: {rows}" for n, rows in by_order(x)) for x in (own, found)),
         str(d.simulations),
     ]
     return "| " + " | ".join(cells) + " |"

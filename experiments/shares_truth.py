@@ -129,7 +129,7 @@ def main() -> None:
         print(
             case.name, " ".join(f"{r.effect} {r.true:.2f}/{r.stated:.2f}" for r in own), flush=True
         )
-    told(rows)
+    write(rows)
 
 
 def compared(rows: list[Row]) -> dict[str, Any]:
@@ -155,7 +155,7 @@ def compared(rows: list[Row]) -> dict[str, Any]:
     }
 
 
-def told(rows: list[Row]) -> None:
+def write(rows: list[Row]) -> None:
     """Write results/shares_truth.json and .png."""
     found, stated = compared(rows), np.array([r.stated for r in rows])
     figure, axes = new_figure()

@@ -102,8 +102,8 @@ def main() -> None:
     for label, more in MORE.items():
         x = best(authors, more)
         rows[label] = {"reading": [float(v) for v in x], **misses(x, authors)}
-        told = ", ".join(f"{k} {rows[label][k]:.1f}" for k in ("fitted", "all", "cross_held_out"))
-        print(f"{label:35s} {told}   {np.round(x, 4).tolist()}")
+        said = ", ".join(f"{k} {rows[label][k]:.1f}" for k in ("fitted", "all", "cross_held_out"))
+        print(f"{label:35s} {said}   {np.round(x, 4).tolist()}")
     save("synrm_refitted", {"rms_over_floor": rows})
 
 

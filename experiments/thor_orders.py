@@ -116,11 +116,11 @@ def of_diagnosis(table: thor.Thor, values: Mapping[str, float]) -> dict[int, flo
     out = {}
     for n in (18, 6, 12, 36):
         wave = np.exp(-1j * n * table.theta)
-        seen, told = (
+        seen, stated = (
             np.stack([(x * wave).mean(2)[own] for x in p])
             for p in ((table.psi_d, table.psi_q), flux)
         )
-        out[n] = 1.0 - float(np.sum(np.abs(seen - told) ** 2) / np.sum(np.abs(seen) ** 2))
+        out[n] = 1.0 - float(np.sum(np.abs(seen - stated) ** 2) / np.sum(np.abs(seen) ** 2))
     return out
 
 

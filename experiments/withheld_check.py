@@ -133,7 +133,7 @@ class Kept(NamedTuple):
     were diagnosed)."""
 
     rows: list[Row]
-    told: str
+    said: str
 
 
 def kept(name: str, results: Path) -> Kept:
@@ -158,13 +158,13 @@ def kept(name: str, results: Path) -> Kept:
             f"'{name}.rows.jsonl' has two rows of one diagnosis; score the check once more"
         )
     blind = [r for r in rows if r.method == OWN and r.part == BLIND]
-    told = (
+    said = (
         f"Seed {check.seed}, sizes {check.sizes}, seal SHA-256 "
         f"`{hashlib.sha256(text).hexdigest()}`; {len(blind)}"
     )
     return Kept(
         rows,
-        f"{told} of {sealed} campaigns diagnosed, code "
+        f"{said} of {sealed} campaigns diagnosed, code "
         f"`{' '.join(sorted({r.code for r in blind}))}`.",
     )
 
@@ -185,13 +185,13 @@ def recompute(results: Path = RESULTS) -> list[str]:
     one_code([r for r in every if r.method == OWN], "this page")
     lines = head(list(found), max(r.made for r in every)[:10])
     contents = {}
-    for name, (rows, told) in found.items():
+    for name, (rows, said) in found.items():
         own, others = [r for r in rows if r.method == OWN], {r.method for r in rows} - {OWN}
         content = contents[name] = page(name, own, results)
         lines += [
             f"## {CHECKS[name].title}",
             "",
-            told,
+            said,
             "",
             *table(content, GOALS),
             "",
@@ -298,11 +298,11 @@ def table(content: dict[str, Any], goals: dict[str, str]) -> list[str]:
     """Return the table of metrics that have a value: a sentence each, its figure, its goal and
     whether it is met."""
     methods = content["methods"]
-    told = [
+    said = [
         {k for k, v in m.items() if isinstance(v, dict) and v.get("value") is not None}
         for m in methods.values()
     ]
-    names = [k for k in methods[OWN] if any(k in t for t in told)]
+    names = [k for k in methods[OWN] if any(k in t for t in said)]
     if len(methods) == 1:
         own = methods[OWN]
         lines = [
@@ -391,11 +391,11 @@ def details(method: dict[str, Any]) -> list[str]:
         ("missed", "Where something else was named first"),
         ("unresolved", "Where the recommended recording settled nothing"),
     ):
-        told = [
+        said = [
             f"- {name}: {_names(true)}; named {_names([said])}"
             for name, *true, _, said in method[key]
         ]
-        lines += [f"{text}:", "", *told, ""] if told else []
+        lines += [f"{text}:", "", *said, ""] if said else []
     return lines
 
 
@@ -419,13 +419,13 @@ def if_chances_held(chances: Sequence[float]) -> list[str]:
     rng = np.random.default_rng(0)
     drawn = [calibration_error(stated, rng.random(stated.size) < stated) for _ in range(DRAWS)]
     median, most = np.percentile(drawn, [50.0, 95.0])
-    told = (
+    said = (
         f"in {many(stated.size, 'campaign')} they would differ by {median:.2f} from the "
         "share that was right"
     )
     return [
         (
-            f"If all stated chances held exactly, {told} (half of draws), by {most:.2f} at "
+            f"If all stated chances held exactly, {said} (half of draws), by {most:.2f} at "
             "most in 95 % of draws."
         ),
         "",

@@ -50,7 +50,7 @@ def tables(points: int | None) -> dict[str, Any]:
     return found
 
 
-def told() -> Any:
+def reporter() -> Any:
     """Return a function that prints a line of progress now and then: runs, rate, time left."""
     begun: list[tuple[float, int]] = []
     last = [-PROGRESS_STEP]
@@ -295,7 +295,7 @@ def main() -> None:
             options.runs,
             jobs=options.jobs,
             cluster=options.dask,
-            progress=told(),
+            progress=reporter(),
         )
     )
 

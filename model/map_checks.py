@@ -244,8 +244,8 @@ def slope_notes(energy: SplineEnergy, p: MapPoints, name: str) -> list[str]:
         steps = np.diff(psi, axis=axis) / np.expand_dims(np.diff(x), 1 - axis)
         low, high = _nearest(steps, axis)
         own = _inductance(energy, grid.psi_d, grid.psi_q, axis)
-        floor = np.maximum(low, 1e-3 * np.max(np.abs(steps)))  # a step of noise may fall
-        off = np.maximum(own / np.maximum(high, floor), floor / own)
+        least = np.maximum(low, 1e-3 * np.max(np.abs(steps)))  # a step of noise may fall
+        off = np.maximum(own / np.maximum(high, least), least / own)
         k = tuple(int(n) for n in np.unravel_index(np.argmax(off), off.shape))
         if off[k] > SLOPE_OFF:
             out.append(

@@ -46,7 +46,7 @@ def check_points(p: MapPoints, magnet: str = "d", angle: float = 0.0) -> None:
             f"map '{p.name}': wild points: {shown}{more}; from there to others the flux falls "
             "while its current rises: correct them or leave their cells empty"
         )
-    said = _falling(p) if wild is None else _beside(p)
+    said = _falling(p) if wild is None else _off_axis(p)
     if not said:
         return
     turn = TURNS[magnet] * np.exp(1j * angle)
@@ -121,7 +121,7 @@ def _falling(p: MapPoints) -> str:
     )
 
 
-def _beside(p: MapPoints) -> str:
+def _off_axis(p: MapPoints) -> str:
     """Return in words that the magnet does not lie on +d, or that the axes' inductances are of two
     sizes; nothing where neither is so."""
     for name, i, psi, side in (("q", p.i_q, p.psi_q, abs), ("d", p.i_d, p.psi_d, _below)):
@@ -176,7 +176,7 @@ def _meant(p: MapPoints, turn: complex) -> Iterator[str]:
 def _is_sound(p: MapPoints) -> bool:
     with np.errstate(all="ignore"):
         wild = wild_points(p)
-        return wild is not None and not wild.any() and not _beside(p)
+        return wild is not None and not wild.any() and not _off_axis(p)
 
 
 def _mistakes(p: MapPoints, names: dict[str, str]) -> Iterator[tuple[str, Change]]:

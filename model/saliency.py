@@ -117,12 +117,12 @@ def known_null_ends(m: AnyEnergy, i_d: float, i_q: float, points: int = 60) -> f
     return None
 
 
-def _q_ripple(m: AnyEnergy, i_d: float, i_q: float, e: float, beside: float = 0.0) -> float:
+def _q_ripple(m: AnyEnergy, i_d: float, i_q: float, e: float, offset: float = 0.0) -> float:
     """Return y_q where the reference (i_d, i_q) is applied in the frame that is estimated e off,
     and the injection so much (rad) beside its d; NaN outside the domain."""
     a, b = math.cos(e) * i_d + math.sin(e) * i_q, -math.sin(e) * i_d + math.cos(e) * i_q
     d, q, status = flux_newton(m, a, b, 0.0, 0.0)
-    return math.nan if status else float(ripple.py_func(*hessian(m, d, q), e + beside)[1])
+    return math.nan if status else float(ripple.py_func(*hessian(m, d, q), e + offset)[1])
 
 
 def self_consistent_angle(m: AnyEnergy, i_d: float, i_q: float, steps: int = 60) -> float:

@@ -137,7 +137,7 @@ def fit(
             "currents of a flux map do not rise with the fluxes; check its units, signs "
             "and magnet axis"
         )
-    floor = FLOOR * min(linear)
+    lowest = FLOOR * min(linear)
     c: Array | None = None
     for _ in range(4):  # the weights depend on the solution
         rows = np.concatenate(
@@ -150,9 +150,9 @@ def fit(
             [weight[:, 0] * i_d + weight[:, 1] * i_q, weight[:, 1] * i_d + weight[:, 2] * i_q]
         )
         size = float(np.sqrt(np.mean(goal**2)))
-        rough = smooth / size * box.roughness(c, floor, linear) * len(goal) ** 0.5
+        rough = smooth / size * box.roughness(c, lowest, linear) * len(goal) ** 0.5
         c = _convex_least_squares(
-            np.concatenate([rows / size, rough]), goal / size, box, curvature, floor
+            np.concatenate([rows / size, rough]), goal / size, box, curvature, lowest
         )
         g = [r @ c for r in at_data]
         det = g[0] * g[2] - g[1] ** 2
@@ -268,7 +268,7 @@ class _Box:
         a, b = (z.ravel() for z in np.meshgrid(x, y, indexing="ij"))
         return self.rows(a, b, 2, 0), self.rows(a, b, 0, 2)
 
-    def roughness(self, c: Array | None, floor: float, start: tuple[float, float]) -> Array:
+    def roughness(self, c: Array | None, lowest: float, start: tuple[float, float]) -> Array:
         """Return the third differences of H along both axes as flux errors (Wb), by the free
         coefficients.
 
@@ -280,7 +280,8 @@ class _Box:
         l_d, l_q = np.full((m_d, m_q), 1 / start[0]), np.full((m_d, m_q), 1 / start[1])
         if c is not None:
             l_d, l_q = (
-                (1 / np.maximum(rows @ c, floor)).reshape(m_d, m_q) for rows in self.at_coefficients
+                (1 / np.maximum(rows @ c, lowest)).reshape(m_d, m_q)
+                for rows in self.at_coefficients
             )
         along_d, along_q, mixed = self.differences
         along_d = along_d * (l_d[1:-2].ravel() / step_d)[:, None]
@@ -325,9 +326,9 @@ class _Box:
 
 
 def _convex_least_squares(
-    rows: Array, goal: Array, box: _Box, curvature: list[Array], floor: float
+    rows: Array, goal: Array, box: _Box, curvature: list[Array], lowest: float
 ) -> Array:
-    """Return coefficients of least squares whose Hessian's smaller eigenvalue is at least `floor`
+    """Return coefficients of least squares whose Hessian's smaller eigenvalue is at least `lowest`
     at every point.
 
     Cutting planes: where the eigenvalue is too small, its eigenvector's curvature becomes a linear
@@ -340,7 +341,7 @@ def _convex_least_squares(
         curvature[1] * span[0] * span[1],
         curvature[2] * span[1] ** 2,
     )
-    least = floor * min(span) ** 2
+    least = lowest * min(span) ** 2
     normal = rows.T @ rows
     normal += 1e-13 * np.trace(normal) / box.unknowns * np.eye(box.unknowns)
     low = np.linalg.cholesky(normal)

@@ -300,7 +300,7 @@ class Curve(NamedTuple):
     the motor the places (n,) where it is shown, with the converter its value (n,) there and one
     sentence of what it is in simpler forms.
 
-    beside: effects of simpler forms at the same place, which its value holds, too.
+    simpler_forms: effects of simpler forms at the same place, which its value holds, too.
     """
 
     across: str
@@ -310,7 +310,7 @@ class Curve(NamedTuple):
     places: Callable[[Mapping[str, float], Motor], Array]
     value: Callable[[Mapping[str, float], Motor, Converter, Array], Array]
     said: Callable[[Mapping[str, float], Motor, Converter], str]
-    beside: tuple[str, ...] = ()
+    simpler_forms: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

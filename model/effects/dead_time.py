@@ -25,9 +25,9 @@ TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9
 def by_zone(time, zone_width, zone_shape, zone_center, hold):
     """Return how late (s) an edge acts that a sign of the current with a zone delays, linear in it,
     by a time of either sign; and ROUND where `rounded` has to be added."""
-    size, beside = abs(time), hold - zone_center * zone_width
-    own = 0.5 * size * (1.0 + clip(beside * (1.0 / max(zone_width, SHARP))))
-    round_zone = (zone_shape > 0.0) & (abs(beside) < TAILS * zone_width)
+    size, off_center = abs(time), hold - zone_center * zone_width
+    own = 0.5 * size * (1.0 + clip(off_center * (1.0 / max(zone_width, SHARP))))
+    round_zone = (zone_shape > 0.0) & (abs(off_center) < TAILS * zone_width)
     return (own if time >= 0.0 else size - own), (ROUND if round_zone & (size > 0.0) else 0.0)
 
 
@@ -126,8 +126,8 @@ def zoned(v: Mapping[str, float], current: Array) -> Array:
     if width := v["dead_time.zone_width"]:
         zone = {"bench.soft_current": width, "bench.soft_shape": v["dead_time.zone_shape"]}
         center = v["dead_time.zone_center"]
-    beside = center * zone.get("bench.soft_current", 0.0)
-    return np.asarray(0.5 * (sign(zone, current - beside) + sign(zone, current + beside)))
+    shift = center * zone.get("bench.soft_current", 0.0)
+    return np.asarray(0.5 * (sign(zone, current - shift) + sign(zone, current + shift)))
 
 
 def ordinarily(v: Mapping[str, float]) -> tuple[str, ...]:

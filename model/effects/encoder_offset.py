@@ -28,14 +28,14 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     offset, late = v["encoder_offset.offset"], v["encoder_offset.latency"]
     way = "subtract {} from" if offset > 0.0 else "add {} to"
     angles = f"{angle(offset)} (electrical; {angle(offset / motor.pole_pairs)} mechanical)"
-    told = [f"{way.format(angles)} the encoder's reading, or align it again"] if offset else []
+    steps = [f"{way.format(angles)} the encoder's reading, or align it again"] if offset else []
     if late:
         sign = "add" if late > 0.0 else "subtract"
-        told.append(
+        steps.append(
             f"{sign} the speed times {quantity(abs(late), 's')} to the angle that is read: it is "
             f"{'older' if late > 0.0 else 'newer'} than its row by that"
         )
-    return "; ".join(told)
+    return "; ".join(steps)
 
 
 CARD = Effect(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from model.effects.card import Effect, Ordinary, Parameter
-from model.effects.said import beside_map, percent, stated
+from model.effects.said import added_to_map, percent, stated
 from model.parameters import Converter, Motor
 
 
@@ -13,7 +13,7 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     scales = {x: v[f"inductance.scale_{x}"] for x in "dq" if v[f"inductance.scale_{x}"] != 1.0}
     if motor.has_map:
-        return beside_map(
+        return added_to_map(
             ", ".join(f"L_{x} {percent(s - 1.0)} at zero current" for x, s in scales.items())
         )
     changes = (

@@ -129,9 +129,9 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     amps = corners(v, motor)
     points = [f"[{i:.3g}, {u:.3g}]" for i, u in zip(amps, curve(v, motor, amps), strict=True)]
-    beside = " beside its dead time and drop" if simpler(v) else ""
+    more = " beside its dead time and drop" if simpler(v) else ""
     return (
-        f"compensate each leg by this curve (A, V){beside}, or state it as what the drive loses: "
+        f"compensate each leg by this curve (A, V){more}, or state it as what the drive loses: "
         f"[drive] inverter_table = [[0, 0], {', '.join(points)}]"
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from model.effects.card import Effect, Ordinary, Parameter
-from model.effects.said import MAGNETS, beside_map, percent, quantity, stated, warmer
+from model.effects.said import MAGNETS, added_to_map, percent, quantity, stated, warmer
 from model.parameters import Converter, Motor
 
 
@@ -14,13 +14,13 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     found = v["magnet_flux.magnet_flux"]
     out = f"set {stated('magnet_flux', found, 'Wb')} in the motor's file and the estimator"
     if not motor.magnet_flux:
-        return beside_map(f"magnet flux {quantity(found, 'Wb', 3)}") if motor.has_map else out
+        return added_to_map(f"magnet flux {quantity(found, 'Wb', 3)}") if motor.has_map else out
     change = found / motor.magnet_flux - 1.0
     warm = {name: warmer(-change / slope) for name, slope in MAGNETS.items()}
     causes = [f"{name} {kelvin}" for name, kelvin in warm.items() if kelvin]
     why = ", or ".join([*causes, "partly demagnetised" if change < 0.0 else "a stronger grade"])
     if motor.has_map:
-        return beside_map(f"magnet flux {percent(change)} ({why})")
+        return added_to_map(f"magnet flux {percent(change)} ({why})")
     return f"{out} ({percent(change)}: {why})"
 
 

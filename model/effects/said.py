@@ -86,14 +86,14 @@ def model_for(motor: Motor, values: Mapping[str, float], names: Sequence[str]) -
         f"{n} = {values[f'saturation.{n}']:.4g} {PER_FLUXES[n[-2:]]}" for n in names
     )
     if motor.has_map:
-        return beside_map(coefficients)
+        return added_to_map(coefficients)
     return (
         f"give the estimator and the current control a model with {coefficients} (motor.toml has "
         "them), or a flux map"
     )
 
 
-def beside_map(text: str) -> str:
+def added_to_map(text: str) -> str:
     """Return what to do about iron or magnets that are not as the motor's flux map has them."""
     return (
         f"not as the flux map has it: {text}; measure the map again as warm as the drive "

@@ -62,14 +62,14 @@ def read_configuration(path: Path) -> Configuration:
     numbers = _one_axis(path.name, numbers_of(text, path.name))
     for program in PROGRAMS:
         if any(_last(numbers, key) is not None for key in program.known_by):
-            told = {k: t for k, t in program.convert(numbers).items() if t}
-            for key, t in told.items():
+            stated = {k: t for k, t in program.convert(numbers).items() if t}
+            for key, t in stated.items():
                 if not math.isfinite(t.value):
                     raise BadInput(
                         f"{path.name}: {t.origin}, which is no finite number; measure it again and "
                         f"save the configuration, or write the number there ({key} comes from it)"
                     )
-            quantities = {k: t for k, t in told.items() if t.value > 0.0}
+            quantities = {k: t for k, t in stated.items() if t.value > 0.0}
             if quantities:
                 control = {k: v for k, v in program.control(numbers).items() if v is not None}
                 stated = {k: f"{t.value!r} {t.unit}".strip() for k, t in quantities.items()}
@@ -111,7 +111,7 @@ def _last(numbers: Mapping[str, float], *names: str) -> float | None:
     return None
 
 
-def _told(
+def _entry(
     n: Mapping[str, float], names: str, unit: str = "", factor: float = 1.0, law: str = ""
 ) -> Told | None:
     """Return what the first of some names (a blank between) says, times a factor (its law in
@@ -128,12 +128,12 @@ def _vesc(n: Mapping[str, float]) -> dict[str, Told | None]:
     speed, poles = _last(n, "l_max_erpm") or _last(n, "l_rpm_max"), _last(n, "si_motor_poles")
     zero = "foc_f_zv foc_f_sw"  # the older firmware's name
     out = {
-        "poles": _told(n, "si_motor_poles"),
-        "resistance": _told(n, "foc_motor_r", "ohm"),
-        "magnet_flux": _told(n, "foc_motor_flux_linkage", "Wb"),
-        "rated_current": _told(n, "l_current_max", "A"),
-        "dc_bus_voltage": _told(n, "si_battery_cells", "V", 3.7, "3.7 V a cell"),
-        "pwm_frequency": _told(n, zero, "Hz", 0.5, "half of it: centre-aligned"),
+        "poles": _entry(n, "si_motor_poles"),
+        "resistance": _entry(n, "foc_motor_r", "ohm"),
+        "magnet_flux": _entry(n, "foc_motor_flux_linkage", "Wb"),
+        "rated_current": _entry(n, "l_current_max", "A"),
+        "dc_bus_voltage": _entry(n, "si_battery_cells", "V", 3.7, "3.7 V a cell"),
+        "pwm_frequency": _entry(n, zero, "Hz", 0.5, "half of it: centre-aligned"),
     }
     if (pwm := out["pwm_frequency"]) and pwm.value > 0.0:
         out["sampling_period"] = Told(1.0 / pwm.value, "s", "1 / pwm_frequency")
@@ -154,11 +154,11 @@ def _vesc(n: Mapping[str, float]) -> dict[str, Told | None]:
 
 def _odrive(n: Mapping[str, float]) -> dict[str, Told | None]:
     return {
-        "pole_pairs": _told(n, "pole_pairs"),
-        "resistance": _told(n, "phase_resistance", "ohm"),
-        "inductance": _told(n, "phase_inductance", "H"),
-        "torque_constant": _told(n, "torque_constant", "Nm/A"),
-        "rated_current": _told(n, "current_soft_max current_lim", "A"),
+        "pole_pairs": _entry(n, "pole_pairs"),
+        "resistance": _entry(n, "phase_resistance", "ohm"),
+        "inductance": _entry(n, "phase_inductance", "H"),
+        "torque_constant": _entry(n, "torque_constant", "Nm/A"),
+        "rated_current": _entry(n, "current_soft_max current_lim", "A"),
         "rated_speed_rpm": _odrive_speed(n),
     }
 
@@ -170,15 +170,15 @@ def _odrive_speed(n: Mapping[str, float]) -> Told | None:
     if _last(n, "torque_constant") is None and (turn := _last(n, "encoder.config.cpr") or 0.0):
         said = f"counts/s of an encoder of {turn:.6g}: a limit, perhaps below the rating"
     names = "config.vel_limit controller.config.vel_limit"
-    return _told(n, names, "rpm", 60.0 / turn, said) if turn else None
+    return _entry(n, names, "rpm", 60.0 / turn, said) if turn else None
 
 
 def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
     poles = _last(n, "poles")
-    flux = _told(n, "fit.lambda_m", "Wb")
+    flux = _entry(n, "fit.lambda_m", "Wb")
     if flux is None and poles:
         pairs = 0.5 * poles
-        flux = _told(
+        flux = _entry(
             n, "v_per_hz", "Wb", VECTOR / pairs, "V of a phase per Hz: / (2 pi pole pairs)"
         )
         kv = _last(n, "motor.kv") or _last(n, "calibration.kv") or _last(n, "kv")
@@ -189,19 +189,19 @@ def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
                 f"Kv = {kv:.6g} by moteus' law: 30 / (Kv 2 pi pole pairs)",
             )
     both = "cal_inductance_d_h calibration.inductance winding_inductance inductance"
-    d = _told(n, f"fit.b motor.inductance_d_h {both}", "H")
+    d = _entry(n, f"fit.b motor.inductance_d_h {both}", "H")
     levels = [
         float(m[1]) for name in n if (m := re.match(rf"regressions\.({NUMBER})\.slope$", name))
     ]
     swept = max(map(abs, levels), default=None)
-    rate = _told(n, "pwm_rate_hz", "Hz")
+    rate = _entry(n, "pwm_rate_hz", "Hz")
     return {
-        "poles": _told(n, "poles"),
-        "resistance": _told(n, "motor.resistance_ohm params.r winding_resistance", "ohm"),
+        "poles": _entry(n, "poles"),
+        "resistance": _entry(n, "motor.resistance_ohm params.r winding_resistance", "ohm"),
         "magnet_flux": flux,
         "inductance_d": d,
-        "inductance_q": _told(n, "motor.inductance_q_h", "H") or d,
-        "rated_current": _told(n, "max_current_a", "A")
+        "inductance_q": _entry(n, "motor.inductance_q_h", "H") or d,
+        "rated_current": _entry(n, "max_current_a", "A")
         or (Told(swept, "A", f"the sweep of d-currents went to {swept:.6g} A") if swept else None),
         "pwm_frequency": rate,
         "sampling_period": Told(1.0 / rate.value, "s", "1 / pwm_rate_hz")
@@ -212,16 +212,16 @@ def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
 
 def _simplefoc(n: Mapping[str, float]) -> dict[str, Told | None]:
     return {
-        "pole_pairs": _told(n, "bldcmotor.pole_pairs motor.pole_pairs"),
-        "resistance": _told(n, "motor.phase_resistance bldcmotor.phase_resistance", "ohm"),
-        "kv": _told(n, "motor.kv_rating bldcmotor.kv", "rpm/V"),
-        "inductance": _told(n, "motor.phase_inductance bldcmotor.phase_inductance", "H"),
-        "inductance_d": _told(n, "motor.axis_inductance.d", "H"),
-        "inductance_q": _told(n, "motor.axis_inductance.q", "H"),
-        "rated_current": _told(n, "motor.current_limit", "A"),
-        "dc_bus_voltage": _told(n, "driver.voltage_power_supply", "V"),
-        "pwm_frequency": _told(n, "driver.pwm_frequency", "Hz"),
-        "rated_speed_rpm": _told(
+        "pole_pairs": _entry(n, "bldcmotor.pole_pairs motor.pole_pairs"),
+        "resistance": _entry(n, "motor.phase_resistance bldcmotor.phase_resistance", "ohm"),
+        "kv": _entry(n, "motor.kv_rating bldcmotor.kv", "rpm/V"),
+        "inductance": _entry(n, "motor.phase_inductance bldcmotor.phase_inductance", "H"),
+        "inductance_d": _entry(n, "motor.axis_inductance.d", "H"),
+        "inductance_q": _entry(n, "motor.axis_inductance.q", "H"),
+        "rated_current": _entry(n, "motor.current_limit", "A"),
+        "dc_bus_voltage": _entry(n, "driver.voltage_power_supply", "V"),
+        "pwm_frequency": _entry(n, "driver.pwm_frequency", "Hz"),
+        "rated_speed_rpm": _entry(
             n,
             "motor.velocity_limit",
             "rpm",

@@ -99,7 +99,7 @@ def first_state(estimator: Estimator, believed: Belief, tuning: Tuning, angle: f
     except (BadInput, PhysicsError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
-        raise told_of(estimator, "init", error) from error
+        raise own_code_error(estimator, "init", error) from error
     if estimator.compiled and not (
         isinstance(state, np.ndarray)
         and state.dtype == np.float64
@@ -124,7 +124,7 @@ def checked(estimator: Estimator) -> Callable[..., Estimate]:
         except (BadInput, PhysicsError, MemoryError):
             raise
         except (Exception, SystemExit) as error:
-            raise told_of(estimator, "step", error) from error
+            raise own_code_error(estimator, "step", error) from error
         if not isinstance(estimate, Estimate):
             raise BadInput(
                 f"step of estimator '{estimator.name}' returned "
@@ -135,7 +135,7 @@ def checked(estimator: Estimator) -> Callable[..., Estimate]:
     return step
 
 
-def told_of(estimator: Estimator, which: str, error: BaseException) -> OwnCodeError:
+def own_code_error(estimator: Estimator, which: str, error: BaseException) -> OwnCodeError:
     """Return what an estimator's `init` or `step` raised as one sentence: the error, and the line
     of its own file."""
     frames = [
@@ -161,15 +161,15 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design, injects: boo
     if gains.reads_ripple:
         check_saliency(m)
     able = attainable(drive.converter)
-    beside = able - drive.injection.amplitude
-    if beside <= 0.0 and (injects or scenario.start_up):
+    left = able - drive.injection.amplitude
+    if left <= 0.0 and (injects or scenario.start_up):
         raise PhysicsError(
             f"{injection(drive)} exceeds the {able:.4g} V that {link(drive)} gives; lower the "
             "injection or raise dc_bus_voltage"
         )
     if scenario.start_up:
-        check_polarity(drive, gains, beside, can_carry(drive, scenario), scenario.name)
-    room = beside if injects else able
+        check_polarity(drive, gains, left, can_carry(drive, scenario), scenario.name)
+    room = left if injects else able
     for s in scenario.segments:
         if math.hypot(s.load, s.current_d) > OVERLOAD:
             raise BadInput(

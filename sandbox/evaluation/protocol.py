@@ -142,7 +142,7 @@ class Protocol:
             "tests": tests,
         }
 
-    def beside(self, cpu: float, rms: float) -> Protocol:
+    def with_reversal_of(self, cpu: float, rms: float) -> Protocol:
         """Return the protocol with the peer's reversal beside ours: CPU seconds a second, error rms
         (degrees)."""
         rows = []
@@ -372,4 +372,4 @@ def with_motulator(result: Protocol, anchors: Path, python: str | None) -> Proto
     from sandbox.evaluation.bench import peer
     from sandbox.evaluation.peer_python import peer_python
 
-    return result.beside(*peer(anchors, peer_python(python), "lin", 4.0))
+    return result.with_reversal_of(*peer(anchors, peer_python(python), "lin", 4.0))

@@ -92,16 +92,16 @@ def renamed(d: Diagnosis, drift: Drift) -> Diagnosis:
     """Return a diagnosis whose hypotheses hold the effect; where the best one does its gap is that
     of readings as they are."""
     drifts = library.drifting().name
-    told: dict[Set, tuple[Hypothesis, dict[str, Estimate]]] = {}
+    merged: dict[Set, tuple[Hypothesis, dict[str, Estimate]]] = {}
     for h, own in zip(d.hypotheses, d.parameters, strict=True):
         both = ((with_offset(h.effects), drift.chance), (h.effects, 1.0 - drift.chance))
         for effects, chance in ((h.effects, 1.0),) if drifts in h.effects else both:
             if chance >= LISTED:
-                first, parameters = told.get(effects, (replace(h, probability=0.0), own))
+                first, parameters = merged.get(effects, (replace(h, probability=0.0), own))
                 p = first.probability + chance * h.probability
-                told[effects] = replace(first, effects=effects, probability=p), parameters
-    total = sum(h.probability for h, _ in told.values())
-    ranked = sorted(told.values(), key=lambda x: (-x[0].probability, x[0].effects))
+                merged[effects] = replace(first, effects=effects, probability=p), parameters
+    total = sum(h.probability for h, _ in merged.values())
+    ranked = sorted(merged.values(), key=lambda x: (-x[0].probability, x[0].effects))
     found = replace(
         d,
         hypotheses=tuple(replace(h, probability=h.probability / total) for h, _ in ranked),
@@ -173,8 +173,8 @@ def _shares(of: Mapping[str, Share], own: Share) -> dict[str, Share]:
     kept = 1.0 - own.value
     scaled = {e: Share(*(kept * x for x in share)) for e, share in of.items()}
     drifts = library.drifting().name
-    beside = scaled.get(drifts)
-    scaled[drifts] = own if beside is None else Share(*map(add, own, beside))
+    apart = scaled.get(drifts)
+    scaled[drifts] = own if apart is None else Share(*map(add, own, apart))
     return dict(sorted(scaled.items(), key=lambda x: -x[1].value))
 
 

@@ -39,7 +39,7 @@ def plain(value: Any) -> Any:
 
 
 KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html", ".parquet", ".csv")
-BESIDE = {  # files that commands write under names of their own
+FURTHER_FILES = {  # files that commands write under names of their own
     "diagnosis": ("report.html", "motor.toml", "effects.toml", "next_recording.csv"),
     "identify": ("motor.toml", "effects.toml"),
     "check": ("columns.toml",),
@@ -159,7 +159,7 @@ def check_output(out: Path, command: str = "") -> None:
             f"cannot write to {brief(str(out))}: its path is no UTF-8; give another --out"
         ) from None
     if command:
-        check_free(out, [*(f"{command}{kind}" for kind in KINDS), *BESIDE.get(command, ())])
+        check_free(out, [*(f"{command}{kind}" for kind in KINDS), *FURTHER_FILES.get(command, ())])
     try:
         _waiting(out)
     finally:
@@ -201,7 +201,9 @@ def _publish(waiting: Path, full: Path, command: str) -> None:
     earlier = [old for old in full.glob(f"{command}.*") if old.suffix in KINDS]
     if (full / f"{command}.json").is_file():
         earlier += [
-            full / name for name in BESIDE.get(command, ()) if not _of_others(full, name, command)
+            full / name
+            for name in FURTHER_FILES.get(command, ())
+            if not _of_others(full, name, command)
         ]
     for old in earlier:
         if old.is_file() and not (waiting / old.name).exists():
@@ -217,7 +219,7 @@ def _publish(waiting: Path, full: Path, command: str) -> None:
 def _of_others(folder: Path, name: str, command: str) -> bool:
     """Return whether a file may be a user's, or of another command that has results in the
     folder."""
-    others = [c for c, names in BESIDE.items() if name in names and c != command]
+    others = [c for c, names in FURTHER_FILES.items() if name in names and c != command]
     return name in CORRECTED or any((folder / f"{c}.json").is_file() for c in others)
 
 

@@ -114,10 +114,10 @@ class Refitted:
         bench = {
             k.removeprefix("bench."): v for k, v in self.effects.items() if k.startswith("bench.")
         }
-        beside = f" beside {MOTOR}" if self.drive is not None else ""
+        also = f" beside {MOTOR}" if self.drive is not None else ""
         call = f"--motor {MOTOR} --effects {EFFECTS}"
         head = (
-            f"# {self.said}\n# What the simulator has{beside}: sensorless simulate {call}\n"
+            f"# {self.said}\n# What the simulator has{also}: sensorless simulate {call}\n"
             f"# With the recordings' own voltages: sensorless replay CAMPAIGN {call}\n\n"
         )
         angles = {

@@ -47,10 +47,10 @@ def legs_lose(w, j, shape, x, y, p, q):
     shape: of the soft sign, from 0 (linear) to 1 (tanh).
     """
     k = w.soft[j]
-    half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
+    half, side, ahead, across = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
     v_a = ports.leg(w, j, k * x, k * p, shape)
-    v_b = ports.leg(w, j, k * (half + side), k * (ahead + beside), shape)
-    v_c = ports.leg(w, j, k * (half - side), k * (ahead - beside), shape)
+    v_b = ports.leg(w, j, k * (half + side), k * (ahead + across), shape)
+    v_c = ports.leg(w, j, k * (half - side), k * (ahead - across), shape)
     return (2.0 * v_a - v_b - v_c) * THIRD, (v_b - v_c) * ROOT_THIRD
 
 
@@ -229,13 +229,13 @@ def table_mean(w, before, after):
 @inlined
 def loses(w, j, measured, x, y, p, q):
     """Return the same as `legs_lose` by the measured table, or by the curves of effects."""
-    half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
+    half, side, ahead, across = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
     if measured:
-        a, b = table_mean(w, x, p), table_mean(w, half + side, ahead + beside)
-        c = table_mean(w, half - side, ahead - beside)
+        a, b = table_mean(w, x, p), table_mean(w, half + side, ahead + across)
+        c = table_mean(w, half - side, ahead - across)
     else:
-        a, b = ports.leg_curve(w, j, x, p), ports.leg_curve(w, j, half + side, ahead + beside)
-        c = ports.leg_curve(w, j, half - side, ahead - beside)
+        a, b = ports.leg_curve(w, j, x, p), ports.leg_curve(w, j, half + side, ahead + across)
+        c = ports.leg_curve(w, j, half - side, ahead - across)
     return (2.0 * a - b - c) * THIRD, (b - c) * ROOT_THIRD
 
 

@@ -344,14 +344,14 @@ def check_units(levels: Levels, drive: Drive) -> None:
         levels.voltage[:, 0] + 1j * levels.voltage[:, 1],
         levels.current[:, 0] + 1j * levels.current[:, 1],
     )
-    largest, floor = (
+    largest, noise = (
         float(np.max(np.abs(i))),
         drive.converter.current_noise + drive.converter.current_resolution,
     )
-    if not largest > floor:
+    if not largest > noise:
         raise BadInput(
             f"{levels.source[0]}: no level has a mean current above {largest:.3g} A (sensor noise "
-            f"and resolution are {floor:.3g} A); check that the currents were recorded and the "
+            f"and resolution are {noise:.3g} A); check that the currents were recorded and the "
             "bias voltages reached the motor"
         )
     big = np.flatnonzero(np.abs(i) > 0.4 * largest)

@@ -86,7 +86,7 @@ def cut_at_gaps(
     usual = float(np.median(step))
     if np.any(step <= 0.0) or not 0.6 < usual / period < 1.4:
         return [(file, dict(columns))], []
-    gaps = np.flatnonzero((step > GAP * max(period, usual)) | _goes_on_beside(t, usual))
+    gaps = np.flatnonzero((step > GAP * max(period, usual)) | _moves_for_good(t, usual))
     if not gaps.size:
         return [(file, dict(columns))], []
     bounds = np.concatenate([[0], gaps + 1, [len(t)]])
@@ -123,7 +123,7 @@ def cut_at_gaps(
     return pieces, [Finding(file, "t", longest, text)]
 
 
-def _goes_on_beside(t: Array, period: float) -> NDArray[np.bool_]:
+def _moves_for_good(t: Array, period: float) -> NDArray[np.bool_]:
     """Return for each step of stamps t (s) whether it moves the clock by more than JITTER of a
     period, for good: a row that was stamped late comes back."""
     off = t - np.arange(len(t)) * period

@@ -59,8 +59,8 @@ def grouped(needs: Sequence[int], common: int | None = None) -> list[list[int]]:
 
     Begins with sets of equal needs and joins the two groups that save most, until none do.
     """
-    beside, always = (0, 0) if common is None else (1, common)
-    most = ROOMS[-1] - beside
+    common_sets, always = (0, 0) if common is None else (1, common)
+    most = ROOMS[-1] - common_sets
     equal: dict[int, list[int]] = {}
     for k, need in enumerate(needs):
         equal.setdefault(need | always, []).append(k)
@@ -70,7 +70,7 @@ def grouped(needs: Sequence[int], common: int | None = None) -> list[list[int]]:
     while len(groups) > 1:
         saved, (i, j) = max(
             (
-                (_saved(groups[i], groups[j], beside), (i, j))
+                (_saved(groups[i], groups[j], common_sets), (i, j))
                 for i, j in combinations(range(len(groups)), 2)
             ),
             key=lambda x: x[0],
@@ -82,11 +82,11 @@ def grouped(needs: Sequence[int], common: int | None = None) -> list[list[int]]:
     return [own for _, own in groups]
 
 
-def _saved(one: tuple[int, list[int]], other: tuple[int, list[int]], beside: int) -> float:
+def _saved(one: tuple[int, list[int]], other: tuple[int, list[int]], common_sets: int) -> float:
     """Return the time that two groups save in one block; negative where they are too many for it,
     or cost more."""
     sets = len(one[1]) + len(other[1])
-    if sets + beside > ROOMS[-1]:
+    if sets + common_sets > ROOMS[-1]:
         return -1.0
-    apart = cost(one[0], len(one[1]) + beside) + cost(other[0], len(other[1]) + beside)
-    return apart - cost(one[0] | other[0], sets + beside)
+    apart = cost(one[0], len(one[1]) + common_sets) + cost(other[0], len(other[1]) + common_sets)
+    return apart - cost(one[0] | other[0], sets + common_sets)

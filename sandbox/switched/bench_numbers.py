@@ -223,7 +223,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
     period, flux_map = converter.sampling_period, flux_map_of(motor.energy)
     shaft, shaft_rate = _shaft(v)
     values: dict[str, Any] = {
-        **(_energy(motor, v) if flux_map is None else _beside_map(motor, v)),
+        **(_energy(motor, v) if flux_map is None else _added_to_map(motor, v)),
         **{own: v[name] for own, name in SAME.items()},
         **{n.partition(".")[2]: x for n, x in v.items() if n.partition(".")[0] in SAME_NAMES},
         **_drive(motor, converter),
@@ -375,7 +375,7 @@ def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-def _beside_map(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
+def _added_to_map(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
     """Coefficients of what effects add to a flux map: the series with them less that of the map at
     zero current."""
     with_effects, own = _energy(motor, v), _energy(motor, neutral(motor))

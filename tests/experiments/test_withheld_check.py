@@ -258,7 +258,7 @@ def test_shares_are_compared_with_the_effect_alone_taken_out_and_with_the_mean_o
     )
     assert shares_truth.compared(rows[2:])["in_interval"] is None
     monkeypatch.setattr(drawing, "RESULTS", tmp_path)
-    shares_truth.told(rows)
+    shares_truth.write(rows)
     kept = json.loads((tmp_path / "shares_truth.json").read_text())
     assert {"rms_alone", "rms_last", "rms_true", "n"} <= set(kept)
     assert (tmp_path / "shares_truth.png").is_file()

@@ -172,8 +172,8 @@ def _layout(comparison: Comparison, looked: list[View]) -> list[View]:
     overview = grid(errors, len({run.closed_loop for run in comparison.runs}))
     text = text_view("summary", "How to read, errors, provenance")
     front = side_by_side([text, overview], [2, 3], "Summary")
-    beside = [tabbed(looked, "Planes and spectra")] if looked else []
-    return [front, *(_tab(title, runs, reach) for title, runs in groups.items()), *beside]
+    more = [tabbed(looked, "Planes and spectra")] if looked else []
+    return [front, *(_tab(title, runs, reach) for title, runs in groups.items()), *more]
 
 
 def _reach(row: Row) -> float:

@@ -279,12 +279,12 @@ def digest_of(sweep: Sweep) -> str:
             path = Path(str(value))
             if not path.is_absolute():
                 continue
-            content = path.read_bytes() + _beside(path)
+            content = path.read_bytes() + _files_named(path)
             text = text.replace(json.dumps(str(value)), f'"{hashlib.sha256(content).hexdigest()}"')
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _beside(path: Path) -> bytes:
+def _files_named(path: Path) -> bytes:
     """Return names and hashes of the files that a TOML file names: a flux map, an inverter's
     table."""
     return b"".join(

@@ -43,7 +43,7 @@ def _curve(effect: str, j: EvaluatedModel) -> CurveFound | None:
     if card.curve is None:
         return None
     s, values = spread(j), dict(j.fit.point.values)
-    here = (effect, *card.curve.beside)
+    here = (effect, *card.curve.simpler_forms)
     own = [k for k, c in enumerate(s.coordinates) if not c.of_point and c.effect in here]
     for k in own:
         c = s.coordinates[k]

@@ -85,7 +85,7 @@ class Motion:
     design: Design
     weighed: tuple[Weighed, ...]
     unknown: float
-    raw: float
+    nominal_nrmse: float
     before: float
     after: float
     by_recording: tuple[tuple[str, float, float, bool], ...]
@@ -121,7 +121,7 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
         campaign.deviations.get(VISCOUS.stated, ORDINARY),
     )
     plain = design_of(parts)
-    able, cannot = _told_apart(campaign, plain, nominal, exclude)
+    able, cannot = _identifiable(campaign, plain, nominal, exclude)
     whole, design = _richest(plain, plain, able, nominal)
     if beyond := _beyond(design, whole, nominal, able):
         cannot |= beyond
@@ -168,7 +168,7 @@ def _averaged(campaign: MotionCampaign) -> list[Averages]:
     return parts
 
 
-def _told_apart(
+def _identifiable(
     campaign: MotionCampaign, plain: Design, nominal: Nominal, exclude: Sequence[str]
 ) -> tuple[list[str], dict[str, str]]:
     """Return the effects that a motion can tell, and why it cannot tell the others."""

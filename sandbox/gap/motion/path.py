@@ -35,14 +35,14 @@ def path_of(r: MotionRecording, jitter: float, count: float) -> tuple[Array, Arr
     h, turned = np.diff(r.t)[:, None], np.diff(r.angle)[:, None]
     moved = np.abs(turned[np.abs(turned) > LEAST_STEP])
     count = max(count, float(moved.min()) if moved.size else 0.0) / math.sqrt(12.0)
-    speed, told = _speeds(r.t, r.angle, jitter, count)
+    speed, certain = _speeds(r.t, r.angle, jitter, count)
     if "speed" in r.beside:
         speed = r.beside["speed"]
     first, last = speed[:-1, None], speed[1:, None]
     angle = r.angle[:-1, None] + turned * PLACES
     angle -= 0.5 * h * (last - first) * PLACES * (1.0 - PLACES)
     path, at = first + (last - first) * PLACES, r.t[:-1, None] + h * PLACES
-    for rows, instant, before, after in _turnings(r.t, r.angle, speed * told, count):
+    for rows, instant, before, after in _turnings(r.t, r.angle, speed * certain, count):
         away = at[rows] - instant
         path[rows] = away * np.where(away < 0.0, before, after)
     return angle, path
@@ -58,8 +58,8 @@ def _speeds(t: Array, angle: Array, jitter: float, count: float) -> tuple[Array,
     out, tells = _difference(t, angle, reach)[0], np.zeros(len(t), bool)
     while reach:
         speed, span = _difference(t, angle, reach)
-        told = np.abs(speed) > TELLS * math.sqrt(2.0) * np.hypot(count, jitter * speed) / span
-        out, tells = np.where(told, speed, out), tells | told
+        certain = np.abs(speed) > TELLS * math.sqrt(2.0) * np.hypot(count, jitter * speed) / span
+        out, tells = np.where(certain, speed, out), tells | certain
         reach //= 2
     return out, tells
 

@@ -308,8 +308,8 @@ def _of_width(a: Array, inverse: Array, bend: Array, rows: float) -> Array:
     bend: how its torque changes with the logarithm of the width; rows: what the speed changes in
     half a row, over the width."""
     moved = inverse @ (a.T @ bend)
-    told = max(float(bend @ bend) - float((a.T @ bend) @ moved), 0.0) + SPREAD_WIDTH**-2.0
-    return np.outer(moved, moved) * max(1.0 / told, (UNRESOLVED * min(rows, 1.0) ** 2) ** 2)
+    information = max(float(bend @ bend) - float((a.T @ bend) @ moved), 0.0) + SPREAD_WIDTH**-2.0
+    return np.outer(moved, moved) * max(1.0 / information, (UNRESOLVED * min(rows, 1.0) ** 2) ** 2)
 
 
 def _wider(covariance: Array, other: Array) -> Array:

@@ -223,7 +223,7 @@ def document(m: Motion) -> dict[str, Any]:
 
 def _gap(m: Motion) -> dict[str, Any]:
     return {
-        "raw": m.raw,
+        "raw": m.nominal_nrmse,
         "before": m.before,
         "after": m.after,
         "floor": 1.0,
@@ -386,8 +386,8 @@ def _motor(m: Motion) -> str:
     out = []
     for name, said in stated.items():
         if name in found:
-            beside = f"stated {said:.4g}" if said is not None else "none stated"
-            out.append(f"{name.replace('_', ' ')} {_value(found[name])} ({beside})")
+            as_stated = f"stated {said:.4g}" if said is not None else "none stated"
+            out.append(f"{name.replace('_', ' ')} {_value(found[name])} ({as_stated})")
     push = f"constant torque along the motion beside the recorded one {_value(found['offset'])}"
     of = f"values are those of {c.axis.what}"
     return c.axis.words("; ".join([*out, f"{push} (a load, or the current's offset)"])) + f"; {of}"

@@ -31,7 +31,7 @@ LIST_NOTE = (
     "from those of the hypotheses. The interval of a share says how much it differs from "
     "recording to recording; how uncertain the size is does not widen it."
 )
-BESIDE = (
+FREE_REGRESSION = (
     "Sizes are those beside a free regression, so that what is outside the library does not bend "
     "them. What they are without it stands below, and as `parameters` in diagnosis.json."
 )
@@ -205,7 +205,7 @@ def short(h: Hypothesis, all_of_them: Sequence[Hypothesis]) -> str:
     return f"the {len(named)} effects{row} above{' + unknown' if UNKNOWN in h.effects else ''}"
 
 
-def beside_first(
+def against_first(
     h: Hypothesis, first: Hypothesis, shares: Mapping[str, float] | None = None
 ) -> str:
     """Return a hypothesis for the table of all, the largest share of the gap first: one of many

@@ -51,7 +51,7 @@ def print_answers(a: Answers) -> None:
         print_prose(f"{capital(words(c.effect))}: {c.text}", f"{'Curve?':<10} ")
     print_prose(left.remains_text(a), f"{'Left?':<10} ")
     rows = [
-        [listed.beside_first(h, d.best, a.shares), f"{h.probability:.3f}", _share(closed_by(d, h))]
+        [listed.against_first(h, d.best, a.shares), f"{h.probability:.3f}", _share(closed_by(d, h))]
         for h in d.hypotheses[:6]
     ]
     print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
@@ -125,7 +125,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     before, after = shown(d.before.point), shown(d.after.point)
     part, rest = decompose(d.before.point, before), decompose(d.after.point, after)
     yield "<h2>The gap, recording by recording</h2>"
-    yield figure(_by_recording(a), _floor_caption(a))
+    yield figure(_by_recording(a), _noise_caption(a))
     yield fold(
         "All figures",
         table(["recording", "before", "after", "share of the gap"], _recordings(a, part)),
@@ -150,7 +150,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
 
 def _hypotheses(a: Answers, chosen: Sequence) -> str:
     rows = [
-        f"<tr><td>{prose(listed.beside_first(h, a.diagnosis.best, a.shares))}"
+        f"<tr><td>{prose(listed.against_first(h, a.diagnosis.best, a.shares))}"
         f"<div class='bar' style='width:{100.0 * h.probability:.1f}%'></div></td>"
         f"<td class='n'>{100.0 * h.probability:.1f}&nbsp;%</td>"
         f"<td class='n'>{prose(_share(closed_by(a.diagnosis, h)))}</td></tr>"
@@ -177,7 +177,7 @@ def _listed(a: Answers) -> Iterator[str]:
         yield f"<p>{prose(less_sure)}</p>"
     if hidden := listed.hidden_sentence(r):
         yield f"<p>{prose(hidden)}</p>"
-    notes = [listed.LIST_NOTE, *([listed.BESIDE] if r.beside_unknown else [])]
+    notes = [listed.LIST_NOTE, *([listed.FREE_REGRESSION] if r.with_regression else [])]
     yield f'<p class="soft">{prose(" ".join(notes))}</p>'
     if lies := r.where.text() if r.where is not None else "":
         yield f"<p>{prose(lies)}</p>"
@@ -267,7 +267,7 @@ def _recordings(a: Answers, part: Decomposition) -> list[list[str]]:
     ]
 
 
-def _floor_caption(a: Answers) -> str:
+def _noise_caption(a: Answers) -> str:
     own = amperes(a.diagnosis.start.prepared.noise_std)
     return (
         f"Rms of the residual, in noise floors; 1 is noise alone ({own} for currents). ● "

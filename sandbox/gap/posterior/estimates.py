@@ -71,7 +71,7 @@ def estimates(j: EvaluatedModel) -> dict[str, Estimate]:
     return {name: e for effect in j.effects for name, e in _of_effect(effect, s).items()}
 
 
-def estimates_beside(j: EvaluatedModel, equations: Algebra) -> dict[str, Estimate]:
+def estimates_with(j: EvaluatedModel, equations: Algebra) -> dict[str, Estimate]:
     """Return the same by other equations of its table: those with a free regression integrated out
     (`beside`).
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from sandbox.gap.posterior.beside import beside
 from sandbox.gap.posterior.evaluated import EvaluatedModel, by_algebra
 from sandbox.gap.posterior.inference import Inference
+from sandbox.gap.posterior.marginalized import marginalized
 from sandbox.gap.posterior.sets import Set, SetPosterior
 from sandbox.gap.posterior.unmodeled import unmodeled
 from sandbox.gap.shortened import shortened
@@ -45,7 +45,7 @@ def hypotheses(found: Inference, noise: float, *, workers: int = 1) -> list[Hypo
     chance = 1.0 - sum(inside.values()) / sum(found.sets.values())
     given = {(): 0.0} | {k: p * outside.get(k, usual) for k, p in found.sets.items()}
     if chance >= LIKELY and found.best.effects:
-        given = {(): 0.0} | (beside_regression(found, workers) or given)
+        given = {(): 0.0} | (with_regression(found, workers) or given)
     scale = chance / (sum(given.values()) or 1.0)
     every = [(k, k, p) for k, p in inside.items()]
     every += [((*k, UNKNOWN), k, p * scale) for k, p in given.items()]
@@ -74,12 +74,12 @@ def worth(found: Inference, key: Set, probability: float) -> bool:
     return key in found.evaluated or not key or probability >= LISTED
 
 
-def beside_regression(found: Inference, workers: int) -> dict[Set, float]:
+def with_regression(found: Inference, workers: int) -> dict[Set, float]:
     """Return the probability of sets beside a free regression, which is integrated out; none where
     it predicts nothing."""
     best = found.best
     short = replace(best.model, point=shortened(best.model.point))
-    freed = beside(short, best.prior, workers=workers)
+    freed = marginalized(short, best.prior, workers=workers)
     if freed is None:
         return {}
     sets = SetPosterior(replace(best.model, equations=freed.equations.scaled(found.mean_variance)))

@@ -155,7 +155,7 @@ def where_text(a: Answers) -> str:
     named = a.diagnosis.offsets_named
     known = "" if drifts is None else drifts.text_of_sum if named else drifts.text
     found = [x for x in (known, "" if counts is None else counts.text) if x]
-    if (every := _unforetold(a)) is not None:
+    if (every := _unpredicted(a)) is not None:
         text = (
             "Nowhere that these recordings show: fitted to all of them, ordinary deviations leave "
             f"{times(every)} the noise floor."
@@ -193,7 +193,7 @@ def far_text(a: Answers) -> str:
     )
     if a.verdict == "no_gap":
         text = f"There is nothing to close: residuals are {times(s.before)} the noise floor {on}."
-        if (every := _unforetold(a)) is not None:
+        if (every := _unpredicted(a)) is not None:
             text = (
                 f"Fitted to all recordings ordinary deviations leave {times(every)} the "
                 "noise floor, but "
@@ -243,7 +243,7 @@ def _recording(a: Answers) -> str:
     return f"{text} That it leaves only the true one of these is {chance}: {separated}."
 
 
-def _unforetold(a: Answers) -> float | None:
+def _unpredicted(a: Answers) -> float | None:
     """Return what ordinary deviations fitted to all recordings leave (times the noise floor), where
     they explain all recordings but do not foretell those held out; None elsewhere."""
     d = a.diagnosis
@@ -293,7 +293,7 @@ def next_text(a: Answers) -> str:
         return f"{a.odd_phase.exchange} {'' if a.following is None else _recording(a)}".rstrip()
     if a.following is not None:
         return _recording(a)
-    if _unforetold(a) is not None:
+    if _unpredicted(a) is not None:
         return (
             "Record more operating points (`sensorless plan` says which): these recordings do not "
             "foretell each other, so a small effect could pass for an ordinary deviation."

@@ -44,7 +44,7 @@ def remains_text(a: Answers) -> str:
     chance = which.chance_of_unknown(a.diagnosis)
     said = (
         f"{size}; that something outside the library is at work is {likely(chance)}.",
-        beside_text(a),
+        taken_up_text(a),
         regression_text(a),
         alike_text(a),
     )
@@ -73,17 +73,17 @@ def regression_text(a: Answers) -> str:
     )
 
 
-def beside_text(a: Answers) -> str:
+def taken_up_text(a: Answers) -> str:
     """Return what a free regression beside the effects takes up, and which effects it changes its
     mind about."""
     own = None if a.ranking is None else a.ranking.open_part
     if own is None:
         return ""
-    described = [x for x in own.beside.described if x.share >= MIN_SHARE][:2]
+    described = [x for x in own.regression.described if x.share >= MIN_SHARE][:2]
     acts = " and ".join(
         f"{ACTING[x.acts_as]} that depends on {HANGS[x.hangs_on]}" for x in described
     )
-    worth = own.beside.worth
+    worth = own.regression.worth
     sentence = (
         "stands"
         if worth is None

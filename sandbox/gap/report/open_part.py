@@ -22,9 +22,9 @@ from sandbox.gap.location.decompose import (
     top_speed,
 )
 from sandbox.gap.location.where import DETAIL
-from sandbox.gap.posterior.beside import Beside, beside
-from sandbox.gap.posterior.estimates import Estimate, estimates_beside
+from sandbox.gap.posterior.estimates import Estimate, estimates_with
 from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.marginalized import MarginalizedRegression, marginalized
 from sandbox.gap.report.inclusion import Inclusion, by_algebra
 from sandbox.gap.shortened import shortened
 from sandbox.gap.words import tenths
@@ -162,7 +162,7 @@ class OpenPart:
     """A free regression fitted beside the effects: what it closes and consists of, every effect's
     chance with it, and the parameters of effects, each in a set that holds it."""
 
-    beside: Beside
+    regression: MarginalizedRegression
     inclusion: Inclusion
     parameters: dict[str, dict[str, Estimate]]
 
@@ -174,17 +174,17 @@ class OpenPart:
     def as_json(self) -> dict[str, Any]:
         """Return `unknown.beside` of `diagnosis.json`."""
         return {
-            "worth": self.beside.worth,
-            "consists_of": [asdict(x) for x in self.beside.described],
+            "worth": self.regression.worth,
+            "consists_of": [asdict(x) for x in self.regression.described],
         }
 
     def unbent(self, j: EvaluatedModel) -> EvaluatedModel:
         """Return a set of effects with the equations beside the regression."""
-        return replace(j, model=replace(j.model, equations=self.beside.equations))
+        return replace(j, model=replace(j.model, equations=self.regression.equations))
 
     def sized(self, name: str, j: EvaluatedModel) -> OpenPart:
         """Return the same with the parameters of one more effect, in a set that holds it."""
-        sizes = estimates_beside(j, self.beside.equations)
+        sizes = estimates_with(j, self.regression.equations)
         return replace(self, parameters={**self.parameters, name: own_of(name, sizes)})
 
 
@@ -197,9 +197,9 @@ def open_part(d: Diagnosis, workers: int) -> OpenPart | None:
     """Return a free regression beside the best hypothesis' effects; None where it predicts
     nothing."""
     j = d.best.evaluated
-    found = beside(replace(j.model, point=shortened(j.model.point)), j.prior, workers=workers)
+    found = marginalized(replace(j.model, point=shortened(j.model.point)), j.prior, workers=workers)
     if found is None:
         return None
     freed = replace(j.model, equations=found.equations.scaled(d.variance))
-    sizes = estimates_beside(j, found.equations)
+    sizes = estimates_with(j, found.equations)
     return OpenPart(found, by_algebra(freed, j.effects), {e: own_of(e, sizes) for e in j.effects})

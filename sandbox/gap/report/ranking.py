@@ -90,12 +90,12 @@ class Ranking:
         bent = self.parameters.get(effect, {})
         return (
             self.open_part.parameters.get(effect, bent)
-            if self.beside_unknown and self.open_part
+            if self.with_regression and self.open_part
             else bent
         )
 
     @property
-    def beside_unknown(self) -> bool:
+    def with_regression(self) -> bool:
         """Whether sizes are those beside a free regression."""
         return self.open_part is not None and self.unknown >= LIKELY
 
@@ -119,7 +119,7 @@ class Ranking:
             "position": {k: m.as_json() for k, m in self.moved.get(name, {}).items()},
             "beside_unknown": None
             if self.open_part is None
-            else beside_unknown(self.open_part, name),
+            else with_regression(self.open_part, name),
         }
 
     def _by_recording(self) -> list[dict[str, Any]] | None:
@@ -130,7 +130,7 @@ class Ranking:
         ] or None
 
 
-def beside_unknown(part: OpenPart, name: str) -> dict[str, Any]:
+def with_regression(part: OpenPart, name: str) -> dict[str, Any]:
     """Return an effect's chance and parameters beside a free regression."""
     own = part.parameters.get(name, {})
     return {
@@ -259,7 +259,7 @@ class _Sets:
 
     def __init__(self, d: Diagnosis, r: Ranking) -> None:
         self.best, self.inclusion = d.best.evaluated, r.inclusion
-        self.part = r.open_part if r.beside_unknown else None
+        self.part = r.open_part if r.with_regression else None
         self.known: dict[tuple[str, ...], EvaluatedModel] = {
             tuple(sorted(self.best.effects)): self.best
         }

@@ -41,7 +41,7 @@ def refitted(d: Diagnosis) -> Refitted:
     of_values = {k: e for k, e in of_motor(judged).items() if k not in d.campaign.stand_ins}
     found = {**of_values, **estimates(judged)}
     ci95 = {k: (e.low, e.high) for k, e in found.items()}
-    effects = beside(motor, own.converter, values)
+    effects = not_in_motor(motor, own.converter, values)
     shown = [e for e in d.best.effects if e != UNKNOWN]
     said = (
         f"Refitted to the recordings of '{d.campaign.name}' by sensorless diagnose: "
@@ -114,7 +114,9 @@ def baked(motor: Motor, values: Mapping[str, float]) -> Motor:
     )
 
 
-def beside(motor: Motor, converter: Converter, values: Mapping[str, float]) -> dict[str, float]:
+def not_in_motor(
+    motor: Motor, converter: Converter, values: Mapping[str, float]
+) -> dict[str, float]:
     """Return what of a completed set is not neutral beside a motor that already holds its
     values."""
     neutral = complete(motor, converter)
@@ -130,6 +132,6 @@ def residual_of(found: Fit, parts: Mapping[str, str]) -> dict[str, float]:
     sums: dict[str, tuple[float, float]] = {}
     for s in found.normal.segments:
         if s.channel == "current":
-            rr, n = sums.get(files[s.recording], (0.0, 0.0))
-            sums[files[s.recording]] = rr + float(s.rr.sum()), n + float(s.n.sum())
-    return {file: math.sqrt(rr / n) for file, (rr, n) in sums.items()}
+            ssr, n = sums.get(files[s.recording], (0.0, 0.0))
+            sums[files[s.recording]] = ssr + float(s.rr.sum()), n + float(s.n.sum())
+    return {file: math.sqrt(ssr / n) for file, (ssr, n) in sums.items()}

@@ -50,8 +50,8 @@ def which_text(
     """
     of_sets = {**(rivals or {}), tuple(_named(d.best)): shares or {}}
     drifts = sized(by_recording) if by_recording else ""
-    told = _which(d, shares or {}, chances or {}, of_sets, drifts) + _hidden(d.out_of_sight)
-    return f"{_drifted(d)}{told}"
+    listed = _which(d, shares or {}, chances or {}, of_sets, drifts) + _hidden(d.out_of_sight)
+    return f"{_drifted(d)}{listed}"
 
 
 def _drifted(d: Diagnosis) -> str:

@@ -327,9 +327,9 @@ def _lost_sample(r: CampaignRecording, step: Array, count: float) -> list[Findin
     dropped."""
     if len(step) < 5:
         return []
-    beside = np.stack([step[:-4], step[1:-3], step[3:-1], step[4:]])
-    usual, here = beside.mean(axis=0), step[2:-2]
-    even = np.ptp(beside, axis=0) <= 0.2 * np.abs(usual) + 3.0 * count
+    around = np.stack([step[:-4], step[1:-3], step[3:-1], step[4:]])
+    usual, here = around.mean(axis=0), step[2:-2]
+    even = np.ptp(around, axis=0) <= 0.2 * np.abs(usual) + 3.0 * count
     odd = np.flatnonzero(
         even & (np.abs(usual) > 5.0 * count) & (np.abs(here - usual) > 0.6 * np.abs(usual))
     )

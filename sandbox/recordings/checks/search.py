@@ -116,10 +116,10 @@ def _some(parts: Sequence[Products]) -> Sequence[Products]:
 def two(parts: Sequence[Products], drive: Drive, table: Sequence[Change]) -> Iterator[Reading]:
     """Yield the readings of two changes, or of one and a zero, and of a base beside one."""
     yield from readings_of(parts, _pairs(table))
-    for beside in ((), *((c,) for c in table)):
-        if beside and (zero := _zero(parts, beside)):
-            yield from readings_of(parts, [beside], zero)
-        yield from readings_of(parts, ((*beside, c) for c in bases(parts, drive, beside)))
+    for others in ((), *((c,) for c in table)):
+        if others and (zero := _zero(parts, others)):
+            yield from readings_of(parts, [others], zero)
+        yield from readings_of(parts, ((*others, c) for c in bases(parts, drive, others)))
 
 
 def three(
@@ -187,7 +187,7 @@ def together(a: Change, b: Change) -> bool:
 
 
 def bases(
-    parts: Sequence[Products], drive: Drive, beside: AsItIs = (), zero: float = 0.0
+    parts: Sequence[Products], drive: Drive, others: AsItIs = (), zero: float = 0.0
 ) -> Iterator[Change]:
     """Yield the factors of all currents, and of all voltages, that leave least beside other
     changes, where they are no gain of a sensor.
@@ -199,7 +199,7 @@ def bases(
 
     def left(*own: Change) -> float:
         """Return what all recordings leave with these changes."""
-        return sum(p.share(terms_of((*beside, *own), motor), zero) for p in parts)
+        return sum(p.share(terms_of((*others, *own), motor), zero) for p in parts)
 
     for part in (CURRENT, VOLTAGE):
         if part == VOLTAGE and voltages_held(source) == DUTIES:
@@ -214,7 +214,7 @@ def bases(
         found = of_base(part, best if part == CURRENT else 1.0 / best, drive, source)
         clear = part == VOLTAGE or left(found) * BETTER < none
         far = abs(math.log(found.scale)) > math.log(BASE[part])
-        if clear and far and all(together(found, c) for c in beside):
+        if clear and far and all(together(found, c) for c in others):
             yield found
 
 

@@ -198,8 +198,8 @@ def _best(curves: dict[tuple[str, ...], Array]) -> tuple[int, tuple[str, ...]]:
 def _shortest(curve: Array) -> int:
     """Return the shortest shift among the minima that leave as little as any."""
     middle = len(curve) // 2
-    beside = np.pad(curve, 1, constant_values=np.inf)
-    minima = (curve <= beside[:-2]) & (curve <= beside[2:]) & (np.arange(len(curve)) != middle)
+    around = np.pad(curve, 1, constant_values=np.inf)
+    minima = (curve <= around[:-2]) & (curve <= around[2:]) & (np.arange(len(curve)) != middle)
     low = np.flatnonzero(minima)
     if not low.size:
         return 1

@@ -82,7 +82,7 @@ def _mended(
         if not np.any(bad):
             continue
         missed += squares
-        columns[name] = beside(x, moved, bad)
+        columns[name] = interpolated(x, moved, bad)
         rows = np.flatnonzero(bad & ~empty)  # an empty cell was told where it was read
         findings += [_told(r, name, rows, columns[name])] if rows.size else []
     if all(columns[name] is r.columns[name] for name in PHASES):
@@ -142,13 +142,13 @@ def disturbed(
     if len(x) < FEWEST:
         return bad, 0.0
     for _ in range(PASSES):
-        own = beside(x, moved, bad)
+        own = interpolated(x, moved, bad)
         raw = np.diff(own) - moved
         step = raw - _usual(raw)
         bound = max(BEYOND * DEVIATION * float(np.median(np.abs(step))), least)
         more = bad | _forth_and_back(step, moved, bound)
         more |= _at_the_ends(raw, moved, bound, more)
-        more &= bad | (np.abs(x - beside(x, moved, more)) > bound)
+        more &= bad | (np.abs(x - interpolated(x, moved, more)) > bound)
         if not np.any(more & ~bad):
             break
         bad = more
@@ -210,7 +210,7 @@ def _usual(step: Array) -> Array:
     return out
 
 
-def beside(x: Array, moved: Array, bad: NDArray[np.bool_]) -> Array:
+def interpolated(x: Array, moved: Array, bad: NDArray[np.bool_]) -> Array:
     """Return readings (n,) with bad ones as the good rows beside and the command between them
     tell."""
     if not np.any(bad):

@@ -226,7 +226,7 @@ def _share(r: CampaignRecording, drive: Drive) -> tuple[float, float] | None:
     if len(b.rows) < FEWEST or (b.doubtful and more.doubtful):
         return None
     change, rest = _parts(more.voltage - b.voltage), _parts(b.rest)
-    known = _beside(r, b.rows, b.voltage)
+    known = _open_columns(r, b.rows, b.voltage)
     own = change - known @ np.linalg.lstsq(known, change, rcond=1e-9)[0]
     if float(own @ own) <= 1e-12 * float(_parts(b.voltage) @ _parts(b.voltage)):
         return None
@@ -251,7 +251,9 @@ def _deviation(own: NDArray[np.float64], left: NDArray[np.float64]) -> float:
     return math.sqrt(float(shape @ misfit) / (2 * n * n)) / float(own @ own)
 
 
-def _beside(r: CampaignRecording, rows: NDArray[np.int64], voltage: Complex) -> NDArray[np.float64]:
+def _open_columns(
+    r: CampaignRecording, rows: NDArray[np.int64], voltage: Complex
+) -> NDArray[np.float64]:
     """Return what else may be open in a balance, a column each: link, resistance, flux, a voltage
     that legs lose."""
     turn = np.exp(1j * r.theta)

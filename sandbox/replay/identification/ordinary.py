@@ -119,11 +119,11 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
         else:
             untold[name] = why.get(name) or _why_open(x, k, covariance, float(deviation[k]))
     values, told = x.values(), {}
-    beside = {n: values[n] for n in names[len(NAMES) :] if math.isfinite(values[n])}
-    if CORE not in beside:
-        beside.pop(LAG)
+    others = {n: values[n] for n in names[len(NAMES) :] if math.isfinite(values[n])}
+    if CORE not in others:
+        others.pop(LAG)
     if {"inductance_d", "inductance_q"} <= set(estimated):  # those at no current: with what bends
-        told = {n: v for n, v in beside.items() if n.startswith(ALPHA)}
+        told = {n: v for n, v in others.items() if n.startswith(ALPHA)}
     apart = np.abs(x.x - x.centre) > Z95 * size
     count = sum(len(r.t) for r in used.recordings)
     current = [np.mean(y**2) for r in used.recordings for y in (r.i_a, r.i_b, r.i_c)]
@@ -134,8 +134,8 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
         {n: float(deviation[NAMES.index(n)]) * values[n] for n in estimated},
         untold,
         begin,
-        beside,
-        tuple(n for n, a in zip(names, apart, strict=True) if a and n in beside),
+        others,
+        tuple(n for n, a in zip(names, apart, strict=True) if a and n in others),
         left,
         left / math.sqrt(float(np.mean(current))),
         x.square(),
@@ -161,9 +161,9 @@ def _of_both(start: Search) -> Search:
     to lose voltage: where the current goes through zero they differ, and a fit of both may stick at
     the wrong one."""
     zeros = [n for n in start.places if n.startswith(ANGLE)]
-    either = [start.beside([*NAMES, one, *OFFSETS, *zeros]).found() for one in LOST]
+    either = [start.of_others([*NAMES, one, *OFFSETS, *zeros]).found() for one in LOST]
     best = min(either, key=lambda s: s.square())
-    return best.beside(list(start.places)).found()
+    return best.of_others(list(start.places)).found()
 
 
 def _begun_at(campaign: Campaign, begin: Mapping[str, float]) -> Campaign:
@@ -260,23 +260,23 @@ def _silent(campaign: Campaign) -> dict[str, str]:
     """Return the parameters that these recordings cannot show at all, and why."""
     drive = campaign.drive
     noise = math.hypot(drive.converter.current_noise, drive.converter.current_resolution)
-    floor = max(CHANGES * noise, 1e-4 * drive.motor.rated_current)
+    least = max(CHANGES * noise, 1e-4 * drive.motor.rated_current)
     frames = []
     for r in campaign.recordings:
         alpha, beta = r.current
         frames.append((alpha + 1j * beta) * np.exp(-1j * r.theta))
     out = {}
     largest = max(float(np.sqrt(np.mean(np.abs(x) ** 2))) for x in frames)
-    if largest < floor:
+    if largest < least:
         out["resistance"] = (
-            f"the current stays below {floor:.2g} A, {CHANGES:g} times the sensors' noise"
+            f"the current stays below {least:.2g} A, {CHANGES:g} times the sensors' noise"
         )
     for name, part, axis, other in (
         ("inductance_d", "real", "d", "q"),
         ("inductance_q", "imag", "q", "d"),
     ):
         change = max(float(np.std(getattr(x, part))) for x in frames)
-        if change < floor:
+        if change < least:
             out[name] = (
                 f"the current on {axis} changes by {change:.2g} A rms, the sensors' noise is "
                 f"{noise:.2g} A; step or inject on {axis}, too (all changes lie on {other})"

@@ -84,7 +84,7 @@ def places(prepared: Prepared, begin: Mapping[str, float], nominal: Motor) -> di
     """
     return {
         **{n: _own(n, begin[n], float(getattr(nominal, n))) for n in NAMES},
-        **dict(_beside(prepared)),
+        **dict(_other_places(prepared)),
         **{
             ANGLE + r.angle_name: Place(1.0, 0.0, 0.0, r.zero, -math.inf, math.inf)
             for r in prepared.recordings
@@ -101,7 +101,7 @@ def _own(name: str, begin: float, nominal: float) -> Place:
     return Place(begin, 1.0, stated, OPEN * stated, math.exp(-wide), most)
 
 
-def _beside(prepared: Prepared) -> Iterator[tuple[str, Place]]:
+def _other_places(prepared: Prepared) -> Iterator[tuple[str, Place]]:
     """Yield what is fitted beside the motor: name, place."""
     campaign, known = prepared.campaign, parameters()
     motor, converter = campaign.drive.motor, campaign.drive.converter

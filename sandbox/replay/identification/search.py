@@ -46,7 +46,7 @@ class Search:
         self.least, self.most = np.array([p.low for p in own]), np.array([p.high for p in own])
         self.r = np.empty(0)
 
-    def beside(self, names: Sequence[str]) -> Search:
+    def of_others(self, names: Sequence[str]) -> Search:
         """Return a search of other parameters that begins where this one stands."""
         other = Search(self.prepared, names, self.places, self.workers)
         here = dict(zip(self.names, self.x, strict=True))

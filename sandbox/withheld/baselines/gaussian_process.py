@@ -63,7 +63,9 @@ class Process:
     scales: gp.Scales
     exclude: tuple[str, ...]
 
-    def beside(self, point: Point, coordinates: Sequence[Coordinate]) -> gp.WithDiscrepancy:
+    def with_discrepancy(
+        self, point: Point, coordinates: Sequence[Coordinate]
+    ) -> gp.WithDiscrepancy:
         """Return the equations of a point and the products of features there."""
         n = normal(point, coordinates)
         return gp.WithDiscrepancy(
@@ -174,7 +176,7 @@ def stand(process: Process, point: Point, effects: tuple[str, ...]) -> Stand:
     """Return a set linearised at a point, beside all that may join it."""
     choices = candidates(point, (*process.exclude, *barred(effects)), left=0.0)
     cols = columns(point, fit.with_effects(point, effects), choices)
-    found = process.beside(point, cols.every)
+    found = process.with_discrepancy(point, cols.every)
     prior = held_but(found.normal, {c.label: c for c in cols.known})
     each = [process.scales.times(f) for f in FACTORS]
     value, scales = max((found.log_evidence(s, prior), s) for s in each)
@@ -238,7 +240,7 @@ def moved(
     process: Process, point: Point, coordinates: Sequence[Coordinate], scales: gp.Scales
 ) -> Point:
     """Return where some rounds of Gauss-Newton beside the process lead."""
-    here = process.beside(point, coordinates)
+    here = process.with_discrepancy(point, coordinates)
     prior = prior_of(here.normal.coordinates)
     a, _ = here.marginal(scales)
     for _ in range(ROUNDS):
@@ -246,7 +248,7 @@ def moved(
         for share in SHARES:
             trial = point.moved(here.normal.coordinates, a.x + share * (x - a.x))
             with suppress(*UNFITTED):
-                there, _ = process.beside(trial, coordinates).marginal(scales)
+                there, _ = process.with_discrepancy(trial, coordinates).marginal(scales)
                 if there.objective(there.x, prior) < before:
                     point, a = trial, there
                     break

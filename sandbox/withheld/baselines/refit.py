@@ -169,12 +169,12 @@ def beginning(point: Point, effect: str) -> Candidate:
 
 
 def with_effect(
-    point: Point, probe: Candidate, beside: Sequence[str] = ()
+    point: Point, probe: Candidate, others: Sequence[str] = ()
 ) -> tuple[Point, list[Coordinate]]:
     """Return where an effect's fit begins, and the ordinary coordinates with its own (wide) ones;
     beside: effects that the point has already, which move with it."""
     begin = replace(point, values={**point.values, **probe.start})
-    return begin, with_effects(begin, (*beside, probe.effect))
+    return begin, with_effects(begin, (*others, probe.effect))
 
 
 def with_effects(point: Point, effects: Sequence[str]) -> list[Coordinate]:

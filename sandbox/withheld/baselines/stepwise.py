@@ -111,8 +111,8 @@ def grown(search: Search, best: Visited) -> Visited | None:
     for promise in firsts(listed):
         if promise.criterion + own >= (best if out is None else out).criterion:
             break
-        probe, beside = promise.probe, staying(best.effects, promise.probe.effect)
-        found = search.tried((*beside, probe.effect), partial(visited, unbent, probe, beside))
+        probe, others = promise.probe, staying(best.effects, promise.probe.effect)
+        found = search.tried((*others, probe.effect), partial(visited, unbent, probe, others))
         if found is not None and (out is None or found.criterion < out.criterion):
             out = found
     return out
@@ -136,10 +136,10 @@ def shrunk(search: Search, best: Visited) -> Visited | None:
     return min((f for f in found if f is not None), key=lambda v: v.criterion, default=None)
 
 
-def visited(point: Point, probe: Candidate, beside: Sequence[str] = ()) -> Visited:
+def visited(point: Point, probe: Candidate, others: Sequence[str] = ()) -> Visited:
     """Return the fit of an effect beside others that a point has already."""
-    begin, coordinates = fit.with_effect(point, probe, beside)
-    return _fitted(begin, (*beside, probe.effect), coordinates)
+    begin, coordinates = fit.with_effect(point, probe, others)
+    return _fitted(begin, (*others, probe.effect), coordinates)
 
 
 def reduced(whole: Visited, rest: tuple[str, ...]) -> Visited:

@@ -30,7 +30,7 @@ NESTED = {"saturation", "cross_saturation"}  # the one contains the other: never
 FOUND_SIZES = EFFECT_SIZES[1:]  # for several at once
 TABLES = ("ladder", "published")  # where sizes come from
 # of the kind "outside": one in three has an effect of the library, too
-BESIDE = (True, False, False)
+WITH_EFFECT = (True, False, False)
 # place in a published range from which on sizes are drawn for several at once, and for pairs
 FOUND_FROM = 0.25
 
@@ -211,7 +211,7 @@ def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> 
     by_subsystem = {
         s: _sized([n for n in outside if of[n] == s], rng) for s in sorted(set(of.values()))
     }
-    families, beside = _turns(FAMILIES, count, rng), _turns(BESIDE, count, rng)
+    families, beside = _turns(FAMILIES, count, rng), _turns(WITH_EFFECT, count, rng)
     effects = iter(_turns(causes(), count, rng))
     out = []
     for k, subsystem in enumerate(order):

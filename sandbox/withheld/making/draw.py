@@ -60,7 +60,7 @@ class Drawn:
     sizes: tuple[float, ...]  # multiples of the medium one
     off: dict[str, float]  # ordinary deviations, in stated ones
     # alphas by which the true motor saturates beyond the flux map that is stated
-    beside_map: dict[str, float]
+    added_to_map: dict[str, float]
 
     def as_json(self) -> dict[str, Any]:
         """Return the truth as the seal keeps it."""
@@ -77,7 +77,7 @@ class Drawn:
                 else {}
             ),
             "parameters": truth_of(
-                list(case.names), self.true.motor, self.stated, self.plant, self.beside_map
+                list(case.names), self.true.motor, self.stated, self.plant, self.added_to_map
             )
             | users_truth(case.names, self.own),
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
@@ -152,7 +152,7 @@ def _once(case: Case, rng: Generator, without: Sequence[str]) -> Drawn | None:
     except BadInput:
         return None
     stands, last = float(rng.uniform(0.0, 2.0 * np.pi)), int(rng.integers(2**31))
-    beside = _beside_map(plans, without)
+    beside = _added_to_map(plans, without)
     if without:
         case, multiples = _taken_out(case, multiples, without)
         true, values, left = _put_in(base, plans, without)
@@ -181,7 +181,7 @@ def _can_be_stated(stated: Motor, true: Motor) -> bool:
     return valid(stated)
 
 
-def _beside_map(plans: Mapping[str, Planted], without: Sequence[str]) -> dict[str, float]:
+def _added_to_map(plans: Mapping[str, Planted], without: Sequence[str]) -> dict[str, float]:
     """Return the alphas that a stated flux map lacks of the true motor's; none of a motor whose own
     alphas say it."""
     return {

@@ -137,7 +137,7 @@ def truth_of(
     true: Motor,
     believed: Motor,
     plant_values: Mapping[str, float],
-    beside_map: Mapping[str, float] | None = None,
+    added_to_map: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
     """Return the true parameters of effects by public name; scales and replaced values against the
     stated motor.
@@ -145,7 +145,7 @@ def truth_of(
     beside_map: alphas by which the true motor saturates beyond a flux map that is stated.
     """
     of_motor = {name: float(getattr(true, field_)) for name, field_ in replaced().items()}
-    of_motor |= {f"saturation.{alpha}": size for alpha, size in (beside_map or {}).items()}
+    of_motor |= {f"saturation.{alpha}": size for alpha, size in (added_to_map or {}).items()}
     of_motor |= {
         f"cross_{k}": v
         for k, v in of_motor.items()

@@ -1,4 +1,4 @@
-"""The page of a scored check: confusion, reliability, detection floor, figures with limits."""
+"""The page of a scored check: confusion, reliability, detection limit, figures with limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ OPEN = (-1.0, 2.0)  # beyond the panel: where too few cases give no limit
 
 
 def withheld_figure(content: Mapping[str, Any], path: Path) -> None:
-    """Draw a scored check (`withheld.json`): confusion matrix, reliability, detection floor,
+    """Draw a scored check (`withheld.json`): confusion matrix, reliability, detection limit,
     figures with limits.
 
     The file appears whole or not at all; its suffix gives the format.
@@ -20,7 +20,7 @@ def withheld_figure(content: Mapping[str, Any], path: Path) -> None:
     figure, panels = page((15.0, 11.0), 2, 2, width_ratios=(1.5, 1.0), height_ratios=(1.5, 1.0))
     _confusion(panels[0][0], content["confusion"])
     _reliability(panels[0][1], content["reliability"])
-    _floor(panels[1][0], content["detection_floor"])
+    _limit(panels[1][0], content["detection_floor"])
     _limits(panels[1][1], content["methods"])
     save(figure, path)
 
@@ -28,26 +28,26 @@ def withheld_figure(content: Mapping[str, Any], path: Path) -> None:
 def page_figure(content: Mapping[str, Any], words: Mapping[str, str]) -> Any:
     """Return the figure of a page: reliability, smallest size found, shares with limits; words:
     names of figures."""
-    floor = content["detection_floor"]
-    figure, (panels,) = page((9.6, 5.4), 1, 3 if floor else 2)
+    limit = content["detection_floor"]
+    figure, (panels,) = page((9.6, 5.4), 1, 3 if limit else 2)
     _reliability(panels[0], content["reliability"])
-    if floor:
-        _floor_by_line(panels[1], floor)
+    if limit:
+        _limit_by_line(panels[1], limit)
     _limits(panels[-1], content["methods"], words)
     return figure
 
 
-def _floor_by_line(axes: Any, floor: Mapping[str, Mapping[str, Any]]) -> None:
-    """Draw the same as `_floor`, a line for each effect."""
+def _limit_by_line(axes: Any, limit: Mapping[str, Mapping[str, Any]]) -> None:
+    """Draw the same as `_limit`, a line for each effect."""
     axes.set_title("size found (●), missed (×)", fontweight="bold")
-    for k, entry in enumerate(floor.values()):
+    for k, entry in enumerate(limit.values()):
         for key, marker, belief in (("found", "o", "saturated"), ("missed", "x", "linear")):
             if entry[key] is not None:
                 axes.plot(entry[key], k, marker, color=colour_of(belief), markersize=7)
     axes.set_xscale("log")
     plain_ticks(axes)
-    axes.set_yticks(range(len(floor)), [name.replace("_", " ") for name in floor], fontsize=9)
-    axes.set_ylim(len(floor) - 0.5, -0.5)
+    axes.set_yticks(range(len(limit)), [name.replace("_", " ") for name in limit], fontsize=9)
+    axes.set_ylim(len(limit) - 0.5, -0.5)
     axes.set_xlabel("multiples of a medium size")
     framed(axes)
 
@@ -104,19 +104,19 @@ def _nothing(axes: Any) -> None:
     axes.set_axis_off()
 
 
-def _floor(axes: Any, floor: Mapping[str, Mapping[str, Any]]) -> None:
+def _limit(axes: Any, limit: Mapping[str, Mapping[str, Any]]) -> None:
     """Draw by effect the smallest size found (dot) and the largest missed (cross), in multiples of
     the medium size."""
     axes.set_title("● smallest size found   × largest missed", fontweight="bold", color="0.2")
-    for k, entry in enumerate(floor.values()):
+    for k, entry in enumerate(limit.values()):
         for key, marker, belief in (("found", "o", "saturated"), ("missed", "x", "linear")):
             if entry[key] is not None:
                 axes.plot(k, entry[key], marker, color=colour_of(belief), markersize=7)
-    if not floor:
+    if not limit:
         _nothing(axes)
         return
     axes.set_yscale("log", base=2)
-    axes.set_xticks(range(len(floor)), list(floor), rotation=90, fontsize=8)
+    axes.set_xticks(range(len(limit)), list(limit), rotation=90, fontsize=8)
     axes.set_ylabel("size / medium")
     framed(axes, "y")
 

@@ -199,7 +199,7 @@ def by_size(judged: Sequence[Judgement]) -> dict[str, dict[str, Figure]]:
     }
 
 
-def detection_floor(judged: Sequence[Judgement]) -> dict[str, dict[str, Any]]:
+def detection_limit(judged: Sequence[Judgement]) -> dict[str, dict[str, Any]]:
     """Return by effect the smallest size found, the largest missed, and how many campaigns there
     were."""
     out = {}

@@ -170,7 +170,7 @@ def test_reversal_is_judged_by_the_peer(error, cpu, met):
         t.Outcome((), {"rms_deg": 2.0 * error, "cpu_s_per_s": 3.0 * cpu}, True),
         0.0,
     )
-    found = p.Protocol((row,), 0).beside(3.0, 2.0).rows[0].outcome
+    found = p.Protocol((row,), 0).with_reversal_of(3.0, 2.0).rows[0].outcome
     assert found.metrics["rms_to_peer"] == pytest.approx(error)
     assert found.passed is met
 

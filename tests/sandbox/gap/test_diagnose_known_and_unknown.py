@@ -50,7 +50,7 @@ def test_the_known_part_is_named_and_its_size_is_not_bent(both):
     found = r.as_json()
     first = found["effects"][0]
     assert found["unknown"]["probability"] > 0.99
-    assert r.beside_unknown
+    assert r.with_regression
     assert first["name"] == "dead_time"
     assert first["probability"] > 0.8 > 0.2 > found["effects"][1]["probability"]
     beside = first["beside_unknown"]["parameters"]["dead_time.time"]

@@ -27,7 +27,7 @@ def ranking(chances, unknown=0.0, **more):
     return SimpleNamespace(
         inclusion=SimpleNamespace(chances=chances, groups=own["groups"]),
         unknown=unknown,
-        beside_unknown=False,
+        with_regression=False,
         unexplained=Unexplained(0.125, (0.0625, 0.25)),
         where=None,
         tellings={},

@@ -30,7 +30,7 @@ def test_an_interval_beside_a_free_regression_by_hand(monkeypatch):
     ordinary = Spread([own], {}, sd, sd, (sd, sd), np.ones(1, dtype=bool))
     monkeypatch.setattr(estimates, "spread", lambda j: ordinary)
     equations = Algebra(np.array([[3.0 / us**2]]), np.array([6.0 / us]), 0.0, np.zeros(1))
-    found = estimates.estimates_beside(j, equations)["dead_time.time"]
+    found = estimates.estimates_with(j, equations)["dead_time.time"]
     half = 1.959964 * 0.9
     assert (found.value, found.low, found.high) == pytest.approx(
         ((1.5 * us), (1.5 - half) * us, (1.5 + half) * us)

@@ -22,7 +22,7 @@ from sandbox.gap.posterior.estimates import (
     Held,
     Spread,
     _of_part,
-    estimates_beside,
+    estimates_with,
     held_ordinary,
 )
 from sandbox.gap.posterior.holdout import weights_of
@@ -174,7 +174,7 @@ def test_a_held_value_beside_a_free_regression_has_an_interval(monkeypatch):
         np.ones(1, dtype=bool),
     )
     monkeypatch.setattr(estimating, "spread", lambda _: usual)
-    found = estimates_beside(j, j.equations)
+    found = estimates_with(j, j.equations)
     e, half = found["dead_time.time"], 1.959964 * 1.15 / 2.0 * us
     assert (e.value, e.low, e.high, e.at_bound) == (
         pytest.approx(us),

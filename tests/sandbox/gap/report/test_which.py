@@ -352,14 +352,14 @@ def test_rows_of_many_effects_are_told_by_their_difference_from_the_first():
         SimpleNamespace(effects=e) for e in (MANY, (*MANY[1:], "inertia", "unknown"), MANY[:3])
     )
     assert (
-        listed.beside_first(rest, first)
+        listed.against_first(rest, first)
         == "as row 1, with inertia and unknown, without current filter"
     )
     assert (
-        listed.beside_first(first, first)
+        listed.against_first(first, first)
         == "current filter + dead time + device drop + stator resistance"
     )
-    assert listed.beside_first(few, first) == "current filter + dead time + device drop"
+    assert listed.against_first(few, first) == "current filter + dead time + device drop"
 
 
 def test_many_effects_without_shares_are_all_named():

@@ -46,7 +46,7 @@ def truth(drawn, campaign):
     """Return the truth as a replay of the campaign takes it, of effects that leave encoder and
     shaft alone."""
     true, own = drawn.true.motor, drawn.as_json()["bench"]
-    values = drawn.plant | {f"saturation.{a}": x for a, x in drawn.beside_map.items()}
+    values = drawn.plant | {f"saturation.{a}": x for a, x in drawn.added_to_map.items()}
     values |= {
         "stator_resistance.resistance": true.resistance,
         "magnet_flux.magnet_flux": true.magnet_flux,
@@ -215,7 +215,7 @@ def test_every_effect_and_cause_can_be_drawn_on_a_map():
             maker.switched(drawn)
             assert drawn.true.motor != drawn.stated
             assert {k.partition(".")[0] for k in drawn.sealed()["parameters"]} == {name}
-            assert bool(drawn.beside_map) == (name in map_motors.OF_ALPHAS)
+            assert bool(drawn.added_to_map) == (name in map_motors.OF_ALPHAS)
             if table == "ladder":
                 assert drawn.sizes == (size,)
     for name in OUTSIDE:
@@ -230,12 +230,12 @@ def test_saturation_on_a_map_is_that_of_the_quartic_like_it():
     like = map_motors.identified(family_drive("mapped").motor)
     for name in ("alpha_12", "alpha_22"):
         wanted = getattr(like, name) * (1.0 - np.exp(-0.7))
-        assert drawn.beside_map[name] == pytest.approx(wanted, rel=1e-9)
-        assert drawn.as_json()["parameters"][f"cross_saturation.{name}"] == drawn.beside_map[name]
+        assert drawn.added_to_map[name] == pytest.approx(wanted, rel=1e-9)
+        assert drawn.as_json()["parameters"][f"cross_saturation.{name}"] == drawn.added_to_map[name]
     out = draw(
         Case(0, "one", "mapped", "scored", ("cross_saturation",), (0.5,)), 5, ("cross_saturation",)
     )
-    assert out.beside_map == {}
+    assert out.added_to_map == {}
     assert currents_at(out.true.motor, [0.3], [0.8]) != pytest.approx(
         currents_at(drawn.true.motor, [0.3], [0.8])
     )

@@ -23,7 +23,7 @@ from estimators.tracking import correct, predict
 from model.compiled import kernel
 
 ALONG, SIZE = True, False  # which number of the ripple is compared
-BESIDE = 0.25 * math.pi
+DIAGONAL = 0.25 * math.pi
 SEEN = FREE  # samples since starting up
 # injection periods: the axis turns by 45 degrees at once, which leaves a step of the mean current
 # to decay
@@ -43,17 +43,17 @@ def expected(state, mean_d, mean_q, e, belief, tuning, which):
 
     mean_d, mean_q: A, as seen from the injection's axis.
     """
-    d, q = believed_ripple(state, mean_d, mean_q, e - BESIDE, belief, tuning)
+    d, q = believed_ripple(state, mean_d, mean_q, e - DIAGONAL, belief, tuning)
     return compared(d, q, which)
 
 
 @kernel
-def step_beside(state, sample, belief, tuning, which):
+def diagonal_step(state, sample, belief, tuning, which):
     """Take one sample; see the module's text."""
     if state[PHASE] != TRACKING:
         return start(state, sample, belief, tuning)
     angle = predict(state, tuning)
-    mean_d, mean_q, y_d, y_q = demodulate(state, sample, angle + BESIDE, state[OMEGA], tuning)
+    mean_d, mean_q, y_d, y_q = demodulate(state, sample, angle + DIAGONAL, state[OMEGA], tuning)
     here = expected(state, mean_d, mean_q, 0.0, belief, tuning, which)
     more = expected(state, mean_d, mean_q, DELTA, belief, tuning, which)
     less = expected(state, mean_d, mean_q, -DELTA, belief, tuning, which)
@@ -68,7 +68,7 @@ def step_beside(state, sample, belief, tuning, which):
             tuning,
         )
     peak = tuning.amplitude * tuning.peak
-    axis = state[AXIS] + BESIDE
+    axis = state[AXIS] + DIAGONAL
     return Estimate(state[AXIS], state[OMEGA], axis, 0.0, trust(state), y_d * peak, y_q * peak, 1.0)
 
 

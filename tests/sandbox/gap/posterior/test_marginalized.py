@@ -9,7 +9,7 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.gap.evidence.normal import Normal, Segment
-from sandbox.gap.posterior.beside import Joint, beside, integrated_out
+from sandbox.gap.posterior.marginalized import Joint, integrated_out, marginalized
 from sandbox.gap.report.inclusion import by_algebra
 from tests.sandbox.gap.conftest import DEAD_TIME
 
@@ -59,8 +59,8 @@ def test_slopes_beyond_what_a_drive_can_be_leave_no_regression(monkeypatch):
     def refused(*_, **__):
         raise BadInput("no flux of this motor gives the first reading")
 
-    monkeypatch.setattr("sandbox.gap.posterior.beside.normal", refused)
-    assert beside(SimpleNamespace(point=None, coordinates=()), None) is None
+    monkeypatch.setattr("sandbox.gap.posterior.marginalized.normal", refused)
+    assert marginalized(SimpleNamespace(point=None, coordinates=()), None) is None
 
 
 def test_a_stranger_is_described_and_does_not_bend_what_is_known(with_a_stranger):
@@ -68,7 +68,7 @@ def test_a_stranger_is_described_and_does_not_bend_what_is_known(with_a_stranger
     constant times cos(2 theta) along d: one of the regressors itself, so nearly all of it is
     predicted on recordings that turn."""
     j, table = with_a_stranger
-    found = beside(table, j.prior)
+    found = marginalized(table, j.prior)
     first = found.described[0]
     assert (first.acts_as, first.hangs_on) == ("current", "angle")
     assert found.worth > 0.5
@@ -85,7 +85,7 @@ def test_nothing_is_found_beside_effects_that_explain_all(small_answers):
     """At the floor no excess is worth a regression: what it predicts of recordings left out is next
     to nothing."""
     j = small_answers.diagnosis.best.evaluated
-    found = beside(j.model, j.prior)
+    found = marginalized(j.model, j.prior)
     excess = sum(float(s.rr.sum() - s.n.sum()) for s in j.normal.segments)
     noise = np.sqrt(2.0 * sum(float(s.n.sum()) for s in j.normal.segments))
     assert found is None or found.worth * excess < 3.0 * noise

@@ -54,7 +54,7 @@ class Described:
 
 
 @dataclass(frozen=True)
-class Beside:
+class MarginalizedRegression:
     """Equations with the regression integrated out; worth: share of the excess of recordings left
     out in turn that it closes beyond the effects, chosen without them, too (None with fewer than
     three recordings); what it consists of, the largest share first."""
@@ -130,7 +130,9 @@ class Joint:
         return np.array([*coordinates, *own], dtype=np.int64)
 
 
-def beside(table: LinearModel, prior: Prior, *, workers: int = 1) -> Beside | None:
+def marginalized(
+    table: LinearModel, prior: Prior, *, workers: int = 1
+) -> MarginalizedRegression | None:
     """Return a regression beside the effects of a table under a prior.
 
     None where it predicts nothing of recordings left out, where there are fewer than two of them,
@@ -150,15 +152,15 @@ def beside(table: LinearModel, prior: Prior, *, workers: int = 1) -> Beside | No
     best, kinds, ridge = max((joint.predicted(joint.of(free, k), r), k, r) for k, r in options)
     if best <= alone:
         return None
-    gain = foretold(joint.merged(NESTED), free)
-    return Beside(
+    gain = predicted_share(joint.merged(NESTED), free)
+    return MarginalizedRegression(
         integrated_out(joint, n, joint.of(free[:0], kinds), ridge),
         None if gain is None else min(1.0, max(0.0, gain / excess)),
         _described(joint, free, kinds, ridge),
     )
 
 
-def foretold(joint: Joint, free: NDArray[np.int64]) -> float | None:
+def predicted_share(joint: Joint, free: NDArray[np.int64]) -> float | None:
     """Return by how much more than coordinates alone a regression explains folds that neither its
     fit nor the choice of its kinds and of its ridge has seen: for each fold the choice is what
     predicts the others in
