@@ -48,7 +48,7 @@ def test_a_newcomer_finds_the_core_in_two_steps():
         "halfway",
         "hessian",
         "_voltages",
-        "with_volts",
+        "in_volts",
         "floor_of",
         "evaluate",
         "_evidence",

@@ -54,7 +54,7 @@ CARD = Effect(
         "reading = i(t_k + delay + jitter x normal): within the zero vector no voltage acts, "
         "i(psi - s R i, theta + s omega); jitter is noise: simulated sample by sample, never "
         "predicted - a replay leaves it in the residual as jitter x slope of the current, above "
-        "the sensors' floor"
+        "the sensors' noise"
     ),
     formulas=(r"i_\text{read} = i(t_k + t_d + \sigma\,\xi), \qquad \xi \sim \mathcal N(0, 1)",),
     source=(

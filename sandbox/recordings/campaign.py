@@ -36,7 +36,7 @@ from model.parameters import (
 )
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.log_table import first_beyond
-from sandbox.recordings.formats.parquet import read_parquet, with_volts
+from sandbox.recordings.formats.parquet import read_parquet
 from sandbox.recordings.nominal_motor import RATED, Reached, nominal_motor
 
 if TYPE_CHECKING:
@@ -190,6 +190,16 @@ class CampaignRecording:
             f"<CampaignRecording: {self.file}, rotor {self.rotor}, {self.t.size} samples, "
             f"{np.ptp(self.t):.4g} s>"
         )
+
+    def in_volts(self, converter: Converter) -> CampaignRecording:
+        """Return the recording with commands in volts that the drive divides by u_dc, whatever they
+        are (`Converter.command`)."""
+        if converter.command == "volts":
+            return self
+        nominal = self.dc_bus_voltage or converter.dc_bus_voltage
+        factor = self.u_dc if converter.command == "duties" else self.u_dc / nominal
+        volts = {name: factor * self[name] for name in ("u_alpha", "u_beta")}
+        return dataclasses.replace(self, columns={**self.columns, **volts})
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the columns as a data frame, units in `.attrs["units"]`; BadInput where pandas is
@@ -371,7 +381,7 @@ def assemble(
         raise BadInput(f"{source}: {error}") from None
     for r in recordings:
         _check_period(r, converter.sampling_period)
-    recordings = tuple(with_volts(r, converter) for r in recordings)
+    recordings = tuple(r.in_volts(converter) for r in recordings)
     converter = dataclasses.replace(converter, command="volts")
     provenance = texts(table_of(data, "provenance"))
     return Campaign(

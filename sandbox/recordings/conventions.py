@@ -25,7 +25,6 @@ from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, balance
 from sandbox.recordings.findings import Finding
-from sandbox.recordings.formats.parquet import with_volts
 
 Array = NDArray[np.float64]
 # standard deviation of p, and distance from a whole number, up to which it is one
@@ -146,6 +145,6 @@ def _taken(campaign: Campaign, found: int) -> Campaign:
     recordings = campaign.recordings
     if found == 1:
         nominal = dataclasses.replace(converter, command="nominal")
-        recordings = tuple(with_volts(r, nominal) for r in recordings)
+        recordings = tuple(r.in_volts(nominal) for r in recordings)
     drive = dataclasses.replace(campaign.drive, converter=converter)
     return dataclasses.replace(campaign, drive=drive, recordings=recordings)

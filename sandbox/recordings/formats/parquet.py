@@ -1,38 +1,21 @@
-"""Tables of recordings read from Parquet, and commands as volts, whatever they were written as."""
+"""Tables of recordings read from Parquet."""
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from model.parameters import Converter
 from sandbox.recordings.formats.log_table import MOST_VALUES, too_many
 
 Array = NDArray[np.float64]
-Recording = TypeVar("Recording", bound=Any)
 ROWS = 1 << 18  # read at a time: what is decoded besides the columns themselves
 BUFFER = 1 << 20  # bytes of the file held at a time
 INDEX = re.compile(r"__index_level_\d+__")  # an unnamed index as pandas saves it
-
-
-def with_volts(r: Recording, converter: Converter) -> Recording:
-    """Return a `CampaignRecording` whose commands are in volts that the drive divides by u_dc
-    (`Converter.command`)."""
-    if converter.command == "volts":
-        return r
-    factor = (
-        r.u_dc
-        if converter.command == "duties"
-        else r.u_dc / (r.dc_bus_voltage or converter.dc_bus_voltage)
-    )
-    volts = {name: factor * r[name] for name in ("u_alpha", "u_beta")}
-    return dataclasses.replace(r, columns={**r.columns, **volts})
 
 
 def check_table(path: Path) -> None:

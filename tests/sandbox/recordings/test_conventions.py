@@ -10,7 +10,6 @@ from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.checks.balance import balance
 from sandbox.recordings.checks.shifts import curves, shifted
 from sandbox.recordings.conventions import link_exponent, with_link
-from sandbox.recordings.formats.parquet import with_volts
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.preflight import noticed
 from sandbox.recordings.writing import write_campaign
@@ -88,14 +87,14 @@ def test_what_is_stated_wrongly_is_contradicted():
     assert agreed.findings == ()
 
 
-def test_duties_with_volts():
+def test_duties_become_volts():
     """Duties and commands against nominal become volts that the drive divides by the row's reading:
     written out."""
     campaign = recorded(plant(), {}, link=waves(), divide=waves())
     r, c = campaign.recordings[0], campaign.drive.converter
-    by_duty = with_volts(r, dataclasses.replace(c, command="duties"))
+    by_duty = r.in_volts(dataclasses.replace(c, command="duties"))
     np.testing.assert_allclose(by_duty.u_alpha, r.u_alpha * r.u_dc, rtol=1e-14)
-    by_nominal = with_volts(r, dataclasses.replace(c, command="nominal"))
+    by_nominal = r.in_volts(dataclasses.replace(c, command="nominal"))
     np.testing.assert_allclose(by_nominal.u_beta, r.u_beta * r.u_dc / 540.0, rtol=1e-14)
 
 
