@@ -99,12 +99,12 @@ def read_map(path: str | Path, magnet: str = "d") -> FluxMap:
     data, names = read_arrays(path, {n for known in NAMES.values() for n in known}, MOST_VALUES)
     i, psi = _complex(data, "i", path, names), _complex(data, "psi", path, names)
     torque = _first(data, "torque", REAL)
-    _check_size(path.name, "currents", i, SIZES["i"], "A")
+    check_size(path.name, "currents", i, SIZES["i"], "A")
     if psi.shape != i.shape:
         raise BadInput(
             f"{path.name}: fluxes have shape {psi.shape}, currents {i.shape}; they must be equal"
         )
-    _check_size(path.name, "fluxes", psi, SIZES["psi"], "Wb")
+    check_size(path.name, "fluxes", psi, SIZES["psi"], "Wb")
     if torque is not None and torque.size != i.size:
         torque = None
     turn = TURNS[magnet]
@@ -120,7 +120,7 @@ def check_axis(magnet: object) -> None:
         raise BadInput(f"magnet axis {brief(magnet)} is not known; give one of {', '.join(TURNS)}")
 
 
-def _check_size(
+def check_size(
     file: str, what: str, values: NDArray[np.complex128], sizes: tuple[float, float], unit: str
 ) -> None:
     """Raise BadInput where numbers are not finite, or the largest is no current or flux of any

@@ -118,8 +118,8 @@ def fit(
         raise BadInput(
             f"{len(psi_d)} points of a flux map do not span both axes; give a map over i_d and i_q"
         )
-    box = _Box(psi_d, psi_q, cells)
-    needed = _bytes(box, len(psi_d))
+    box = Box(psi_d, psi_q, cells)
+    needed = bytes_taken(box, len(psi_d))
     if needed > MOST_BYTES:
         raise BadInput(
             f"{cells[0]} x {cells[1]} cells on {len(psi_d)} points of a flux map take "
@@ -198,15 +198,15 @@ def choose_for_map(m: FluxMap) -> Choice:
 def affordable(psi_d: Array, psi_q: Array) -> list[Choice]:
     """Return the choices of cells and smoothness whose fit to so many points takes no more memory
     than is used; psi_d, psi_q: (n,) Wb."""
-    return [c for c in CHOICES if _bytes(_Box(psi_d, psi_q, c[0]), len(psi_d)) <= MOST_BYTES]
+    return [c for c in CHOICES if bytes_taken(Box(psi_d, psi_q, c[0]), len(psi_d)) <= MOST_BYTES]
 
 
-def _bytes(box: _Box, points: int) -> float:
+def bytes_taken(box: Box, points: int) -> float:
     """Return what a fit takes."""
     return 8.0 * box.unknowns * (AT_POINTS * points + AT_CELLS * box.n_d * box.n_q / 2)
 
 
-class _Box:
+class Box:
     """The cells over the data, and the map from free coefficients (even in q) to values and
     derivatives."""
 
@@ -326,7 +326,7 @@ class _Box:
 
 
 def _convex_least_squares(
-    rows: Array, goal: Array, box: _Box, curvature: list[Array], lowest: float
+    rows: Array, goal: Array, box: Box, curvature: list[Array], lowest: float
 ) -> Array:
     """Return coefficients of least squares whose Hessian's smaller eigenvalue is at least `lowest`
     at every point.

@@ -59,7 +59,8 @@ class Scale(NamedTuple):
     least_bias: float  # lowest i_d / current that is safe
 
 
-def _locked(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
+def locked_cycles(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
+    """Return the runs with a locked rotor."""
     i, zero = s.current, np.zeros(n)
     j = rng.uniform(0.9, 1.1)
     levels = [0.0, 0.4 * j, 0.8 * j, 1.15 * j, 0.6 * j, -0.3 * j, -0.7 * j, -1.0 * j, -0.2 * j]
@@ -92,7 +93,8 @@ def _locked(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
     ]
 
 
-def _driven(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
+def driven_cycles(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
+    """Return the runs with a driven rotor."""
     i, zero = s.current, np.zeros(n)
     a, b = rng.uniform(0.45, 0.6), rng.uniform(0.08, 0.13)
     grid_d = [
@@ -130,7 +132,8 @@ def _driven(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
     ]
 
 
-def _free(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
+def free_cycles(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
+    """Return the runs with a free rotor."""
     zero = np.zeros(n)
     d = np.full(n, 0.6 * s.bias * s.current)
     a = rng.uniform(0.8, 1.0)
@@ -173,4 +176,4 @@ def _free(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
 def plans(s: Scale, rng: np.random.Generator) -> list[Plan]:
     """Twelve recordings of 1 to 2.2 s."""
     n = max(8000, round(1.0 / s.period))
-    return _locked(s, n, rng) + _driven(s, n, rng) + _free(s, int(n * 1.2), rng)
+    return locked_cycles(s, n, rng) + driven_cycles(s, n, rng) + free_cycles(s, int(n * 1.2), rng)

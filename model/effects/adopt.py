@@ -57,17 +57,19 @@ def adopt(path: str | Path) -> tuple[Effect, ...]:
     digest = hashlib.sha256(text).hexdigest()[:16]
     name = f"sensorless_effects_{digest}"
     depend_on(digest, EQUATIONS)
-    cards = _cards(file, name)
+    cards = read_cards(file, name)
     for card in cards:
-        _check(card, file)
-        _check_named(card, sys.modules[name], file)
+        check_card(card, file)
+        check_named(card, sys.modules[name], file)
     FILES[str(file)] = name
     os.environ[VARIABLE] = os.pathsep.join(FILES)
     library.forget()
     return cards
 
 
-def _cards(file: Path, name: str) -> tuple[Effect, ...]:
+def read_cards(file: Path, name: str) -> tuple[Effect, ...]:
+    """Return the cards that a Python file names in EFFECTS, loaded as a module of this name;
+    BadInput where it does not load or names none."""
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise BadInput(f"{file}: no Python file; give one that ends in .py")
@@ -84,7 +86,7 @@ def _cards(file: Path, name: str) -> tuple[Effect, ...]:
     return cards
 
 
-def _check(card: Effect, file: Path) -> None:
+def check_card(card: Effect, file: Path) -> None:
     """Raise BadInput unless a card's names and equations are such as the plant can take, its texts
     such as a page."""
     _check_kinds(card, file)
@@ -174,7 +176,7 @@ def _check_equations(card: Effect, part: Part, file: Path) -> None:
         _check_compiled(card, at, file)
 
 
-def _check_named(card: Effect, module: ModuleType, file: Path) -> None:
+def check_named(card: Effect, module: ModuleType, file: Path) -> None:
     """Raise BadInput for an equation that the plant does not find in the user's file by its
     function's name."""
     for at in (at for k in range(1, card.repeats + 1) for at in card.part(k).at):

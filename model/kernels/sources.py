@@ -57,6 +57,12 @@ def code_key(*patterns: str) -> str:
     return _digest(code_files(*patterns))
 
 
+def forget() -> None:
+    """Read files again when they are asked for next."""
+    for memory in (depends_on, source_key, code_files, code_key, _body, imports_of):
+        memory.cache_clear()
+
+
 def _digest(files: Iterable[Path]) -> str:
     digest = hashlib.sha256()
     for file in sorted(files):

@@ -147,12 +147,12 @@ def design(
         )
     wave = carrier(injection, converter)
     plant = sampled(drive)
-    loops = _remembered(plant)
+    loops = remembered_loops(plant)
     bandwidth = loops["tracking"].bandwidth
     law = PUBLISHED.get(injection.tracking) if published else None
     if law is not None:
         gains = law(n * h, 1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
-        loops = _remembered(plant._replace(published=gains))
+        loops = remembered_loops(plant._replace(published=gains))
     current, track, speed = loops["current"], loops["tracking"], loops["speed"]
     control = Control(
         n,
@@ -233,7 +233,7 @@ def check_saliency(energy: AnyEnergy) -> None:
         ) from None
 
 
-def _remembered(plant: SampledMotor) -> dict[str, Loop]:
+def remembered_loops(plant: SampledMotor) -> dict[str, Loop]:
     """Return `design_loops(plant)`, from disk where this version has designed them before."""
     code = source_key(Path(__file__).resolve())
     version = hashlib.sha256(f"{code} {plant!r}".encode()).hexdigest()[:24]
@@ -262,10 +262,10 @@ def design_loops(plant: SampledMotor) -> dict[str, Loop]:
     """Return the three loops."""
     h = plant.h
     highest = 2.0 * math.pi / (plant.n * h) / INJECTION_RATIO
-    inner = _tuned([partial(current_loop, plant)], h, PHASE_MARGIN, highest)
+    inner = tuned_loop([partial(current_loop, plant)], h, PHASE_MARGIN, highest)
     inner = replace(inner, highest=top_speed(plant, inner))
     if plant.published is None:
-        tracking = _tuned([partial(tracking_loop, plant)], h, TRACKING_MARGIN, highest)
+        tracking = tuned_loop([partial(tracking_loop, plant)], h, TRACKING_MARGIN, highest)
     else:
         tracking = published_loop(plant, plant.published)
     gains = Gains(tracking.kp, tracking.ki)
@@ -273,11 +273,12 @@ def design_loops(plant: SampledMotor) -> dict[str, Loop]:
         partial(_closed_current, plant, inner, inductance) for inductance in (plant.low, plant.high)
     ]
     ends = [partial(speed_loop, plant, follow, gains) for follow in followed]
-    speed = _tuned(ends, h, PHASE_MARGIN, highest)
+    speed = tuned_loop(ends, h, PHASE_MARGIN, highest)
     return {"current": inner, "tracking": tracking, "speed": speed}
 
 
-def _grid(h: float) -> NDArray[np.float64]:
+def frequency_grid(h: float) -> NDArray[np.float64]:
+    """Return the frequencies (rad/s) at which loops are looked at, up to half the sampling rate."""
     return np.geomspace(1e-2, 0.9999 * math.pi / h, 6000)
 
 
@@ -321,7 +322,7 @@ def top_speed(plant: SampledMotor, loop: Loop) -> float:
     rotor frame, both senses.
     """
     n, h, resistance = plant.n, plant.h, plant.resistance
-    nu = np.concatenate([-_grid(h)[::-1], _grid(h)])[::8]
+    nu = np.concatenate([-frequency_grid(h)[::-1], frequency_grid(h)])[::8]
     z = np.exp(1j * nu * h)
     best = math.inf
     for inductance in (plant.low, plant.high):
@@ -349,9 +350,9 @@ def published_loop(plant: SampledMotor, gains: Gains) -> Loop:
 
     BadInput where it would not be stable.
     """
-    w = _grid(plant.h)
+    w = frequency_grid(plant.h)
     response = tracking_response(plant, w, gains)
-    gain, phase, disk, crossover = _margins(response, w)
+    gain, phase, disk, crossover = margins(response, w)
     if not (phase > 0.0 and gain > 1.0):
         raise BadInput(
             f"[injection] tracking: published gains of {gains.kp:.4g} 1/s and {gains.ki:.4g} 1/s^2 "
@@ -421,7 +422,7 @@ def swings(plant: SampledMotor, loops: Mapping[str, Loop], inductance: float, tu
     is designed with the first one alone.  It swings where the whole crosses the negative real axis
     beyond -1.
     """
-    w = _grid(plant.h)
+    w = frequency_grid(plant.h)
     inner = _closed_current(plant, loops["current"], inductance, w)
     tracking = Gains(loops["tracking"].kp, loops["tracking"].ki)
     z, loop = np.exp(1j * w * plant.h), tracking_response(plant, w, tracking)
@@ -432,7 +433,7 @@ def swings(plant: SampledMotor, loops: Mapping[str, Loop], inductance: float, tu
     return bool(np.any(whole.real[across] < -1.0))
 
 
-def _tuned(loops: Sequence[Response], h: float, margin: float, highest: float) -> Loop:
+def tuned_loop(loops: Sequence[Response], h: float, margin: float, highest: float) -> Loop:
     """Return the largest bandwidth with which every variant of a loop keeps its phase margin and
     crossover.
 
@@ -441,12 +442,12 @@ def _tuned(loops: Sequence[Response], h: float, margin: float, highest: float) -
     """
     from scipy.optimize import brentq
 
-    w = _grid(h)
+    w = frequency_grid(h)
 
     def spare(log_bandwidth: float) -> float:
         """Return how far (a share) the worst loop is inside both limits at a bandwidth (log of
         rad/s)."""
-        found = (_crossing(loop(w, math.exp(log_bandwidth))[0], w) for loop in loops)
+        found = (crossing(loop(w, math.exp(log_bandwidth))[0], w) for loop in loops)
         return min(
             min(phase / margin - 1.0, 1.0 - crossover / highest) for phase, crossover in found
         )
@@ -461,12 +462,12 @@ def _tuned(loops: Sequence[Response], h: float, margin: float, highest: float) -
     bandwidth = math.exp(brentq(spare, *ends, xtol=1e-6))
     _, kp, ki = loops[0](w, bandwidth)
     gains, phases, disks, crossovers = zip(
-        *(_margins(loop(w, bandwidth)[0], w) for loop in loops), strict=True
+        *(margins(loop(w, bandwidth)[0], w) for loop in loops), strict=True
     )
     return Loop(bandwidth, kp, ki, min(phases), min(gains), min(disks), max(crossovers))
 
 
-def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float, float]:
+def margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float, float]:
     """Return gain margin, phase margin (degrees), disk margin and crossover (rad/s) of an open
     loop.
 
@@ -514,7 +515,7 @@ def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float
     )
 
 
-def _crossing(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float]:
+def crossing(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float]:
     """Return phase margin (degrees) and frequency (rad/s) of the first crossover, phase unwrapped
     from below."""
     size, phase = np.abs(loop), np.unwrap(np.angle(loop))

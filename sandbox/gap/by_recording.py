@@ -66,11 +66,11 @@ def with_offsets(a: Answers) -> Answers:
         where=tuple(found),
         parts=tuple(parts),
         ranking=ranked,
-        following=_parting(a.following),
+        following=parting(a.following),
     )
 
 
-def _parting(following: Next | None) -> Next | None:
+def parting(following: Next | None) -> Next | None:
     """Return a planned recording by the sets that it separates, with the effect; None where they
     differ by it alone."""
     if following is None:

@@ -73,7 +73,7 @@ def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
     settling = rows_to_settle(campaign.drive.motor, period)
     length = even(min(max(most / PARTS, settling), most / FEWEST))
     blocks = [(k, a, b) for k, rows in enumerate(n) for a, b in _blocks(rows, length)]
-    marks = np.concatenate([_marks(campaign, k, length) for k in range(len(n))])
+    marks = np.concatenate([marks_of(campaign, k, length) for k in range(len(n))])
     chosen = _chosen(
         marks, [b - a for _, a, b in blocks], _groups(campaign, [k for k, _, _ in blocks]), most
     )
@@ -158,7 +158,7 @@ def _blocks(rows: int, length: int) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in itertools.pairwise(bounds)]
 
 
-def _marks(campaign: Campaign, place: int, length: int) -> Array:
+def marks_of(campaign: Campaign, place: int, length: int) -> Array:
     """Return what a recording's blocks are described by (blocks, features), in shares of rated
     values."""
     r, count = campaign.recordings[place], len(campaign.recordings)

@@ -353,13 +353,13 @@ def _check_fixed(w: Any, motor: Motor, sets: Sequence[Set]) -> None:
 
 def sampled_at(motor: Motor, converter: Converter, v: Set) -> float:
     """Return how much later than its pattern begins a completed set's sample is taken (s)."""
-    return _sampled_at(motor, converter, tuple(v[name] for name in _timing()))
+    return _sampled_at(motor, converter, tuple(v[name] for name in usual_timing()))
 
 
 @lru_cache(maxsize=1024)
 def _sampled_at(motor: Motor, converter: Converter, timing: tuple[float, ...]) -> float:
     """Return the same for the values of `_timing`, on which alone it depends."""
-    neutral, given = library.neutral(motor), dict(zip(_timing(), timing, strict=True))
+    neutral, given = library.neutral(motor), dict(zip(usual_timing(), timing, strict=True))
     if all(value == neutral[name] for name, value in given.items()):
         return 0.0
     v = complete(motor, converter, given)
@@ -367,7 +367,7 @@ def _sampled_at(motor: Motor, converter: Converter, timing: tuple[float, ...]) -
 
 
 @cache
-def _timing() -> tuple[str, ...]:
+def usual_timing() -> tuple[str, ...]:
     """Return the parameters that say when pulses come and samples are taken."""
     cards = [library.load_effect(name) for name in library.effect_names()]
     return tuple(

@@ -169,7 +169,7 @@ def _level(u: Array, i: Array, axis: int, drive: Drive) -> _Level:
     # nominal across, measured here unless absurd
     least, most = 0.1 * inductance[axis], 10.0 * inductance[axis]
     inductance[axis] = min(max(1.0 / (slope[:, axis].mean() or math.inf), least), most)
-    rest, blur = _rest_of_transient(current, drive.motor.resistance, inductance, len(wave) * h)
+    rest, blur = rest_of_transient(current, drive.motor.resistance, inductance, len(wave) * h)
     v_sd = np.maximum(
         np.sqrt(_error_of_mean(bias) ** 2 + blur**2 + (TRANSIENT_DOUBT * rest) ** 2),
         1e-7 * np.max(np.abs(wave)) + 1e-9,
@@ -180,7 +180,7 @@ def _level(u: Array, i: Array, axis: int, drive: Drive) -> _Level:
     )
 
 
-def _rest_of_transient(
+def rest_of_transient(
     current: Array, resistance: float, inductance: Array, period: float
 ) -> tuple[Array, Array]:
     """Return the mean of L di/dt (V) left of the approach to a level, and the blur of u less it and

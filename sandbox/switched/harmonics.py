@@ -110,9 +110,9 @@ def harmonics(
     rated = math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
     grown = sum(max(abs(f.psi_d), abs(f.psi_q)) * max(1.0, abs(1.0 + f.growth)) for f in flux)
     swing = sum(largest_swing(g, motor) for g in inductance)
-    _check_below("flux harmonics together", grown, max(motor.magnet_flux, rated), "Wb")
+    check_below("flux harmonics together", grown, max(motor.magnet_flux, rated), "Wb")
     least = min(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
-    _check_below(
+    check_below(
         "inductance harmonics together", swing, least, "1/H, where the energy is not convex"
     )
     scaled = [f._replace(growth=f.growth / rated**2) for f in flux]
@@ -155,7 +155,8 @@ def _check_finite(one: Any) -> None:
             )
 
 
-def _check_below(what: str, size: float, bound: float, unit: str) -> None:
+def check_below(what: str, size: float, bound: float, unit: str) -> None:
+    """Raise BadInput where a size that is on is not below a bound."""
     if size > 0.0 and not size < bound:
         raise BadInput(f"{what}: {size:g} is out of range; they must stay below {bound:g} {unit}")
 

@@ -17,7 +17,7 @@ from estimators.demodulation import blank
 from estimators.registry import load_estimator
 from model import energy
 from model.drive_files import load_drive
-from sandbox.drive.design import TRACKING_MARGIN, _grid, _margins, belief_of, design
+from sandbox.drive.design import TRACKING_MARGIN, belief_of, design, frequency_grid, margins
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.evaluation import protocol_tests as t
@@ -108,11 +108,11 @@ def test_gains_of_the_design_keep_their_margin(motor):
     h, keep, w = (
         tuning.sampling_period,
         matrix_fit.forgetting(tuning.period),
-        _grid(tuning.sampling_period),
+        frequency_grid(tuning.sampling_period),
     )
     z = np.exp(1j * w * h)
     loop = (tuning.kp * h + tuning.ki * h * h * z / (z - 1)) / (z - 1) * (1 - keep) / (1 - keep / z)
-    assert _margins(loop, w)[1] > TRACKING_MARGIN
+    assert margins(loop, w)[1] > TRACKING_MARGIN
 
 
 @pytest.mark.parametrize(("frequency", "waveform"), PATTERNS)

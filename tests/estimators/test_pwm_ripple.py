@@ -15,7 +15,7 @@ from estimators.demodulation import blank
 from estimators.registry import load_estimator
 from model import energy
 from model.drive_files import load_drive
-from sandbox.drive.design import TRACKING_MARGIN, _grid, _margins, belief_of, design
+from sandbox.drive.design import TRACKING_MARGIN, belief_of, design, frequency_grid, margins
 from sandbox.drive.inside import USUAL_READINGS, USUAL_SHIFT, commanded, shift_pulses
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
@@ -104,15 +104,14 @@ def test_gains_of_the_design_keep_their_margin(motor):
     old."""
     tuning = design(load_drive(motor)).tuning
     h, kp, keep = tuning.sampling_period, tuning.kp, matrix_fit.forgetting(pwm_ripple.AGE)
-    w = _grid(h)
+    w = frequency_grid(h)
     z = np.exp(1j * w * h)
     # a pair every second period
     fit = (1 - keep * keep) / (1 - (keep / z) ** 2) * (1.0 + 1.0 / z) / 2.0
     fit *= (1.0 + 1.0 / z) / 2.0 * z**-0.5  # and the period in which none comes
     s = (z - 1.0) / h
     assert (
-        _margins((kp + kp**2 / (3.0 * s) + kp**3 / (27.0 * s * s)) / s * fit, w)[1]
-        > TRACKING_MARGIN
+        margins((kp + kp**2 / (3.0 * s) + kp**3 / (27.0 * s * s)) / s * fit, w)[1] > TRACKING_MARGIN
     )
 
 

@@ -13,7 +13,7 @@ from model.drive_files import load_drive
 from model.energy import currents, flux_from_current, inductances, min_eigenvalue
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, read_map, write_map
-from model.spline_energy import _Box
+from model.spline_energy import Box
 from tests.data import real_data
 
 
@@ -33,7 +33,7 @@ def fitted():
 
 def test_cells_are_the_b_spline_and_its_derivatives():
     rng = np.random.default_rng(0)
-    box = se._Box(np.array([-0.1, 0.3]), np.array([0.0, 0.2]), (4, 3))
+    box = se.Box(np.array([-0.1, 0.3]), np.array([0.0, 0.2]), (4, 3))
     c = rng.normal(size=box.unknowns)
     s = box.spline(c)
     full = c.reshape(box.n_d + 4, box.half) @ box.fold.T
@@ -188,7 +188,7 @@ def test_a_map_that_bends_the_wrong_way_in_places_is_fitted_by_a_convex_energy()
         patch.setattr(se, "nnls", lambda *x, **y: asked.append(len(x[1])) or nnls(*x, **y))
         m = se.fit(psi_d, psi_q, i_d, i_q, (14, 12))
     assert asked  # inequalities were needed
-    box = se._Box(psi_d, psi_q, (14, 12))
+    box = se.Box(psi_d, psi_q, (14, 12))
     least = [
         min_eigenvalue(*spline.hessian(m, float(d), float(q)))
         for d, q in zip(*box.check_points(), strict=True)
@@ -213,7 +213,7 @@ def _told_and_taken(cells, lines, noise):
     finally:
         taken = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    return se._bytes(se._Box(psi_d, psi_q, cells), len(psi_d)), taken
+    return se.bytes_taken(se.Box(psi_d, psi_q, cells), len(psi_d)), taken
 
 
 @pytest.mark.parametrize(("cells", "lines"), [((4, 4), 60), ((6, 6), 80)])
@@ -243,5 +243,5 @@ def test_choices_that_take_too_much_memory_are_not_tried():
 
 
 def test_a_map_s_box_reaches_three_hundredths_beyond_its_data():
-    box = _Box(np.array([0.1, 0.3]), np.array([-0.5, 0.4]), (4, 4))
+    box = Box(np.array([0.1, 0.3]), np.array([-0.5, 0.4]), (4, 4))
     assert (box.low_d, box.high_d, box.high_q) == pytest.approx((0.094, 0.306, 0.515))

@@ -207,7 +207,7 @@ def looked(c: Comparison, runs: Sequence[Run]) -> Iterator[str]:
     panels.append(("i_q (A)", {n: _line(run, "i_q") for n, run in kept.items()}))
     turns = any(np.any(run.recording.omega) for run in runs)
     if turns:
-        panels += _speeds(kept)
+        panels += speeds(kept)
         colours += [ESTIMATED] if len(kept) == 1 else []
     said = (
         ", true and estimated speed."
@@ -229,7 +229,7 @@ def looked(c: Comparison, runs: Sequence[Run]) -> Iterator[str]:
     yield from pairs(_spectra(c, kept))
 
 
-def _speeds(kept: dict[str, Run]) -> list[tuple[str, dict[str, tuple[list[float], list[float]]]]]:
+def speeds(kept: dict[str, Run]) -> list[tuple[str, dict[str, tuple[list[float], list[float]]]]]:
     """Return panels of true and estimated speed: one of a single run, one each where there are
     several."""
     if len(kept) == 1:

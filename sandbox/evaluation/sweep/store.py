@@ -121,12 +121,12 @@ def add(kept: Kept, block: Block) -> None:
 
     body = io.BytesIO()
     parquet.write_table(block.table, body)
-    write_whole(kept.folder / _file(block.start), body.getvalue())
+    write_whole(kept.folder / block_file(block.start), body.getvalue())
     digest = hashlib.sha256(body.getvalue()).hexdigest()
     said: dict[str, Any] = {
         "start": block.start,
         "rows": block.table.num_rows,
-        "file": _file(block.start),
+        "file": block_file(block.start),
         "sha256": digest,
     }
     if block.traces is not None:
@@ -178,7 +178,8 @@ def open_traces(folder: Path) -> Any:
     return xarray.open_zarr(folder / TRACES, consolidated=False, chunks=None)
 
 
-def _file(start: int) -> str:
+def block_file(start: int) -> str:
+    """Return the name of a block's table in the folder."""
     return f"{RUNS}/block-{start:09d}.parquet"
 
 
@@ -203,7 +204,7 @@ def _is_sound(b: Any) -> bool:
     """Tell whether an entry is of a block, and names its own file."""
     whole = type(b["start"]) is int and type(b["rows"]) is int
     spent = all(finite(b[name]) is not None for name in ("cpu_seconds", "kernel_seconds"))
-    return whole and spent and bool(b["file"] == _file(b["start"]))
+    return whole and spent and bool(b["file"] == block_file(b["start"]))
 
 
 def _is_whole(kept: Kept, block: dict[str, Any]) -> bool:

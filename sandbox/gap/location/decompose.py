@@ -94,8 +94,8 @@ def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
     total = max(sum(max(0.0, sum(e.values())) for e in excess.values()), 1e-9)
     channels = {c: sum(max(0.0, e.get(c, 0.0)) for e in excess.values()) / total for c in CHANNELS}
     recordings = {f: max(0.0, sum(e.values())) / total for f, e in excess.items()}
-    speed = _bins(parts, [_speed(point, r) for r in own], SPEEDS, SPEED_NAMES, total)
-    current = _bins(parts, [_size(point, r) for r in own], CURRENTS, CURRENT_NAMES, total)
+    speed = bins_of(parts, [_speed(point, r) for r in own], SPEEDS, SPEED_NAMES, total)
+    current = bins_of(parts, [_size(point, r) for r in own], CURRENTS, CURRENT_NAMES, total)
     directions, amplitude = _directions(point, shown, recordings)
     z = [_stationary(x) * np.exp(-1j * r.motion.angle) for r, x in zip(own, shown, strict=True)]
     return Decomposition(
@@ -106,8 +106,8 @@ def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
         speed,
         current,
         amplitude,
-        _orders(own, z, total),
-        _mechanical(own, shown, total),
+        electrical_orders(own, z, total),
+        mechanical_orders(own, shown, total),
         _injection(point, z, total),
         clearest_line(
             [v for r, v in zip(own, z, strict=True) if r.rotor == "locked"],
@@ -150,7 +150,7 @@ def _size(point: Point, r: Inputs) -> Array:
     )
 
 
-def _bins(parts, where, bounds, names, total) -> dict[str, float]:
+def bins_of(parts, where, bounds, names, total) -> dict[str, float]:
     """Return the share of each operating region, all channels together."""
     out = dict.fromkeys(names, 0.0)
     for squares, at in zip(parts.values(), where, strict=True):
@@ -182,7 +182,7 @@ def _directions(point: Point, shown: Sequence[Residual], weight: dict[str, float
     lead = max(range(len(DIRECTIONS)), key=lambda k: shares[DIRECTIONS[k]])
     p, noise = (np.concatenate([b[k][:, lead] for b in blocks]) for k in (0, 1))
     speed, size = (np.concatenate([b[k] for b in blocks]) for k in (2, 3))
-    return shares, _amplitudes(p, noise, np.digitize(speed, SPEEDS), np.digitize(size, CURRENTS))
+    return shares, amplitudes(p, noise, np.digitize(speed, SPEEDS), np.digitize(size, CURRENTS))
 
 
 def _of_readings(point: Point, shown: Sequence[Residual]) -> Array:
@@ -191,7 +191,7 @@ def _of_readings(point: Point, shown: Sequence[Residual]) -> Array:
     own = point.prepared.recordings
     rms = np.concatenate([np.sqrt(np.mean(x.current[:, :, 0] ** 2, axis=1)) for x in shown])
     speed, size = (np.concatenate([of(point, r) for r in own]) for of in (_speed, _size))
-    return _amplitudes(
+    return amplitudes(
         rms, np.ones_like(rms), np.digitize(speed, SPEEDS), np.digitize(size, CURRENTS)
     )
 
@@ -230,7 +230,7 @@ def _means(x: Array, width: int) -> Array:
     return np.asarray(x[: n * width].reshape(n, width, x.shape[1]).mean(axis=1))
 
 
-def _amplitudes(p: Array, noise: Array, speed, current) -> Array:
+def amplitudes(p: Array, noise: Array, speed, current) -> Array:
     """Return rms by speed and current (4, 4); NaN where fewer than FEWEST blocks, or noise alone,
     were seen."""
     out = np.full((len(SPEED_NAMES), len(CURRENT_NAMES)), np.nan)
@@ -244,7 +244,9 @@ def _amplitudes(p: Array, noise: Array, speed, current) -> Array:
     return out
 
 
-def _orders(own: Sequence[Inputs], z: Sequence[Complex], total: float) -> dict[int, float]:
+def electrical_orders(
+    own: Sequence[Inputs], z: Sequence[Complex], total: float
+) -> dict[int, float]:
     """Return the share of each electrical order of currents, in the rotor's frame, over turning
     recordings.
 
@@ -264,7 +266,9 @@ def _orders(own: Sequence[Inputs], z: Sequence[Complex], total: float) -> dict[i
     return {n: max(0.0, float(p)) / total for n, p in zip(ORDERS, power, strict=True)}
 
 
-def _mechanical(own: Sequence[Inputs], shown: Sequence[Residual], total: float) -> dict[int, float]:
+def mechanical_orders(
+    own: Sequence[Inputs], shown: Sequence[Residual], total: float
+) -> dict[int, float]:
     """Return the share of each mechanical order of a free rotor's innovations."""
     power = np.zeros(len(MECHANICAL))
     for r, x in zip(own, shown, strict=True):

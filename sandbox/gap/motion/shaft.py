@@ -294,16 +294,16 @@ def fitted(design: Design, terms: Terms, nominal: Nominal) -> Shaft:
     strain = float(np.sum(precision * (values - mean)[~fixed] ** 2))
     chi2, inflation = float(scored @ scored), _inflation(scored, design)
     plain = inverse * (chi2 / max(int(np.count_nonzero(design.weight)), 1) * inflation)
-    found = _wider(_sandwich(a, scored, design.block, inverse), plain)
+    found = widened(_sandwich(a, scored, design.block, inverse), plain)
     if terms.dry is not None:
         bend = values[names.index(DRY.size)] * design.bend(terms.dry) * design.weight
-        found += _of_width(a, inverse, bend, design.within_a_row / terms.dry)
+        found += of_width(a, inverse, bend, design.within_a_row / terms.dry)
     covariance = np.zeros((len(names), len(names)))
     covariance[np.ix_(~fixed, ~fixed)] = found
     return Shaft(terms, tuple(names), values, covariance, residual, chi2, strain, inflation)
 
 
-def _of_width(a: Array, inverse: Array, bend: Array, rows: float) -> Array:
+def of_width(a: Array, inverse: Array, bend: Array, rows: float) -> Array:
     """Return what the other sizes' covariance has more as the width of dry friction was fitted;
     bend: how its torque changes with the logarithm of the width; rows: what the speed changes in
     half a row, over the width."""
@@ -312,7 +312,7 @@ def _of_width(a: Array, inverse: Array, bend: Array, rows: float) -> Array:
     return np.outer(moved, moved) * max(1.0 / information, (UNRESOLVED * min(rows, 1.0) ** 2) ** 2)
 
 
-def _wider(covariance: Array, other: Array) -> Array:
+def widened(covariance: Array, other: Array) -> Array:
     """Return a covariance whose variances are no less than another one's, correlations kept.
 
     Sums over few blocks, of which some hold nearly all that tells a size, scatter by as much as

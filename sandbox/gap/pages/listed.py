@@ -122,12 +122,12 @@ def position_rows(r: Ranking) -> tuple[list[str], list[list[str]]]:
             continue
         for name in estimators:
             m = own.get(name)
-            cells.append("–" if m is None else _moved(m))
+            cells.append("–" if m is None else moved_text(m))
         out.append([words(effect), *cells])
     return ["effect", *estimators], out if estimators else []
 
 
-def _moved(m: Moved) -> str:
+def moved_text(m: Moved) -> str:
     """Return a move of the mean error, and of its ripple in brackets."""
     if m.not_run:
         return "not run"

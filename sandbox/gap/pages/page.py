@@ -51,7 +51,11 @@ def print_answers(a: Answers) -> None:
         print_prose(f"{capital(words(c.effect))}: {c.text}", f"{'Curve?':<10} ")
     print_prose(left.remains_text(a), f"{'Left?':<10} ")
     rows = [
-        [listed.against_first(h, d.best, a.shares), f"{h.probability:.3f}", _share(closed_by(d, h))]
+        [
+            listed.against_first(h, d.best, a.shares),
+            f"{h.probability:.3f}",
+            share_text(closed_by(d, h)),
+        ]
         for h in d.hypotheses[:6]
     ]
     print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
@@ -63,7 +67,7 @@ def print_answers(a: Answers) -> None:
         )
     if d.parameters[0]:
         heads = ["name", "value [95 % interval]", "nominal"]
-        print_table("parameters", heads, _parameters(a, d.parameters[0]))
+        print_table("parameters", heads, parameter_rows(a, d.parameters[0]))
     rows = [
         [f + (" (held out)" if h else ""), f"{b:.2f}", f"{x:.2f}"]
         for f, b, x, h in d.size.recordings
@@ -80,7 +84,7 @@ def print_answers(a: Answers) -> None:
 def write_report(path: Path, a: Answers) -> None:
     """Write the report as one self-contained page."""
     title = f"{a.diagnosis.campaign.name}: where simulation and recordings part"
-    write_page(path, title, _body(a, title))
+    write_page(path, title, page_body(a, title))
 
 
 def _three(a: Answers) -> list[tuple[str, str]]:
@@ -92,7 +96,8 @@ def _three(a: Answers) -> list[tuple[str, str]]:
     ]
 
 
-def _body(a: Answers, title: str) -> Iterator[str]:
+def page_body(a: Answers, title: str) -> Iterator[str]:
+    """Yield the parts of the report, answers first."""
     d = a.diagnosis
     yield f'<h1>{prose(title)} <span class="badge {a.badge}">{VERDICTS[a.badge]}</span></h1>'
     heads = {
@@ -113,12 +118,12 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     yield f'<p class="soft">{prose(f"{GAP} {FLOOR}")}</p>'
     yield from _listed(a)
     if a.alike is not None:
-        yield from _why_alike(a.alike)
+        yield from why_alike(a.alike)
     for h, own in zip(d.hypotheses, d.parameters, strict=True):
         if own and h in d.ambiguity_set:
             yield f"<h2>Parameters of {prose(listed.short(h, d.hypotheses))}</h2>"
             rows = [
-                [f"{capital(library.title(k))} `{k}`", *rest] for k, *rest in _parameters(a, own)
+                [f"{capital(library.title(k))} `{k}`", *rest] for k, *rest in parameter_rows(a, own)
             ]
             yield table(["parameter", "value [95 % interval]", "nominal"], rows)
     yield from charts.of_curves(a.curves)
@@ -153,7 +158,7 @@ def _hypotheses(a: Answers, chosen: Sequence) -> str:
         f"<tr><td>{prose(listed.against_first(h, a.diagnosis.best, a.shares))}"
         f"<div class='bar' style='width:{100.0 * h.probability:.1f}%'></div></td>"
         f"<td class='n'>{100.0 * h.probability:.1f}&nbsp;%</td>"
-        f"<td class='n'>{prose(_share(closed_by(a.diagnosis, h)))}</td></tr>"
+        f"<td class='n'>{prose(share_text(closed_by(a.diagnosis, h)))}</td></tr>"
         for h in chosen
     ]
     head = "<tr><th>effects</th><th class='n'>probability</th><th class='n'>gap closed</th></tr>"
@@ -198,7 +203,7 @@ def _listed(a: Answers) -> Iterator[str]:
         )
 
 
-def _why_alike(x: Alike) -> Iterator[str]:
+def why_alike(x: Alike) -> Iterator[str]:
     """Yield why an ambiguity is one: how alike its effects look, and how flat the likelihood is
     between both."""
     yield "<h2>Why it cannot be told</h2><ul>"
@@ -208,13 +213,13 @@ def _why_alike(x: Alike) -> Iterator[str]:
         others = names(rival) if rival else "what ordinary deviations can do"
         text = f"On these recordings {words(effect)} looks like {others}: cosine {cosine:.4f}."
         yield f"<li>{prose(text)}</li>"
-    what = f"0: {names(x.second)}, 1: {names(x.first)}. {_way(x)}"
+    what = f"0: {names(x.second)}, 1: {names(x.first)}. {way_text(x)}"
     line = (list(x.share), list(x.log_likelihood))
     panels = [("log likelihood", {"all parameters going along": line})]
     yield "</ul>" + figure(lines_svg(panels, "share of the way between both fits"), what)
 
 
-def _way(x: Alike) -> str:
+def way_text(x: Alike) -> str:
     """Return what a likelihood along the way between two fits says: which end it prefers, whether
     it falls between."""
     fall = max(x.log_likelihood) - min(x.log_likelihood)
@@ -241,11 +246,12 @@ def _way(x: Alike) -> str:
     )
 
 
-def _share(x: float | None) -> str:
+def share_text(x: float | None) -> str:
+    """Return a share in percent, a dash where there is none."""
     return "–" if x is None else percent_fine(x)
 
 
-def _parameters(a: Answers, own: Mapping[str, Estimate]) -> list[list[str]]:
+def parameter_rows(a: Answers, own: Mapping[str, Estimate]) -> list[list[str]]:
     """Return rows of name, value with interval, and what the nominal model has."""
     neutral = library.neutral(a.diagnosis.campaign.drive.motor)
     nominal = {

@@ -56,7 +56,7 @@ def waves(
     yield f"<h2>Residuals in {prose(r.file)}</h2>"
     spectra = {name: looks.spectrum(x, period) for name, x in current.items()}
     lines = {name: (f.tolist(), size.tolist()) for name, (f, size) in spectra.items()}
-    first, last = _worst(before[k].current[:, :, 0], max(2, round(WINDOW / period)))
+    first, last = worst_stretch(before[k].current[:, :, 0], max(2, round(WINDOW / period)))
     yield from pairs(
         [
             figure(
@@ -92,7 +92,7 @@ def phases_of(d: Diagnosis, k: int) -> tuple[Array, Array, Array]:
     return a, b, c
 
 
-def _worst(residual: Array, width: int) -> tuple[int, int]:
+def worst_stretch(residual: Array, width: int) -> tuple[int, int]:
     """Return first and last sample of the interval (width samples) whose residuals (n, 3) are
     largest."""
     sums = np.concatenate([[0.0], np.cumsum(np.sum(residual**2, axis=1))])

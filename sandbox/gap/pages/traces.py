@@ -36,7 +36,7 @@ def write_traces(path: Path, a: Answers) -> None:
     points = {"before": d.before.point, "after": d.after.point}
     seen = {name: _seen(p) for name, p in points.items()}
     parts = {name: decompose(p, seen[name][1]) for name, p in points.items()}
-    tabs = {"Overview": dict(_whole(a, parts))}
+    tabs = {"Overview": dict(whole_gap(a, parts))}
     for k, r in enumerate(d.start.prepared.recordings):
         held = ", held out" if k in d.held_out else ""
         shown = {
@@ -55,7 +55,8 @@ def _seen(point: Point) -> tuple[Prediction, list[Residual]]:
     return prediction, residuals(prepared, prediction)
 
 
-def _whole(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, Plot]]:
+def whole_gap(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, Plot]]:
+    """Yield the plots of the whole gap: recordings before and after, where it lies."""
     rows = a.diagnosis.size.recordings
     place = np.arange(1.0, len(rows) + 1.0) - HALF
     columns = {

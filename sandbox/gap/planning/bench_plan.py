@@ -75,7 +75,7 @@ def plan(
     """
     began, compiled, ends = time.monotonic(), WATCH.seconds, list[float]()
     if drive.converter.encoder_counts is None:
-        drive = _with_encoder(drive)
+        drive = with_encoder(drive)
     entries = allowed(drive, limits)
     if not entries:
         raise BadInput(
@@ -92,7 +92,7 @@ def plan(
             shown.append((entry, visible(simulated[entry.name], workers=workers)))
         except (BadInput, PhysicsError):  # the nominal motor cannot do it
             continue
-    chosen = _ordered(drive, shown)
+    chosen = ordered(drive, shown)
     if not chosen:
         raise BadInput(
             "within these limits no effect of typical size stands clear of the noise; "
@@ -103,7 +103,7 @@ def plan(
     return Plan(drive, tuple(chosen), visible(whole, workers=workers))
 
 
-def _with_encoder(drive: Drive) -> Drive:
+def with_encoder(drive: Drive) -> Drive:
     """Return a drive with an encoder that its file does not state, as its provenance says."""
     said = [x for x in (drive.provenance.get(ASSUMED), "encoder_counts") if x]
     return replace(
@@ -126,7 +126,7 @@ def over(ends: Sequence[float], compiling: float, pieces: int) -> float:
     return last / (last + each * max(pieces - done, 0)) if last > 0.0 else done / pieces
 
 
-def _ordered(drive: Drive, shown: Sequence[tuple[Entry, Visible]]) -> list[Planned]:
+def ordered(drive: Drive, shown: Sequence[tuple[Entry, Visible]]) -> list[Planned]:
     """Return the experiments that add effects, the one that adds most first."""
     seen: set[str] = set()
     rest, out = list(shown), list[Planned]()

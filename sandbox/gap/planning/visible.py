@@ -50,7 +50,7 @@ def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
     """Return what a campaign's recordings could tell; BadInput where they cannot be replayed."""
     period = campaign.drive.converter.sampling_period
     settling = rows_to_settle(campaign.drive.motor, period)
-    parts = tuple(_excerpt(r, settling, period) for r in campaign.recordings)
+    parts = tuple(excerpt_of(r, settling, period) for r in campaign.recordings)
     share = sum(len(r.t) for r in campaign.recordings) / max(sum(len(r.t) for r in parts), 1)
     short = replace(campaign, recordings=parts)
     prepared = prepare(short)
@@ -68,21 +68,21 @@ def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
     place = {c.label: k for k, c in enumerate(n.coordinates)}
     ordinary = {c.label for c in own} | {c.label for c in n.coordinates if c.of_point}
     size = {
-        e: _move(own_, {c.label: k for k, c in enumerate(own_)}, groups[e])
+        e: typical_move(own_, {c.label: k for k, c in enumerate(own_)}, groups[e])
         for e, own_ in moved.items()
     }
     precision = np.array([c.deviation**-2 if c.label in ordinary else 0.0 for c in n.coordinates])
-    aligned = _misaligned(precision, place, moved)
+    aligned = misaligned(precision, place, moved)
     left = {
-        e: _left(share * a, aligned if reads_angle(e) else precision, [place[x] for x in labels])
+        e: left_of(share * a, aligned if reads_angle(e) else precision, [place[x] for x in labels])
         for e, labels in groups.items()
     }
     sizes = {e: math.sqrt(max(float(size[e] @ left[e] @ size[e]), 0.0)) for e in groups}
     order = dict(sorted(sizes.items(), key=lambda x: -x[1]))
-    return Visible(order, _alike(share * a, precision, groups, place, size, sizes))
+    return Visible(order, alike_pairs(share * a, precision, groups, place, size, sizes))
 
 
-def _excerpt(r: CampaignRecording, settling: int, period: float) -> CampaignRecording:
+def excerpt_of(r: CampaignRecording, settling: int, period: float) -> CampaignRecording:
     """Return the stretch of a recording in which currents and angle move most, of at most EXCERPT
     samples, after so many in which states settle."""
     n = len(r.t)
@@ -97,7 +97,9 @@ def _excerpt(r: CampaignRecording, settling: int, period: float) -> CampaignReco
     return excerpt(r, slice(k, k + EXCERPT), settling, period)
 
 
-def _move(coordinates: Sequence[Coordinate], place: dict[str, int], labels: list[str]) -> Array:
+def typical_move(
+    coordinates: Sequence[Coordinate], place: dict[str, int], labels: list[str]
+) -> Array:
     """Return a typical move along an effect's coordinates."""
     own = [coordinates[place[x]] for x in labels]
     return np.array([1.0 if c.form == "share" else c.deviation / WIDE for c in own])
@@ -108,7 +110,7 @@ def reads_angle(effect: str) -> bool:
     return effect in effect_names() and any(at.port == "angle" for at in load_effect(effect).at)
 
 
-def _misaligned(
+def misaligned(
     precision: Array, place: dict[str, int], moved: dict[str, list[Coordinate]]
 ) -> Array:
     """Return the precisions of ordinary deviations with an encoder that may be as far off as the
@@ -119,7 +121,7 @@ def _misaligned(
     return out
 
 
-def _left(a: Array, precision: Array, places: list[int]) -> Array:
+def left_of(a: Array, precision: Array, places: list[int]) -> Array:
     """Return the information about some coordinates that ordinary deviations leave."""
     own = np.array(places, dtype=np.int64)
     others = np.setdiff1d(np.flatnonzero(precision > 0.0), own)
@@ -128,7 +130,7 @@ def _left(a: Array, precision: Array, places: list[int]) -> Array:
     return np.asarray(a[np.ix_(own, own)] - across.T @ np.linalg.solve(inner, across))
 
 
-def _alike(
+def alike_pairs(
     a: Array,
     precision: Array,
     groups: dict[str, list[str]],
@@ -145,7 +147,7 @@ def _alike(
             own, other = [place[x] for x in groups[e]], [place[x] for x in groups[f]]
             if set(own) & set(other):
                 continue
-            joint = _left(a, precision, [*own, *other])
+            joint = left_of(a, precision, [*own, *other])
             n, d, g = len(own), size[e], size[f]
             whole = float(d @ joint[:n, :n] @ d) * float(g @ joint[n:, n:] @ g)
             if (

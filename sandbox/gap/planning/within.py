@@ -65,7 +65,7 @@ def within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
     bus = drive.converter.dc_bus_voltage
     if limits.voltage is not None and limits.voltage < bus:
         entry = replace(entry, link=entry.link * limits.voltage / bus)
-    room = _room(entry, drive, limits)
+    room = room_for(entry, drive, limits)
     if room == Peaks(math.inf, math.inf, math.inf):
         return entry
     fastest = float(np.max(np.abs(entry.speed)))
@@ -87,7 +87,7 @@ def within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
     return None
 
 
-def _room(entry: Entry, drive: Drive, limits: Limits) -> Peaks:
+def room_for(entry: Entry, drive: Drive, limits: Limits) -> Peaks:
     """Return what an experiment may reach, infinite where nothing is stated."""
     motor = drive.motor
     current = math.inf if limits.current is None else limits.current

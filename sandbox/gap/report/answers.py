@@ -301,7 +301,7 @@ def next_text(a: Answers) -> str:
     if a.verdict == "no_gap":
         return (
             "Nothing is needed, as far as these recordings see: the nominal model explains them "
-            f"once {_allowed(a.diagnosis.campaign)} is refitted."
+            f"once {allowed_text(a.diagnosis.campaign)} is refitted."
         )
     if a.verdict == "explained":
         return (
@@ -330,7 +330,7 @@ def next_text(a: Answers) -> str:
     return f"{none}Recordings that show more, for {advice}."
 
 
-def _allowed(campaign: Campaign) -> str:
+def allowed_text(campaign: Campaign) -> str:
     """Return what may deviate without a fault, and that nobody stated it where that is so."""
     tables = {"[uncertainty]": campaign.uncertainty, "[background]": campaign.background}
     stated = [name for name, table in tables.items() if table]
@@ -344,7 +344,7 @@ def caveats(a: Answers) -> list[str]:
     are last."""
     d = a.diagnosis
     return [
-        *_findings(d),
+        *findings_of(d),
         *_of_noise(d),
         *_of_the_fit(a),
         *_of_columns(d),
@@ -457,7 +457,7 @@ def _of_excerpts(d: Diagnosis) -> list[str]:
     return out
 
 
-def _findings(d: Diagnosis) -> list[str]:
+def findings_of(d: Diagnosis) -> list[str]:
     """Return what is suspicious in recordings; not that one contradicts the nominal model where its
     gap is closed."""
     origin = {r.file: r.origin for r in d.campaign.recordings}

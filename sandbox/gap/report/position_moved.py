@@ -55,8 +55,8 @@ def moved(drive: Drive, effects: Mapping[str, Mapping[str, float]]) -> dict[str,
     for name in ESTIMATORS if effects else ():
         base, why = None, ""
         try:
-            setup = _ready(drive, name)
-            base = _error(setup, {})
+            setup = ready(drive, name)
+            base = error_of(setup, {})
         except Diverged:
             pass  # base stays None, as where the rotor is lost in a run that ends
         except (BadInput, PhysicsError) as error:
@@ -77,7 +77,7 @@ def _moved(setup: Setup, values: Mapping[str, float], base: tuple[float, float])
     """Return what values do to mean and ripple (base: without them); a run that breaks off has lost
     the rotor."""
     try:
-        found = _error(setup, values)
+        found = error_of(setup, values)
     except BadInput as error:  # none that a drive can have: an estimate at the end of its range
         return _not_run(f"no drive can have the effect at this size: {error}")
     except Diverged:
@@ -91,7 +91,7 @@ def _moved(setup: Setup, values: Mapping[str, float], base: tuple[float, float])
     )
 
 
-def _ready(drive: Drive, estimator: str) -> Setup:
+def ready(drive: Drive, estimator: str) -> Setup:
     """Return the run of an estimator made ready."""
     speed = ESTIMATORS[estimator]
     turn = min(LONGEST_TURN, math.tau * drive.motor.pole_pairs / (speed * drive.motor.rated_omega))
@@ -108,7 +108,7 @@ def _ready(drive: Drive, estimator: str) -> Setup:
     return set_up(drive, scenario, load_estimator(estimator), "saturated")
 
 
-def _error(setup: Setup, values: Mapping[str, float]) -> tuple[float, float] | None:
+def error_of(setup: Setup, values: Mapping[str, float]) -> tuple[float, float] | None:
     """Return mean and ripple (electrical degrees) over the last turn; None where the rotor is
     lost."""
     recording = run_once(setup, values).recording

@@ -20,9 +20,9 @@ def _short_plans(scale=None, rng=None):
     scale = scale or bench.build(nominal_design(SERVO, None)).scale
     rng = rng or np.random.default_rng(0)
     rows = (
-        cycles._locked(scale, 600, rng)
-        + cycles._driven(scale, 600, rng)
-        + cycles._free(scale, 600, rng)
+        cycles.locked_cycles(scale, 600, rng)
+        + cycles.driven_cycles(scale, 600, rng)
+        + cycles.free_cycles(scale, 600, rng)
     )
     return rows[2:3] + rows[6:7] + rows[9:10]
 

@@ -9,14 +9,7 @@ def made(folder, files):
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    for memory in (
-        sources.depends_on,
-        sources.code_files,
-        sources.code_key,
-        sources._body,
-        sources.imports_of,
-    ):
-        memory.cache_clear()
+    sources.forget()
     found = sources.code_key("model/*.py", "model/*.toml")
     for name in files:
         (folder / name).unlink()

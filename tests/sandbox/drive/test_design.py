@@ -185,9 +185,12 @@ def test_tracking_model_tells_where_the_loop_rings():
     """For the IPM as printed (share -1) the model's phase margin vanishes between 230 and 400
     rad/s: so it rings."""
     drive = load_drive("ipm")
-    grid, plant = ds._grid(H), ds.SampledMotor(N, H, np.nan, np.nan, np.nan, np.nan, share=-0.993)
-    assert ds._crossing(ds.tracking_loop(plant, grid, 230.0)[0], grid)[0] > 15.0
-    assert ds._crossing(ds.tracking_loop(plant, grid, 400.0)[0], grid)[0] < -5.0
+    grid, plant = (
+        ds.frequency_grid(H),
+        ds.SampledMotor(N, H, np.nan, np.nan, np.nan, np.nan, share=-0.993),
+    )
+    assert ds.crossing(ds.tracking_loop(plant, grid, 230.0)[0], grid)[0] > 15.0
+    assert ds.crossing(ds.tracking_loop(plant, grid, 400.0)[0], grid)[0] < -5.0
     assert spread(drive, 230.0) < 1.0
     assert spread(drive, 400.0) > 5.0
 
@@ -329,7 +332,7 @@ def test_a_double_integrator_starts_at_minus_180_degrees(lag):
     degrees less the lag, the phase unwrapped from just above or just below -180 degrees."""
     w = np.geomspace(1e-3, 10.0, 4000)
     loop = (1.0 + 1j * w) * np.exp(-1j * lag * w) / (1j * w) ** 2 / np.sqrt(2.0)
-    margin, at = ds._crossing(loop, w)
+    margin, at = ds.crossing(loop, w)
     assert at == pytest.approx(1.0, rel=5e-3)
     assert margin == pytest.approx(45.0 - np.degrees(lag), abs=0.5)
 
@@ -338,7 +341,7 @@ def test_disk_margin_of_an_integrator():
     """1/(j w): |1 - L| = |1 + L| at every w, so that the balanced sensitivity is 1/2 and the margin
     2."""
     w = np.geomspace(1e-2, 1e2, 500)
-    assert ds._margins(1.0 / (1j * w), w)[2] == pytest.approx(2.0)
+    assert ds.margins(1.0 / (1j * w), w)[2] == pytest.approx(2.0)
 
 
 LAGS = {
@@ -356,7 +359,7 @@ def test_margins_are_those_that_control_finds(name):
     """By splines through the same grid, one frequency at a time."""
     w = np.geomspace(1e-2, 1e4, 1500)
     gain, phase, _, _, crossover, _ = control.stability_margins(control.frd(LAGS[name](w), w))
-    found = ds._margins(LAGS[name](w), w)
+    found = ds.margins(LAGS[name](w), w)
     assert (found[0], found[1]) == pytest.approx((gain, phase), rel=1e-9)
     assert found[3] == pytest.approx(crossover, rel=1e-9, nan_ok=True)
 
@@ -364,15 +367,15 @@ def test_margins_are_those_that_control_finds(name):
 def test_a_loop_of_several_variants_tells_the_least_margins():
     """b/(j w) with a lag of one or three samples: 90 degrees less lag x b.  The slower one has 60
     degrees at b = (pi/6)/(3 H), and the smaller disk; the bandwidth is the crossover of both."""
-    w = ds._grid(H)
+    w = ds.frequency_grid(H)
     variants = [
         lambda w, b, lag=lag: (b / (1j * w) * np.exp(-1j * lag * w), b, 0.0) for lag in (H, 3.0 * H)
     ]
     for order in (variants, variants[::-1]):
-        found = ds._tuned(order, H, 60.0, 1.0 / H)
+        found = ds.tuned_loop(order, H, 60.0, 1.0 / H)
         assert found.bandwidth == pytest.approx(math.pi / 18.0 / H, rel=1e-3)
         assert found.phase_margin_deg == pytest.approx(60.0, abs=0.05)
-        disks = [ds._margins(loop(w, found.bandwidth)[0], w)[2] for loop in variants]
+        disks = [ds.margins(loop(w, found.bandwidth)[0], w)[2] for loop in variants]
         assert found.disk_margin == disks[1] < disks[0]
 
 

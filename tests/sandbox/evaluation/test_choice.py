@@ -214,11 +214,11 @@ def test_a_run_s_page_says_that_the_speed_was_missed_and_what_the_motor_cannot_m
 
 def test_a_single_run_draws_both_speeds_on_one_panel(small_comparison):
     run = small_comparison.runs[0]
-    ((head, lines),) = compare_page._speeds({"saturated": run})
+    ((head, lines),) = compare_page.speeds({"saturated": run})
     assert head.startswith("speed")
     assert list(lines) == ["true", "estimated"]
     assert [
-        head.split("\n")[0] for head, _ in compare_page._speeds({"linear": run, "saturated": run})
+        head.split("\n")[0] for head, _ in compare_page.speeds({"linear": run, "saturated": run})
     ] == [
         "true speed",
         "estimated",

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from model.effect_files import effects_and_angles
-from sandbox.gap.by_recording import _parting, with_offset, with_offsets
+from sandbox.gap.by_recording import parting, with_offset, with_offsets
 from sandbox.gap.diagnose import diagnosis_of, verdict
 from sandbox.gap.location.where import where
 from sandbox.gap.planning.next_recording import Next
@@ -95,10 +95,10 @@ def test_the_name_stands_once():
 
 def test_a_planned_recording_parts_sets_that_still_differ():
     planned = Next("locked", "locked rotor", 1.0, ((), ("current_offset",)), 9.0, 0.9)
-    assert _parting(planned) is None
+    assert parting(planned) is None
     other = dataclasses.replace(planned, separates=((), ("dead_time",)))
-    assert _parting(other).separates == (("current_offset",), ("current_offset", "dead_time"))
-    assert _parting(None) is None
+    assert parting(other).separates == (("current_offset",), ("current_offset", "dead_time"))
+    assert parting(None) is None
 
 
 def test_where_nothing_differs_answers_stay(small_answers):

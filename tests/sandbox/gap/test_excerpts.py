@@ -108,14 +108,14 @@ def test_blocks_are_described_in_shares_of_rated_values():
     run.columns["load_torque"] = np.full(400, DRIVE.motor.rated_torque)
     for phase in ("i_a", "i_b", "i_c"):
         run.columns[phase] = 10.0 * run.columns[phase]
-    marks = cutting._marks(campaign(run), 0, 100)
+    marks = cutting.marks_of(campaign(run), 0, 100)
     assert marks.shape == (4, 18)  # mean and scatter of eight signals, rotor, time
     assert marks[:, 1] == pytest.approx(3.0)  # i_q
     assert marks[:, 2] == pytest.approx(0.5, rel=1e-6)  # speed, as `recording` turns
     assert marks[:, 5] == pytest.approx(1.0)  # load
     assert np.ptp(marks[:, 17]) == pytest.approx(0.075)
     kinds = [
-        cutting._marks(campaign(recording(100, rotor=r)), 0, 100)[0, 16]
+        cutting.marks_of(campaign(recording(100, rotor=r)), 0, 100)[0, 16]
         for r in ("locked", "driven", "free")
     ]
     assert kinds == [0.0, 10.0, 20.0]

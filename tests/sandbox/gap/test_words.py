@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sandbox.gap.pages.page import _body, print_answers
+from sandbox.gap.pages.page import page_body, print_answers
 from sandbox.gap.posterior.estimates import estimates
 from sandbox.gap.posterior.evaluated import by_algebra
 from sandbox.gap.posterior.hypotheses import Hypothesis
@@ -40,7 +40,7 @@ def test_one_verdict_word_on_page_terminal_and_json(small_answers, word, capsys)
     a = dataclasses.replace(small_answers, diagnosis=other)
     print_answers(a)
     assert f": {VERDICTS[word].lower()}\n" in capsys.readouterr().out
-    assert f'<span class="badge {word}">{VERDICTS[word]}</span>' in next(_body(a, "x"))
+    assert f'<span class="badge {word}">{VERDICTS[word]}</span>' in next(page_body(a, "x"))
     told = document(other, a.where, None, whole=a.ranking)
     assert told["verdict"] == told["badge"] == a.verdict == word
     schema = json_schema("diagnosis")["properties"]

@@ -190,11 +190,11 @@ def test_kernels_that_hold_no_effect_are_not_compiled_again():
 
 def test_an_equation_that_the_file_does_not_name_is_refused():
     """The plant calls an equation by its name in the user's file."""
-    adopt._check_named(SOUND, SimpleNamespace(drag=DRAG), Path("mine.py"))
+    adopt.check_named(SOUND, SimpleNamespace(drag=DRAG), Path("mine.py"))
     with pytest.raises(
         BadInput, match="no 'drag' there is the equation of 'mine'; define or import it"
     ):
-        adopt._check_named(SOUND, SimpleNamespace(), Path("mine.py"))
+        adopt.check_named(SOUND, SimpleNamespace(), Path("mine.py"))
 
 
 def test_effects_after_the_plant_come_too_late():
@@ -216,7 +216,7 @@ def test_a_file_that_holds_no_effects_is_refused_in_a_sentence(tmp_path, text, s
     file = tmp_path / "mine.py"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(BadInput, match=said) as refusal:
-        adopt._cards(file, "sensorless_effects_test")
+        adopt.read_cards(file, "sensorless_effects_test")
     assert "\n" not in str(refusal.value)
 
 
@@ -282,7 +282,7 @@ def own_card(monkeypatch):
 
     def forget():
         library.forget()
-        for kept in (sets.needs, sets.numbers, sets.several, sets._timing):
+        for kept in (sets.needs, sets.numbers, sets.several, sets.usual_timing):
             kept.cache_clear()
 
     yield give
@@ -297,12 +297,12 @@ def test_a_card_states_its_need_its_limit_and_its_step(own_card):
     neutral = sets.complete(drive.motor, drive.converter)
     features = sets.features_of(drive.motor, neutral)
     alone = longest_step(drive.motor, neutral, features, 0.0)
-    adopt._check(CABLE, Path("cable.py"))
+    adopt.check_card(CABLE, Path("cable.py"))
     own_card(CABLE)
     values = sets.complete(drive.motor, drive.converter, {"cable.delay": 4e-6})
     assert sets.features_of(drive.motor, values) == features | add.DELAYED
     assert longest_step(drive.motor, values, features, 0.0) == 1e-6 < alone
-    assert sets._timing() == (
+    assert sets.usual_timing() == (
         "pwm_delay.delay",
         "current_sampling.delay",
         "current_sampling.jitter",
@@ -332,9 +332,9 @@ def test_cards_of_the_library_are_taken_from_users_too(name):
     by it."""
     own = load_effect(name)
     mine = replace(own, name="mine", limits=None, inside=None, longest=None)
-    adopt._check(mine, Path("mine.py"))  # raises where it refuses, as it does without equations
+    adopt.check_card(mine, Path("mine.py"))  # raises where it refuses, as it does without equations
     with pytest.raises(BadInput, match="no equation"):
-        adopt._check(replace(mine, at=()), Path("mine.py"))
+        adopt.check_card(replace(mine, at=()), Path("mine.py"))
 
 
 @pytest.mark.parametrize(
@@ -376,4 +376,4 @@ def test_cards_of_the_library_are_taken_from_users_too(name):
 )
 def test_a_card_that_the_plant_cannot_take_is_refused(wrong, said):
     with pytest.raises(BadInput, match=said):
-        adopt._check(wrong, Path("mine.py"))
+        adopt.check_card(wrong, Path("mine.py"))

@@ -152,7 +152,7 @@ def test_a_card_s_lists_are_checked_at_the_door(tmp_path, change, said):
     for name, value in vars(other).items():
         object.__setattr__(own, name, value)
     with pytest.raises(BadInput, match=said):
-        adopt._check(own, Path("mine.py"))
+        adopt.check_card(own, Path("mine.py"))
 
 
 def test_maps_reach_as_far_as_an_audit():
@@ -181,7 +181,7 @@ def test_a_path_that_is_no_utf8_is_told_before_a_run(tmp_path):
         {
             "start": 0,
             "rows": 1,
-            "file": store._file(0),
+            "file": store.block_file(0),
             "cpu_seconds": "x",
             "kernel_seconds": 1.0,
         },
@@ -192,7 +192,7 @@ def test_a_journal_that_is_none_of_ours_is_none(tmp_path, block):
     sound = {
         "start": 0,
         "rows": 1,
-        "file": store._file(0),
+        "file": store.block_file(0),
         "cpu_seconds": 1.0,
         "kernel_seconds": 1.0,
     }
@@ -234,7 +234,7 @@ def test_a_whole_entry_with_something_else_in_it_is_made_anew(tmp_path, monkeypa
     monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
     kept.note.cache_clear()
     plant, asked = design.SampledMotor(5, 1e-4, 2.0, 5e-3, 9e-3, 1e4, 2.0), []
-    loops = design._remembered(plant)
+    loops = design.remembered_loops(plant)
     monkeypatch.setattr(design, "design_loops", lambda plant: asked.append(plant) or loops)
     (entry,) = (tmp_path / "designs").iterdir()
     good = json.loads(kept.read(entry))
@@ -247,11 +247,11 @@ def test_a_whole_entry_with_something_else_in_it_is_made_anew(tmp_path, monkeypa
     ):
         kept.note.cache_clear()
         kept.write(entry, json.dumps(content).encode())
-        assert design._remembered(plant) == loops
+        assert design.remembered_loops(plant) == loops
         assert asked.pop() == plant
         assert "was damaged and is made anew" in capsys.readouterr().err
         assert json.loads(kept.read(entry)) == good
-        assert design._remembered(plant) == loops
+        assert design.remembered_loops(plant) == loops
         assert asked == []
 
 

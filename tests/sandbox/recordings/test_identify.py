@@ -15,7 +15,7 @@ from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording, read_folder
 from sandbox.recordings.identify import identify
 from sandbox.recordings.importing import read_recordings
-from sandbox.recordings.staircase import _rest_of_transient
+from sandbox.recordings.staircase import rest_of_transient
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.identification.locked_test import LockedBench, paper_campaign, staircase
 from tests.data import recordings_folder
@@ -282,7 +282,7 @@ def test_rest_of_a_transient_is_the_change_of_flux_over_the_level(constants):
     # an average over a period against the value at its middle, for which it is taken
     larger = np.sinh(half) / half
     current = 3.0 + 0.4 * np.exp(-t * rate) * larger
-    rest, blur = _rest_of_transient(current, resistance, inductance, period)
+    rest, blur = rest_of_transient(current, resistance, inductance, period)
     exact = inductance * 0.4 * np.expm1(-whole * rate) / whole
     np.testing.assert_allclose(rest, exact, rtol=larger.max() - 1 + 1e-9)
     assert np.all(blur < 1e-9)

@@ -103,7 +103,7 @@ def test_harmonics_that_take_convexity_away_end_the_run(plant, monkeypatch):
     """
     monkeypatch.setattr(library, "check_inside", lambda *_: None)
     monkeypatch.setattr(bench_numbers, "check_inside", lambda *_: None)
-    monkeypatch.setattr(harmonics, "_check_below", lambda *_: None)
+    monkeypatch.setattr(harmonics, "check_below", lambda *_: None)
     drive, effects = load_drive("ipm_exchanged"), {"inductance_harmonics.2.alpha_30": 45.0}
     steps = [Segment(0.02), Segment(0.2, 0.0, 0.05, current_d=-2.0, ramp=0.1)]
     scene = Scenario("deep", tuple(steps), rotor="driven", start_up=False)

@@ -8,22 +8,19 @@ import numpy as np
 import pytest
 
 from sandbox.gap.location import decompose
-from sandbox.gap.location.decompose import BINS, CURRENT_NAMES, SPEED_NAMES
+from sandbox.gap.location.decompose import BINS, CURRENT_NAMES, FEWEST, PER_TURN, SPEED_NAMES
 from sandbox.replay.replay import Residual
 from tests.sandbox.gap.sizes import size_at
 
 
 @pytest.mark.parametrize(
-    ("bounds", "names", "at"),
-    [
-        (decompose.SPEEDS, SPEED_NAMES, (0.019, 0.021, 0.29, 0.31, 0.64, 0.66)),
-        (decompose.CURRENTS, CURRENT_NAMES, (0.14, 0.16, 0.49, 0.51, 0.84, 0.86)),
-    ],
+    ("bounds", "names"), [(decompose.SPEEDS, SPEED_NAMES), (decompose.CURRENTS, CURRENT_NAMES)]
 )
-def test_regions_by_hand(bounds, names, at):
+def test_regions_by_hand(bounds, names):
     """One sample on either side of each bound, an excess of 1 each: shares 1, 2, 2 and 1 of 6."""
     parts = {"a": {"motion": np.full(6, 2.0)}}
-    found = decompose._bins(parts, [np.array(at)], bounds, names, 6.0)
+    at = np.array([share * bound for bound in bounds for share in (0.99, 1.01)])
+    found = decompose.bins_of(parts, [at], bounds, names, 6.0)
     assert found == pytest.approx(dict(zip(names, (1 / 6, 1 / 3, 1 / 3, 1 / 6), strict=True)))
 
 
@@ -35,18 +32,17 @@ def turned(per_turn, turns, order):
     return r, np.exp(1j * order * angle)
 
 
-@pytest.mark.parametrize(("per_turn", "seen"), [(27, False), (29, True)])
+@pytest.mark.parametrize(("per_turn", "seen"), [(PER_TURN - 1, False), (PER_TURN + 1, True)])
 def test_a_turn_needs_twice_as_many_samples_as_orders(per_turn, seen):
-    """13 orders either way and one more: 28 samples a turn."""
     r, z = turned(per_turn, 4.5, 2)
-    assert (decompose._orders([r], [z], 1.0)[2] > 0.0) == seen
+    assert (decompose.electrical_orders([r], [z], 1.0)[2] > 0.0) == seen
 
 
 def test_electrical_orders_by_hand():
     """An amplitude of 3 at order 2, two stretches of two turns with m samples each: 1.5 x 9 m - 2 a
     stretch, noise's own variance taken off; orders from -13 to 13 and of slots."""
     r, z = turned(100, 4.5, 2)
-    found = decompose._orders([r], [3.0 * z], 1.0)
+    found = decompose.electrical_orders([r], [3.0 * z], 1.0)
     assert found[2] == pytest.approx(2 * (1.5 * 9.0 * 200 - 2.0))
     assert max(v for n, v in found.items() if n != 2) == 0.0
     assert sorted(found) == [-36, -30, -24, -18, *range(-13, 14), 18, 24, 30, 36]
@@ -63,24 +59,24 @@ def test_mechanical_orders_by_hand():
         3.0 * np.cos(5 * r.motion.angle)[:, None],
         None,
     )
-    found = decompose._mechanical([r], [x], 1.0)
+    found = decompose.mechanical_orders([r], [x], 1.0)
     assert list(found) == list(range(1, 49))
     assert found[5] == pytest.approx(2 * 2.0 * (9.0 * 200 / 4.0 - 1.0))
     assert max(v for n, v in found.items() if n != 5) == 0.0
     few, _ = turned(90, 2.5, 0)
-    assert not any(decompose._mechanical([few], [x], 1.0).values())
+    assert not any(decompose.mechanical_orders([few], [x], 1.0).values())
 
 
-@pytest.mark.parametrize("count", [29, 30])
-def test_an_amplitude_needs_thirty_blocks(count):
+@pytest.mark.parametrize("count", [FEWEST - 1, FEWEST])
+def test_an_amplitude_needs_enough_blocks(count):
     none = np.zeros(count)
-    found = decompose._amplitudes(np.full(count, 3.0), none, none, np.ones(count))[0, 1]
-    assert found == pytest.approx(3.0 if count == 30 else math.nan, nan_ok=True)
-    beside = decompose._amplitudes(np.full(count, 5.0), np.full(count, 3.0), none, np.ones(count))[
+    found = decompose.amplitudes(np.full(count, 3.0), none, none, np.ones(count))[0, 1]
+    assert found == pytest.approx(3.0 if count == FEWEST else math.nan, nan_ok=True)
+    beside = decompose.amplitudes(np.full(count, 5.0), np.full(count, 3.0), none, np.ones(count))[
         0, 1
     ]
     # noise's squares taken off
-    assert beside == pytest.approx(4.0 if count == 30 else math.nan, nan_ok=True)
+    assert beside == pytest.approx(4.0 if count == FEWEST else math.nan, nan_ok=True)
 
 
 @pytest.mark.parametrize(

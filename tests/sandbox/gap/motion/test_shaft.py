@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.gap.motion.shaft import Nominal, Terms, _of_width, _wider, design_of, fitted
+from sandbox.gap.motion.shaft import Nominal, Terms, design_of, fitted, of_width, widened
 from sandbox.gap.motion.windows import averages
 from tests.sandbox.gap.motion.shafts import INERTIA, campaign, thrown
 
@@ -30,7 +30,7 @@ def test_a_stated_inertia_that_says_nothing_changes_nothing():
 
 def test_variances_are_the_larger_of_both():
     a, b = np.array([[4.0, 1.0], [1.0, 1.0]]), np.diag([1.0, 9.0])
-    own = _wider(a, b)
+    own = widened(a, b)
     np.testing.assert_allclose(np.diag(own), [4.0, 9.0])
     assert own[0, 1] / math.sqrt(own[0, 0] * own[1, 1]) == pytest.approx(0.5)
 
@@ -41,9 +41,9 @@ def test_a_fitted_width_widens_as_one_more_column_does():
     a, c = rng.standard_normal((50, 3)), rng.standard_normal(50)
     alone, whole = np.linalg.inv(a.T @ a), np.column_stack([a, c])
     both = np.linalg.inv(whole.T @ whole + np.diag([0.0, 0.0, 0.0, 1.0]))
-    more = _of_width(a, alone, c, 0.0)
+    more = of_width(a, alone, c, 0.0)
     np.testing.assert_allclose(alone + more, both[:3, :3], atol=1e-12)
-    assert np.all(np.diag(_of_width(a, alone, c, 1.0)) >= np.diag(more))
+    assert np.all(np.diag(of_width(a, alone, c, 1.0)) >= np.diag(more))
 
 
 def test_intervals_hold_the_truth():

@@ -74,7 +74,7 @@ def hypotheses(*chances):
 @pytest.mark.parametrize(("fall", "said"), [(2.9, "Flat"), (3.1, "It falls by 3 on")])
 def test_a_likelihood_is_flat_up_to_a_fall_of_three(fall, said):
     x = Alike(("inertia",), (), {"inertia": 0.5}, (0.0, 0.5, 1.0), (-1.0, -1.0 - fall, -1.5))
-    found = list(page._why_alike(x))
+    found = list(page.why_alike(x))
     assert said in found[-1]
     assert "looks like what ordinary deviations can do: cosine 0.5000" in found[1]
 
@@ -105,12 +105,12 @@ def test_ends_that_differ_are_told(ends, said):
     between = () if 0.0 in ends else (0.0,)
     share = (0.0, *(0.5 for _ in between), 1.0)
     x = Alike(("inertia",), (), {"inertia": 0.5}, share, (ends[0], *between, ends[1]))
-    assert page._way(x).startswith(said)
+    assert page.way_text(x).startswith(said)
 
 
 def test_an_end_that_cannot_be_simulated_prefers_nothing():
     x = Alike(("inertia",), (), {"inertia": 0.5}, (0.0, 0.5), (-9.0, 0.0))
-    assert page._way(x) == "It falls by 9 where a drive can be simulated; at one end none can."
+    assert page.way_text(x) == "It falls by 9 where a drive can be simulated; at one end none can."
 
 
 def apart(**electrical):
@@ -146,9 +146,9 @@ def test_the_worst_stretch_by_hand():
     residual = np.array(
         [[1.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, -3.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     )
-    assert signals._worst(residual, 2) == (2, 4)  # 9 + 16; 9 + 9 before
-    assert signals._worst(residual, 9) == (0, 5)
-    assert signals._worst(np.sqrt(np.array([[1.9, 0.0, 0.0], [1.5, 0.0, 0.0]])), 1) == (0, 1)
+    assert signals.worst_stretch(residual, 2) == (2, 4)  # 9 + 16; 9 + 9 before
+    assert signals.worst_stretch(residual, 9) == (0, 5)
+    assert signals.worst_stretch(np.sqrt(np.array([[1.9, 0.0, 0.0], [1.5, 0.0, 0.0]])), 1) == (0, 1)
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_a_share_too_small_to_see_is_not_nought():
 
 
 def test_a_table_says_more_than_all_but_a_thousandth_as_text_does():
-    assert (page._share(0.99996), page._share(1.2), page._share(None)) == (
+    assert (page.share_text(0.99996), page.share_text(1.2), page.share_text(None)) == (
         "more than 99.9 %",
         "more than 99.9 %",
         "–",
@@ -219,7 +219,7 @@ def test_two_sets_of_many_effects_are_told_apart_by_their_rows():
 
 def test_a_value_at_its_bound_has_a_nominal_one_that_is_at_none():
     a = SimpleNamespace(diagnosis=SimpleNamespace(campaign=SimpleNamespace(drive=DRIVE)))
-    ((name, found, nominal),) = page._parameters(
+    ((name, found, nominal),) = page.parameter_rows(
         a, {"dc_link_error.sag": Estimate(0.0, 0.0, 0.1, "ohm", True)}
     )
     assert (name, nominal) == ("dc_link_error.sag", "0 Ω")

@@ -8,7 +8,7 @@ import pytest
 from model.drive_files import load_drive
 from model.ratings import assumed
 from sandbox.gap.pages.plan_page import setpoint_lines, write_plan
-from sandbox.gap.planning.bench_plan import Plan, Planned, _with_encoder, over, setpoints
+from sandbox.gap.planning.bench_plan import Plan, Planned, over, setpoints, with_encoder
 from sandbox.gap.planning.menu import menu, settings
 from sandbox.gap.planning.visible import Visible
 
@@ -67,7 +67,7 @@ def test_an_encoder_that_nobody_stated_is_told():
     """4096 counts: ENCODER of bench_plan."""
     drive = load_drive("ipm_exchanged")
     open_ = replace(drive, converter=replace(drive.converter, encoder_counts=None))
-    (said,) = assumed(_with_encoder(open_))
+    (said,) = assumed(with_encoder(open_))
     assert said == "[drive] does not state encoder_counts; usual values stand in: " + (
         "encoder_counts = 4096 a turn"
     )

@@ -36,12 +36,12 @@ def test_a_room_by_hand():
     drive = drive_at()
     free, driven = entry_of("free", link=0.5), entry_of(link=0.5)
     held = Limits(current=3.0, speed_rpm=1500.0 / math.pi, voltage=drive.converter.dc_bus_voltage)
-    assert dataclasses.astuple(limiting._room(free, drive, NO_LIMITS)) == pytest.approx(
+    assert dataclasses.astuple(limiting.room_for(free, drive, NO_LIMITS)) == pytest.approx(
         (math.inf, 96.0 * math.pi, math.inf)
     )
-    assert dataclasses.astuple(limiting._room(driven, drive, NO_LIMITS)) == (math.inf,) * 3
+    assert dataclasses.astuple(limiting.room_for(driven, drive, NO_LIMITS)) == (math.inf,) * 3
     for entry in (free, driven):
-        assert dataclasses.astuple(limiting._room(entry, drive, held)) == pytest.approx(
+        assert dataclasses.astuple(limiting.room_for(entry, drive, held)) == pytest.approx(
             (3.0, 100.0, 47.5)
         )
 

@@ -35,7 +35,7 @@ def test_a_contradiction_that_is_explained_is_no_note(after, kept):
         "run.csv", "u_alpha", 7, "run.csv: row 7: 110 % of the commanded voltage is unexplained"
     )
     own = Finding("run.csv", "theta", 3, "row 3: samples seem lost")
-    found = answers._findings(diagnosis([stale, own], *after))
+    found = answers.findings_of(diagnosis([stale, own], *after))
     assert found == [f"{stale.text}."] * kept + ["run.csv: row 3: samples seem lost."]
 
 

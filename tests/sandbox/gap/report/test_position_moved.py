@@ -75,7 +75,7 @@ def test_a_mechanical_turn_at_the_speed_that_the_page_names(estimator, rpm, spee
     three seconds."""
     drive = load_drive("spm_exchanged")
     drive = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, rated_speed_rpm=rpm))
-    start, turn = position_moved._ready(drive, estimator).scenario.segments
+    start, turn = position_moved.ready(drive, estimator).scenario.segments
     assert (start.load, turn.load, start.speed, turn.speed) == (0.0, 1.0, speed, speed)
     assert turn.duration - position_moved.RAMP - position_moved.SETTLE == pytest.approx(seconds)
 
@@ -98,8 +98,8 @@ def test_an_estimator_that_cannot_run_says_so(monkeypatch, fails, why):
         if fails:
             raise BadInput("no saliency")
 
-    monkeypatch.setattr(position_moved, "_ready", ready)
-    monkeypatch.setattr(position_moved, "_error", lambda setup, values: None)
+    monkeypatch.setattr(position_moved, "ready", ready)
+    monkeypatch.setattr(position_moved, "error_of", lambda setup, values: None)
     found = moved(None, {"inertia": {}})["inertia"]
     assert set(found) == set(position_moved.ESTIMATORS)
     assert all(why in m.not_run for m in found.values())
@@ -141,7 +141,7 @@ def test_lost_is_said_only_where_a_run_breaks_off(monkeypatch, error, lost):
             raise error
         return 0.0, 0.0
 
-    monkeypatch.setattr(position_moved, "_error", run)
+    monkeypatch.setattr(position_moved, "error_of", run)
     own = moved(
         load_drive("spm_exchanged"), {"inertia": {"inertia.inertia": 1.0}, "saturation": {}}
     )

@@ -12,7 +12,7 @@ from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import decompose
 from sandbox.gap.pages.listed import waterfall
 from sandbox.gap.pages.page import write_report
-from sandbox.gap.pages.traces import _whole
+from sandbox.gap.pages.traces import whole_gap
 from sandbox.gap.report.shares import with_part
 
 
@@ -55,7 +55,7 @@ def test_one_effect_has_a_waterfall_on_page_and_trace(small_answers, tmp_path):
         "before": decompose(d.before.point, shown(d.before.point)),
         "after": decompose(d.after.point, shown(d.after.point)),
     }
-    drawn = dict(_whole(small_answers, parts))["waterfall"]
+    drawn = dict(whole_gap(small_answers, parts))["waterfall"]
     assert list(drawn.lines) == ["1_before", "2_dead_time", "3_noise"]
     assert np.array(list(drawn.lines.values())) == pytest.approx(np.diag(levels))
     write_report(tmp_path / "r.html", small_answers)

@@ -309,7 +309,7 @@ def test_dozens_of_sets_are_no_sentence():
 )
 def test_what_nobody_allowed_is_not_quoted(uncertainty, background, said):
     campaign = SimpleNamespace(uncertainty=uncertainty, background=background)
-    assert answers._allowed(campaign) == said
+    assert answers.allowed_text(campaign) == said
 
 
 def test_half_a_percent_of_the_gap_is_told():
@@ -386,7 +386,7 @@ def test_nothing_has_no_sign():
     """A share of -0.0002 is none to a tenth of a percent, and so is a move of -0.001 degrees to a
     hundredth."""
     assert (tenths(-0.0002), tenths(-0.0007), tenths(0.0)) == ("0.0 %", "-0.1 %", "0.0 %")
-    assert listed._moved(Moved(-0.001, 0.004)) == "+0.00\u00b0 (+0.00\u00b0)"
+    assert listed.moved_text(Moved(-0.001, 0.004)) == "+0.00\u00b0 (+0.00\u00b0)"
 
 
 @pytest.mark.parametrize(("unknown", "told"), [(0.48, True), (0.06, True), (0.04, False)])
