@@ -19,10 +19,10 @@ from experiments import synrm_standstill
 from experiments.drawing import RESULTS, shared
 from experiments.real_drives import thor
 from experiments.real_drives.campaigns import real_drives
+from experiments.standstill import fit_axes
 from experiments.thor_bench import bench
 from model.map_points import read_points
 from model.map_quality import quality
-from model.standstill import fit_axes
 from sandbox.cli import main as command
 from sandbox.public.campaigns.diagnosed import diagnose
 from sandbox.recordings.campaign import Campaign

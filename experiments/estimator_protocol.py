@@ -30,7 +30,7 @@ from sandbox.evaluation.protocol import Protocol, Row, Unit, forget, protocol
 from sandbox.evaluation.protocol_names import LINES
 from sandbox.evaluation.protocol_tests import MEAN_GOAL, P95_GOAL, Outcome
 from sandbox.output.columns import write_table
-from sandbox.output.files import output_folder, version
+from sandbox.output.files import check_output, version
 from sandbox.output.provenance import commit
 from sandbox.public.protocols import ProtocolResult
 
@@ -171,7 +171,9 @@ def main() -> None:
     if options.page:
         draw(*kept())
         return
-    folder = output_folder(Path("sensorless-out") / NAME)
+    folder = Path("sensorless-out") / NAME
+    check_output(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     result = protocol(workers=Workers(options.jobs, options.dask), keep=folder)
     if options.peer_python:
         result = result.with_reversal_of(*peer(ANCHORS, options.peer_python, "lin", 4.0))

@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 
 from experiments import synrm_standstill as filed
 from experiments.drawing import save, shared
+from experiments.standstill import SMALL, fit_axes, simulate
 from model import spline_energy as spline
 from model.errors import PhysicsError
 from model.map_points import MapPoints
 from model.map_quality import quality
 from model.spline import SplineEnergy
-from model.standstill import SMALL, fit_axes, simulate
 
 Array = NDArray[np.float64]
 FLOOR = 0.0045  # A: current_noise of synrm_standstill.toml

@@ -20,8 +20,8 @@ from scipy.optimize import minimize
 from experiments import synrm_as_integrated as read
 from experiments import synrm_standstill as filed
 from experiments.drawing import save
+from experiments.standstill import SMALL, simulate
 from model.errors import PhysicsError
-from model.standstill import SMALL, simulate
 
 Array = NDArray[np.float64]
 TESTS = tuple(filed.FILES)

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save, shared
+from experiments.standstill import SMALL, StepTest, fit_axes, flux_of, simulate
 from model import spline_energy as spline
 from model.errors import PhysicsError
-from model.standstill import SMALL, StepTest, fit_axes, flux_of, simulate
 
 FILES = {"d": "UD130_500.csv", "q": "UQ100_500.csv", "cross": "UD110Q200_1000.csv"}
 

@@ -32,13 +32,13 @@ import numpy as np
 
 from experiments import screens
 from experiments import withheld_words as words
+from experiments.withheld_figure import page_figure
 from experiments.withheld_wins import split
 from model.errors import BadInput
 from sandbox.output.files import write_json
 from sandbox.output.tables import many
 from sandbox.withheld.making.make import SEAL
 from sandbox.withheld.scoring.chances import calibration_error
-from sandbox.withheld.scoring.check_figure import page_figure
 from sandbox.withheld.scoring.judge import label_of
 from sandbox.withheld.scoring.metrics import GOALS, by_subsystem
 from sandbox.withheld.scoring.rows import BLIND, FILE, Row, check_seal, one_code, read_rows

@@ -166,13 +166,6 @@ def check_output(out: Path, command: str = "") -> None:
         discard(out)
 
 
-def output_folder(out: Path) -> Path:
-    """Return the folder for results, made if need be; BadInput where it cannot be."""
-    check_output(out)
-    out.mkdir(parents=True, exist_ok=True)
-    return out
-
-
 @contextmanager
 def results(out: Path, command: str) -> Iterator[Path]:
     """Give a folder for a command's files; they appear in `out` together, the JSON last, or not at

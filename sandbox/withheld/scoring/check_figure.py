@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sandbox.output.plots import colour_of, framed, page, plain_ticks, save
+from sandbox.output.plots import colour_of, framed, page, save
 
 OPEN = (-1.0, 2.0)  # beyond the panel: where too few cases give no limit
 
@@ -19,37 +19,10 @@ def withheld_figure(content: Mapping[str, Any], path: Path) -> None:
     """
     figure, panels = page((15.0, 11.0), 2, 2, width_ratios=(1.5, 1.0), height_ratios=(1.5, 1.0))
     _confusion(panels[0][0], content["confusion"])
-    _reliability(panels[0][1], content["reliability"])
+    reliability(panels[0][1], content["reliability"])
     _limit(panels[1][0], content["detection_floor"])
-    _limits(panels[1][1], content["methods"])
+    limits(panels[1][1], content["methods"])
     save(figure, path)
-
-
-def page_figure(content: Mapping[str, Any], words: Mapping[str, str]) -> Any:
-    """Return the figure of a page: reliability, smallest size found, shares with limits; words:
-    names of figures."""
-    limit = content["detection_floor"]
-    figure, (panels,) = page((9.6, 5.4), 1, 3 if limit else 2)
-    _reliability(panels[0], content["reliability"])
-    if limit:
-        _limit_by_line(panels[1], limit)
-    _limits(panels[-1], content["methods"], words)
-    return figure
-
-
-def _limit_by_line(axes: Any, limit: Mapping[str, Mapping[str, Any]]) -> None:
-    """Draw the same as `_limit`, a line for each effect."""
-    axes.set_title("size found (●), missed (×)", fontweight="bold")
-    for k, entry in enumerate(limit.values()):
-        for key, marker, belief in (("found", "o", "saturated"), ("missed", "x", "linear")):
-            if entry[key] is not None:
-                axes.plot(entry[key], k, marker, color=colour_of(belief), markersize=7)
-    axes.set_xscale("log")
-    plain_ticks(axes)
-    axes.set_yticks(range(len(limit)), [name.replace("_", " ") for name in limit], fontsize=9)
-    axes.set_ylim(len(limit) - 0.5, -0.5)
-    axes.set_xlabel("multiples of a medium size")
-    framed(axes)
 
 
 def _confusion(axes: Any, matrix: Mapping[str, Any]) -> None:
@@ -74,7 +47,7 @@ def _confusion(axes: Any, matrix: Mapping[str, Any]) -> None:
     axes.set_ylabel("truth")
 
 
-def _reliability(axes: Any, bins: Sequence[Mapping[str, Any]]) -> None:
+def reliability(axes: Any, bins: Sequence[Mapping[str, Any]]) -> None:
     """Draw the share that was right against the probability stated, with 90 % limits."""
     axes.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linewidth=0.8)
     for b in bins:
@@ -121,7 +94,7 @@ def _limit(axes: Any, limit: Mapping[str, Mapping[str, Any]]) -> None:
     framed(axes, "y")
 
 
-def _limits(
+def limits(
     axes: Any, methods: Mapping[str, Mapping[str, Any]], words: Mapping[str, str] | None = None
 ) -> None:
     """Draw the figures that are shares, method beside method, with one-sided 95 % limits; words:

@@ -13,10 +13,10 @@ from experiments import synrm_standstill, thor_orders
 from experiments.drawing import RESULTS
 from experiments.real_drives import thor
 from experiments.real_drives.campaigns import HIDDEN, real_drives
+from experiments.standstill import fit_axes
 from experiments.thor_bench import Tables
 from model.drive_files import load_drive
 from model.effects import library
-from model.standstill import fit_axes
 from sandbox.cli import main
 from tests.data import real_data
 

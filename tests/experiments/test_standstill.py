@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from experiments.standstill import SMALL, StepTest, fit_axes, flux_of
 from model.drive_files import load_drive
 from model.energy import currents, flux_from_current
 from model.errors import BadInput
-from model.standstill import SMALL, StepTest, fit_axes, flux_of
 
 H, TOP, THRESHOLD = 1e-4, 2.0, 1.5
 # even in both axes
