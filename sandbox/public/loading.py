@@ -18,6 +18,7 @@ from sandbox.drive import scenario as scenarios
 from sandbox.drive.scenario import Scenario
 from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import ROTORS, Campaign
+from sandbox.recordings.findings import Doubt, Finding, Unanswered
 from sandbox.recordings.motion_log import MotionCampaign
 
 if TYPE_CHECKING:
@@ -238,7 +239,34 @@ def read_campaign(
         Path(_text(folder, "campaign", "a Campaign")),
         None if columns is None else Path(columns),
     )
-    return importing.read_recordings(place, mapped, tuple(rotors), preset)
+    asked = (place, mapped, preset, tuple(rotors))
+    try:
+        campaign = importing.read_recordings(place, mapped, tuple(rotors), preset)
+    except BadInput as error:
+        raise _cause(asked, error) from None
+    _refuse_exchanged(asked, [f for f in campaign.findings if isinstance(f, Unanswered)])
+    return campaign
+
+
+Asked = tuple[Path, Path | None, str | None, tuple[str, ...]]  # of `importing.source_of`
+
+
+def _cause(asked: Asked, error: BadInput) -> BadInput:
+    """Return a refusal, by columns that are exchanged where these are its cause."""
+    from sandbox.public.campaigns.exchanged import put_right
+
+    try:
+        return put_right(importing.source_of(*asked), error)
+    except BadInput:
+        return error
+
+
+def _refuse_exchanged(asked: Asked, found: Sequence[Finding]) -> None:
+    """Raise BadInput where what is doubted comes of columns that are exchanged."""
+    if found:
+        from sandbox.public.campaigns.exchanged import refuse_exchanged
+
+        refuse_exchanged(importing.source_of(*asked), found)
 
 
 def motion_only(
@@ -252,14 +280,21 @@ def motion_only(
         Path(_text(folder, "campaign", "a Campaign")),
         None if columns is None else Path(columns),
     )
-    source = importing.source_of(place, mapped, preset)
+    asked = (place, mapped, preset, ROTORS)
+    source = importing.source_of(*asked)
     why = motion_log.motion_only(source)
     if why is None:
         return None
     from sandbox.gap.motion.checked import checked_motion
 
-    motion = motion_log.read_motion(source, why)
-    return replace(motion, findings=(*motion.findings, *checked_motion(motion)))
+    try:
+        motion = motion_log.read_motion(source, why)
+        found = checked_motion(motion)
+    except BadInput as error:
+        raise _cause(asked, error) from None
+    doubts = [f for f in (*motion.findings, *found) if isinstance(f, (Unanswered, Doubt))]
+    _refuse_exchanged(asked, doubts)
+    return replace(motion, findings=(*motion.findings, *found))
 
 
 def ready(

@@ -45,3 +45,8 @@ class Refused(BadInput):
 
 class Doubt(Finding):
     """A finding on the way in that a person should look at before going on."""
+
+
+class Unanswered(Finding):
+    """A recording that contradicts the nominal model by no mistake that is known: a diagnosis may
+    explain it."""

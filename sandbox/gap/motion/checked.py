@@ -9,12 +9,13 @@ from dataclasses import replace
 from sandbox.gap.motion.load_side import ROWS, load_contradicted
 from sandbox.gap.motion.mistakes import contradictions, inertia_contradicted
 from sandbox.gap.motion.shifted import shifted
+from sandbox.gap.motion.unexplained import unanswered
 from sandbox.gap.motion.unsigned import unsigned
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.checks.motion import loads, standing
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.motion_log import MotionCampaign, motion_of
-from sandbox.recordings.preflight import REFUSED, Noticed, on_the_way, refusals_first, tried
+from sandbox.recordings.preflight import NOTE, REFUSED, Noticed, on_the_way, refusals_first, tried
 
 # a cause before its consequences
 CHECKS = (standing, load_contradicted, unsigned, shifted, contradictions, loads)
@@ -26,14 +27,14 @@ def noticed_in_motion(campaign: MotionCampaign) -> list[Noticed]:
     for check in CHECKS:
         out += tried("", lambda check=check: check(campaign))  # type: ignore[misc]
         if any(n.level == REFUSED for n in out):
-            break
-    return refusals_first(out)
+            return refusals_first(out)
+    return refusals_first([*out, *(Noticed(NOTE, f) for f in unanswered(campaign))])
 
 
 def checked_motion(campaign: MotionCampaign) -> Sequence[Finding]:
     """Return what is suspicious in a campaign of motions; BadInput for the first thing that cannot
     be right."""
-    return [f for check in CHECKS for f in check(campaign)]
+    return [f for check in (*CHECKS, unanswered) for f in check(campaign)]
 
 
 def shaft_contradicted(campaign: Campaign) -> list[Finding]:

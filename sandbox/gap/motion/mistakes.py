@@ -34,6 +34,7 @@ ALIKE = 4.0  # squared deviations within which another explains it as well
 # an estimate over half its 95 % interval, and the correlation below, from which it says anything
 MIN_RATIO = 4.0
 TOGETHER = 0.9
+APART = 0.5  # correlation of two speeds: a filter that lags by 60 degrees of a swing
 SEEN = 0.1  # of the torque that the inertia takes, from which its size says anything
 FASTEST = 3e5 * math.tau / 60.0  # rad/s mechanical: beyond what machines turn
 LOUD = 100.0  # times the rated current: a unit
@@ -47,12 +48,18 @@ MOST_USUAL = 3  # numbers of counts that are named
 @dataclass(frozen=True)
 class Look:
     """What recordings show beside what is stated or read: ratios, NaN where it cannot be told;
-    fastest in rad/s."""
+    fastest in rad/s.
+
+    most: the inertia at most, where it is not told and the stated one would be; together: how the
+    angle's speed goes with the log's (1: as one).
+    """
 
     inertia: float
     speed: float
     emf: float
     fastest: float
+    most: float = math.nan
+    together: float = math.nan
 
     @property
     def ratios(self) -> list[float]:
@@ -101,7 +108,7 @@ def contradictions(campaign: MotionCampaign) -> list[Finding]:
     r = campaign.recordings[0]
     said = _contradicted(campaign, seen)
     if not said:
-        return _loud(campaign)
+        return _not_together(campaign, seen) or _loud(campaign)
     text = f"{r.file}: {said}"
     if found:
         text += (
@@ -123,7 +130,7 @@ def inertia_contradicted(campaign: MotionCampaign) -> list[Finding]:
     """Return a finding where the inertia of a motion whose angle, clock and currents are known to
     be right is far from the stated one, or negative."""
     with np.errstate(all="ignore"):
-        inertia = _inertia(campaign, [averages(r, campaign) for r in campaign.recordings])
+        inertia, _ = _inertia(campaign, [averages(r, campaign) for r in campaign.recordings])
     seen = Look(inertia, math.nan, math.nan, 0.0)
     said = _contradicted(campaign, seen)
     if not said:
@@ -137,6 +144,14 @@ def inertia_contradicted(campaign: MotionCampaign) -> list[Finding]:
         more += "; a load or a gear does that, too"
     r = campaign.recordings[0]
     return [Doubt(r.file, "theta", None, f"{r.file}: {said}{more}")]
+
+
+def shows_inertia(campaign: MotionCampaign) -> bool:
+    """Tell whether a motion shows an inertia that may be the stated one, or any that may be one
+    where none is stated."""
+    with np.errstate(all="ignore"):
+        inertia, _ = _inertia(campaign, [averages(r, campaign) for r in campaign.recordings])
+    return 1.0 / USUAL < inertia < USUAL
 
 
 def _strange(seen: Look) -> bool:
@@ -164,22 +179,25 @@ def look(campaign: MotionCampaign, parts: list[Averages]) -> Look:
         for a, r in zip(parts, campaign.recordings, strict=True)
         if "speed" in r.beside
     ]
-    own = [a.mean(s) for a, s in stated]
-    pace = (
-        _pace(np.concatenate([a.speed for a, _ in stated]), np.concatenate(own))
-        if stated
-        else math.nan
-    )
-    return Look(_inertia(campaign, parts), pace, _emf(campaign, parts), fastest)
+    pace = together = math.nan
+    if stated:
+        own = (
+            np.concatenate([a.speed for a, _ in stated]),
+            np.concatenate([a.mean(s) for a, s in stated]),
+        )
+        pace, together = _pace(*own), _together(*own)
+    inertia, most = _inertia(campaign, parts)
+    return Look(inertia, pace, _emf(campaign, parts), fastest, most, together)
 
 
-def _inertia(campaign: MotionCampaign, parts: list[Averages]) -> float:
+def _inertia(campaign: MotionCampaign, parts: list[Averages]) -> tuple[float, float]:
     """Return the inertia of the motion over the stated one (1 kg m^2 where none is, so that only
-    its sign counts)."""
+    its sign counts), NaN where it cannot be told; then what it is at most, NaN where the stated one
+    could not be told either."""
     if not all(
         np.all(np.isfinite(x)) for a in parts for x in (a.acceleration, a.torque, a.slope, a.speed)
     ):
-        return math.nan
+        return math.nan, math.nan
     with np.errstate(all="ignore"):
         design = design_of(parts)
         terms = Terms(inertia=True, viscous=True, dry=USUAL_WIDTH * design.fastest)
@@ -191,9 +209,10 @@ def _inertia(campaign: MotionCampaign, parts: list[Averages]) -> float:
     speeding, driving = (
         float(np.sqrt(np.mean(x**2))) for x in (design.acceleration, design.torque)
     )
-    if not abs(value) > MIN_RATIO * 0.5 * (high - low) or abs(value) * speeding < SEEN * driving:
-        return math.nan
-    return value / (campaign.inertia or abs(value))
+    if abs(value) > MIN_RATIO * 0.5 * (high - low) and abs(value) * speeding >= SEEN * driving:
+        return value / (campaign.inertia or abs(value)), math.nan
+    told = (campaign.inertia or 0.0) * speeding >= SEEN * driving
+    return math.nan, max(abs(low), abs(high)) if told else math.nan
 
 
 def _emf(campaign: MotionCampaign, parts: list[Averages]) -> float:
@@ -220,6 +239,36 @@ def _pace(read: Array, given: Array) -> float:
     a, b = read[good], given[good]
     energy, cross = math.sqrt(float(a @ a) * float(b @ b)), float(a @ b)
     return cross / float(b @ b) if energy > 0.0 and abs(cross) > TOGETHER * energy else math.nan
+
+
+def _together(a: Array, b: Array) -> float:
+    """Return how two signals go together, 1 as one but for a factor, NaN where one is none."""
+    good = np.isfinite(a) & np.isfinite(b)
+    energy = math.sqrt(float(a[good] @ a[good]) * float(b[good] @ b[good]))
+    return float(a[good] @ b[good]) / energy if energy > 0.0 else math.nan
+
+
+def _not_together(campaign: MotionCampaign, seen: Look) -> list[Finding]:
+    """Return a finding where the log's speed is not that of its angle, or the motion shows no
+    inertia where the stated one would stand out: then a column is another one's."""
+    r = campaign.recordings[0]
+    own, angle = r.source, _angle(r.source)
+    if abs(seen.together) < APART:
+        text = (
+            f"'{own.get('speed', 'speed')}' and the speed of '{angle}' do not go together "
+            f"(correlation {seen.together:.2g}, at least {APART:g} is usual): one of them is "
+            "another column, or has another clock"
+        )
+        return [Doubt(r.file, "speed", None, f"{r.file}: {text}")]
+    if campaign.inertia and seen.most * STRANGE < campaign.inertia:
+        name = own.get("i_q", own.get("torque", "the currents"))
+        text = (
+            f"the motion shows an inertia of {seen.most:.3g} kg m^2 at most, stated is "
+            f"{campaign.inertia:.3g}: '{angle}', '{name}' or '{own.get('t', 't')}' is another "
+            "column, or the inertia is wrong"
+        )
+        return [Doubt(r.file, "theta", None, f"{r.file}: {text}")]
+    return []
 
 
 def _contradicted(campaign: MotionCampaign, seen: Look) -> str:

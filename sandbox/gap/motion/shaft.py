@@ -279,7 +279,7 @@ def fitted(design: Design, terms: Terms, nominal: Nominal) -> Shaft:
     y = (design.torque - columns @ start) * design.weight
     a = columns[:, ~fixed] * design.weight[:, None]
     precision = np.where(np.isfinite(wide[~fixed]), np.maximum(wide[~fixed], 1e-300) ** -2.0, 0.0)
-    size = np.sqrt(np.sum(a * a, axis=0) + precision) + 1e-300
+    size = np.sqrt(np.sum(a * a, axis=0) + precision) + 1e-100  # of a column of zeros: squared
     normal = (a / size).T @ (a / size) + np.diag(precision / size**2)
     inverse = np.linalg.pinv(normal, rcond=1e-11, hermitian=True) / size / size[:, None]
     right = a.T @ y

@@ -27,6 +27,7 @@ from sandbox.gap.motion.shaft import (
     reweighted,
 )
 from sandbox.gap.motion.windows import SAMPLES, averages
+from sandbox.recordings.checks.balance import plain
 from sandbox.recordings.checks.shifts import ALIKE, LATE
 from sandbox.recordings.findings import Doubt, Finding
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
@@ -35,6 +36,7 @@ Array = NDArray[np.float64]
 MOST_ROWS = 8192  # of a recording, those with most torque
 MOST_MOVED = 1024  # by which torque is moved, and a quarter of the rows at most
 WINDOWS = 1024  # at most that the places are compared on
+LEFT = 0.5  # of the torque's energy: a place that explains less than it leaves is none
 FREE = Nominal(None, 0.0, 0.0, 0.0)
 
 
@@ -57,9 +59,9 @@ def shifted(campaign: MotionCampaign) -> list[Finding]:
     before, after, filtered = (float(np.mean(x.residual**2)) for x in (still, best, late))
     count = len(there.torque)
     gain = 2.0 * count / best.inflation * math.log(min(before, filtered) / after)
-    if not gain > 2.0 * math.log((2 * most + 1) * count):
-        return []
     size = float(np.mean(there.torque**2))
+    if not gain > 2.0 * math.log((2 * most + 1) * count) or after > LEFT * size:
+        return []
     shares = tuple(100.0 * math.sqrt(x / size) for x in (before, after))
     return [_finding(own[0], rows, there.step, shares)]
 
@@ -142,8 +144,8 @@ def _finding(r: MotionRecording, rows: int, step: float, shares: tuple[float, ..
     drive = " (a drive that is late itself does that, too)" if count <= LATE else ""
     text = (
         f"{r.file}: column '{name}': currents are of {many} {'before' if late else 'after'} the "
-        f"row in which they stand ({count * step:.3g} s): {shares[0]:.2g} % of the torque is "
-        f"unexplained, moved by {by} {shares[1]:.2g} %, and a filter explains less; if the log is "
-        f"shifted, move {name} {'up' if late else 'down'} by {by}{drive}"
+        f"row in which they stand ({count * step:.3g} s): {plain(shares[0])} % of the torque is "
+        f"unexplained, moved by {by} {plain(shares[1])} %, and a filter explains less; if the log "
+        f"is shifted, move {name} {'up' if late else 'down'} by {by}{drive}"
     )
     return Doubt(r.file, "i_q", None, text)

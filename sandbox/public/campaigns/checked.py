@@ -20,12 +20,13 @@ from sandbox.output.files import CORRECTED
 from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.calls import records_call
 from sandbox.public.campaigns import drafting
+from sandbox.public.campaigns.exchanged import asking, exchanged
 from sandbox.public.loading import AnyCampaign, load_motor
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
-from sandbox.recordings.findings import Finding
-from sandbox.recordings.importing import how_to_map
+from sandbox.recordings.findings import Finding, Unanswered
+from sandbox.recordings.importing import Source, how_to_map
 from sandbox.recordings.nominal_motor import RATED
 from sandbox.recordings.preflight import NOTE, REFUSED, SUSPICIOUS, Noticed, noticed, tried
 
@@ -214,16 +215,17 @@ def check(
     ...     check(f"{folder}/mine", effects=False).mistakes
     ()
     """
-    name, read, found, why = _read(campaign, columns, preset)
-    if read is None:
-        return CheckResult(name, tuple(found), None, why, _draft(campaign, columns))
-    found += noticed(read)
-    if not any(n.level == REFUSED for n in found):
+    name, source, read, found, why = _read(campaign, columns, preset)
+    found += [] if read is None else noticed(read)
+    found = _exchanged(source, found, read is None)
+    if read is not None and not any(n.level == REFUSED for n in found):
         found += [*_of_noise(read), *tried("", lambda: shaft_contradicted(read))]
     if columns is None and preset is None and not isinstance(campaign, Campaign):
         found = [
             replace(n, finding=replace(n.finding, text=how_to_map(n.finding.text))) for n in found
         ]
+    if read is None:
+        return CheckResult(name, tuple(found), None, why, _draft(campaign, columns))
     if not any(n.level == REFUSED for n in found):
         found += [*_of_stand_ins(read), *_of_identify(read)]
     if any(n.level == REFUSED for n in found) or not effects:
@@ -239,6 +241,17 @@ def check(
     except BadInput as error:
         found.append(Noticed(REFUSED, Finding(read.name, "", None, str(error))))
         return CheckResult(read.name, tuple(found), None, str(error))
+
+
+def _exchanged(source: Source | None, found: list[Noticed], motion: bool) -> list[Noticed]:
+    """Return what was found, or the columns that are exchanged in its place where these are its
+    cause."""
+    told = asking(found, motion)
+    finding = exchanged(source, told) if source is not None and told else None
+    if finding is None:
+        return found
+    notes = [n for n in found if n.level == NOTE and not isinstance(n.finding, Unanswered)]
+    return [Noticed(REFUSED, finding), *notes]
 
 
 def _of_identify(campaign: Campaign) -> list[Noticed]:
@@ -492,26 +505,29 @@ def plan(
 
 def _read(
     campaign: AnyCampaign, columns: str | Path | None, preset: str | None
-) -> tuple[str, Campaign | None, list[Noticed], str]:
-    """Return a campaign's name, the campaign (None where it cannot be read, or only its motion can
-    be judged), what was found on the way, and why it is None."""
+) -> tuple[str, Source | None, Campaign | None, list[Noticed], str]:
+    """Return a campaign's name, its source (None where it has none), the campaign (None where it
+    cannot be read, or only its motion can be judged), what was found on the way, and why it is
+    None."""
     if isinstance(campaign, Campaign):
-        return campaign.name, campaign, [], ""
+        return campaign.name, None, campaign, [], ""
     path = Path(campaign)
     if not path.exists():
         raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
     name = path.resolve().name
     importing.check_asked(columns, preset)
+    source = None
     try:
         source = importing.source_of(path, None if columns is None else Path(columns), preset)
         why = motion_log.motion_only(source)
         if why is not None:
             motion = motion_log.read_motion(source, why)
-            return motion.name, None, noticed_in_motion(motion), why
-        return name, importing.unchecked(source), [], ""
+            return motion.name, source, None, noticed_in_motion(motion), why
+        return name, source, importing.unchecked(source), [], ""
     except BadInput as error:
         return (
             name,
+            source,
             None,
             [Noticed(REFUSED, Finding(name, "", None, str(error)))],
             "the campaign cannot be read",

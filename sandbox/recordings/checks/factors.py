@@ -80,7 +80,10 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
     if not parts or float(np.mean([p.before for p in parts])) < (BETTER - 1.0) * OFF**2:
         return []
     table = changes(drive, source_of(parts[0].recording))
-    own, *tried = [_fitted(parts, x) for x in _readings(parts, drive, table)]
+    possible = list(_readings(parts, drive, table))
+    if len(possible) < 2 or possible[0].changes:  # commands that no link gives are told elsewhere
+        return []
+    own, *tried = [_fitted(parts, x) for x in possible]
     tried.sort(key=lambda x: x.cost)
     if not _told(own, tried[0]) or _vanishes(parts, tried[0]):
         return []

@@ -33,16 +33,11 @@ from sandbox.recordings.checks.search import (
     explanations,
 )
 from sandbox.recordings.checks.shifts import Shift, is_turn, moved_back, shifts
-from sandbox.recordings.findings import Finding, Refused
+from sandbox.recordings.findings import Finding, Refused, Unanswered
 
 # of what is open: less a voltage of six steps does not leave of a sine (1 - 9 / pi^2 = 0.088),
 # which any other mistake makes
 AS_SINE = 0.07
-
-
-class Unanswered(Finding):
-    """A recording that contradicts the nominal model by no mistake that is known: a diagnosis may
-    explain it."""
 
 
 def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
@@ -155,9 +150,9 @@ def _finding(
     """Return the finding on the readings that explain recordings."""
     own = [x for x, good in zip(doubtful, found[0].answered, strict=True) if good]
     files, row = tuple(r.file for r, _ in own), own[0][1].worst_row
-    return Finding(
-        files[0], found[0].column, row, _sentence(found, doubtful), files, found[0].rereads
-    )
+    left = float(np.max(found[0].shares[found[0].answered]))
+    text = _sentence(found, doubtful)
+    return Finding(files[0], found[0].column, row, text, files, found[0].rereads, left)
 
 
 def _sentence(
