@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
@@ -20,6 +18,7 @@ from model.energy import AnyEnergy, Energy
 from model.errors import BadInput, as_toml, brief, unknown
 from model.inverter_table import Points, checked
 from model.names import check_name
+from model.remedies import number_of, remedy
 
 LARGEST = 1e300
 WAVEFORMS = ("square", "sine", "random")
@@ -83,16 +82,18 @@ def check(thing: Any, table: str) -> None:
             continue
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             unit = f.metadata["unit"] or "no unit"
-            write = _with_unit(value, f.metadata)
+            write = number_of(value, low, high, unit)
             raise BadInput(
                 f"[{table}] {f.name} = {as_toml(value)} is not a number; give one ({unit}){write}"
             )
         if not low <= value <= high:  # NaN lands here too
             bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
-            hint = _meant(float(value), f.metadata) if abs(value) <= LARGEST else ""
+            known = float(value) if abs(value) <= LARGEST else math.nan
+            how = remedy(f.name, known, low, high, f.metadata["unit"])
+            spare = ", or leave it out" if f.default is not dataclasses.MISSING else ""
             raise BadInput(
                 f"[{table}] {f.name} = {as_toml(value)} is out of range; give a finite "
-                f"value in {bound}{hint}"
+                f"value in {bound}{how}{spare}"
             )
     for name in TEXTS:
         if not isinstance(getattr(thing, name, "") or "", str):
@@ -102,51 +103,6 @@ def check(thing: Any, table: str) -> None:
             )
     if hasattr(thing, "name"):
         check_name(thing.name, f"[{table}] name")
-
-
-MEANT = {  # units of data sheets, by ours
-    "s": {"ms": 1e-3, "us": 1e-6},
-    "H": {"mH": 1e-3, "uH": 1e-6},
-    "Wb": {"mWb": 1e-3, "uWb": 1e-6},
-    "ohm": {"mohm": 1e-3},
-    "kg m^2": {"g cm^2": 1e-7, "kg cm^2": 1e-4},
-    "A peak": {"mA": 1e-3},
-    "N m": {"mN m": 1e-3},
-    "V": {"mV": 1e-3},
-}
-
-
-def _meant(value: float, stated: Mapping[str, Any]) -> str:
-    """Return a question where a value would be in its range had it been written in a data sheet's
-    unit."""
-    meant = [
-        f"{unit}? write {factor * value:g}"
-        for unit, factor in MEANT.get(stated["unit"], {}).items()
-        if stated["low"] <= factor * value <= stated["high"]
-    ]
-    return f"; is it {', or '.join(meant)}" if meant else ""
-
-
-NUMBER_WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
-# or three places after a decimal comma: nobody can say which
-THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-
-
-def _with_unit(value: object, stated: Mapping[str, Any]) -> str:
-    """Return what to write for a text of a number and a unit, such as "45.8 mH"; nothing where that
-    is not clear or out of range."""
-    found = NUMBER_WITH_UNIT.fullmatch(value.strip()) if isinstance(value, str) else None
-    number, own = found.groups() if found else ("", "")
-    unit = stated["unit"] or "no unit"
-    factor = {unit: 1.0, **MEANT.get(unit, {})}.get(own)
-    if factor is None or THOUSAND.fullmatch(number):
-        return ""
-    try:
-        meant = factor * float(number.replace(",", "."))
-    except ValueError:
-        return ""
-    # NaN is in no range
-    return f": write {meant:g}" if stated["low"] <= meant <= stated["high"] else ""
 
 
 def finite(value: object) -> float | None:

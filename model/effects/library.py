@@ -20,7 +20,8 @@ from typing import Any
 from model.effects import own
 from model.effects.card import PORTS, SUBSYSTEMS, Effect, Parameter
 from model.errors import BadInput, unknown
-from model.parameters import Converter, Motor
+from model.parameters import Converter, Motor, finite
+from model.remedies import remedy
 from model.spline import SplineEnergy
 
 FOLDER = Path(__file__).parent
@@ -188,10 +189,10 @@ def checked(name: str, value: float) -> float:
         or not isinstance(value, (int, float))
         or not p.low <= value <= p.high
     ):
-        raise BadInput(
-            f"{name} = {value!r} is out of range; give a number in [{p.low:g}, "
-            f"{p.high:g}] {p.unit}".rstrip()
-        )
+        number = finite(value)
+        how = "" if number is None else remedy(p.name, number, p.low, p.high, p.unit)
+        bound = f"[{p.low:g}, {p.high:g}] {p.unit}".rstrip()
+        raise BadInput(f"{name} = {value!r} is out of range; give a number in {bound}{how}")
     if math.isinf(p.low) and not math.isfinite(value):
         raise BadInput(f"{name} = {value!r} is not finite; give a number in {p.unit}")
     if p.whole and (value != round(value) or value == 0.0):

@@ -21,6 +21,7 @@ from model.errors import BadInput, PhysicsError, as_toml, brief
 from model.names import fitting
 from model.number_table import Table
 from model.parameters import Motor, finite
+from model.remedies import remedy
 from sandbox.recordings.angle.changes import at_changes
 from sandbox.recordings.angle.commutation import STEP
 from sandbox.recordings.angle.turning import with_angle
@@ -495,8 +496,9 @@ def _stated(
         return None
     value = finite(table[key])
     if value is None or not low <= value <= high:
+        how = remedy(key, math.nan if value is None else value, low, high, "")
         raise BadInput(
             f"{source}: {key} = {as_toml(table[key])} is out of range; give a number in "
-            f"[{low:g}, {high:g}]"
+            f"[{low:g}, {high:g}]{how}"
         )
     return value

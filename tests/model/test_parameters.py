@@ -254,3 +254,57 @@ def test_what_reads_a_link_scatters_by_a_tenth_of_it_at_most():
     assert dataclasses.replace(converter, link_noise=0.099 * link).link_noise == 0.099 * link
     with pytest.raises(BadInput, match="link_noise"):
         dataclasses.replace(converter, link_noise=0.101 * link)
+
+
+RIGHT = {
+    "name": "m",
+    "pole_pairs": 4,
+    "resistance": 0.5,
+    "magnet_flux": 0.05,
+    "inductance_d": 1e-3,
+    "inductance_q": 2e-3,
+    "inertia": 1e-4,
+    "rated_current": 5.0,
+    "rated_torque": 1.0,
+    "rated_speed_rpm": 3000.0,
+}
+STATED = [
+    (kind, table, f.name)
+    for kind, table in ((Motor, "motor"), (Converter, "drive"), (Injection, "injection"))
+    for f in dataclasses.fields(kind)
+    if "low" in f.metadata
+]
+
+
+@pytest.mark.parametrize(("kind", "table", "key"), STATED, ids=[k for _, _, k in STATED])
+def test_a_value_that_is_none_is_told_where_to_find_one(kind, table, key):
+    """Value, bound and remedy, whatever the value is: where such a value comes from, or that it may
+    be left out."""
+    others = {
+        Motor: RIGHT,
+        Converter: {"sampling_period": 1e-4, "dc_bus_voltage": 24.0},
+        Injection: {"frequency": 500.0, "amplitude": 5.0},
+    }[kind]
+    noise = {"current_resolution": 0.0, "current_noise": 0.0} if kind is Converter else {}
+    for value in (float("nan"), 1e290):
+        with pytest.raises(BadInput) as told:
+            kind(**{**others, **noise, key: value})
+        assert f"[{table}] {key} = " in str(told.value)
+        rest = str(told.value).partition("give a finite value in [")[2].partition("]")[2]
+        assert ": " in rest or "or leave it out" in rest, str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("resistance", -0.5, "is its sign wrong? write 0.5"),
+        ("inductance_d", -2e-3, "is its sign wrong? write 0.002"),
+        ("inductance_d", 45.8, "is it mH? write 0.0458"),
+        ("resistance", "0,5", "give one (ohm): write 0.5"),
+        ("resistance", 0.0, "]: half of what is measured between two terminals"),
+    ],
+)
+def test_a_wrong_value_is_told_what_to_write(key, value, words):
+    with pytest.raises(BadInput) as told:
+        Motor(**{**RIGHT, key: value})
+    assert words in str(told.value).replace(" ohm: half", ": half")

@@ -34,6 +34,7 @@ MOST_ORDERS = 16
 HIGHEST = 200  # order per turn that is looked for
 PASSED = 0.1  # of a sine's square: an order that windows average away below it is not looked for
 BLOCKS = 24  # for intervals
+HELD = 0.9  # of a block's information that is left out: one that holds all tells nothing without
 # of the usual step: how late or early current, or a change of the speed's sign, is read beside the
 # angle in an ordinary log
 ORDINARY_LAG = 0.5
@@ -337,12 +338,16 @@ def _without_noise(inverse: Array, squares: float) -> tuple[Array, float]:
 
 
 def _sandwich(a: Array, scored: Array, block: NDArray[np.int64], inverse: Array) -> Array:
-    """Return the covariance that allows for residuals going together within a block."""
+    """Return the covariance that allows for residuals going together within a block: of estimates
+    without one block each (jackknife), so that a block which alone tells a size counts as one."""
     _, place = np.unique(block, return_inverse=True)
-    sums = np.zeros((place.max() + 1, a.shape[1]))
-    np.add.at(sums, place, a * scored[:, None])
-    count = len(sums)
-    return inverse @ (sums.T @ sums) @ inverse * count / max(count - 1, 1)
+    count = place.max() + 1
+    moved = np.zeros((count, a.shape[1]))
+    for k in range(count):
+        own, left = a[place == k], scored[place == k]
+        without = np.eye(a.shape[1]) - HELD * (inverse @ (own.T @ own))
+        moved[k] = np.linalg.lstsq(without, inverse @ (own.T @ left), rcond=None)[0]
+    return moved.T @ moved * max(count - 1, 1) / count
 
 
 def _inflation(scored: Array, design: Design) -> float:

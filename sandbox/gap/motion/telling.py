@@ -28,6 +28,7 @@ OF_LINEAR = {
     VISCOUS.effect: "set viscous_friction = {:.4g} (N s/m) in the motor's file",
     INERTIA.effect: "set mass = {:.4g} (kg) in the motor's file and the speed control",
 }
+LEAST = 0.01  # share of the gap that is told as a number
 PAIRS = 100  # of the stand-in for a motor: its torque constant alone is asked for
 
 
@@ -267,9 +268,10 @@ def _closed(m: Motion) -> float | None:
 def where(m: Motion) -> list[dict[str, Any]]:
     """Return which torques make the gap, the largest first."""
     rows, known = [], numbers()
-    for e, share in sorted(m.shares.items(), key=lambda x: -x[1]):
+    some = {e: x for e, x in m.shares.items() if x >= LEAST} or m.shares
+    for e, share in sorted(some.items(), key=lambda x: -x[1]):
         order = orders(m, m.best)[0]["order"] if e == COGGING.effect else None
-        text = m.campaign.axis.words(f"{known[e].shows} ({_share(share)})")
+        text = m.campaign.axis.words(f"{known[e].shows} ({_share(m, e)})")
         rows.append(
             {
                 "subsystem": known[e].card.subsystem,
@@ -283,9 +285,18 @@ def where(m: Motion) -> list[dict[str, Any]]:
     return rows
 
 
-def _share(share: float) -> str:
-    """Return a share of the gap in words."""
-    return f"{round(100.0 * share)} % of the gap"
+def _share(m: Motion, effect: str) -> str:
+    """Return an effect's share of the gap in words; of one that has none, why it is named."""
+    share = m.shares.get(effect, 0.0)
+    if share >= LEAST:
+        return f"{round(100.0 * share)} % of the gap"
+    stated = {INERTIA.effect: m.campaign.inertia, VISCOUS.effect: m.campaign.viscous_friction}
+    if said := stated.get(effect):
+        off = percent(m.best.shaft.value(numbers()[effect].size) / said - 1.0)
+        return f"{off} from the stated value; the gap is counted after stated values are refitted"
+    if effect == LAG.effect:
+        return "the gap is counted after a lag of half a row is allowed for"
+    return f"less than {100.0 * LEAST:.0f} % of the gap"
 
 
 def following(m: Motion) -> dict[str, Any] | None:
@@ -345,7 +356,7 @@ def _unseen(m: Motion) -> str:
 def _answers(m: Motion) -> list[tuple[str, str]]:
     w, p = m.best, parameters(m, m.best)
     words, of_effect = m.campaign.axis.words, {e: f"{e.replace('_', ' ')}" for e in w.effects}
-    named = [f"{of_effect[e]} ({_share(m.shares.get(e, 0.0))})" for e in ranked(m)]
+    named = [f"{of_effect[e]} ({_share(m, e)})" for e in ranked(m)]
     left = m.unknown > 0.5
     order = sorted(p, key=lambda k: ranked(m).index(k.partition(".")[0]))
     sizes = "; ".join(f"{words(title_of(k))} {_value(p[k])}" for k in order)

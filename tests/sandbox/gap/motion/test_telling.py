@@ -48,6 +48,19 @@ def test_effects_stand_by_their_share_which_is_told(judged):
     assert said(judged)["Which?"].startswith(f"{capital(name)} ({whole} % of the gap)")
 
 
+def test_an_effect_without_a_share_says_why_it_is_named():
+    """An inertia that was fitted 20 % off the stated one: what is called the gap has it refitted,
+    so its share is none, and no "0 %" stands beside a probability."""
+    run = shaft(3, both_ways, dry=0.008, viscous=6e-4)
+    motion = judge(dataclasses.replace(campaign(run), inertia=1.2 * INERTIA))
+    assert "inertia" in motion.best.effects
+    assert abs(motion.shares["inertia"]) < 0.01
+    which = said(motion)["Which?"]
+    assert "inertia (−20 % from the stated value; the gap is counted after stated values" in which
+    assert "(0 % of the gap)" not in which + said(motion)["Where?"]
+    assert all(row["share"] >= 0.01 for row in document(motion)["where"])
+
+
 def test_a_linear_axis_is_told_in_its_units(judged):
     motion = dataclasses.replace(judged, campaign=dataclasses.replace(judged.campaign, axis=LINEAR))
     assert document(motion)["motion"]["axis"] == "linear"
