@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
-LONGEST_SENTENCE = 400  # characters; more is a user's text inside it
+LONGEST_SENTENCE = 700  # characters; more is a user's text inside it
 LONGEST_NAME = 60  # characters of a user's own name repeated to him
 LONGEST_LIST = 200  # characters of known names
 LONGEST_RAISED = 200  # characters of what a user's own code raised

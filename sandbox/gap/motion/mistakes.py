@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -437,7 +437,11 @@ def _angles(campaign: MotionCampaign, angle: str) -> Iterator[Mistake]:
         return Mistake(guess, remedy, angle=factor, speed=factor if made else 1.0)
 
     for unit, factor in _others(campaign, name, kind):
-        yield of(f"'{angle}' is in {unit}", f'map it with unit = "{unit}"', factor)
+        said, how = f"'{angle}' is in {unit}", f'map it with unit = "{unit}"'
+        yield of(said, how, factor)
+        if pairs > 1.0 and not mechanical:
+            shaft = of(f"{said} of the shaft", f"{how} and mechanical = true", factor / pairs)
+            yield replace(shaft, rank=0.5)
     if pairs > 1.0:
         to = f"'{angle}' is electrical" if mechanical else f"'{angle}' is that of the shaft"
         how = "map it without mechanical" if mechanical else "map it with mechanical = true"
@@ -477,7 +481,13 @@ def _counts(campaign: MotionCampaign, seen: Look, angle: str) -> Iterator[Mistak
     turn = math.tau / UNITS["angle"].get(campaign.units.get("theta") or "", (1.0, 0.0))[0]
     inverse = 1.0 / seen.inertia if _is(seen.inertia) and campaign.inertia else math.nan
     ratio = seen.speed if _is(seen.speed) else inverse
-    counts, how = abs(ratio) * turn, 'map it with unit = "rev" and scale = 1 / (counts a turn)'
+    # an encoder's are those of a turn of the shaft
+    pairs = 1.0 if _mechanical(campaign, "theta") else campaign.stated.get("pole_pairs", 1.0)
+    of_shaft = ", mechanical = true" if pairs > 1.0 else ""
+    counts, how = (
+        abs(ratio) * turn * pairs,
+        f'map it with unit = "rev"{of_shaft} and scale = 1 / (counts a turn)',
+    )
     if not _is(ratio) and seen.fastest > FASTEST:
         yield Mistake(f"'{angle}' is in counts of an encoder", how, angle=seen.fastest / 100.0)
     elif _is(ratio) and COUNTS[0] <= counts <= COUNTS[1]:
@@ -486,10 +496,11 @@ def _counts(campaign: MotionCampaign, seen: Look, angle: str) -> Iterator[Mistak
         said = f"'{angle}' is in counts of an encoder (about {counts:.2g} a turn)"
         if usual:
             minus = "-" if ratio < 0.0 else ""
-            how = f'map it with unit = "rev" and scale = {minus}1/{usual[0]:.0f}' + "".join(
-                f", or {minus}1/{c:.0f}" for c in usual[1:]
+            how = (
+                f'map it with unit = "rev"{of_shaft} and scale = {minus}1/{usual[0]:.0f}'
+                + "".join(f", or {minus}1/{c:.0f}" for c in usual[1:])
             )
-        yield Mistake(said, how, angle=math.copysign(counts / turn, ratio), rank=1.5)
+        yield Mistake(said, how, angle=math.copysign(counts / turn / pairs, ratio), rank=1.5)
 
 
 def _usual_counts(counts: float, spread: float, stated: float) -> list[float]:

@@ -28,6 +28,7 @@ STRAY = 0.2
 BACK = 0.9  # of the range: a jump back that wraps
 LEVELS = 16  # different readings of an angle that turns
 QUARTER = 1e-4  # turns: how near to a quarter the step from alpha to beta is
+OTHERS = {400.0: ", or gon", 6400.0: ", or mil"}  # units of an angle, by how many a turn has
 ALIKE = 0.03  # relative, of a range and a turn
 
 
@@ -39,15 +40,17 @@ def unwrapped(
     notes: list[Finding],
     steps: Array | None = None,
     estimate: bool = False,
+    mechanical: bool = False,
 ) -> Array:
     """Return an angle (in its own unit, `turn` of it a turn) without its jumps of one turn, noting
     that it was wrapped.
 
     steps: turns from row to row by the log's own speed, where it holds one; estimate: whether it is
-    an estimator's, which starts up by steps of a quarter
-    and of half a turn (polarity).  BadInput for an angle that wraps at
-    something else than a turn, that turns too far between two rows, or that goes another way than
-    the speed.
+    an estimator's, which starts up by steps of a quarter and of half a turn (polarity); mechanical:
+    whether it is mapped as the shaft's.
+
+    BadInput for an angle that wraps at something else than a turn, that turns too far between two
+    rows, or that goes another way than the speed.
     """
     step = np.diff(raw)
     if not step.size or np.ptp(raw) == 0.0:
@@ -59,7 +62,7 @@ def unwrapped(
         laps[jumps + 1] = -np.sign(step[jumps])
         return raw + many * turn * np.cumsum(laps)
     if not (estimate and np.any(np.abs(np.abs(step) / turn - 0.25) < QUARTER)):
-        _refuse_other_turn(file, column, raw, step, turn)
+        _refuse_other_turn(file, column, raw, step, turn, mechanical)
     if np.ptp(raw) > WRAP * turn:
         return raw
     if steps is not None:
@@ -145,7 +148,9 @@ def other_pace(raw: Array, turn: float, steps: Array) -> str:
     return f"where both are slow it turns {pace:.3g} times as fast as the speed says"
 
 
-def _refuse_other_turn(file: str, column: str, raw: Array, step: Array, turn: float) -> None:
+def _refuse_other_turn(
+    file: str, column: str, raw: Array, step: Array, turn: float, mechanical: bool
+) -> None:
     """Raise BadInput for an angle that jumps back by its whole range, which is no turn of its
     unit."""
     span = float(np.ptp(raw))
@@ -161,14 +166,20 @@ def _refuse_other_turn(file: str, column: str, raw: Array, step: Array, turn: fl
     guess = (
         f"map it with unit = {unit}"
         if unit
-        else f'are these counts? map it with unit = "rev" and scale = 1/{wrap:g}'
+        else f"are these counts{OTHERS.get(wrap, '')}? map it with unit = "
+        f'"rev" and scale = 1/{wrap:g}'
     )
     if unit is None and wrap < 10.0:
         guess = "unwrap it before, or map the unit in which it wraps at a turn"
+    whose = "with mechanical = true where it wraps once a turn of the shaft, as an encoder's does"
+    if mechanical:
+        whose = (
+            "without mechanical = true where it wraps once an electrical turn, as a drive's does"
+        )
     raise BadInput(
         f"{file}: row {k + 1} of column '{column}' jumps back by {abs(step[k]):.5g} "
         f"({back.size} such rows), as an "
-        f"angle does that wraps there, but a turn is {turn:.5g} of its unit; {guess}"
+        f"angle does that wraps there, but a turn is {turn:.5g} of its unit; {guess}; {whose}"
     )
 
 

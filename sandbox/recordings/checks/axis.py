@@ -34,12 +34,12 @@ def off_axis(recordings: Sequence[CampaignRecording], drive: Drive) -> None:
             turned = (1.0 if m is None else m.turn) * r.theta + zero
             after = _share_on_axis({**r.columns, "theta": turned}, drive, r.injection_axis)
             if after is not None and after > ON_AXIS:
-                guess, remedy = of_angle(m, zero)
+                guess, remedy = of_angle(m, zero, source_of(r))
                 text = (
                     f"{r.file}: row 0 of column 'theta' is {r.theta[0]:.6g}; turned by theta, only "
                     f"{percent(max(share, 0.0))} of the injected voltage lies along axis "
                     f"{r.injection_axis} (at least {percent(ON_AXIS)} expected), it does if "
-                    f"{source_of(r)['theta']} is {guess}: {remedy}"
+                    f"{guess}: {remedy}"
                 )
                 raise Refused(Finding(r.file, "theta", 0, text, rereads=frozenset({ANGLE})))
 

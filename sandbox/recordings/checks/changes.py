@@ -172,11 +172,7 @@ def angles(drive: Drive, source: Source) -> Iterator[Change]:
         for sense in (1.0, -1.0):
             if (turn, sense) == (1.0, 1.0):
                 continue
-            back = (
-                ["counted backwards (or phases b and c swapped in currents and voltages)"]
-                if sense < 0.0
-                else []
-            )
+            back = ["counted backwards"] if sense < 0.0 else []
             advice = ["map it with scale = -1"] if sense < 0.0 else []
             yield Change(
                 ANGLE,
@@ -218,22 +214,18 @@ def _speeds(pairs: float, source: Source) -> Iterator[Change]:
                 )
 
 
-def of_angle(change: Change | None, zero: float) -> tuple[str, str]:
-    """Return a wrong angle in words, with the orders of phases in currents and voltages that look
-    the same."""
+def of_angle(change: Change | None, zero: float, source: Source) -> tuple[str, str]:
+    """Return in words what is wrong of an angle, and what to do; with the order of phases in
+    currents and voltages that is the same, first where it is one thing and the angle's are two."""
     if change is None and not zero:
         return "", ""
-    back = change is not None and change.turn < 0.0
+    # the zero of an angle that is made of a speed is nobody's reading
+    name, shift = source.get("theta", source.get("speed", "theta")), zero
+    if "theta" not in source and "speed" in source:
+        shift = 0.0
     guess, remedy = ("", "") if change is None else (change.guess, change.remedy)
-    thirds = round(math.degrees(zero)) in (120, -120)
-    if thirds and back:
-        pair = "a and b" if zero > 0.0 else "a and c"
-        guess = guess.replace("b and c", pair)
-    if zero:
+    if shift:
         off = f"{abs(math.degrees(zero)):.0f} degrees {'behind' if zero > 0.0 else 'ahead'}"
-        order = "b, c, a" if zero < 0.0 else "c, a, b"
-        if thirds and not back:
-            off += f" (or phases stand in the order {order} in currents and voltages)"
         guess = f"{guess} and {off}" if guess else off
         offset = f"offset = {zero:.4f}"
         remedy = (
@@ -241,7 +233,37 @@ def of_angle(change: Change | None, zero: float) -> tuple[str, str]:
             if "map" in remedy
             else " and ".join(filter(None, [remedy, f"map it with {offset}"]))
         )
-    return guess, remedy
+    guess = f"{name} is {guess}" if guess else ""
+    order = _order_of(change, zero, source)
+    if not order:
+        return guess, remedy
+    columns = f"{named(source, *currents_held(source))}, {named(source, *voltages_held(source))}"
+    phases = f"reorder the phases of {columns}"
+    if round(math.degrees(zero)) == 180:
+        phases = f"map {columns} with scale = -1"
+    if zero and change is not None and change.turn == -1.0:
+        return f"{order} or, which is the same, {guess}", (
+            f"{phases}, or {remedy.replace('map it', f'map {name}')}"
+        )
+    return f"{guess} or, which is the same, {order}", f"{remedy}, or {phases}"
+
+
+def _order_of(change: Change | None, zero: float, source: Source) -> str:
+    """Return in words which order of phases in currents and voltages looks as an angle does; empty
+    where none does, or the log holds no phases of them."""
+    turned = currents_held(source)[0] == "i_d" or voltages_held(source)[0] == "u_d"
+    degrees, back = round(math.degrees(zero)), change is not None
+    if change is not None and change.turn != -1.0:
+        return ""  # a unit or a gear beside it
+    if turned or degrees not in (0, 120, -120, 180) or "theta" not in source:
+        return ""
+    if degrees == 180:
+        return "" if back else "currents and voltages both have the wrong sign"
+    if back:
+        pair = {0: "b and c", 120: "a and b", -120: "a and c"}[degrees]
+        return f"phases {pair} are swapped in currents and voltages"
+    order = {120: "c, a, b", -120: "b, c, a"}.get(degrees)
+    return f"phases stand in the order {order} in currents and voltages" if order else ""
 
 
 def _of_currents(source: Source) -> Iterator[Change]:

@@ -121,13 +121,8 @@ class Reading:
     def words(self, source: Source) -> tuple[str, str]:
         """Return what was read wrongly, and what to do."""
         turn = [c for c in self.changes if c.part == ANGLE]
-        # the zero of an angle that is made of a speed is nobody's reading
-        zero = self.zero if "theta" in source or "speed" not in source else 0.0
-        angle, advice = of_angle(turn[0] if turn else None, zero)
-        name = source.get("theta", source.get("speed", "theta"))
-        guesses = ([f"{name} is {angle}"] if angle else []) + [
-            c.guess for c in self.changes if c.part != ANGLE
-        ]
+        angle, advice = of_angle(turn[0] if turn else None, self.zero, source)
+        guesses = ([angle] if angle else []) + [c.guess for c in self.changes if c.part != ANGLE]
         remedies = ([advice] if advice else []) + [
             c.remedy for c in self.changes if c.part != ANGLE
         ]

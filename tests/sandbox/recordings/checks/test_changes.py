@@ -79,11 +79,16 @@ def test_orders_of_phases_in_voltages_and_in_both():
     )
     both = told(lambda r: {**turned(r, -THIRD), a: r[b], b: r[c], c: r[a]})
     assert (
-        "120 degrees ahead (or phases stand in the order b, c, a in currents and voltages)" in both
+        "theta is 120 degrees ahead or, which is the same, phases stand in the order b, c, a in "
+        "currents and voltages: map it with offset = -2.0944, or reorder the phases of " in both
     )
     u = np.conj(r.u_alpha + 1j * r.u_beta) * np.exp(1j * THIRD)
     both = told(lambda r: {"u_alpha": u.real, "u_beta": u.imag, a: r[b], b: r[a]})
-    assert "phases a and b swapped in currents and voltages" in both
+    assert (
+        "if phases a and b are swapped in currents and voltages or, which is the same, theta is "
+        "counted backwards and 120 degrees behind: reorder the phases of " in both
+    )
+    assert both.endswith("or map theta with scale = -1 and offset = 2.0944")
     phases = {"theta": "theta", a: a, b: b, c: c, "u_a": "V1", "u_b": "V2", "u_c": "V3"}
     assert "(order V3, V1, V2): reorder V1, V2, V3" in told(lambda r: turned(r, -THIRD), phases)
 
