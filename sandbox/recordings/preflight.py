@@ -37,6 +37,7 @@ from sandbox.recordings.checks.readings import BETTER
 from sandbox.recordings.checks.shifts import shifted
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.findings import Doubt, Finding, Refused
+from sandbox.recordings.rows.held import held
 
 Array = NDArray[np.float64]
 REFUSED, SUSPICIOUS, NOTE = "refused", "suspicious", "note"
@@ -82,6 +83,9 @@ def noticed(campaign: Campaign) -> list[Noticed]:
             ripple,
         ):
             out += tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
+    old = [n for r in recordings for n in tried(r.file, lambda r=r: held(r, drive))]  # type: ignore[misc]
+    if old:  # what currents and angle contradict would be its consequence
+        return refusals_first([*out, *old])
     for check in (contradictions, shifted):
         cause = tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
         if any(n.level == REFUSED for n in cause):

@@ -3,8 +3,10 @@ voltages."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from sandbox.gap.motion.load_side import ROWS, load_contradicted
 from sandbox.gap.motion.mistakes import contradictions, inertia_contradicted
@@ -16,16 +18,41 @@ from sandbox.recordings.checks.motion import loads, standing
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.motion_log import MotionCampaign, motion_of
 from sandbox.recordings.preflight import NOTE, REFUSED, Noticed, on_the_way, refusals_first, tried
+from sandbox.recordings.rows.held import HeldReadings, held_over, told
+
+
+def _old(campaign: MotionCampaign) -> list[Finding]:
+    """Return what is held over some rows in a motion."""
+    out = []
+    for r in campaign.recordings:
+        parts = {"theta": r.angle, "i_q": r.torque, **r.beside}
+        rows = {n: held_over(x) for n, x in parts.items() if not r.sixth and n in r.source}
+        turned = float(np.max(np.abs(np.diff(r.angle)), initial=0.0))
+        step = float(np.median(np.diff(r.t)))
+        out += told(r.file, rows, r.source, step, turned, even=False)
+    return out
+
 
 # a cause before its consequences
-CHECKS = (standing, load_contradicted, unsigned, shifted, contradictions, loads)
+CHECKS = (standing, load_contradicted, unsigned, _old, shifted, contradictions, loads)
+
+
+def _checks(found: Sequence[Finding]) -> Iterator[Callable[[MotionCampaign], Sequence[Finding]]]:
+    """Yield the checks one after the other, none of a shift once readings are known to be old;
+    found: grows between them."""
+    for check in CHECKS:
+        if check is not shifted or not any(isinstance(f, HeldReadings) for f in found):
+            yield check
 
 
 def noticed_in_motion(campaign: MotionCampaign) -> list[Noticed]:
     """Return all that is wrong, suspicious or changed in a campaign of motions."""
     out = on_the_way(campaign.findings)
-    for check in CHECKS:
-        out += tried("", lambda check=check: check(campaign))  # type: ignore[misc]
+    found = list[Finding]()
+    for check in _checks(found):
+        now = tried("", lambda check=check: check(campaign))  # type: ignore[misc]
+        found += [n.finding for n in now]
+        out += now
         if any(n.level == REFUSED for n in out):
             return refusals_first(out)
     return refusals_first([*out, *(Noticed(NOTE, f) for f in unanswered(campaign))])
@@ -34,7 +61,10 @@ def noticed_in_motion(campaign: MotionCampaign) -> list[Noticed]:
 def checked_motion(campaign: MotionCampaign) -> Sequence[Finding]:
     """Return what is suspicious in a campaign of motions; BadInput for the first thing that cannot
     be right."""
-    return [f for check in (*CHECKS, unanswered) for f in check(campaign)]
+    found = list[Finding]()
+    for check in _checks(found):
+        found += check(campaign)
+    return [*found, *unanswered(campaign)]
 
 
 def shaft_contradicted(campaign: Campaign) -> list[Finding]:

@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from model.drive_files import load_limits
 from model.effects.library import effect_names, load_effect
@@ -29,6 +29,7 @@ from sandbox.recordings.findings import Finding, Unanswered
 from sandbox.recordings.importing import Source, how_to_map
 from sandbox.recordings.nominal_motor import RATED
 from sandbox.recordings.preflight import NOTE, REFUSED, SUSPICIOUS, Noticed, noticed, tried
+from sandbox.recordings.rows.held import HeldReadings
 
 if TYPE_CHECKING:
     from sandbox.gap.planning.bench_plan import Plan
@@ -219,7 +220,9 @@ def check(
     found += [] if read is None else noticed(read)
     found = _exchanged(source, found, read is None)
     if read is not None and not any(n.level == REFUSED for n in found):
-        found += [*_of_noise(read), *tried("", lambda: shaft_contradicted(read))]
+        old = any(isinstance(n.finding, HeldReadings) for n in found)
+        found += [] if old else _of_noise(read)
+        found += tried("", lambda: shaft_contradicted(read))
     if columns is None and preset is None and not isinstance(campaign, Campaign):
         found = [
             replace(n, finding=replace(n.finding, text=how_to_map(n.finding.text))) for n in found
@@ -503,14 +506,21 @@ def plan(
     return PlanResult(planned(drive, limits, workers=jobs, progress=progress))
 
 
-def _read(
-    campaign: AnyCampaign, columns: str | Path | None, preset: str | None
-) -> tuple[str, Source | None, Campaign | None, list[Noticed], str]:
-    """Return a campaign's name, its source (None where it has none), the campaign (None where it
-    cannot be read, or only its motion can be judged), what was found on the way, and why it is
-    None."""
+class Read(NamedTuple):
+    """A campaign's name, its source (None where it has none), the campaign (None where it cannot be
+    read, or only its motion can be judged), what was found on the way, and why it is None."""
+
+    name: str
+    source: Source | None
+    campaign: Campaign | None
+    found: list[Noticed]
+    why: str
+
+
+def _read(campaign: AnyCampaign, columns: str | Path | None, preset: str | None) -> Read:
+    """Return a campaign as it could be read."""
     if isinstance(campaign, Campaign):
-        return campaign.name, None, campaign, [], ""
+        return Read(campaign.name, None, campaign, [], "")
     path = Path(campaign)
     if not path.exists():
         raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
@@ -522,16 +532,11 @@ def _read(
         why = motion_log.motion_only(source)
         if why is not None:
             motion = motion_log.read_motion(source, why)
-            return motion.name, source, None, noticed_in_motion(motion), why
-        return name, source, importing.unchecked(source), [], ""
+            return Read(motion.name, source, None, noticed_in_motion(motion), why)
+        return Read(name, source, importing.unchecked(source), [], "")
     except BadInput as error:
-        return (
-            name,
-            source,
-            None,
-            [Noticed(REFUSED, Finding(name, "", None, str(error)))],
-            "the campaign cannot be read",
-        )
+        found = [Noticed(REFUSED, Finding(name, "", None, str(error)))]
+        return Read(name, source, None, found, "the campaign cannot be read")
 
 
 def _draft(campaign: AnyCampaign, columns: str | Path | None) -> str:

@@ -20,6 +20,7 @@ from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES
 from sandbox.recordings.findings import Doubt, Finding, Refused
+from sandbox.recordings.rows.held import held_over
 
 Array = NDArray[np.float64]
 # times what a current does in most rows: of Gaussian readings one in 1e14 goes forth and back so
@@ -42,11 +43,13 @@ DEVIATION = 1.4826  # times the median of a Gaussian's size
 
 def without_disturbed(campaign: Campaign) -> Campaign:
     """Return a campaign whose disturbed current readings are replaced by what the rows beside them
-    tell, with a doubt each; what that misses counts as noise.  Refused where they are too many."""
+    tell, with a doubt each; what that misses counts as noise.  Refused where they are too many;
+    those of a sensor that is slower than the rows stay, which `held` tells."""
     squares, rows, findings, out = 0.0, 0, list[Finding](), list[CampaignRecording]()
     least = noticed(campaign)
     for r in campaign.recordings:
-        own, notes, missed = _mended(r, campaign.drive, least)
+        slow = any(held_over(r.columns[n]) > 1 for n in PHASES)
+        own, notes, missed = (r, [], 0.0) if slow else _mended(r, campaign.drive, least)
         out.append(own)
         findings += notes
         squares, rows = squares + missed, rows + len(r.t)

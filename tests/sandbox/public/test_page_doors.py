@@ -16,7 +16,7 @@ import pytest
 from estimators.contract import Estimator
 from model.drive_files import load_drive
 from model.effects import adopt, library
-from model.errors import BadInput, raised
+from model.errors import LONGEST_SENTENCE, BadInput, raised
 from model.given import LONGEST, read_toml
 from model.kernels import kept
 from model.kernels.notice import Watch
@@ -79,7 +79,7 @@ def test_a_result_s_call_reaches_nothing_else(tmp_path, made, change, said):
     with pytest.raises(BadInput, match=said) as told:
         verify(tmp_path)
     assert "\n" not in str(told.value)
-    assert len(str(told.value)) <= 400
+    assert len(str(told.value)) <= LONGEST_SENTENCE
     assert [p.name for p in tmp_path.iterdir()] == ["audit.json"]
 
 
