@@ -385,8 +385,7 @@ def _values(
     if angle:
         own = math.copysign(1.0, factor * entry.scale) / pairs
         steps = None if turns is None or entry.name != "theta" else own * turns
-        estimate = entry.name == "theta_hat"
-        raw = unwrapped(file, key, raw, turn, notes, steps, estimate, entry.mechanical)
+        raw = unwrapped(file, key, raw, turn, notes, steps, entry.name == "theta_hat")
     factor *= pairs
     if (factor, shift, entry.scale, entry.offset) == (1.0, 0.0, 1.0, 0.0):
         return raw

@@ -40,14 +40,12 @@ def unwrapped(
     notes: list[Finding],
     steps: Array | None = None,
     estimate: bool = False,
-    mechanical: bool = False,
 ) -> Array:
     """Return an angle (in its own unit, `turn` of it a turn) without its jumps of one turn, noting
     that it was wrapped.
 
     steps: turns from row to row by the log's own speed, where it holds one; estimate: whether it is
-    an estimator's, which starts up by steps of a quarter and of half a turn (polarity); mechanical:
-    whether it is mapped as the shaft's.
+    an estimator's, which starts up by steps of a quarter and of half a turn (polarity).
 
     BadInput for an angle that wraps at something else than a turn, that turns too far between two
     rows, or that goes another way than the speed.
@@ -62,7 +60,7 @@ def unwrapped(
         laps[jumps + 1] = -np.sign(step[jumps])
         return raw + many * turn * np.cumsum(laps)
     if not (estimate and np.any(np.abs(np.abs(step) / turn - 0.25) < QUARTER)):
-        _refuse_other_turn(file, column, raw, step, turn, mechanical)
+        _refuse_other_turn(file, column, raw, step, turn)
     if np.ptp(raw) > WRAP * turn:
         return raw
     if steps is not None:
@@ -148,9 +146,7 @@ def other_pace(raw: Array, turn: float, steps: Array) -> str:
     return f"where both are slow it turns {pace:.3g} times as fast as the speed says"
 
 
-def _refuse_other_turn(
-    file: str, column: str, raw: Array, step: Array, turn: float, mechanical: bool
-) -> None:
+def _refuse_other_turn(file: str, column: str, raw: Array, step: Array, turn: float) -> None:
     """Raise BadInput for an angle that jumps back by its whole range, which is no turn of its
     unit."""
     span = float(np.ptp(raw))
@@ -171,15 +167,12 @@ def _refuse_other_turn(
     )
     if unit is None and wrap < 10.0:
         guess = "unwrap it before, or map the unit in which it wraps at a turn"
-    whose = "with mechanical = true where it wraps once a turn of the shaft, as an encoder's does"
-    if mechanical:
-        whose = (
-            "without mechanical = true where it wraps once an electrical turn, as a drive's does"
-        )
     raise BadInput(
         f"{file}: row {k + 1} of column '{column}' jumps back by {abs(step[k]):.5g} "
         f"({back.size} such rows), as an "
-        f"angle does that wraps there, but a turn is {turn:.5g} of its unit; {guess}; {whose}"
+        f"angle does that wraps there, but a turn is {turn:.5g} of its unit; {guess}; with "
+        "mechanical = true where it wraps once a turn of the shaft (an encoder), without it where "
+        "once an electrical turn (a drive's own angle)"
     )
 
 

@@ -88,7 +88,7 @@ def told(
     rows: by standard name; source: the log's own names; step: s from row to row; turned: rad by
     which the angle jumps at the most; even: whether rows have a sampling period.
     """
-    out = []
+    out = list[Finding]()
     for many in sorted({n for n in rows.values() if n > 1}):
         names = [n for n, own in rows.items() if own == many]
         said = ", ".join(f"'{source.get(n, n)}'" for n in names)
