@@ -10,7 +10,7 @@ import pytest
 
 from model.errors import BadInput
 from sandbox import check, diagnose, read_campaign
-from tests.sandbox.gap.motion.test_mistakes import MOTOR, motion
+from tests.sandbox.gap.motion.closed_form import MOTOR, motion
 from tests.sandbox.recordings.made_angles import SWING, turning, written
 
 COLUMNS = ("t", "u_alpha", "i_a", "u_dc", "theta")  # one of each quantity
