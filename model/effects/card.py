@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -120,6 +120,17 @@ class Parameter:
             if self.of_motor.startswith("alpha_")
             else away
         )
+
+
+def of_electrical_order(what: str) -> tuple[Parameter, Parameter]:
+    """Return order and phase of a further harmonic; what: such as "flux harmonic"."""
+    scan = (6.0, 60.0, 6.0)
+    order = Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=scan, whole=True)
+    phase = Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0)
+    return (
+        replace(order, title=f"order of {what}"),
+        replace(phase, scan=EITHER_PHASE, title=f"phase of {what}"),
+    )
 
 
 @dataclass(frozen=True)

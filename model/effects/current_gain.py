@@ -43,38 +43,19 @@ CARD = Effect(
         "Chung, Sul, Analysis and compensation of current measurement error in vector-controlled "
         "AC motor drives, IEEE Trans. Ind. Appl. 34 (1998) 340"
     ),
-    parameters=(
+    parameters=tuple(
         Parameter(
-            "gain_a",
+            f"gain_{phase}",
             "",
             1.0,
             0.2,
             5.0,
-            1.02,
+            typical,
+            change=change,
             ordinary=Ordinary("current_gain", 0.002),
-            title="gain of current sensor a",
-        ),
-        Parameter(
-            "gain_b",
-            "",
-            1.0,
-            0.2,
-            5.0,
-            0.99,
-            ordinary=Ordinary("current_gain", 0.002),
-            title="gain of current sensor b",
-        ),
-        Parameter(
-            "gain_c",
-            "",
-            1.0,
-            0.2,
-            5.0,
-            1.0,
-            change=0.013,
-            ordinary=Ordinary("current_gain", 0.002),
-            title="gain of current sensor c",
-        ),
+            title=f"gain of current sensor {phase}",
+        )
+        for phase, typical, change in (("a", 1.02, 0.0), ("b", 0.99, 0.0), ("c", 1.0, 0.013))
     ),
     axis="both",
     order="0 (common) and 2 (mismatch)",

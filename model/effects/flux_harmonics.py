@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
-from model.effects.card import EITHER_PHASE, INF, At, Effect, Limit, Parameter, Part
+from model.effects.card import At, Effect, Limit, Parameter, Part, of_electrical_order
 from model.effects.said import quantity
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
@@ -142,30 +142,7 @@ CARD = Effect(
                 first="psi_q6",
                 title="harmonic of q flux",
             ),
-            Parameter(
-                "order",
-                "",
-                12.0,
-                -60.0,
-                60.0,
-                12.0,
-                fit="fixed",
-                scan=(6.0, 60.0, 6.0),
-                whole=True,
-                title="order of flux harmonic",
-            ),
-            Parameter(
-                "phase",
-                "rad",
-                0.0,
-                -INF,
-                INF,
-                0.0,
-                fit="fixed",
-                change=1.0,
-                scan=EITHER_PHASE,
-                title="phase of flux harmonic",
-            ),
+            *of_electrical_order("flux harmonic"),
         ),
         at=(At("magnets", of_order, ("psi_d", "psi_q", "order", "phase")),),
         switches=("psi_d", "psi_q"),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import inlined
-from model.effects.card import EITHER_PHASE, INF, At, Effect, Limit, Parameter, Part
+from model.effects.card import At, Effect, Limit, Parameter, Part, of_electrical_order
 from model.effects.said import number
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
@@ -262,101 +262,24 @@ CARD = Effect(
     repeats=PARTS,
     further=Part(
         parameters=(
-            Parameter(
-                "gamma",
-                "1/H",
-                0.0,
-                -1e4,
-                1e4,
-                0.005,
-                "1 / L_d",
-                first="gamma_6",
-                title="harmonic of inverse inductance",
+            *(
+                Parameter(name, "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d", first=first, title=title)
+                for name, first, title in (
+                    ("gamma", "gamma_6", "harmonic of inverse inductance"),
+                    ("back", "", "backward harmonic of inverse inductance"),
+                    ("pulse", "", "pulsating harmonic of inverse inductance"),
+                )
             ),
-            Parameter(
-                "back",
-                "1/H",
-                0.0,
-                -1e4,
-                1e4,
-                0.005,
-                "1 / L_d",
-                title="backward harmonic of inverse inductance",
+            *(
+                Parameter(name, "A/Wb^2", 0.0, -1e6, 1e6, 0.01, of, title=f"harmonic of {name}")
+                for name, of in (
+                    ("alpha_30", "rated current / (L_d rated current)^2"),
+                    ("alpha_12", "rated current / (L_d L_q rated current^2)"),
+                    ("alpha_21", "rated current / (L_d L_q rated current^2)"),
+                    ("alpha_03", "rated current / (L_q rated current)^2"),
+                )
             ),
-            Parameter(
-                "pulse",
-                "1/H",
-                0.0,
-                -1e4,
-                1e4,
-                0.005,
-                "1 / L_d",
-                title="pulsating harmonic of inverse inductance",
-            ),
-            Parameter(
-                "alpha_30",
-                "A/Wb^2",
-                0.0,
-                -1e6,
-                1e6,
-                0.01,
-                "rated current / (L_d rated current)^2",
-                title="harmonic of alpha_30",
-            ),
-            Parameter(
-                "alpha_12",
-                "A/Wb^2",
-                0.0,
-                -1e6,
-                1e6,
-                0.01,
-                "rated current / (L_d L_q rated current^2)",
-                title="harmonic of alpha_12",
-            ),
-            Parameter(
-                "alpha_21",
-                "A/Wb^2",
-                0.0,
-                -1e6,
-                1e6,
-                0.01,
-                "rated current / (L_d L_q rated current^2)",
-                title="harmonic of alpha_21",
-            ),
-            Parameter(
-                "alpha_03",
-                "A/Wb^2",
-                0.0,
-                -1e6,
-                1e6,
-                0.01,
-                "rated current / (L_q rated current)^2",
-                title="harmonic of alpha_03",
-            ),
-            Parameter(
-                "order",
-                "",
-                12.0,
-                -60.0,
-                60.0,
-                12.0,
-                fit="fixed",
-                scan=(6.0, 60.0, 6.0),
-                whole=True,
-                title="order of inductance harmonic",
-            ),
-            Parameter(
-                "phase",
-                "rad",
-                0.0,
-                -INF,
-                INF,
-                0.0,
-                fit="fixed",
-                change=1.0,
-                scan=EITHER_PHASE,
-                title="phase of inductance harmonic",
-            ),
+            *of_electrical_order("inductance harmonic"),
         ),
         at=(At("energy", of_order, NUMBERS),),
         switches=SIZES,

@@ -8,11 +8,14 @@ from model.effects.card import Effect, Ordinary, Parameter
 from model.effects.said import model_for
 from model.parameters import Converter, Motor
 
+CUBIC, QUARTIC = ("alpha_30", "alpha_12"), ("alpha_40", "alpha_22", "alpha_04")
+
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
-    names = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
-    return model_for(motor, v, [n for n in names if v[f"saturation.{n}"] != getattr(motor, n)])
+    return model_for(
+        motor, v, [n for n in CUBIC + QUARTIC if v[f"saturation.{n}"] != getattr(motor, n)]
+    )
 
 
 CARD = Effect(
@@ -31,67 +34,21 @@ CARD = Effect(
         "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet "
         "Synchronous Motors Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
     ),
-    parameters=(
+    parameters=tuple(
         Parameter(
-            "alpha_30",
-            "A/Wb^2",
+            n,
+            unit,
             None,
-            -1e9,
-            1e9,
+            -bound,
+            bound,
             1.3,
             "neutral",
-            "alpha_30",
-            ordinary=Ordinary("alpha_30", 0.05, of_motor=True),
-            title="saturation coefficient alpha_30",
-        ),
-        Parameter(
-            "alpha_12",
-            "A/Wb^2",
-            None,
-            -1e9,
-            1e9,
-            1.3,
-            "neutral",
-            "alpha_12",
-            ordinary=Ordinary("alpha_12", 0.05, of_motor=True),
-            title="saturation coefficient alpha_12",
-        ),
-        Parameter(
-            "alpha_40",
-            "A/Wb^3",
-            None,
-            -1e12,
-            1e12,
-            1.3,
-            "neutral",
-            "alpha_40",
-            ordinary=Ordinary("alpha_40", 0.05, of_motor=True),
-            title="saturation coefficient alpha_40",
-        ),
-        Parameter(
-            "alpha_22",
-            "A/Wb^3",
-            None,
-            -1e12,
-            1e12,
-            1.3,
-            "neutral",
-            "alpha_22",
-            ordinary=Ordinary("alpha_22", 0.05, of_motor=True),
-            title="saturation coefficient alpha_22",
-        ),
-        Parameter(
-            "alpha_04",
-            "A/Wb^3",
-            None,
-            -1e12,
-            1e12,
-            1.3,
-            "neutral",
-            "alpha_04",
-            ordinary=Ordinary("alpha_04", 0.05, of_motor=True),
-            title="saturation coefficient alpha_04",
-        ),
+            n,
+            ordinary=Ordinary(n, 0.05, of_motor=True),
+            title=f"saturation coefficient {n}",
+        )
+        for names, unit, bound in ((CUBIC, "A/Wb^2", 1e9), (QUARTIC, "A/Wb^3", 1e12))
+        for n in names
     ),
     axis="both, coupled",
     order="0 and the injection band",

@@ -4,7 +4,7 @@ and load."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,16 +37,7 @@ def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
     if np.nanmax(np.abs(plane.angle)) > LEAST_ANGLE:
         lines = axes.contour(i, i, plane.angle.T, levels=LEVELS, colors="#2a9d5c", linewidths=0.8)
         axes.clabel(lines, fontsize=8, fmt="%g°")
-    turn = np.linspace(0.0, 2.0 * np.pi, 121)
-    axes.plot(
-        rated * np.cos(turn),
-        rated * np.sin(turn),
-        linestyle=(0, (1, 2)),
-        color="#000000",
-        linewidth=0.9,
-    )
-    for width, (belief, own) in zip(widths(len(paths)), paths.items(), strict=True):
-        axes.plot(*own, color=colour_of(belief), linewidth=width, label=belief)
+    _around(axes, rated, paths)
     axes.set(
         xlabel="i_d (A)", ylabel="i_q (A)", aspect="equal", xlim=(i[0], i[-1]), ylim=(i[0], i[-1])
     )
@@ -54,20 +45,20 @@ def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
     return svg_text(drawing, "loci" + "".join(paths))
 
 
+def _around(axes: Any, radius: float, paths: Mapping[str, Way]) -> None:
+    """Draw a dotted circle, and each belief's path."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 121)
+    circle = radius * np.cos(turn), radius * np.sin(turn)
+    axes.plot(*circle, linestyle=(0, (1, 2)), color="#000000", linewidth=0.9)
+    for width, (belief, own) in zip(widths(len(paths)), paths.items(), strict=True):
+        axes.plot(*own, color=colour_of(belief), linewidth=width, label=belief)
+
+
 def hodograph_svg(paths: Mapping[str, Way], magnet_flux: float) -> str:
     """Return the path of the flux linkage (Wb) in the stator's frame, {belief: path}."""
     drawing, panels = page((PHONE, 4.4), 1, 1)
     axes = panels[0, 0]
-    turn = np.linspace(0.0, 2.0 * np.pi, 121)
-    axes.plot(
-        magnet_flux * np.cos(turn),
-        magnet_flux * np.sin(turn),
-        linestyle=(0, (1, 2)),
-        color="#000000",
-        lw=0.9,
-    )
-    for width, (belief, own) in zip(widths(len(paths)), paths.items(), strict=True):
-        axes.plot(*own, color=colour_of(belief), linewidth=width, label=belief)
+    _around(axes, magnet_flux, paths)
     axes.set(xlabel="ψ_α (Wb)", ylabel="ψ_β (Wb)", aspect="equal")
     axes.plot(0.0, 0.0, "+", color="#000000", markersize=8)
     named(axes)
