@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,7 @@ from sandbox.replay.identification.ordinary import OrdinaryFit, fit_ordinary
 from sandbox.replay.identification.places import ANGLE, NAMES, OF_EFFECT
 
 MOST_MISSED = 0.05  # share of the current: beyond it the log is more probably another drive's
+MOST_FILES = 4  # recordings that are named with what they miss
 ROUGH = 0.6  # relative standard deviation: beyond it a value may as well be none
 MORE_THAN_NOISE = 1.5  # misfit from which what the model lacks is told
 SLOW = 2.0  # times L/R from row to row: what a command does to the current is over within a row
@@ -116,16 +118,18 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
     fit = fit_ordinary(campaign)
     remarks = [f.text for f in campaign.findings] + [why] * bool(why)
     if fit.misfit > MORE_THAN_NOISE or not fit.values:
+        each = _missed(fit, campaign)
         said = (
-            f"currents miss the measured ones by {100.0 * fit.missed_share:.2g} % of their rms, "
+            f"currents miss the measured ones by {100.0 * fit.missed_share:.2g} % of their "
+            f"rms{_by_recording(each)}, "
             f"{plain(math.sqrt(fit.misfit))} times the sensors' noise: "
             f"{answered(campaign) or _acts(campaign)}"
         )
         if fit.missed_share > MOST_MISSED or not fit.values:
             raise PhysicsError(
                 f"{campaign.name}: with the best R, L_d, L_q and magnet flux, {said}; values would "
-                f"be off by more than their intervals{_each(fit)}: see `sensorless check` or "
-                "`sensorless diagnose`"
+                f"be off by more than their intervals{_each(fit)}: {_record(campaign, each)} "
+                "(`sensorless diagnose` says where it lies)"
             )
         remarks.append(f"{said}; intervals take as much to be hidden in each value as is missed")
     if said := common_scale(fit, campaign):
@@ -145,6 +149,38 @@ def _each(fit: OrdinaryFit) -> str:
         if fit.rough[n][1] < ROUGH
     ]
     return f" (at best {', '.join(known)})" if known and not fit.values else ""
+
+
+def _missed(fit: OrdinaryFit, campaign: Campaign) -> dict[str, float]:
+    """Return by recording which share of its current's rms the best values miss, the largest
+    first."""
+    noise = fit.residual_rms / math.sqrt(fit.misfit) if fit.misfit > 0.0 else 0.0
+    out = {}
+    for r in campaign.recordings:
+        size = math.sqrt(float(np.mean([np.mean(x**2) for x in (r.i_a, r.i_b, r.i_c)])))
+        if r.file in fit.rms and size > 0.0:
+            out[r.file] = noise * fit.rms[r.file] / size
+    return dict(sorted(out.items(), key=lambda x: -x[1]))
+
+
+def _by_recording(each: Mapping[str, float]) -> str:
+    """Return in words where most is missed, of several recordings."""
+    some = [f"{file} {100.0 * share:.2g} %" for file, share in list(each.items())[:MOST_FILES]]
+    return f" ({', '.join(some)})" if len(each) > 1 else ""
+
+
+def _record(campaign: Campaign, each: Mapping[str, float]) -> str:
+    """Return what to leave out or to record, so that fewer things act at once."""
+    beyond = [file for file, share in each.items() if share > MOST_MISSED]
+    if 0 < len(beyond) < len(each):
+        return f"leave out {', '.join(beyond)}, or record them anew with smaller steps"
+    saturates = "" if campaign.drive.motor.has_map else ", or give its flux map ([flux_map])"
+    if all(r.rotor == "locked" for r in campaign.recordings):
+        return f"record steps of a tenth of rated current, at which it hardly saturates{saturates}"
+    return (
+        "record R and inductances with the rotor locked (steps of a tenth of rated current), the "
+        f"flux with it driven and without current{saturates}"
+    )
 
 
 def _acts(campaign: Campaign) -> str:
