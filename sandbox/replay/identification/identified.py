@@ -118,7 +118,7 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
     fit = fit_ordinary(campaign)
     remarks = [f.text for f in campaign.findings] + [why] * bool(why)
     if fit.misfit > MORE_THAN_NOISE or not fit.values:
-        each = _missed(fit, campaign)
+        each = missed(fit, campaign)
         said = (
             f"currents miss the measured ones by {100.0 * fit.missed_share:.2g} % of their "
             f"rms{_by_recording(each)}, "
@@ -151,7 +151,7 @@ def _each(fit: OrdinaryFit) -> str:
     return f" (at best {', '.join(known)})" if known and not fit.values else ""
 
 
-def _missed(fit: OrdinaryFit, campaign: Campaign) -> dict[str, float]:
+def missed(fit: OrdinaryFit, campaign: Campaign) -> dict[str, float]:
     """Return by recording which share of its current's rms the best values miss, the largest
     first."""
     noise = fit.residual_rms / math.sqrt(fit.misfit) if fit.misfit > 0.0 else 0.0

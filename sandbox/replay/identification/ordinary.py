@@ -36,6 +36,7 @@ from sandbox.replay.identification.places import (
     ANGLE,
     CORE,
     LAG,
+    LEAST,
     LOST,
     NAMES,
     OF_EFFECT,
@@ -101,7 +102,8 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
             f"{campaign.name}: {why['resistance']}: nothing to identify; record steps of "
             "the current"
         )
-    nominal = {n: float(getattr(campaign.drive.motor, n)) for n in NAMES}
+    # a reluctance motor has no flux: as `places` takes it
+    nominal = {n: max(float(getattr(campaign.drive.motor, n)), LEAST) for n in NAMES}
     starts = []
     for values in (begin, nominal):
         if min(values.values()) > 0:

@@ -25,6 +25,7 @@ from sandbox.replay.identification.ends import ends
 from sandbox.replay.replay import Prepared
 
 NAMES = ("resistance", "inductance_d", "inductance_q", "magnet_flux")
+LEAST = 1e-9  # of any of them, SI: a reluctance motor states no flux
 OF_EFFECT = {
     "resistance": "stator_resistance.resistance",
     "inductance_d": "inductance.scale_d",
@@ -94,7 +95,7 @@ def places(prepared: Prepared, begin: Mapping[str, float], nominal: Motor) -> di
 
 
 def _own(name: str, begin: float, nominal: float) -> Place:
-    stated, wide = max(nominal, 1e-9) / begin, WIDE[name]
+    stated, wide = max(nominal, LEAST) / begin, WIDE[name]
     if name in LOGARITHMS:
         return Place(begin, 0.0, math.log(stated), wide, -wide, wide, form="log")
     most = min(math.exp(wide), parameters()[OF_EFFECT[name]].high / begin)

@@ -16,7 +16,8 @@ from model.frames import phases
 from model.parameters import Converter, Drive, Injection, Motor
 from sandbox import Scenario, Segment, load_motor, read_campaign
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.replay.identification.identified import answered, identify_ordinary
+from sandbox.replay.identification import ordinary
+from sandbox.replay.identification.identified import answered, identify_ordinary, missed
 from sandbox.replay.identification.ordinary import fit_ordinary, linear
 from tests.data import real_data
 from tests.schemas import misfits
@@ -220,6 +221,36 @@ def test_recordings_that_no_motor_explains_are_refused(tmp_path):
     assert "sensorless diagnose" in str(error.value)
 
 
+def test_recordings_that_miss_more_are_named(tmp_path):
+    """The largest share of its current first; residuals are given, over the noise floor."""
+    campaign, _ = recorded("ipm_exchanged", STEP, tmp_path / "record")
+    (r,) = campaign.recordings
+    two = tuple(dataclasses.replace(r, file=f) for f in ("a.csv", "b.csv"))
+    given = dataclasses.replace(fit_ordinary(campaign), rms={"a.csv": 1.0, "b.csv": 90.0}, misfit=1)
+    each = missed(given, dataclasses.replace(campaign, recordings=two))
+    assert list(each) == ["b.csv", "a.csv"]
+    assert each["b.csv"] == pytest.approx(90.0 * each["a.csv"])
+    current = math.sqrt(np.mean([r[n] ** 2 for n in ("i_a", "i_b", "i_c")]))
+    assert each["a.csv"] == pytest.approx(given.residual_rms / current)
+
+
+def test_a_reluctance_motor_is_fitted_from_its_stated_values_too(tmp_path, monkeypatch):
+    """Its flux is stated as zero."""
+    campaign, _ = recorded("ipm_exchanged", STEP, tmp_path / "record")
+    motor = dataclasses.replace(campaign.drive.motor, magnet_flux=0.0)
+    own = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, motor=motor))
+    found = []
+
+    def stopped(starts):
+        found.extend(starts)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ordinary, "_best_of", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        fit_ordinary(own)
+    assert len(found) == 2
+
+
 def test_the_command_tells_and_writes_what_it_found(tmp_path, capsys):
     campaign, true = recorded("ipm_exchanged", STEP, tmp_path / "record")
     found = sandbox.identify(campaign)
@@ -258,6 +289,8 @@ def test_a_real_standstill_test_whose_knee_no_polynomial_follows_is_refused():
     drive = Drive(motor, Converter(1e-4, 540.0, 0.0, 0.05), Injection(1000.0, 10.0), {})
     with pytest.raises(PhysicsError, match="saturation of another form") as refused:
         identify_ordinary(Campaign("synrm", drive, (one,), {}, {}, False))
+    assert "record steps of a tenth of rated current" in str(refused.value)
+    assert "[flux_map]" in str(refused.value)
     # what is known roughly: the flux over the current is 0.31 H near no current, 0.13 over all
     said = re.search(r"inductance_q about (0\.\d+) H, give or take \d\d %", str(refused.value))
     assert said is not None
