@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,7 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     for check in (conventions_off, off_pace):
         if not any(n.finding.rereads for n in out):  # one reading explains what the next would
             out += tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
-    out = _best_explained(out)
+    out = _as_one(_best_explained(out))
     if not any(MOTOR in n.finding.rereads for n in out):  # else its consequence
         out += [Noticed(SUSPICIOUS, f) for f in ratings(campaign)]
     if not any(n.level == REFUSED for n in out):
@@ -110,6 +110,26 @@ def _best_explained(out: Sequence[Noticed]) -> list[Noticed]:
     as the best one: it makes them look so."""
     least = min((n.finding.left for n in out if math.isfinite(n.finding.left)), default=math.inf)
     return [n for n in out if not n.finding.left > BETTER * least]
+
+
+def _as_one(out: Sequence[Noticed]) -> list[Noticed]:
+    """Return what was noticed with rows by which an angle is off and a zero of it as one finding:
+    at one speed they are the same."""
+    late = next((n for n in out if _is_late(n.finding)), None)
+    zero = next((n for n in out if ANGLE in n.finding.rereads), None)
+    if late is None or zero is None:
+        return list(out)
+    text = zero.finding.text.partition(": ")[2]
+    both = replace(
+        late.finding, text=f"{late.finding.text}; or, which is the same at one speed, {text}"
+    )
+    kept = [n for n in out if n is not late and n is not zero]
+    return [*kept, Noticed(late.level, both)]
+
+
+def _is_late(f: Finding) -> bool:
+    """Tell whether a finding is of rows by which the angle is off."""
+    return f.column == "theta" and math.isfinite(f.left) and not f.rereads
 
 
 def _without(

@@ -18,7 +18,7 @@ from sandbox.recordings.checks.balance import PHASES, percent
 from sandbox.recordings.checks.pace import off_pace
 from sandbox.recordings.preflight import REFUSED, noticed, quantum, ratings
 from sandbox.recordings.writing import write_campaign
-from tests.data import recordings_folder
+from tests.data import cases_folder, recordings_folder
 
 U = ("u_alpha", "u_beta")
 # 0: at standstill with injection, 1: slow with injection, 2: fast, free
@@ -363,3 +363,18 @@ def test_ratings_that_stand_in_are_a_note():
     )
     assert "(largest of the recordings)" in told.finding.text
     assert open_.mistakes == stated.mistakes
+
+
+def test_an_angle_some_rows_off_and_the_zero_that_it_looks_like_are_one(tmp_path):
+    """A motor at nearly one speed, where a row is nearly an angle: either explains it."""
+    case = cases_folder() / "11_line_values_in_motor"
+    rows = np.loadtxt(case / "log.csv", delimiter=",", skiprows=1)
+    header = (case / "log.csv").read_text().partition("\n")[0]
+    at = header.split(",").index("theta")
+    rows = np.insert(np.delete(rows[2:], at, 1), at, rows[:-2, at], 1)
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    text = (case / "ke.toml").read_text().replace("0.5886", "0.0981")  # the right flux
+    (tmp_path / "m.toml").write_text(text)
+    (told,) = check(tmp_path, columns=tmp_path / "m.toml", effects=False).mistakes
+    assert "move theta up by 2 rows; or, which is the same at one speed, 4.4 % of the" in told
+    assert told.endswith("if theta is 15 degrees behind; then map it with offset = 0.2531")
