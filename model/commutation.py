@@ -25,10 +25,19 @@ Checked: against an event-exact circuit of six switches and diodes
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 
 from model.compiled import inlined, kernel
 
-KEPT, FLOATING, GONE = 0, 1, 2
+
+class Leg(IntEnum):
+    """Where a leg's voltage is in the dead time: as before, between the rails, at the other one."""
+
+    KEPT = 0
+    FLOATING = 1
+    GONE = 2
+
+
 # (slope times charge)/hold^2 up to which `quick` is right: what it leaves out is below 0.1 of the
 # square
 SMALL = 0.05
@@ -96,10 +105,10 @@ def gone_over(time, charge, hold, before, steep):
     sqrt(steep/charge).
     """
     kept = hold > 0.0 or (hold == 0.0 and before >= 0.0)
-    left, y, area, phase = time, 0.0, 0.0, (KEPT if kept else FLOATING)
+    left, y, area, phase = time, 0.0, 0.0, (Leg.KEPT if kept else Leg.FLOATING)
     middle, rate = -before / steep, math.sqrt(steep / charge)
     for _ in range(MOST_PHASES):
-        if phase == FLOATING:
+        if phase == Leg.FLOATING:
             p, s = y - middle, -hold / (charge * rate)
             turn, y_to = next_clamp(p, s, middle)
             on = min(turn, rate * left)
@@ -107,14 +116,14 @@ def gone_over(time, charge, hold, before, steep):
             area += (middle * on + p * sine + s * versed) / rate
             left -= on / rate
             hold = charge * rate * (p * sine - s * (1.0 - versed))
-            y, phase = y_to, (KEPT if y_to == 0.0 else GONE)
+            y, phase = y_to, (Leg.KEPT if y_to == 0.0 else Leg.GONE)
         else:
-            slope = before if phase == KEPT else before + steep
+            slope = before if phase == Leg.KEPT else before + steep
             leaves = hold * slope < 0.0
             on = min(-hold / slope, left) if leaves else left
             area += y * on
             left -= on
-            hold, phase = 0.0, FLOATING
+            hold, phase = 0.0, Leg.FLOATING
         if left <= 0.0:
             return area
     return area + min(max(middle, 0.0), 1.0) * left

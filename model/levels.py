@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
@@ -33,7 +34,17 @@ NAMES = (
 UNITS = dict(
     zip(NAMES, ("ohm", "H", "H", "A/Wb^2", "A/Wb^2", "A/Wb^3", "A/Wb^3", "A/Wb^3"), strict=True)
 )
-D, Q, NONE = 0, 1, -1
+
+
+class Axis(IntEnum):
+    """Along which axis a level lies."""
+
+    D = 0
+    Q = 1
+    NONE = -1
+
+
+D, Q, NONE = Axis
 ON_AXIS = 0.08  # of the largest current: how far a level may lie from an axis to count as on it
 AT_ZERO = 0.02  # of the largest current: how far from zero to count as at zero
 
