@@ -1,6 +1,7 @@
 """The simple methods answer in the form of a diagnosis, and find what is plain to see."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -50,12 +51,19 @@ def each_null_once(monkeypatch):
     monkeypatch.setattr(fit, "nuisances", nuisances)
 
 
-def recorded(folder, *names, sizes=(2.0,), family="ipm_exchanged"):
-    """Write a short campaign with effects; return its folder and truth."""
+@cache
+def made(names, sizes, family):
+    """Return a short campaign with effects, and its truth: recorded once for all tests."""
     drawn = draw(
         Case(0, "one" if names else "none", family, "scored", names, sizes if names else ()), 31
     )
-    return write_campaign(folder / "w000", campaign_of(drawn, SHORT)), drawn.as_json()
+    return campaign_of(drawn, SHORT), drawn.as_json()
+
+
+def recorded(folder, *names, sizes=(2.0,), family="ipm_exchanged"):
+    """Write such a campaign; return its folder and truth."""
+    campaign, truth = made(names, sizes, family)
+    return write_campaign(folder / "w000", campaign), truth
 
 
 CASES = [
