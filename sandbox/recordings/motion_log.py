@@ -52,13 +52,13 @@ OF_TORQUE = {"i_q", "torque"}  # columns that tell a torque whatever the zero of
 BESIDE = ("speed", "i_d", "i_q", "u_d", "u_q")
 OR_SPEED = ', or the log\'s speed (speed = {column = ..., unit = "rpm"})'
 SIXTHS = (
-    "tell the angle to a sixth of an electrical turn: between them a current moves for the "
+    "states tell the angle to a sixth of an electrical turn: between them a current moves for the "
     "angle's error as for electrical effects, which are no candidates; the motion alone is judged "
     "(log the speed, too, and all is)"
 )
 BESIDE_OTHERS = (
-    "tell the angle to a sixth of an electrical turn, so beside recordings that tell more it is "
-    "left out (log the speed, too; diagnose this file alone for its motion)"
+    "states tell the angle to a sixth of an electrical turn, so beside recordings that tell more "
+    "it is left out (log the speed, too; diagnose this file alone for its motion)"
 )
 WITHOUT = "so electrical effects are no candidates; the motion alone is judged"
 
@@ -136,7 +136,7 @@ def _motion_only(file: str, rotor: str, source: Source) -> str | None:
     if not has_voltages(table, source.mapped):
         return f"{lacks_voltages(table, source.mapped)}, {WITHOUT}"
     if rotor == "free" and (sixths := by_states(table, source.mapped)):
-        return f"{sixths} {SIXTHS}"
+        return f"{sixths}: {SIXTHS}"
     stated = finite(drive.get("sampling_period"))
     period = stated or _step(file, table, source)
     resistance, *inductances = (finite(motor.get(k)) or 0.0 for k in OF_LAG)
@@ -408,7 +408,7 @@ def with_replayable(campaign: Campaign) -> Campaign:
     if not out or len(out) == len(campaign.recordings):
         return campaign
     found = [
-        Finding(r.file, "theta", None, f"{r.file}: {r.made.of} {BESIDE_OTHERS}")
+        Finding(r.file, "theta", None, f"{r.file}: {r.made.of}: {BESIDE_OTHERS}")
         for r in out
         if r.made
     ]

@@ -94,7 +94,8 @@ def test_states_beside_an_encoder_are_left_out_of_a_diagnosis(tmp_path):
     found = with_replayable(read_recordings(tmp_path, mapping))
     assert [r.file for r in found.recordings] == ["run.csv"]
     assert any(
-        f.text.startswith("first.csv: 'hall' tell the angle to a sixth") for f in found.findings
+        f.text.startswith("first.csv: 'hall': states tell the angle to a sixth")
+        for f in found.findings
     )
     alone = read_recordings(tmp_path / "first.csv", mapping)
     assert with_replayable(alone) is alone
@@ -104,7 +105,7 @@ def test_a_free_rotor_with_states_alone_is_judged_by_its_motion(tmp_path):
     columns, theta = turning(SWING)
     hall = np.array(APART_120)[np.floor(theta / STEP).astype(int) % 6]
     why = motion_only(source_of(tmp_path, written(tmp_path, {**columns, "hall": hall})))
-    assert why.startswith("'hall' tell the angle to a sixth of an electrical turn")
+    assert why.startswith("'hall': states tell the angle to a sixth of an electrical turn")
     assert (
         motion_only(
             source_of(tmp_path, written(tmp_path, {**columns, "theta": theta, "hall": hall}))
