@@ -14,7 +14,7 @@ from sandbox.gap.report.answers import which_text
 from sandbox.gap.report.diagnosis_json import document
 from sandbox.gap.report.ranking import ranking
 from sandbox.gap.report.shares import of_set
-from sandbox.gap.words import tenths, words
+from sandbox.gap.words import likely, tenths, words
 from sandbox.output.schema import json_schema
 from sandbox.output.sentences import VERDICTS
 
@@ -68,3 +68,15 @@ def test_sets_that_cannot_be_told_apart_have_shares_each(small_answers):
     told = document(both, small_answers.where, None, whole=r)
     assert [h["shares"] for h in told["hypotheses"]] == [r.shares_in(h) for h in found]
     assert set(second) == {OTHER}
+
+
+def test_a_probability_is_rounded_but_never_to_certainty():
+    assert [likely(p) for p in (1.0, 0.999, 0.99, 0.5, 0.03, 0.004, 0.0)] == [
+        "more than 99 % probable",
+        "more than 99 % probable",
+        "99 % probable",
+        "50 % probable",
+        "3 % probable",
+        "less than 1 % probable",
+        "less than 1 % probable",
+    ]
