@@ -72,7 +72,8 @@ def read_cards(file: Path, name: str) -> tuple[Effect, ...]:
     BadInput where it does not load or names none."""
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
-        raise BadInput(f"{file}: no Python file; give one that ends in .py")
+        values = "; a file of values (.toml) goes with --effects" * (file.suffix == ".toml")
+        raise BadInput(f"{file}: no Python file; give one that ends in .py{values}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:

@@ -163,8 +163,8 @@ def _ways(own: Mapping[str, str], table: Table) -> Iterator[Way]:
             yield {x: own[y] for pair in zip(a, b, strict=True) for x, y in (pair, pair[::-1])}
     keys = {n: table.key(c) for n, c in own.items()}
     free = [n for n, x in table.columns.items() if n not in keys.values() and np.ptp(x) > 0.0]
-    for x, other in itertools.product(own, free[:MOST_FREE]):
-        yield {x: other}
+    for x, column in itertools.product(own, free[:MOST_FREE]):
+        yield {x: column}
     names = list(table.columns)
     for by in (1, -1):
         yield {n: names[(names.index(key) + by) % len(names)] for n, key in keys.items() if key}

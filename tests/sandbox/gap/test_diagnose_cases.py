@@ -90,7 +90,10 @@ def test_07_an_angle_that_never_moves_is_said_and_the_speed_stands_in():
     [
         ("off120.toml", ("120 degrees", "offset = -2.09")),
         ("off60.toml", ("60 degrees", "offset = -1.047")),
-        ("swapped_both.toml", ("phases a and b swapped",)),
+        (
+            "swapped_both.toml",
+            ("if phases a and b are swapped in currents and voltages or, which",),
+        ),
         ("turned_both.toml", ("order b, c, a in currents and voltages",)),
         ("turned_voltages.toml", ("voltages' phases", "b, c, a")),
     ],
