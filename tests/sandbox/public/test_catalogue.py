@@ -261,6 +261,7 @@ def test_limits_given_in_the_call_are_not_said_to_stand_in_a_file():
         (lambda: sandbox.audit(radius="2"), "radius = '2' is no number"),
         (lambda: sandbox.maps(points="5"), "points = '5' is no whole number"),
         (lambda: sandbox.plan(jobs=None), "jobs = None is no whole number"),
+        (lambda: sandbox.maps(points=True), "points = True is no whole number"),
     ],
 )
 def test_an_argument_that_should_be_a_number_is_refused(call, said):
