@@ -27,7 +27,7 @@ from sandbox.recordings.angle.turning import of_log, turns_between, unwrapped, w
 from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Made, table_of
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.log_table import MOST_VALUES, first_beyond
-from sandbox.recordings.rows.missing import filled, gone, told
+from sandbox.recordings.rows.missing import filled, finding_of, gone
 
 Array = NDArray[np.float64]
 KINDS = {
@@ -431,7 +431,7 @@ def _numbers(
     if rows is None:
         _refuse_gaps(file, table, key, raw)
         return raw, None
-    notes.append(told(file, entry.name, entry.column, rows, KIND[entry.name] == "current"))
+    notes.append(finding_of(file, entry.name, entry.column, rows, KIND[entry.name] == "current"))
     return filled(raw, rows, turn), rows
 
 

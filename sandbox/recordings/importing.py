@@ -86,19 +86,19 @@ class Source:
     foreign: bool  # columns are mapped: others are passed over
     notes: tuple[str, ...] = ()  # what a preset says of itself
     # folder of the file for --columns, beside which its flux map may lie
-    beside: Path | None = None
+    columns_folder: Path | None = None
 
     @property
     def map_folder(self) -> Path:
         """Folder in which the flux map lies: of the file for --columns, or else the recordings'."""
         file = table_of(self.data, "flux_map").get("file", "")
         here = (
-            self.beside is not None
+            self.columns_folder is not None
             and isinstance(file, str)
             and file
-            and (self.beside / file).is_file()
+            and (self.columns_folder / file).is_file()
         )
-        return self.beside if here and self.beside is not None else self.folder
+        return self.columns_folder if here and self.columns_folder is not None else self.folder
 
     @property
     def wanted(self) -> list[str]:

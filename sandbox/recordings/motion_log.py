@@ -49,7 +49,7 @@ SHORT_LAG = 2e-5  # s: below it are small coreless motors alone, and inductances
 THOUSAND = 1000.0  # of a unit that is mistaken
 OF_LAG = ("resistance", "inductance_d", "inductance_q")
 OF_TORQUE = {"i_q", "torque"}  # columns that tell a torque whatever the zero of the angle
-BESIDE = ("speed", "i_d", "i_q", "u_d", "u_q")
+FURTHER = ("speed", "i_d", "i_q", "u_d", "u_q")
 OR_SPEED = ', or the log\'s speed (speed = {column = ..., unit = "rpm"})'
 SIXTHS = (
     "states tell the angle to a sixth of an electrical turn: between them a current moves for the "
@@ -68,7 +68,7 @@ class MotionRecording:
     """One stretch without a gap: stamps t (s, rising, uneven), mechanical angle (rad), air-gap
     torque by the nominal motor and the load's (N m); each (n,).
 
-    beside: what else the log says of the same rows, under our names (speed in mechanical rad/s);
+    further: what else the log says of the same rows, under our names (speed in mechanical rad/s);
     source: the log's own columns by ours; sixth: rad mechanical from change to change of an angle
     made of states, 0 of one that was read, and zero: rad mechanical of a change.
     """
@@ -78,7 +78,7 @@ class MotionRecording:
     angle: Array
     torque: Array
     load: Array
-    beside: Mapping[str, Array] = field(default_factory=dict)
+    further: Mapping[str, Array] = field(default_factory=dict)
     source: Mapping[str, str] = field(default_factory=dict)
     sixth: float = 0.0
     zero: float = 0.0
@@ -231,11 +231,11 @@ def by_changes(campaign: MotionCampaign) -> MotionCampaign:
         if not r.sixth:
             out.append(r)
             continue
-        values = {"torque": r.torque, "load": r.load, **r.beside}
+        values = {"torque": r.torque, "load": r.load, **r.further}
         t, angle, own = at_changes(r.t, r.angle, values, r.sixth, r.zero)
         if len(t) >= SHORTEST:
             torque, load = own.pop("torque"), own.pop("load")
-            out.append(replace(r, t=t, angle=angle, torque=torque, load=load, beside=own))
+            out.append(replace(r, t=t, angle=angle, torque=torque, load=load, further=own))
             continue
         text = (
             f"{r.file}: the states change {len(t)} times, a motion takes {SHORTEST}; left "
@@ -273,7 +273,7 @@ def _counted_once(
         keep = own_rows(copies[k], len(r.t)) if k in copies else slice(0, len(r.t))
         if keep is not None:
             arrays = {n: getattr(r, n)[keep] for n in ("t", "angle", "torque", "load")}
-            out.append(replace(r, **arrays, beside={n: x[keep] for n, x in r.beside.items()}))
+            out.append(replace(r, **arrays, further={n: x[keep] for n, x in r.further.items()}))
     return out
 
 
@@ -335,12 +335,12 @@ def _stretch(
         )
     torque = _torque(file, found, made is None, constant, source, findings)
     load = found.get("load_torque", np.zeros(len(torque)))
-    beside = {n: found[n] for n in BESIDE if n in found}
-    if "speed" in beside:
-        beside["speed"] = beside["speed"] / (pairs or 1.0)
+    further = {n: found[n] for n in FURTHER if n in found}
+    if "speed" in further:
+        further["speed"] = further["speed"] / (pairs or 1.0)
     sixth = STEP / (pairs or 1.0) if made is not None and made.either_way else 0.0
     return MotionRecording(
-        file, found["t"], found["theta"] / (pairs or 1.0), torque, load, beside, own, sixth
+        file, found["t"], found["theta"] / (pairs or 1.0), torque, load, further, own, sixth
     )
 
 

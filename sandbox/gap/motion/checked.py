@@ -18,18 +18,18 @@ from sandbox.recordings.checks.motion import loads, standing
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.motion_log import MotionCampaign, motion_of
 from sandbox.recordings.preflight import NOTE, REFUSED, Noticed, on_the_way, refusals_first, tried
-from sandbox.recordings.rows.held import HeldReadings, held_over, told
+from sandbox.recordings.rows.held import HeldReadings, finding_of, held_over
 
 
 def _old(campaign: MotionCampaign) -> list[Finding]:
     """Return what is held over some rows in a motion."""
     out = []
     for r in campaign.recordings:
-        parts = {"theta": r.angle, "i_q": r.torque, **r.beside}
+        parts = {"theta": r.angle, "i_q": r.torque, **r.further}
         rows = {n: held_over(x) for n, x in parts.items() if not r.sixth and n in r.source}
         turned = float(np.max(np.abs(np.diff(r.angle)), initial=0.0))
         step = float(np.median(np.diff(r.t)))
-        out += told(r.file, rows, r.source, step, turned, even=False)
+        out += finding_of(r.file, rows, r.source, step, turned, even=False)
     return out
 
 

@@ -175,9 +175,9 @@ def look(campaign: MotionCampaign, parts: list[Averages]) -> Look:
     speeds = [np.abs(a.speed) for a in parts if np.all(np.isfinite(a.speed))]
     fastest = float(np.quantile(np.concatenate(speeds), 0.99)) if speeds else math.inf
     stated = [
-        (a, r.beside["speed"])
+        (a, r.further["speed"])
         for a, r in zip(parts, campaign.recordings, strict=True)
-        if "speed" in r.beside
+        if "speed" in r.further
     ]
     pace = together = math.nan
     if stated:
@@ -223,11 +223,11 @@ def _emf(campaign: MotionCampaign, parts: list[Averages]) -> float:
         return math.nan
     read, given = [], []
     for a, r in zip(parts, campaign.recordings, strict=True):
-        if not all(n in r.beside for n in ("u_q", "i_q", "i_d")):
+        if not all(n in r.further for n in ("u_q", "i_q", "i_d")):
             continue
         turning = s["pole_pairs"] * a.speed
-        along = s.get("inductance_d", 0.0) * a.mean(r.beside["i_d"]) + s["magnet_flux"]
-        read.append(a.mean(r.beside["u_q"]) - s["resistance"] * a.mean(r.beside["i_q"]))
+        along = s.get("inductance_d", 0.0) * a.mean(r.further["i_d"]) + s["magnet_flux"]
+        read.append(a.mean(r.further["u_q"]) - s["resistance"] * a.mean(r.further["i_q"]))
         given.append(turning * along)
     return _pace(np.concatenate(read), np.concatenate(given)) if read else math.nan
 

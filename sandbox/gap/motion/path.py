@@ -36,8 +36,8 @@ def path_of(r: MotionRecording, jitter: float, count: float) -> tuple[Array, Arr
     moved = np.abs(turned[np.abs(turned) > LEAST_STEP])
     count = max(count, float(moved.min()) if moved.size else 0.0) / math.sqrt(12.0)
     speed, certain = _speeds(r.t, r.angle, jitter, count)
-    if "speed" in r.beside:
-        speed = r.beside["speed"]
+    if "speed" in r.further:
+        speed = r.further["speed"]
     first, last = speed[:-1, None], speed[1:, None]
     angle = r.angle[:-1, None] + turned * PLACES
     angle -= 0.5 * h * (last - first) * PLACES * (1.0 - PLACES)

@@ -113,14 +113,14 @@ def moved(r: MotionRecording, rows: int, by: int | None = None) -> MotionRecordi
     down, up = max(-rows, 0), max(rows, 0)
     stay = slice(down, len(r.t) - up)
     move = slice(up, len(r.t) - down) if by is None or by else stay
-    beside = {name: x[stay] for name, x in r.beside.items()}
+    further = {name: x[stay] for name, x in r.further.items()}
     return replace(
         r,
         t=r.t[stay],
         angle=r.angle[stay],
         torque=r.torque[move],
         load=r.load[stay],
-        beside=beside,
+        further=further,
     )
 
 
@@ -131,9 +131,9 @@ def _busiest(r: MotionRecording) -> MotionRecording:
     energy = np.concatenate([[0.0], np.cumsum(r.torque**2)])
     first = int(np.argmax(energy[MOST_ROWS:] - energy[:-MOST_ROWS]))
     own = slice(first, first + MOST_ROWS)
-    beside = {name: x[own] for name, x in r.beside.items()}
+    further = {name: x[own] for name, x in r.further.items()}
     return replace(
-        r, t=r.t[own], angle=r.angle[own], torque=r.torque[own], load=r.load[own], beside=beside
+        r, t=r.t[own], angle=r.angle[own], torque=r.torque[own], load=r.load[own], further=further
     )
 
 

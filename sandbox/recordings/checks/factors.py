@@ -85,7 +85,7 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
         return []
     own, *tried = [_fitted(parts, x) for x in possible]
     tried.sort(key=lambda x: x.cost)
-    if not _told(own, tried[0]) or _vanishes(parts, tried[0]):
+    if not _differs(own, tried[0]) or _vanishes(parts, tried[0]):
         return []
     best = tried[0].reading
     alike = likeliest(
@@ -106,7 +106,7 @@ def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> li
     return [Finding(r.file, alike[0].column, None, text, rereads=rereads, left=left)]
 
 
-def _told(own: Fitted, other: Fitted) -> bool:
+def _differs(own: Fitted, other: Fitted) -> bool:
     """Tell whether another reading is worth a caution: it leaves less with the motor's values as
     stated; one of an angle, an order or a base, which no value of the motor could stand for, far
     less."""

@@ -50,8 +50,8 @@ def _stuck(r: MotionRecording, campaign: MotionCampaign) -> None:
     count = max(campaign.count, angle_step(r.angle))
     for begin, end in runs(r.angle):
         went = (
-            abs(float(np.sum(r.beside["speed"][begin : end - 1] * h[begin : end - 1])))
-            if "speed" in r.beside
+            abs(float(np.sum(r.further["speed"][begin : end - 1] * h[begin : end - 1])))
+            if "speed" in r.further
             else 0.0
         )
         needed = _speed_before(r, begin, count) / h[begin - 1] * (campaign.inertia or 0.0)

@@ -87,7 +87,7 @@ def _mended(
         missed += squares
         columns[name] = interpolated(x, moved, bad)
         rows = np.flatnonzero(bad & ~empty)  # an empty cell was told where it was read
-        findings += [_told(r, name, rows, columns[name])] if rows.size else []
+        findings += [_finding(r, name, rows, columns[name])] if rows.size else []
     if all(columns[name] is r.columns[name] for name in PHASES):
         return r, [], 0.0
     for name in set(PHASES) - set(read_phases(r)):
@@ -101,7 +101,7 @@ def read_phases(r: CampaignRecording) -> list[str]:
     return held if len(held) == 2 else list(PHASES)
 
 
-def _told(r: CampaignRecording, name: str, rows: NDArray[np.intp], mended: Array) -> Finding:
+def _finding(r: CampaignRecording, name: str, rows: NDArray[np.intp], mended: Array) -> Finding:
     """Return what is said of disturbed rows; Refused where they are too many."""
     k, x, own = int(rows[0]), r[name], r.source.get(name, name)
     count = f"{rows.size} of {len(x)} rows"

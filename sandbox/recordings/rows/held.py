@@ -67,14 +67,14 @@ def held(r: CampaignRecording, drive: Drive) -> list[Finding]:
     if fine.share <= WORTH + fine.noise:
         rows = {n: x for n, x in rows.items() if n not in VOLTAGES}
     turned = float(np.max(np.abs(np.diff(r.theta))))
-    found = told(r.file, rows, r.source, float(np.median(np.diff(r.t))), turned)
+    found = finding_of(r.file, rows, r.source, float(np.median(np.diff(r.t))), turned)
     apart = len({rows[n] for n in PHASES}) > 1
     if found and (apart or balance(r.columns, drive).doubtful):
         raise Refused(found[0])
     return found
 
 
-def told(
+def finding_of(
     file: str,
     rows: Mapping[str, int],
     source: Mapping[str, str],

@@ -54,7 +54,9 @@ def filled(raw: Array, rows: NDArray[np.bool_], turn: float) -> Array:
     return out
 
 
-def told(file: str, name: str, column: str, rows: NDArray[np.bool_], current: bool) -> Finding:
+def finding_of(
+    file: str, name: str, column: str, rows: NDArray[np.bool_], current: bool
+) -> Finding:
     """Return what is said of empty cells."""
     k, count = int(np.argmax(rows)), int(np.count_nonzero(rows))
     so = "what that misses counts as noise" if current else "on a straight line"

@@ -84,9 +84,9 @@ def with_slow_rows(campaign: Campaign) -> Campaign:
     if way == INTERPOLATED:
         recordings = []
         for r in campaign.recordings:
-            parts, told_of = without_jumps(r, drive)
+            parts, jumps = without_jumps(r, drive)
             recordings += parts
-            findings += told_of
+            findings += jumps
     unseen = _unseen(recordings, drive) if way == INTERPOLATED else 0.0
     if unseen:
         text = (
