@@ -46,31 +46,55 @@ def choose_for_points(p: MapPoints) -> Choice:
 
 def held_out(p: MapPoints, cells: tuple[int, int] = (10, 8), smooth: float = 1e-3) -> HeldOut:
     """Return by how much (Wb rms) a fit misses points that it has not seen, inf where no fit to the
-    rest is found.
-
-    An error is the current that the fit gives at the point's flux less the point's own, times the
-    fit's inductance.
-    """
-    edge = on_edge(p)
-    out = np.zeros(len(edge), dtype=bool)
-    out[np.flatnonzero(~edge)[::FOLDS]] = True
-    around = np.arctan2(_scaled(p.i_q), _scaled(p.i_d))
-    out[np.flatnonzero(edge)[np.argsort(around[edge], kind="stable")][::FOLDS]] = True
+    rest is found: one point in FOLDS, inside the map and on its edge."""
+    edge, out = on_edge(p), folds(p) == 0
     try:
-        energy = fit(p.psi_d[~out], p.psi_q[~out], p.i_d[~out], p.i_q[~out], cells, smooth)
+        square = _errors_without(p, out, cells, smooth)
     except PhysicsError:
         return HeldOut(math.inf, math.inf)
-    square = squared_errors(energy, p)
     return HeldOut(
         *(
-            math.sqrt(float(np.mean(square[out & part]))) if part.any() else 0.0
+            math.sqrt(float(np.mean(square[part[out]]))) if part[out].any() else 0.0
             for part in (~edge, edge)
         )
     )
 
 
+def left_out(p: MapPoints, cells: tuple[int, int], smooth: float) -> Array:
+    """Return the squared flux error (Wb^2, (n,)) of each point in a fit that has not seen it, nor
+    one point in FOLDS; nan where no fit to the rest is found."""
+    of, square = folds(p), np.full(len(p.i_d), np.nan)
+    for k in range(FOLDS):
+        try:
+            square[of == k] = _errors_without(p, of == k, cells, smooth)
+        except PhysicsError:
+            continue
+    return square
+
+
+def _errors_without(
+    p: MapPoints, out: NDArray[np.bool_], cells: tuple[int, int], smooth: float
+) -> Array:
+    """Return the squared flux errors (Wb^2) of a fit at the points that are out of it."""
+    energy = fit(p.psi_d[~out], p.psi_q[~out], p.i_d[~out], p.i_q[~out], cells, smooth)
+    return squared_errors(energy, p)[out]
+
+
+def folds(p: MapPoints) -> NDArray[np.int64]:
+    """Return which of FOLDS parts each point (n,) belongs to: in turn inside the map, and in turn
+    along its edge."""
+    edge = on_edge(p)
+    around = np.arctan2(_scaled(p.i_q), _scaled(p.i_d))
+    inside, outside = np.flatnonzero(~edge), np.flatnonzero(edge)
+    out = np.empty(len(edge), dtype=np.int64)
+    for own in (inside, outside[np.argsort(around[outside], kind="stable")]):
+        out[own] = np.arange(len(own)) % FOLDS
+    return out
+
+
 def squared_errors(energy: SplineEnergy, p: MapPoints) -> Array:
-    """Return the squared flux errors (Wb^2, (n,)) of a fit at a map's points; energy: of total
+    """Return the squared flux errors (Wb^2, (n,)) of a fit at a map's points: the current that it
+    gives at the point's flux less the point's own, times its inductance; energy: of total
     fluxes."""
     out = np.empty(len(p.i_d))
     for k, (d, q, i_d, i_q) in enumerate(zip(p.psi_d, p.psi_q, p.i_d, p.i_q, strict=True)):

@@ -44,7 +44,7 @@ from model.map_checks import (
     wild_notes,
 )
 from model.map_energy import energy_file, energy_in, with_stiffness
-from model.map_fit import choose_for_points
+from model.map_fit import choose_for_points, left_out
 from model.map_mistakes import check_points
 from model.map_names import STATED
 from model.map_points import MapPoints, check_angle, read_points
@@ -390,6 +390,16 @@ def motor_points(motor: MappedMotor) -> MapPoints:
     """Return the points of the map that a motor was read from."""
     assert motor.origin is not None
     return read_points(motor.origin.path, *_reading(motor.origin.table))
+
+
+def map_left_out(motor: MappedMotor) -> tuple[MapPoints, NDArray[np.float64]]:
+    """Return the points of the map that a motor was read from, and the squared flux error (Wb^2,
+    (n,)) of each in fits that have not seen it (`map_fit.left_out`)."""
+    assert motor.origin is not None
+    path, table, _ = motor.origin
+    points = motor_points(motor)
+    choice = _remembered(path, _reading(table), _choice(table)).choice
+    return points, left_out(points, *choice)
 
 
 def held_by_data(

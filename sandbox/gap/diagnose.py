@@ -21,7 +21,7 @@ from model.effects import library
 from model.errors import PhysicsError
 from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
-from sandbox.gap.evidence.map_modes import map_error, with_modes
+from sandbox.gap.evidence.map_modes import missed, with_modes
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.evidence.spectrum import shown
@@ -43,6 +43,7 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording, read_folder
 from sandbox.replay.map_error import same_map
 from sandbox.replay.memory import USUAL, spare
 from sandbox.replay.replay import prepare
+from sandbox.replay.unread_start import with_starts
 
 CREDIBLE = 0.95
 OF_ENCODER = {"angle", "offset"}  # ports of the plant through which it reads
@@ -281,6 +282,7 @@ def _nominal(own: Campaign, noise: Noise, memory: float, workers: int) -> tuple[
     left_over = spare(memory, sum(len(r.t) for r in own.recordings))
     prepared = prepare(in_order(own))
     prepared = replace(prepared, noise_std=noise.used, colour=noise.colour, spare=left_over)
+    prepared = with_starts(prepared)
     start = Point(prepared, complete(own.drive.motor, own.drive.converter))
     nominal = normal(start, (), workers=workers)
     if not np.isfinite(rms(nominal, range(len(prepared.recordings)))):
@@ -300,22 +302,15 @@ def _excerpts(start: Point) -> Point | None:
     short = prepare(
         in_order(begun(excerpted(own, USUAL_SETTINGS.samples))), steps=start.prepared.steps
     )
-    return replace(
-        start,
-        prepared=replace(
-            short,
-            noise_std=start.prepared.noise_std,
-            colour=start.prepared.colour,
-            spare=start.prepared.spare,
-        ),
-    )
+    known = {k: getattr(start.prepared, k) for k in ("noise_std", "colour", "spare")}
+    return replace(start, prepared=with_starts(replace(short, **known)))
 
 
 def _with_map(start: Point, short: Point | None) -> tuple[Point, Point | None]:
     """Return a campaign's nominal point, and that of its excerpts, with what the motor's flux map
     may be off by."""
     campaign = start.prepared.campaign
-    seen = with_modes(start, map_error(campaign))
+    seen = with_modes(start, missed(campaign))
     if short is not None:
         short = replace(short, prepared=same_map(short.prepared, seen.prepared))
     return seen, short

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,22 @@ AT_REST = 0.05  # of rated current: a first reading beyond is a start under curr
 LEGS = np.array([[1.0, 0.0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
 
 
+class Start(NamedTuple):
+    """How readings answer to the flux at a first sample that nobody has read (`unread_start`): two
+    orthonormal shapes (m, 3, 2) of the first m samples, and the shares (2,) that whitening takes
+    off them."""
+
+    shape: Array
+    share: Array
+
+    def taken_off(self, x: Array) -> None:
+        """Whiten readings or their slopes (n, 3, k) from the first sample on, in place."""
+        m = len(self.shape)
+        shape = self.shape.reshape(-1, 2)
+        own = x[:m].reshape(3 * m, -1)
+        own -= (self.share * shape) @ (shape.T @ own)
+
+
 @dataclass(frozen=True)
 class Inputs:
     """One recording's inputs: what all sets share, the readings (n, 3) in A, and the motion."""
@@ -64,6 +80,7 @@ class Inputs:
     # of the samples before: states settle in them, they are no part of the residual
     settling: Inputs | None = None
     zero: float = 0.0  # rad: standard deviation of the angle's zero, of one that was made
+    start: Start | None = None  # None: the flux at the first sample counts as known
 
     @property
     def samples(self) -> int:
@@ -80,6 +97,10 @@ class Inputs:
     def angle_read(self) -> Array:
         """The encoder's reading (n,), rad."""
         return np.asarray(self.track["read"][:: self.held])
+
+    def first_current(self) -> Array:
+        """Return the current (2,) in A as read at the first sample, stationary frame."""
+        return np.asarray((2.0 / 3.0) * self.read[0] @ LEGS)
 
     def mean_duty(self) -> Array:
         """Return the vector (n, 2) of the duties commanded, mean from row to row: mean voltage over
@@ -105,6 +126,7 @@ class Inputs:
             turning=self.turning or first > 0,
             first=self.first + first,
             settling=None if first else self.settling,
+            start=None,
         )
 
     def turned(self, shift: float, period: float) -> Inputs:

@@ -69,6 +69,11 @@ class Prepared:
         return sum(r.samples for r in self.recordings)
 
     @property
+    def longest_start(self) -> int:
+        """Samples over which the longest unread start shows: no stretch ends before."""
+        return max((len(r.start.shape) for r in self.recordings if r.start is not None), default=0)
+
+    @property
     def angles(self) -> list[str]:
         """Names of the angles that recordings are turned by, one a recording
         (`Inputs.angle_name`)."""
@@ -225,10 +230,13 @@ def residual_of(prepared: Prepared, s: Stretch, shown: Shown) -> Residual:
     turned = (
         None if shown.angle is None else (r.angle_read[own, None] - shown.angle) / r.angle_floor
     )
+    current = (r.read[own, :, None] - shown.current) / prepared.noise_std
+    if r.start is not None and not s.first:
+        r.start.taken_off(current)
     return Residual(
         r.file,
         r.rotor,
-        (r.read[own, :, None] - shown.current) / prepared.noise_std,
+        current,
         shown.motion,
         turned,
     )

@@ -28,7 +28,7 @@ from sandbox.replay.map_error import Answers
 from sandbox.replay.memory import SHARE, Kept, Spill, compacted
 from sandbox.replay.replay import Prepared, Residual, residual_of
 from sandbox.replay.sensitivity import Moves, Slopes, slopes
-from sandbox.replay.stretches import Stretch, blocks, stretches
+from sandbox.replay.stretches import Stretch, blocks, stretches, whole_blocks
 
 Array = NDArray[np.float64]
 Colour = tuple[float, ...]  # autocorrelations over 1, 2, ... readings; () of white noise
@@ -61,7 +61,8 @@ def squared_slopes(
         SHARE * prepared.spare,
         8.0 * width * sum(_readings(r) for r in prepared.recordings),
     )
-    groups = stretches(n, room / (32.0 * (width + ROOMS[-1] * workers)), cut)
+    most = room / (32.0 * (width + ROOMS[-1] * workers))
+    groups = stretches(n, most, whole_blocks(prepared.longest_start, cut))
     small = size <= room and all(s.whole for group in groups for s in group)
     spill, at = None if small else Spill(size), 0
     out: list[tuple[Segment, Rows]] = []
@@ -69,6 +70,9 @@ def squared_slopes(
     for s, found in slopes(prepared, moves, groups, workers=workers):
         if beside:
             found.current[:, :, len(moves.to) :] = answers.over(s)
+        start = prepared.recordings[s.recording].start
+        if start is not None and not s.first:
+            start.taken_off(found.current)
         parts = channels_of(prepared, s, found, len(moves.to) - 2)
         if not s.first:
             gathering = []

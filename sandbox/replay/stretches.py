@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -38,6 +39,11 @@ def stretches(samples: Sequence[int], most: float, cut: int = 1) -> list[list[St
         else:
             out[-1].append(Stretch(r, 0, n, n))
     return [group for group in out if group]
+
+
+def whole_blocks(least: int, cut: int) -> int:
+    """Return the samples of the fewest whole blocks that hold so many: one at least."""
+    return cut * max(1, math.ceil(least / cut))
 
 
 def blocks(n: int, cut: int) -> list[tuple[int, int]]:

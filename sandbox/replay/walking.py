@@ -104,8 +104,8 @@ class Running:
         )
         if features & additions.TWIST and turns_at_first(r):
             own.start, own.rated = w.copy(), drive.motor.rated_torque
-        if r.settling is not None and settled:
-            own._settle(r.settling.samples)
+        if settled:
+            own.settle()
         return own
 
     def on(self, stop: int, out: Array, moved: Array, first: int = 0) -> None:
@@ -125,8 +125,11 @@ class Running:
         self.ahead = out[stop - self.done, :, columns].copy() if ahead else None
         self.done = stop
 
-    def _settle(self, n: int) -> None:
-        """Go through the first n samples, which are not shown."""
+    def settle(self) -> None:
+        """Go through the samples before the first one, which are not shown."""
+        if self.r.settling is None:
+            return
+        n = self.r.settling.samples
         out, moved = np.empty((n + 1, 3, len(self.supply))), np.empty((n, len(self.supply)))
         self._run(0, n, out, moved, 0)
         self.ahead = out[n].copy()

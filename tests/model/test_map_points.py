@@ -17,7 +17,7 @@ from model.map_checks import (
     wild_notes,
     wild_torques,
 )
-from model.map_fit import held_out
+from model.map_fit import FOLDS, folds, held_out, left_out, on_edge
 from model.map_points import MapPoints, read_points
 from model.map_quality import asymmetry, best_angle, quality
 from model.mapped import map_quality
@@ -101,6 +101,22 @@ def test_a_turned_frame_is_found_and_undone(tmp_path):
     undone = read_points(tmp_path / "m.npz", angle=angle)
     assert quality(undone).angle is None
     assert held_out(undone).inside < 0.3 * held_out(p).inside
+
+
+def test_every_point_is_left_out_once(tmp_path):
+    """One point in FOLDS at a time, inside the map as on its edge; those of the first part are what
+    `held_out` tells."""
+    d, q, psi_d, psi_q = planted()
+    np.savez(tmp_path / "m.npz", i_d=d, i_q=q, psi_d=psi_d, psi_q=psi_q)
+    p = read_points(tmp_path / "m.npz")
+    edge, part = on_edge(p), folds(p)
+    for own in (edge, ~edge):
+        counts = np.bincount(part[own], minlength=FOLDS)
+        assert counts.max() - counts.min() <= 1
+    square, told = left_out(p, (10, 8), 1e-3), held_out(p)
+    assert np.isfinite(square).all()
+    for own, rms in ((~edge, told.inside), (edge, told.edge)):
+        assert math.sqrt(np.mean(square[own & (part == 0)])) == pytest.approx(rms)
 
 
 def test_a_symmetric_map_is_left_alone(tmp_path):

@@ -4,8 +4,9 @@ A map is off between its points, and it is another machine's, or that of another
 sum of two energies.
 
 - At points and between them (`between`): bumps of coenergy over the currents, as far apart as the
-  map's points and half as far, independent and all of one size; together the flux at a current is
-  off by what the map's fit misses at points that are left out of it.
+  map's points and half as far, independent; together the flux at a current is off by what the map's
+  fit misses, thereabouts, at points that are left out of it (`Missed`).  Where a bridge saturates
+  that is several times what it is elsewhere.
 - As a whole (`smooth`): saturation that comes sooner or later, by the share that the campaign
   states for the inductances.
 
@@ -17,7 +18,9 @@ leave whatever the causes are (`MapError.beyond`): so much more a simulator with
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +28,7 @@ from scipy.interpolate import BSpline
 
 from model.effects import library
 from model.effects.library import true_motor
-from model.mapped import MappedMotor, map_quality, motor_points
+from model.mapped import MappedMotor, map_left_out, motor_points
 from model.spline import DEGREE, SplineEnergy, currents
 from model.spline_correction import Basis, MapError, refined
 from sandbox.gap.evidence.normal import Point
@@ -45,21 +48,41 @@ SAMPLES = 40_000  # that directions are looked for in
 SETTLED = 5.0  # time constants L/R of each part in a row of these: of its start 0.7 % is left
 
 
-def map_error(campaign: Campaign) -> float:
-    """Return what the flux at a current of a motor's map is off by, Wb rms of the vector; 0 without
-    a map."""
+class Missed(NamedTuple):
+    """What a map's fit misses at points that are left out of it: their currents (A), how far apart
+    they are (A), squared flux errors (n,) in Wb^2."""
+
+    i_d: Array
+    i_q: Array
+    apart: float
+    square: Array
+
+    def near(self, i_d: Array, i_q: Array) -> Array:
+        """Return the flux error (Wb rms of the vector) to be expected at currents (k,): the mean
+        square of points about as far away as their neighbours are, and of one more point that
+        misses what all of them do: few points alone would say little."""
+        far = (i_d[:, None] - self.i_d) ** 2 + (np.abs(i_q)[:, None] - np.abs(self.i_q)) ** 2
+        weight = np.exp(-0.5 * far / self.apart**2)
+        whole = float(np.mean(self.square))
+        return np.sqrt((weight @ self.square + whole) / (weight.sum(axis=1) + 1.0))
+
+
+def missed(campaign: Campaign) -> Missed | None:
+    """Return what the fit of a motor's map misses; None without a map, or where no fit to a part
+    of its points is found."""
     motor = campaign.drive.motor
     if not isinstance(motor, MappedMotor) or motor.origin is None:
-        return 0.0
-    return map_quality(motor.origin.table, motor.origin.path.parent).held_out or 0.0
+        return None
+    points, square = map_left_out(motor)
+    told = np.isfinite(square)
+    if not told.any():
+        return None
+    return Missed(points.i_d[told], points.i_q[told], spacing(motor), square[told])
 
 
-def with_modes(point: Point, size: float) -> Point:
+def with_modes(point: Point, off: Missed | None) -> Point:
     """Return the point with modes of its motor's flux map, none of them there yet; as it is where
-    the motor has no map.
-
-    size: rms of the flux that the map is off by, Wb.
-    """
+    the motor has no map; off: what the map's fit misses."""
     prepared = point.prepared
     stated = prepared.campaign.drive.motor.energy
     if not isinstance(stated, SplineEnergy):
@@ -69,8 +92,8 @@ def with_modes(point: Point, size: float) -> Point:
     if not len(chosen):
         return point
     parts = [smooth(prepared.campaign, basis)[chosen]]
-    if size:
-        parts.append(size * between(prepared.campaign.drive.motor, basis)[chosen])
+    if off is not None:
+        parts.append(between(prepared.campaign.drive.motor, basis, off.near)[chosen])
     spread = factor(np.hstack(parts))
     along = spread.T @ basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0]
     answers = _without(spread.T @ answers @ spread, along)
@@ -113,11 +136,11 @@ def spacing(motor: MappedMotor) -> float:
     return math.sqrt(float(np.ptp(point.i_d) * np.ptp(point.i_q)) / count)
 
 
-def between(motor: MappedMotor, basis: Basis) -> Array:
+def between(motor: MappedMotor, basis: Basis, off: Callable[[Array, Array], Array]) -> Array:
     """Return energies (size, k) in J of bumps as far apart as the map's points, and half as far;
-    with sizes of 1 each the flux at a current is off by 1 Wb rms of the vector, as much along d as
-    along q, and as much by wide bumps (points that are off) as by narrow ones (what lies between
-    them).
+    with sizes of 1 each the flux at currents i_d, i_q (n,) is off by off(i_d, i_q) in Wb rms of the
+    vector, as much along d as along q, and as much by wide bumps (points that are off) as by narrow
+    ones (what lies between them).
 
     An error w of the coenergy at a current is one of -w of the energy at its flux (Legendre).
     """
@@ -138,7 +161,8 @@ def between(motor: MappedMotor, basis: Basis) -> Array:
         along_q = np.where(q > 0, above + below, above)  # even in q, the one at its zero once
         energies = (along_d[:, :, None] * along_q[:, None, :]).reshape(len(flux), -1)
         size = apart / math.sqrt(2.0 * square * slope * len(SPACINGS))
-        out.append(-size * basis.sizes(energies))
+        middle = apart * np.stack(np.meshgrid(d, q, indexing="ij")).reshape(2, -1)
+        out.append(-size * off(*middle) * basis.sizes(energies))
     return np.hstack(out)
 
 

@@ -38,7 +38,7 @@ from sandbox.replay.memory import SHARE
 from sandbox.replay.replay import Prepared, StreamingReplay, in_threads, plan, residual_of
 from sandbox.replay.segments import Segment, channel, colour_of, squared, squared_slopes
 from sandbox.replay.sensitivity import Moves
-from sandbox.replay.stretches import Stretch, stretches
+from sandbox.replay.stretches import Stretch, stretches, whole_blocks
 from sandbox.replay.walking import Block
 
 Array = NDArray[np.float64]
@@ -145,7 +145,9 @@ class Normal:
 
         a_sample = 8 * 2 * 4 * ROOMS[-1] * workers  # its predictions and residuals
         for group in stretches(
-            [r.samples for r in prepared.recordings], SHARE * prepared.spare / a_sample, cut
+            [r.samples for r in prepared.recordings],
+            SHARE * prepared.spare / a_sample,
+            whole_blocks(prepared.longest_start, cut),
         ):
             in_threads(task, [(stretch, block) for stretch in group for block in together], workers)
         _COUNT.get()(float(len(points)))
@@ -283,7 +285,9 @@ class Point:
         p = self.prepared
         base = {k: v for k, v in self.values.items() if v == v}
         recordings = tuple(
-            inputs_of(p.campaign, p.campaign[r.file], base) if r.rotor == "free" else r
+            replace(inputs_of(p.campaign, p.campaign[r.file], base), start=r.start)
+            if r.rotor == "free"
+            else r
             for r in p.recordings
         )
         return Point(replace(p, recordings=recordings, base=base), self.values, self.turns)

@@ -18,6 +18,7 @@ from sandbox.gap.unstated.pwm_counts import Counted, pwm_counts, with_counts
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.map_error import same_map
 from sandbox.replay.replay import prepare
+from sandbox.replay.unread_start import with_starts_of
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Unstated:
         old = point.prepared
         new = prepare(self.in_campaign(old.campaign), old.base, steps=old.steps)
         new = replace(new, noise_std=old.noise_std, colour=old.colour, spare=old.spare)
-        return replace(point, prepared=same_map(new, old))
+        return replace(point, prepared=with_starts_of(same_map(new, old), old))
 
 
 NOTHING = Unstated()

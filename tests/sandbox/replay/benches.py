@@ -18,12 +18,12 @@ CASES = (("locked", 0.0), ("driven", 20.0), ("driven", 100.0), ("free", 0.0))
 MOTION = 0.03  # standard deviations: what may be left of a free rotor's innovations without noise
 
 
-def record(effects, rotor, speed=0.0, n=700, load_torque=True, finer=1.0):
+def record(effects, rotor, speed=0.0, n=700, load_torque=True, finer=1.0, drive=DRIVE):
     """Return a recording of the switched bench without noise: voltage, injection, a step of load
     for a free rotor."""
     b, period, pairs = (
-        quiet(bench(DRIVE.motor, DRIVE.converter, effects)),
-        DRIVE.converter.sampling_period,
+        quiet(bench(drive.motor, drive.converter, effects)),
+        drive.converter.sampling_period,
         6,
     )
     b = b._replace(step=b.step / finer)

@@ -17,9 +17,10 @@ from model.spline import currents, flux_newton
 from model.spline_correction import Basis, refined
 from sandbox.gap.evidence import map_modes
 from sandbox.gap.evidence.map_modes import (
+    Missed,
     between,
     factor,
-    map_error,
+    missed,
     parts_of,
     smooth,
     spacing,
@@ -49,6 +50,7 @@ MAPPED = dataclasses.replace(
 )
 SHEET = ("pole_pairs", "resistance", "inertia", "rated_current", "rated_torque", "rated_speed_rpm")
 SHARE = 1e-4  # c - 1: what it squared moves is below the tolerance
+EVERYWHERE = Missed(np.zeros(1), np.zeros(1), 1e9, np.array([5e-4**2]))  # Wb, at all currents
 FLUX = np.random.default_rng(1).uniform(-0.2, 0.2, size=(40, 2))
 
 
@@ -80,9 +82,9 @@ def test_without_points_a_map_is_off_as_a_whole_alone():
     of the size that is likely; no current at no flux is among them."""
     stated = dict.fromkeys(("inductance_d", "inductance_q"), 0.1)
     campaign = Campaign("own", MAPPED, (record({}, "driven", 20.0),), stated, {}, False)
-    assert map_error(campaign) == 0.0
+    assert missed(campaign) is None
     point = Point(prepare(campaign, steps=1), complete(MAPPED.motor, MAPPED.converter))
-    error = with_modes(point, 0.0).prepared.map_error
+    error = with_modes(point, None).prepared.map_error
     assert 1 <= len(error.x) <= 2
     assert not error.x.any()
     (read,) = replay(point.prepared, [{}]).currents
@@ -120,7 +122,7 @@ def test_bumps_move_the_flux_by_one_weber_rms(mapped):
     it; narrow bumps are finer than the cells, which take up to 6 % off (seen along q): 15 %."""
     motor, rng = mapped.motor, np.random.default_rng(3)
     basis = Basis(refined(motor.spline, 3, 2))
-    energies = between(motor, basis)
+    energies = between(motor, basis, lambda i_d, _: np.ones_like(i_d))
     at = 1.2 * motor.rated_current * rng.uniform(-1.0, 1.0, (200, 2))
     where = [flux_newton(basis.of, *i, 0.0, 0.0)[:2] for i in at]
     size, moved = 1e-7, []
@@ -145,6 +147,30 @@ def test_points_are_apart_by_the_side_of_their_square(mapped):
     assert spacing(motor) == pytest.approx(4.0 * IPM.motor.rated_current / 6.0)
 
 
+def test_a_map_is_off_by_what_is_missed_nearby():
+    """Points 1 A apart, of which one at (3, 1) A misses 3 mWb and 24 others 1 mWb.  Far from it: 1
+    mWb, but for the one point of the whole's mean square, (24 + 9)/25 mWb^2.  The mirrored point is
+    the same."""
+    d, q = (x.ravel() for x in np.meshgrid(np.arange(-3.0, 2.0), np.arange(-2.0, 3.0)))
+    d, q = np.append(d[:-1], 3.0), np.append(q[:-1], 1.0)
+    square = 1e-6 * np.append(np.ones(24), 9.0)
+    off = Missed(d, q, 1.0, square)
+    at = np.array([3.0, 3.0, -3.0])
+    found = 1e6 * off.near(at, np.array([1.0, -1.0, 0.0])) ** 2
+    mean = 33.0 / 25.0
+
+    def by_hand(x, y):
+        w = [
+            math.exp(-0.5 * ((x - a) ** 2 + (abs(y) - abs(b)) ** 2))
+            for a, b in zip(d, q, strict=True)
+        ]
+        return (sum(w) + 8.0 * w[-1] + mean) / (sum(w) + 1.0)
+
+    expected = [by_hand(3.0, 1.0), by_hand(3.0, 1.0), by_hand(-3.0, 0.0)]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert found[0] > 3.0 > 1.1 > found[2] > 1.0
+
+
 def test_few_columns_have_the_covariance_of_many():
     spread = np.random.default_rng(2).standard_normal((5, 12))
     few = factor(spread)
@@ -164,7 +190,7 @@ def test_what_directions_left_away_leave_in_the_readings(mapped, monkeypatch):
     found = []
     for most in (1, 2):
         monkeypatch.setattr(map_modes, "MAX_DIRECTIONS", most)
-        found.append(with_modes(point, 5e-4).prepared.map_error)
+        found.append(with_modes(point, EVERYWHERE).prepared.map_error)
     fewer, whole = found
     assert len(whole.x) == 2
     moved = with_map_error(point.prepared, whole.moved({1: 0.1}))
