@@ -49,10 +49,12 @@ def with_starts_of(prepared: Prepared, other: Prepared) -> Prepared:
     return replace(prepared, recordings=tuple(replace(r, start=o.start) for r, o in pairs))
 
 
-def start_of(prepared: Prepared, r: Inputs, values: Mapping[str, float]) -> Start:
+def start_of(prepared: Prepared, r: Inputs, values: Mapping[str, float]) -> Start | None:
     """Return the shapes that the unread start of a recording adds to its readings, and the shares
-    that whitening takes off them."""
+    that whitening takes off them; None where the set predicts nothing finite."""
     answer = answers(prepared, r, values) / prepared.noise_std
+    if not np.all(np.isfinite(answer)):
+        return None
     q, s, _ = np.linalg.svd(answer.reshape(-1, 2), full_matrices=False)
     return Start(q.reshape(answer.shape), 1.0 - 1.0 / np.sqrt(1.0 + s**2))
 
