@@ -211,8 +211,8 @@ def _inertia(campaign: MotionCampaign, parts: list[Averages]) -> tuple[float, fl
     )
     if abs(value) > MIN_RATIO * 0.5 * (high - low) and abs(value) * speeding >= SEEN * driving:
         return value / (campaign.inertia or abs(value)), math.nan
-    told = (campaign.inertia or 0.0) * speeding >= SEEN * driving
-    return math.nan, max(abs(low), abs(high)) if told else math.nan
+    enough = (campaign.inertia or 0.0) * speeding >= SEEN * driving
+    return math.nan, max(abs(low), abs(high)) if enough else math.nan
 
 
 def _emf(campaign: MotionCampaign, parts: list[Averages]) -> float:

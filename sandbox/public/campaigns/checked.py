@@ -249,8 +249,8 @@ def check(
 def _exchanged(source: Source | None, found: list[Noticed], motion: bool) -> list[Noticed]:
     """Return what was found, or the columns that are exchanged in its place where these are its
     cause."""
-    told = asking(found, motion)
-    finding = exchanged(source, told) if source is not None and told else None
+    stated = asking(found, motion)
+    finding = exchanged(source, stated) if source is not None and stated else None
     if finding is None:
         return found
     notes = [n for n in found if n.level == NOTE and not isinstance(n.finding, Unanswered)]

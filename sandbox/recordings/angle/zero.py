@@ -103,15 +103,15 @@ def _lag(turned: Sequence[_Turned]) -> float:
     rows, read, weights = [], [], []
     for k, x in enumerate(turned):
         sharp, speed = np.ptp(x.curves, axis=1), x.speeds()
-        told = np.flatnonzero(sharp > SHARP * sharp.max())
-        if len(told) < 4:
+        clear = np.flatnonzero(sharp > SHARP * sharp.max())
+        if len(clear) < 4:
             continue
-        own = np.unwrap(_lowest(x.curves[told]))
-        each = np.zeros((len(told), 2 * len(turned)))
-        each[:, 2 * k], each[:, 2 * k + 1] = 1.0, x.middle[told] / len(x.theta)
-        rows.append(np.column_stack([speed[told], each]))
+        own = np.unwrap(_lowest(x.curves[clear]))
+        each = np.zeros((len(clear), 2 * len(turned)))
+        each[:, 2 * k], each[:, 2 * k + 1] = 1.0, x.middle[clear] / len(x.theta)
+        rows.append(np.column_stack([speed[clear], each]))
         read.append(own)
-        weights.append(np.sqrt(sharp[told] / sharp.max()))
+        weights.append(np.sqrt(sharp[clear] / sharp.max()))
     if not rows:
         return 0.0
     w = np.concatenate(weights)

@@ -45,8 +45,8 @@ def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
     d = diagnosis_of(read_folder(folder), exclude=exclude, workers=1)
     whole = ranking(d, position=False)
     a = with_offsets(Answers(d, where(d), None, next_recording(d), None, ranking=whole))
-    told = document(a.diagnosis, a.where, None, a.following, whole=a.ranking)
-    return SimpleNamespace(json=plain(told))
+    found = document(a.diagnosis, a.where, None, a.following, whole=a.ranking)
+    return SimpleNamespace(json=plain(found))
 
 
 def score(
