@@ -10,31 +10,16 @@ import numpy as np
 
 from model.errors import BadInput, shown
 from model.number_table import Table
+from sandbox.public.campaigns.column_words import meant
 from sandbox.recordings.foreign import SUFFIXES, read_table
 
 NAME = "columns.toml"
 MOST_TABLES, MOST_COLUMNS = 24, 40
-GUESSES = {  # names as programs write them, without case, blanks and underscores
-    "t": ("t", "time", "timestamp", "times", "zeit"),
-    "theta": ("theta", "position", "pos", "angle", "posestimate", "rotorposition", "phi"),
-    "speed": ("erpm", "rpm"),
-    "hall": ("hall", "hallstate", "hallstates"),
-    "steps": ("tachometer", "tacho"),
-    "i_a": ("ia", "iu", "currenta"),
-    "i_b": ("ib", "iv", "currentb"),
-    "i_c": ("ic", "iw", "currentc"),
-    "i_d": ("id", "idmeasured"),
-    "i_q": ("iq", "iqmeasured", "current"),
-    "u_alpha": ("ualpha", "valpha"),
-    "u_beta": ("ubeta", "vbeta"),
-    "u_d": ("ud", "vd"),
-    "u_q": ("uq", "vq"),
-    "u_dc": ("udc", "vdc", "vbus", "vbusvoltage", "vsupply", "link"),
-}
 SECONDS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 HINTS = {
     "t": 'unit = "ms" where it is not s',
     "speed": 'unit = "rpm"; mechanical = true for the shaft\'s; stands in for an angle',
+    "temperature": "of the winding",
     "hall": "stands in for an angle",
     "steps": "stands in for an angle: commutation steps, six an electrical turn",
     "theta": (
@@ -73,8 +58,7 @@ def draft(folder: Path) -> str:
             continue
         first = first or _columns(path.name, table)
         entries.append(
-            f'[[recording]]\nfile = {json.dumps(path.name)}\nrotor = "free"  # or '
-            '"locked", "driven"\n'
+            f'[[recording]]\nfile = {_text(path.name)}\nrotor = "free"  # or "locked", "driven"\n'
         )
     if not entries:
         return ""
@@ -86,12 +70,16 @@ def draft(folder: Path) -> str:
     return head + first + "\n" + "\n".join(entries)
 
 
+def _text(name: str) -> str:
+    """Return a name as TOML text; letters of other alphabets stay readable."""
+    return json.dumps(name, ensure_ascii=False)
+
+
 def _columns(file: str, table: Table) -> str:
     """Return what a table holds as comments, names guessed, and what is left to fill in."""
     lines, guessed, step = [f"# Columns of {shown(file)}:"], list[str](), "1e-4"
     for name, x in list(table.columns.items())[:MOST_COLUMNS]:
-        plain = name.rpartition(".")[2].lower().replace("_", "").replace(" ", "")
-        standard = next((c for c, names in GUESSES.items() if plain in names), None)
+        standard, beside = meant(name, table.units.get(name)) or (None, "")
         finite = x[np.isfinite(x)]
         reach = f"{finite.min():.6g} to {finite.max():.6g}" if finite.size else "no number"
         steps = np.diff(finite)
@@ -99,7 +87,7 @@ def _columns(file: str, table: Table) -> str:
         lines.append(f"#   {shown(name)}: {reach}{rising}")
         if standard and not any(line.startswith(f"{standard} =") for line in guessed):
             hint = f"  # {HINTS[standard]}" if standard in HINTS else ""
-            guessed.append(f"{standard} = {{column = {json.dumps(name)}}}{hint}")
+            guessed.append(f"{standard} = {{column = {_text(name)}{beside}}}{hint}")
         if standard == "t" and steps.size:
             step = f"{SECONDS.get(table.units.get(name, 's'), 1.0) * np.median(steps):.6g}"
     return "\n".join([*lines, "", "[columns]", *guessed]) + "\n" + TAIL % step
