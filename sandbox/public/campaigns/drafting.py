@@ -10,7 +10,9 @@ import numpy as np
 
 from model.errors import BadInput, shown
 from model.number_table import Table
+from model.units import UNITS
 from sandbox.public.campaigns.column_words import meant
+from sandbox.recordings.column_map import KIND
 from sandbox.recordings.foreign import SUFFIXES, read_table
 
 NAME = "columns.toml"
@@ -44,6 +46,9 @@ TAIL = """
 # inductance_d = 1e-3            # H
 # inductance_q = 1e-3
 # inertia = 1e-4                 # kg m^2
+
+# [flux_map]                     # in place of magnet_flux and inductances
+# file = "map.csv"               # beside this file
 """  # noqa: E501
 
 
@@ -75,6 +80,14 @@ def _text(name: str) -> str:
     return json.dumps(name, ensure_ascii=False)
 
 
+def _hint(standard: str, unit: str | None) -> str:
+    """Return the comment behind an entry: the unit that the table states, else what to look for."""
+    if unit not in UNITS[KIND[standard]]:
+        return f"  # {HINTS[standard]}" if standard in HINTS else ""
+    of_shaft = "; mechanical = true for the shaft's" if standard in ("theta", "speed") else ""
+    return f"  # {unit}, as the table says{of_shaft}"
+
+
 def _columns(file: str, table: Table) -> str:
     """Return what a table holds as comments, names guessed, and what is left to fill in."""
     lines, guessed, step = [f"# Columns of {shown(file)}:"], list[str](), "1e-4"
@@ -86,7 +99,7 @@ def _columns(file: str, table: Table) -> str:
         rising = ", rising" if steps.size and np.all(steps > 0.0) else ""
         lines.append(f"#   {shown(name)}: {reach}{rising}")
         if standard and not any(line.startswith(f"{standard} =") for line in guessed):
-            hint = f"  # {HINTS[standard]}" if standard in HINTS else ""
+            hint = _hint(standard, table.units.get(name))
             guessed.append(f"{standard} = {{column = {_text(name)}{beside}}}{hint}")
         if standard == "t" and steps.size:
             step = f"{SECONDS.get(table.units.get(name, 's'), 1.0) * np.median(steps):.6g}"

@@ -89,4 +89,7 @@ def test_a_german_log_is_drafted_whole(tmp_path):
     draft = check(tmp_path).draft
     found = {line.split(" =")[0]: line for line in draft.splitlines() if "= {column" in line}
     assert set(found) == {name for name in own.values() if name}
-    assert 'column = "Winkel"}' in found["theta"]
+    assert 'column = "Winkel"}  # °, as the table says' in found["theta"]
+    assert found["t"].endswith("# ms, as the table says")
+    assert found["i_c"].endswith("}")  # states none, and needs none
+    assert "# [flux_map]" in draft
