@@ -72,9 +72,9 @@ def read_configuration(path: Path) -> Configuration:
             quantities = {k: t for k, t in stated.items() if t.value > 0.0}
             if quantities:
                 control = {k: v for k, v in program.control(numbers).items() if v is not None}
-                stated = {k: f"{t.value!r} {t.unit}".strip() for k, t in quantities.items()}
+                written = {k: f"{t.value!r} {t.unit}".strip() for k, t in quantities.items()}
                 return Configuration(
-                    program.name, stated, control, {k: t.origin for k, t in quantities.items()}
+                    program.name, written, control, {k: t.origin for k, t in quantities.items()}
                 )
     raise BadInput(f"{path.name}: nothing of a motor is known in it; {remedy}")
 

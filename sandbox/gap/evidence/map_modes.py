@@ -84,16 +84,17 @@ def with_modes(point: Point, off: Missed | None) -> Point:
     """Return the point with modes of its motor's flux map, none of them there yet; as it is where
     the motor has no map; off: what the map's fit misses."""
     prepared = point.prepared
-    stated = prepared.campaign.drive.motor.energy
-    if not isinstance(stated, SplineEnergy):
+    motor = prepared.campaign.drive.motor
+    stated = motor.energy
+    if not isinstance(motor, MappedMotor) or not isinstance(stated, SplineEnergy):
         return point
-    basis = Basis(refined(stated, *parts_of(prepared.campaign.drive.motor, stated)))
+    basis = Basis(refined(stated, *parts_of(motor, stated)))
     answers, chosen = _answers(point, basis)
     if not len(chosen):
         return point
     parts = [smooth(prepared.campaign, basis)[chosen]]
     if off is not None:
-        parts.append(between(prepared.campaign.drive.motor, basis, off.near)[chosen])
+        parts.append(between(motor, basis, off.near)[chosen])
     spread = factor(np.hstack(parts))
     along = spread.T @ basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0]
     answers = _without(spread.T @ answers @ spread, along)
@@ -131,7 +132,7 @@ def parts_of(motor: MappedMotor, stated: SplineEnergy) -> tuple[int, int]:
 def spacing(motor: MappedMotor) -> float:
     """Return how far apart a map's points are, A: the side of the square that each of them has; of
     more points than the fit has cells the side that a cell has."""
-    point, cells = motor_points(motor), motor.energy.cells
+    point, cells = motor_points(motor), motor.spline.cells
     count = min(len(point.i_d), cells.shape[0] * cells.shape[1])
     return math.sqrt(float(np.ptp(point.i_d) * np.ptp(point.i_q)) / count)
 
