@@ -23,7 +23,7 @@ from sandbox.drive.scenario import Scenario
 from sandbox.drive.simulate import EXACT, MOST_SAMPLES, How, Simulation, plant_named, simulate
 from sandbox.evaluation.choice import ANY, Limits, best, standings
 from sandbox.evaluation.injection_cost import injection_cost
-from sandbox.evaluation.lost import why_lost, why_missed
+from sandbox.evaluation.lost import why_lost_in, why_missed
 from sandbox.evaluation.score import Row, rows_of
 from sandbox.output.files import version
 from sandbox.plant.sets import BENCH
@@ -173,7 +173,7 @@ def judged(
     asked = [s.current_d for s in scenario.segments if s.score]
     for row, load_d in zip(rows, asked, strict=True):
         cost = None
-        why = why_lost(row, drive, true, estimator, load_d) if row.lost_lock else None
+        why = why_lost_in(run, row, drive, true, estimator, (scenario.name, load_d))
         if not row.lost_lock:
             part = run.recording.between(row.t_start, row.t_end)
             cost = injection_cost(drive, part, true, run.values, estimator.inside)

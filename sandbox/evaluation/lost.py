@@ -5,19 +5,74 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+import numpy as np
+
 from estimators.contract import Estimator
+from estimators.startup import polarity_rise
 from model.energy import flux_newton, hessian
 from model.parameters import Drive, Motor
 from model.saliency import known_null_ends, local_angle, null_turned, self_consistent_angle
-from sandbox.drive.design import design, sampled, swings
-from sandbox.evaluation.score import WITH_THEORY, Row
+from sandbox.drive.design import KNOWN_START, design, sampled, swings
+from sandbox.drive.feasible import OWN_START
+from sandbox.drive.recording import Recording
+from sandbox.drive.scenario import scenario_names
+from sandbox.drive.simulate import Simulation
+from sandbox.evaluation.score import LOST_ANGLE, LOST_TIME, WITH_THEORY, Row
 
 DIFFERENCE = 0.01  # of rated current: over which the null's turn is taken
 POINTS = 40  # currents up to the load's at which a place to stand is looked for
 SLOW = 0.1  # of rated speed: below it a back-EMF is a few per cent of the link
 # what they track is the null of the q ripple, whatever they believe
 BY_NULL = ("qnull", "table", "random_frequency")
+# of starting up: its last quarter holds one bias, and half of that has settled
+DECIDED = 0.125
 LITTLE = 0.1  # of the saliency at zero current: below it the protocol asks for no angle either
+
+
+def why_lost_in(
+    run: Simulation,
+    row: Row,
+    drive: Drive,
+    true: Motor,
+    estimator: Estimator,
+    asked: tuple[str, float],
+) -> str | None:
+    """Return why a row of a run has lost lock: starting up took the other end, or as `why_lost`.
+
+    asked: the scenario's name, and the row's current along d, of rated current.
+    """
+    scenario, load_d = asked
+    if not row.lost_lock:
+        return None
+    if run.start_time > 0.0 and estimator.injection != "none":
+        begin = run.recording.between(run.start_time, run.start_time + LOST_TIME)
+        own = run.recording.between(row.t_start, row.t_end)
+        if _half_a_turn_off(begin) and _half_a_turn_off(own):
+            return _of_start(run, true, scenario)
+    return why_lost(row, drive, true, estimator, load_d)
+
+
+def _half_a_turn_off(part: Recording) -> bool:
+    """Tell whether a position is off by half a turn throughout, within LOST_ANGLE."""
+    return part.t.size > 0 and bool(np.all(np.abs(part.error) > math.pi - LOST_ANGLE))
+
+
+def _of_start(run: Simulation, true: Motor, scenario: str) -> str:
+    """Return that starting up took one end of the magnet for the other: how far their ripples
+    differ at the current that was asked for, and at the one that flowed when it was decided."""
+    asked, start = run.design.tuning.bias, run.start_time
+    flowed = float(np.mean(run.recording.between((1.0 - DECIDED) * start, start).i_d))
+    alone = abs(float(hessian(true.energy, 0.0, 0.0)[0]))
+    there, got = (
+        f"{100.0 * float(polarity_rise(true.energy, abs(i))) / alone:+.2g} %"
+        for i in (asked, flowed)
+    )
+    known = KNOWN_START.format(scenario) if scenario in scenario_names() else OWN_START
+    return (
+        f"starting up took the magnet's other end, half a turn off: it asked for +-{asked:.3g} A "
+        f"on d, where the ripples of the two ends differ by {there} of that at no current, and got "
+        f"{abs(flowed):.3g} A, where they differ by {got}; begin with the angle known: {known}"
+    )
 
 
 def why_lost(

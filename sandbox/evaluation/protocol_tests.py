@@ -25,7 +25,7 @@ from model.parameters import Drive
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.evaluation.lost import why_lost
+from sandbox.evaluation.lost import why_lost_in
 from sandbox.evaluation.score import rows_of
 from sandbox.plant.sets import complete
 
@@ -142,7 +142,7 @@ def points_of(
         predicted = None if effects or belief == "saturated" else row.predicted_mean_deg
         deficit = torque_deficit(drive, part, s) if scenario.reference == "current" else None
         values = (e.mean, e.rms, e.p95, e.max)
-        why = why_lost(row, drive, true, own, s.current_d) if row.lost_lock else None
+        why = why_lost_in(run, row, drive, true, own, (scenario.name, s.current_d))
         found.append(
             Point(
                 case.name,

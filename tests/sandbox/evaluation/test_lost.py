@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from estimators.registry import load_estimator
+from estimators.startup import polarity_rise
 from model.drive_files import load_drive
 from model.energy import flux_from_current, hessian
 from model.saliency import known_null_ends, null_turned
@@ -180,3 +181,28 @@ def test_a_speed_loop_that_swings_says_so(tmp_path):
     assert "takes that for speed and swings" in swinging.why_missed
     assert reasons(run.rows) == [f"speed missed (qnull, saturated, +135 % load): {told}"]
     assert simulate(tmp_path / "sew.toml", scene, "inversion").rows[1].reference_held
+
+
+def test_a_start_at_the_other_end_says_so():
+    """A linear belief takes for granted that the magnet's own direction saturates; of a motor whose
+    odd alphas have the other sign it takes the other end, and every load is lost, also that at
+    which nothing else is wrong."""
+    steps = (Segment(0.3), Segment(0.3, load=0.3, ramp=0.1, settle=0.1))
+    scene = Scenario("steps", steps, rotor="locked")
+    mirrored = dataclasses.replace(
+        DRIVE.motor, alpha_30=-DRIVE.motor.alpha_30, alpha_12=-DRIVE.motor.alpha_12
+    )
+    run = simulate(dataclasses.replace(DRIVE, motor=mirrored), scene, "qnull", belief="linear")
+    bias = run.design.tuning.bias
+    differ = polarity_rise.py_func(mirrored.energy, bias) / hessian(mirrored.energy, 0.0, 0.0)[0]
+    assert differ < 0.0
+    for row in run.rows:
+        assert row.why_lost.startswith("starting up took the magnet's other end, half a turn off")
+        assert f"+-{bias:.3g} A on d" in row.why_lost
+        assert f"differ by {100.0 * differ:+.2g} % of that at no current" in row.why_lost
+        flowed = float(row.why_lost.partition("and got ")[2].partition(" A")[0])
+        assert flowed == pytest.approx(bias, rel=0.1)
+        assert row.why_lost.endswith("start_up = false in the scenario")
+    known = dataclasses.replace(scene, start_up=False)
+    held = simulate(dataclasses.replace(DRIVE, motor=mirrored), known, "qnull", belief="linear")
+    assert not any(row.lost_lock for row in held.rows)
