@@ -81,7 +81,7 @@ def mapped(name, folder):
 
 
 @pytest.mark.parametrize("name", ["baldor", "quartic"])
-def test_a_plan_is_made_for_a_map_as_for_alphas(name, tmp_path):
+def test_a_plan_with_a_free_rotor_is_made_for_a_map_as_for_alphas(name, tmp_path):
     motor, _ = ("ipm_exchanged", None) if name == "quartic" else mapped(name, tmp_path)
     assert sandbox.plan(motor, can=("free",)).plan.experiments
 
@@ -98,12 +98,13 @@ def test_a_drive_without_a_fault_is_not_suspicious_where_the_iron_saturates(scen
     assert not any("alphas" in n.finding.text for n in found.noticed)  # a map has none
 
 
-# a map turned to the magnets, one of a table with gradients; the plan above takes a third file
-@pytest.mark.parametrize("name", ["thor", "sew", "quartic"])
+# thor: a map turned to the magnets; sew: a table with gradients
+@pytest.mark.parametrize("name", ["baldor", "brusa", "thor", "sew", "quartic"])
 def test_from_a_map_to_a_simulator_that_has_what_was_found(name, tmp_path):
     """Size within four of the stated standard deviations; the two files leave the noise, as the
     truth does."""
     motor, true = ("ipm_exchanged", 2e-6) if name == "quartic" else mapped(name, tmp_path)
+    assert sandbox.plan(motor, can=("locked",)).plan.experiments
     record = tmp_path / "record"
     planted = {"dead_time.time": true}
     sandbox.simulate(
