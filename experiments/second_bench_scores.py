@@ -29,12 +29,18 @@ class Goal:
     of: Callable[[Sequence[Row]], Figure]
 
     def verdict(self, f: Figure) -> str:
-        """Return a tick where the figure meets the goal, a cross where it does not, a dash where
-        there is none."""
+        """Return a tick where the figure meets the goal, limits and all, a cross where it does not,
+        a circle where its limits allow either, a dash where there is none."""
         if f.value is None or (self.least is None and self.most is None):
             return "–"
-        low = self.least is None or f.value >= self.least
-        return "✓" if low and (self.most is None or f.value <= self.most) else "✗"
+        least, most = (
+            -math.inf if self.least is None else self.least,
+            math.inf if self.most is None else self.most,
+        )
+        low, high = (f.value if x is None else x for x in (f.low, f.high))
+        if least <= low and high <= most:
+            return "✓"
+        return "✗" if high < least or most < low else "○"
 
 
 def truth_of(row: Row) -> frozenset[str]:
@@ -304,8 +310,12 @@ def page(
     lines += [
         (
             f"Seed {seed}, plan in `experiments/second_bench.py`, by {code} version(s) of "
-            f"the code; run: {ran}."
+            f"the code; run: {ran}.  Batch 0 of each kind comes last: its seal was opened while "
+            "the code was mended, so its rows are no blind result."
         ),
+        "",
+        "✓ the goal is met, ✗ it is missed, both with the limits of chance; ○ the limits allow "
+        "either: too few campaigns; – no campaign of the kind, or no goal.",
         "",
     ]
     lines += [

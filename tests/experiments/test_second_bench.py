@@ -4,6 +4,7 @@ import pytest
 
 from experiments import second_bench as bench
 from experiments import second_bench_scores as scores
+from sandbox.withheld.scoring.limits import Figure
 
 
 def row(
@@ -95,6 +96,21 @@ def test_the_page_has_every_goal_and_says_what_was_not_run():
     assert sum(line.startswith("| ") for line in found.splitlines()) > sum(
         len(g) for _, g in scores.GOALS.values()
     )
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "verdict"),
+    [
+        (0.0, 0.0, 0.95, "○"),  # one campaign
+        (0.0, 0.0, 0.009, "✓"),
+        (0.05, 0.02, 0.1, "✗"),
+        (0.02, None, None, "✗"),
+        (None, None, None, "–"),
+    ],
+)
+def test_a_verdict_needs_limits_that_allow_no_other(value, low, high, verdict):
+    goal = scores.Goal("false alarms", None, 0.01, lambda rows: Figure(None, None, None, 0))
+    assert goal.verdict(Figure(value, low, high, 1)) == verdict
 
 
 def test_every_kind_is_run_in_turn():
