@@ -86,7 +86,7 @@ def test_rivals_are_compared_on_the_same_campaigns():
     ]
     # of no campaign of ours: no line
     found.append({**found[0], "name": "elsewhere", "method": "gp"})
-    line = scores.beside(made, found)[-1]
+    line = scores.against_rivals(made, found)[-1]
     assert line.startswith("| bic | 4 | 4 | 1 | 3 | 0 | 0.25 | 0.00 | ")
 
 
