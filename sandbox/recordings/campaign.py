@@ -482,6 +482,11 @@ def entries_of(
     """Return (file, rotor, injection_axis, dc_bus_voltage) of the [[recording]] entries whose rotor
     is wanted."""
     for table in data:
+        if table == "columns":
+            raise BadInput(
+                f"{source}: [columns] stands in a file of its own; move it, say into columns.toml, "
+                "and give --columns columns.toml (the other tables may stay)"
+            )
         if table not in TABLES:
             raise BadInput(f"{source}: {unknown('table', table, TABLES)}")
     entries = data.get("recording", [])

@@ -80,12 +80,13 @@ def _text(name: str) -> str:
     return json.dumps(name, ensure_ascii=False)
 
 
-def _hint(standard: str, unit: str | None) -> str:
-    """Return the comment behind an entry: the unit that the table states, else what to look for."""
+def _hint(standard: str, unit: str | None, beside: str) -> str:
+    """Return the comment behind an entry: the unit that the table states, else what to look for;
+    beside: what the entry says already."""
     if unit not in UNITS[KIND[standard]]:
-        return f"  # {HINTS[standard]}" if standard in HINTS else ""
-    of_shaft = "; mechanical = true for the shaft's" if standard in ("theta", "speed") else ""
-    return f"  # {unit}, as the table says{of_shaft}"
+        return f"  # {HINTS[standard]}" if standard in HINTS and not beside else ""
+    turns = standard in ("theta", "speed") and "mechanical" not in beside
+    return f"  # {unit}, as the table says" + "; mechanical = true for the shaft's" * turns
 
 
 def _columns(file: str, table: Table) -> str:
@@ -99,7 +100,7 @@ def _columns(file: str, table: Table) -> str:
         rising = ", rising" if steps.size and np.all(steps > 0.0) else ""
         lines.append(f"#   {shown(name)}: {reach}{rising}")
         if standard and not any(line.startswith(f"{standard} =") for line in guessed):
-            hint = _hint(standard, table.units.get(name))
+            hint = _hint(standard, table.units.get(name), beside)
             guessed.append(f"{standard} = {{column = {_text(name)}{beside}}}{hint}")
         if standard == "t" and steps.size:
             step = f"{SECONDS.get(table.units.get(name, 's'), 1.0) * np.median(steps):.6g}"

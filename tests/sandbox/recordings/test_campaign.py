@@ -141,6 +141,7 @@ def test_a_gap_in_time_names_its_row(tmp_path):
         ("locked_d.parquet", "locked_x.parquet", "locked_x.parquet: the file does not exist"),
         ("resistance = 12.15", "resistance = -1", "resistance = -1.0 is out of range"),
         ("[background]", "[backgrund]", "unknown table 'backgrund'; did you mean 'background'"),
+        ("[background]", "[columns]", r"\[columns\] stands in a file of its own; move it"),
         ("current_gain = 0.002", "current_gain = -1", "current_gain = -1 is no standard deviation"),
         (
             "current_gain = 0.002",

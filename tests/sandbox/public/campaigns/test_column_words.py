@@ -91,5 +91,6 @@ def test_a_german_log_is_drafted_whole(tmp_path):
     assert set(found) == {name for name in own.values() if name}
     assert 'column = "Winkel"}  # °, as the table says' in found["theta"]
     assert found["t"].endswith("# ms, as the table says")
+    assert found["speed"].endswith("mechanical = true}  # 1/min, as the table says")
     assert found["i_c"].endswith("}")  # states none, and needs none
     assert "# [flux_map]" in draft
