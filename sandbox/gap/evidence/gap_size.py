@@ -36,7 +36,8 @@ class OfRecording(NamedTuple):
 @dataclass(frozen=True)
 class Size:
     """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its
-    interval (or None), and of each recording."""
+    interval (or None), and of each recording; blocks: of time, as many as there are to draw
+    from."""
 
     raw: float
     before: float
@@ -44,6 +45,7 @@ class Size:
     closed: float | None
     closed_ci95: tuple[float, float] | None
     recordings: tuple[OfRecording, ...]
+    blocks: int = FEWEST
 
 
 def squares(n: Normal, recordings: Sequence[int]) -> tuple[Array, Array]:
@@ -87,9 +89,9 @@ def size_of(
         for k, f in enumerate(files)
     )
     closed = interval = None
+    (a, n), (b, _) = squares(before.normal, chosen), squares(after.normal, chosen)
     if after is not before and j0 > 1.0:
         closed = share_closed(j0, j1)
-        (a, n), (b, _) = squares(before.normal, chosen), squares(after.normal, chosen)
         pick = np.random.default_rng(seed).integers(len(n), size=(DRAWS, len(n)))
         total = n[pick].sum(1)
         excess = a[pick].sum(1) / total - 1.0
@@ -97,4 +99,4 @@ def size_of(
         if len(n) >= FEWEST and np.mean(excess <= 0.0) <= UNDEFINED:
             low, high = np.nanpercentile(drawn, [2.5, 97.5])
             interval = (float(low), float(high))
-    return Size(rms(raw, chosen), j0, j1, closed, interval, each)
+    return Size(rms(raw, chosen), j0, j1, closed, interval, each, len(n))

@@ -15,6 +15,7 @@ from model.effects import library
 from model.errors import BadInput
 from model.mapped import ALPHAS, MappedMotor
 from sandbox.gap.diagnose import Diagnosis, diagnosis_of, verdict
+from sandbox.gap.evidence.gap_size import FEWEST, Size
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.curves import CurveFound, curves_found
@@ -217,7 +218,7 @@ def far_text(a: Answers) -> str:
     else:
         text = (
             f"{percent_fine(s.closed)} of the reducible gap closes {on} "
-            f"({_between(s.closed_ci95)}); residuals fall from {s.before:.3g} to {times(s.after)} "
+            f"({_between(s)}); residuals fall from {s.before:.3g} to {times(s.after)} "
             "the noise floor (rms of the noise). The reducible gap is what squared residuals have "
             "above the noise."
         )
@@ -252,11 +253,17 @@ def _unpredicted(a: Answers) -> float | None:
     return math.sqrt(max(0.0, 1.0 + d.remainder.before))
 
 
-def _between(interval: tuple[float, float] | None) -> str:
-    """Return an interval of shares in words."""
-    if interval is None:
-        return "no interval: the gap is too near the noise floor, or the recordings are too short"
-    low, high = (percent_fine(min(x, 1.0)) for x in interval)  # no more than all of a gap closes
+def _between(size: Size) -> str:
+    """Return the interval of the share closed in words, or why there is none."""
+    if size.closed_ci95 is None and size.blocks < FEWEST:
+        return (
+            f"no interval: the recordings are too short, {size.blocks} blocks of time where it "
+            f"takes {FEWEST}"
+        )
+    if size.closed_ci95 is None:
+        return "no interval: the gap is too near the noise floor"
+    # no more than all of a gap closes
+    low, high = (percent_fine(min(x, 1.0)) for x in size.closed_ci95)
     return f"95 % interval: {low if low == high else f'{low} to {high}'}"
 
 

@@ -71,13 +71,18 @@ def test_few_blocks_of_time_have_no_interval(blocks):
 
 
 def test_a_missing_interval_is_said():
-    s = Size(2.0, 1.01, 1.0, 0.9, None, ())
-    near = SimpleNamespace(
-        diagnosis=SimpleNamespace(size=s, held_out=(0,)), verdict="explained", position=None
-    )
-    text = far_text(near)
-    assert "90.0 % of the reducible gap closes" in text
-    assert "no interval: the gap is too near the noise floor" in text
+    near, short = Size(2.0, 1.01, 1.0, 0.9, None, ()), Size(9.0, 9.0, 1.0, 0.9, None, (), 6)
+    texts = [
+        far_text(
+            SimpleNamespace(
+                diagnosis=SimpleNamespace(size=s, held_out=(0,)), verdict="explained", position=None
+            )
+        )
+        for s in (near, short)
+    ]
+    assert all("90.0 % of the reducible gap closes" in text for text in texts)
+    assert "(no interval: the gap is too near the noise floor)" in texts[0]
+    assert "(no interval: the recordings are too short, 6 blocks of time where it" in texts[1]
 
 
 def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_folder):
