@@ -19,6 +19,7 @@ from model.parameters import Converter, Motor
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.evidence.normal import normal
 from sandbox.gap.location.map_found import with_map_found
 from sandbox.gap.posterior.estimates import SPREAD, estimates, of_motor, spread
 from sandbox.gap.posterior.evaluated import EvaluatedModel
@@ -126,11 +127,14 @@ def not_in_motor(
 
 
 def residual_of(found: Fit, parts: Mapping[str, str]) -> dict[str, float]:
-    """Return the rms of each recording's currents over the noise floor at a fit; parts: of which
-    they are parts."""
-    files = [parts.get(r.file, r.file) for r in found.point.prepared.recordings]
+    """Return the rms of each recording's currents over the noise floor at a fit, as a replay has
+    it: the flux at a first sample counts as known; parts: of which they are parts."""
+    prepared = found.point.prepared
+    files = [parts.get(r.file, r.file) for r in prepared.recordings]
+    known = tuple(dataclasses.replace(r, start=None) for r in prepared.recordings)
+    at = dataclasses.replace(found.point, prepared=dataclasses.replace(prepared, recordings=known))
     sums: dict[str, tuple[float, float]] = {}
-    for s in found.normal.segments:
+    for s in normal(at, ()).segments:
         if s.channel == "current":
             ssr, n = sums.get(files[s.recording], (0.0, 0.0))
             sums[files[s.recording]] = ssr + float(s.rr.sum()), n + float(s.n.sum())
