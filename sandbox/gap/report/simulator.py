@@ -12,6 +12,8 @@ import dataclasses
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from model.effects import library
 from model.effects.library import true_motor
 from model.mapped import MappedMotor
@@ -19,7 +21,7 @@ from model.parameters import Converter, Motor
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import Fit
-from sandbox.gap.evidence.normal import normal
+from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.map_found import with_map_found
 from sandbox.gap.posterior.estimates import SPREAD, estimates, of_motor, spread
 from sandbox.gap.posterior.evaluated import EvaluatedModel
@@ -133,9 +135,8 @@ def residual_of(found: Fit, parts: Mapping[str, str]) -> dict[str, float]:
     files = [parts.get(r.file, r.file) for r in prepared.recordings]
     known = tuple(dataclasses.replace(r, start=None) for r in prepared.recordings)
     at = dataclasses.replace(found.point, prepared=dataclasses.replace(prepared, recordings=known))
-    sums: dict[str, tuple[float, float]] = {}
-    for s in normal(at, ()).segments:
-        if s.channel == "current":
-            ssr, n = sums.get(files[s.recording], (0.0, 0.0))
-            sums[files[s.recording]] = ssr + float(s.rr.sum()), n + float(s.n.sum())
-    return {file: math.sqrt(ssr / n) for file, (ssr, n) in sums.items()}
+    sums: dict[str, tuple[float, int]] = {}
+    for file, left in zip(files, shown(at), strict=True):
+        square, n = sums.get(file, (0.0, 0))
+        sums[file] = square + float(np.sum(left.current**2)), n + left.current.size
+    return {file: math.sqrt(square / n) for file, (square, n) in sums.items()}
