@@ -3,7 +3,7 @@ escape.
 
 `python -m experiments.fuzz --inputs 100000` goes on where it stopped (`--state FILE`); an escape is
 made smaller and kept under `tests/fuzz/findings`, where the suite tries it ever after.  An input is
-good if it is let in, or refused in one line of at most 400 characters, within 10 s, within 2 GB,
+good if it is let in, or refused in one line of at most 700 characters, within 10 s, within 2 GB,
 leaving nothing behind.  Inputs are read in a child process: one that crashes, or hangs where no
 alarm is heard, is an escape, too, and the next child
 goes on behind it.

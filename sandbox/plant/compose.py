@@ -183,4 +183,4 @@ def ports_module() -> ModuleType:
 
 
 if __name__ == "__main__":
-    print(ports_source())
+    sys.stdout.write(ports_source() + "\n")

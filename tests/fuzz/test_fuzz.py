@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.errors import BadInput
+from model.errors import LONGEST_SENTENCE, BadInput
 from model.fluxmap import read_map
 from sandbox.cli.arguments import number, positive_int, seed_number
 from tests.fuzz.commands import call, call_number, left_behind, make_home
@@ -104,7 +104,8 @@ def test_an_escape_is_seen():
 
     assert judged(lambda: 1 / 0).why.startswith("ZeroDivisionError in test_fuzz.py")
     assert [
-        judged(lambda t=t: refuse(t)).kind for t in ("a\nb", "", "x" * 401, "give a number")
+        judged(lambda t=t: refuse(t)).kind
+        for t in ("a\nb", "", "x" * (LONGEST_SENTENCE + 1), "give a number")
     ] == ["escaped", "escaped", "escaped", "refused"]
     assert judged(lambda: 1).kind == "accepted"
     assert wrong_sentence("5\xa0%") == ""
