@@ -55,10 +55,9 @@ class Start(NamedTuple):
 
     def taken_off(self, x: Array) -> None:
         """Whiten readings or their slopes (n, 3, k) from the first sample on, in place."""
-        m = len(self.shape)
-        shape = self.shape.reshape(-1, 2)
-        own = x[:m].reshape(3 * m, -1)
-        own -= (self.share * shape) @ (shape.T @ own)
+        m, shape = len(self.shape), self.shape.reshape(-1, 2)
+        taken = (self.share * shape) @ (shape.T @ x[:m].reshape(3 * m, -1))
+        x[:m] -= taken.reshape(x[:m].shape)
 
 
 @dataclass(frozen=True)

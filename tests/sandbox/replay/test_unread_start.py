@@ -65,6 +65,19 @@ def test_answers_of_a_linear_motor_decay_with_its_time_constants():
     assert not found[0].any()  # the first current is the one read
 
 
+def test_whitening_acts_however_an_array_lies_in_memory():
+    """Every other column of a wider array, and sets first in memory, as indexing leaves them."""
+    (r,) = with_starts(prepared_of(record({}, "locked", n=40))).recordings
+    y = np.random.default_rng(2).standard_normal((40, 3, 4))
+    plain, wide, turned = y.copy(), np.zeros((40, 3, 8)), np.asfortranarray(y)
+    wide[:, :, ::2] = y
+    for x in (plain, wide[:, :, ::2], turned):
+        r.start.taken_off(x)
+    assert not np.array_equal(plain, y)
+    np.testing.assert_allclose(wide[:, :, ::2], plain, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(turned, plain, rtol=1e-12, atol=1e-14)
+
+
 @pytest.mark.parametrize("rotor", ["locked", "driven"])
 def test_whitening_is_the_root_of_the_covariance(rotor):
     """Squares of whitened residuals are y'(I + C C')^-1 y."""
