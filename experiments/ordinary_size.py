@@ -33,7 +33,7 @@ from model.effects import library
 from sandbox.gap.diagnose import out_of_sight
 from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.evidence.fit import fit, rms_of
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.posterior.candidates import candidates
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, linear_model
@@ -66,9 +66,9 @@ def traces(
     prior."""
     campaign = read_folder(path)
     drive, weights = campaign.drive, weights_of(len(campaign.recordings))
-    nominal = Point(prepare(campaign), complete(drive.motor, drive.converter))
+    nominal = ParameterPoint(prepare(campaign), complete(drive.motor, drive.converter))
     null = fit(nominal, (), weights)
-    true = Point(prepare(campaign, values), complete(drive.motor, drive.converter, values))
+    true = ParameterPoint(prepare(campaign, values), complete(drive.motor, drive.converter, values))
     found = fit(true, tuple(effects), weights) if effects else null
     first = {
         c.effect: c for c in reversed(candidates(null.point, out_of_sight(campaign), left=0.0))

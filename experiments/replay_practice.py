@@ -26,7 +26,7 @@ import numpy as np
 from model.effects import library
 from model.parameters import Motor
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.output.files import write_json
 from sandbox.plant.sets import complete
@@ -104,11 +104,15 @@ def missed(prepared: Prepared, values: Mapping[str, float]) -> list[dict[str, An
     return rows
 
 
-def fitted_from(campaign: Campaign, values: Mapping[str, float], effects: Sequence[str]) -> Point:
+def fitted_from(
+    campaign: Campaign, values: Mapping[str, float], effects: Sequence[str]
+) -> ParameterPoint:
     """Return the most probable point near the truth: sizes of the true effects and ordinary
     deviations fitted."""
     drive = campaign.drive
-    begun = Point(prepare(campaign, values), complete(drive.motor, drive.converter, values))
+    begun = ParameterPoint(
+        prepare(campaign, values), complete(drive.motor, drive.converter, values)
+    )
     return fit(begun, tuple(effects), weights_of(len(campaign.recordings))).point
 
 

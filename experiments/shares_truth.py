@@ -30,7 +30,7 @@ import numpy as np
 from experiments.drawing import COLOURS, new_figure, save
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.noise import noise_of
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_folder
@@ -72,9 +72,9 @@ def gap_of(campaign: Campaign) -> float:
     prepared = prepare(campaign)
     noise = noise_of(campaign)
     prepared = replace(prepared, noise_std=noise.used, colour=noise.colour)
-    start = Point(prepared, complete(campaign.drive.motor, campaign.drive.converter))
+    start = ParameterPoint(prepared, complete(campaign.drive.motor, campaign.drive.converter))
     found = fit(start, (), weights_of(len(prepared.recordings)), workers=1)
-    return sum(float(s.rr.sum() - s.n.sum()) for s in found.normal.segments)
+    return sum(float(s.ssr.sum() - s.n.sum()) for s in found.normal.segments)
 
 
 def rows_of(case: Case, seed: int, folder: Path) -> Iterator[Row]:

@@ -24,7 +24,7 @@ import numpy as np
 from experiments.diagnosed_cases import thor_with_map
 from experiments.drawing import RESULTS, save, shared
 from experiments.real_drives import thor
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import decompose
 from sandbox.plant.sets import complete
@@ -129,7 +129,9 @@ def of_residual() -> dict[int, float]:
     fitted."""
     with tempfile.TemporaryDirectory() as folder:
         campaign = read_folder(thor_with_map(Path(folder)))
-        start = Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
+        start = ParameterPoint(
+            prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter)
+        )
     shares: dict[int, float] = {}
     for n, share in decompose(start, shown(start)).electrical.items():
         shares[abs(n)] = shares.get(abs(n), 0.0) + share

@@ -49,7 +49,7 @@ def test_a_newcomer_finds_the_core_in_two_steps():
         "hessian",
         "_voltages",
         "in_volts",
-        "floor_of",
+        "noise_std_of",
         "evaluate",
         "_evidence",
         "hypotheses",

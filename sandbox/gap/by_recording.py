@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from model.confidence import Z95
 from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, Drift, misstated, sized
-from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.location.where import LEAST, Finding, percent, sentences
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.posterior.estimates import Estimate, spread
@@ -125,7 +125,7 @@ def with_offset(effects: Set) -> Set:
     return (*own, UNKNOWN) if UNKNOWN in effects else tuple(own)
 
 
-def share_of(with_it: Normal, without: Normal) -> Share:
+def share_of(with_it: NormalEquations, without: NormalEquations) -> Share:
     """Return the share of the gap that offsets by recording have, with its interval over
     recordings."""
     (a, n), (b, _) = _squares(with_it), _squares(without)
@@ -138,11 +138,11 @@ def share_of(with_it: Normal, without: Normal) -> Share:
     return Share(value, float(low), float(high), value)
 
 
-def _squares(n: Normal) -> tuple[Array, Array]:
+def _squares(n: NormalEquations) -> tuple[Array, Array]:
     """Return the squares that each recording leaves, and how many readings it has (r,)."""
     left = np.zeros((2, 1 + max(s.recording for s in n.segments)))
     for s in n.segments:
-        left[:, s.recording] += float(s.rr.sum()), float(s.n.sum())
+        left[:, s.recording] += float(s.ssr.sum()), float(s.n.sum())
     return left[0], left[1]
 
 

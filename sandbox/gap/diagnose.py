@@ -23,7 +23,7 @@ from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.map_modes import missed, with_modes
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, noise_caution, noise_of
-from sandbox.gap.evidence.normal import Normal, Point, counted, normal
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, counted, normal
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.excerpts import begun, excerpted
 from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
@@ -58,10 +58,10 @@ class Drift:
     differences are taken off."""
 
     chance: float
-    nominal: Normal
+    nominal: NormalEquations
     whole: Fit
     before: Fit
-    without: Normal
+    without: NormalEquations
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class Diagnosis:
     """
 
     campaign: Campaign
-    start: Point
-    nominal: Normal
+    start: ParameterPoint
+    nominal: NormalEquations
     before: Fit
     after: Fit
     held_out: tuple[int, ...]
@@ -178,8 +178,10 @@ def _diagnosed(
     left = held_out(found.linear)
     before = _without(found.null, start, left, workers)
     ranked = hypotheses(found, misstated(noise), workers=workers)
-    told, after = foretelling(ranked, before, lambda fit: _without(fit, start, left, workers), left)
-    best = told[0].evaluated
+    named, after = passing_holdout(
+        ranked, before, lambda fit: _without(fit, start, left, workers), left
+    )
+    best = named[0].evaluated
     rest = remainder(found.null, best.fit, misstated(noise))
     size = sized(own, start, nominal, before, after, left)
     return Diagnosis(
@@ -190,8 +192,8 @@ def _diagnosed(
         after,
         left,
         tuple(found.evaluated.values()),
-        tuple(told),
-        tuple({} if h.effects == (UNKNOWN,) else estimates(h.evaluated) for h in told),
+        tuple(named),
+        tuple({} if h.effects == (UNKNOWN,) else estimates(h.evaluated) for h in named),
         found.mean_variance,
         rest,
         size,
@@ -222,7 +224,12 @@ def _drift(found: Inference, own: Campaign, left: Sequence[int], workers: int) -
 
 
 def sized(
-    own: Campaign, start: Point, nominal: Normal, before: Fit, after: Fit, left: Sequence[int]
+    own: Campaign,
+    start: ParameterPoint,
+    nominal: NormalEquations,
+    before: Fit,
+    after: Fit,
+    left: Sequence[int],
 ) -> Size:
     """Return how large the gap is, recordings in the campaign's order."""
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
@@ -230,8 +237,8 @@ def sized(
     return replace(size, recordings=tuple(sorted(size.recordings, key=lambda r: place[r.file])))
 
 
-def foretelling(
-    told: list[Hypothesis], before: Fit, without: Callable[[Fit], Fit], left: Sequence[int]
+def passing_holdout(
+    ranked: list[Hypothesis], before: Fit, without: Callable[[Fit], Fit], left: Sequence[int]
 ) -> tuple[list[Hypothesis], Fit]:
     """Return hypotheses whose first one predicts recordings that were not fitted at least as well
     as ordinary deviations alone do, and its fit without these; each that does not passes its
@@ -241,21 +248,21 @@ def foretelling(
     `left`.  A name that makes the prediction worse is not given: what it explains elsewhere it
     imitates.
     """
-    while told[0].evaluated.effects:
-        after = without(told[0].evaluated.fit)
+    while ranked[0].evaluated.effects:
+        after = without(ranked[0].evaluated.fit)
         if not left or rms(after.normal, left) <= rms(before.normal, left):
-            return told, after
-        told = _passed(told)
-    return told, before
+            return ranked, after
+        ranked = _passed(ranked)
+    return ranked, before
 
 
-def _passed(told: list[Hypothesis]) -> list[Hypothesis]:
+def _passed(ranked: list[Hypothesis]) -> list[Hypothesis]:
     """Return hypotheses without the first one's set, whose probability goes to something outside
     the library alone."""
-    gone = told[0].evaluated.effects
-    lost = sum(h.probability for h in told if h.evaluated.effects == gone)
-    rest = [h for h in told if h.evaluated.effects != gone]
-    none = min(rest, key=lambda h: len(h.evaluated.effects)) if rest else told[0]
+    gone = ranked[0].evaluated.effects
+    lost = sum(h.probability for h in ranked if h.evaluated.effects == gone)
+    rest = [h for h in ranked if h.evaluated.effects != gone]
+    none = min(rest, key=lambda h: len(h.evaluated.effects)) if rest else ranked[0]
     kept = [h for h in rest if h.effects != (UNKNOWN,)]
     alone = lost + sum(h.probability for h in rest if h.effects == (UNKNOWN,))
     return sorted(
@@ -265,7 +272,7 @@ def _passed(told: list[Hypothesis]) -> list[Hypothesis]:
 
 
 def misstated(noise: Noise) -> float:
-    """Return by how much of itself the noise's square may be misstated: twice what the floor that
+    """Return by how much of itself the noise's square may be misstated: twice what the one that
     is used differs from the noise that readings show, and what that is known to where it is
     coloured; nothing where the stated one stands alone; what is estimated for a slow log, all."""
     if noise.unseen:
@@ -277,13 +284,15 @@ def misstated(noise: Noise) -> float:
     return 0.0 if apart > math.log(PLAUSIBLE) else 2.0 * math.hypot(apart, known)
 
 
-def _nominal(own: Campaign, noise: Noise, memory: float, workers: int) -> tuple[Point, Normal]:
+def _nominal(
+    own: Campaign, noise: Noise, memory: float, workers: int
+) -> tuple[ParameterPoint, NormalEquations]:
     """Return a campaign at its nominal model; PhysicsError where that predicts nothing finite."""
     left_over = spare(memory, sum(len(r.t) for r in own.recordings))
     prepared = prepare(in_order(own))
     prepared = replace(prepared, noise_std=noise.used, colour=noise.colour, spare=left_over)
     prepared = with_starts(prepared)
-    start = Point(prepared, complete(own.drive.motor, own.drive.converter))
+    start = ParameterPoint(prepared, complete(own.drive.motor, own.drive.converter))
     nominal = normal(start, (), workers=workers)
     if not np.isfinite(rms(nominal, range(len(prepared.recordings)))):
         raise PhysicsError(
@@ -293,7 +302,7 @@ def _nominal(own: Campaign, noise: Noise, memory: float, workers: int) -> tuple[
     return start, nominal
 
 
-def _excerpts(start: Point) -> Point | None:
+def _excerpts(start: ParameterPoint) -> ParameterPoint | None:
     """Return the nominal point of a campaign cut to excerpts, on which the search for effects
     begins; None where that would save little."""
     if start.prepared.samples <= 2 * USUAL_SETTINGS.samples:
@@ -306,7 +315,9 @@ def _excerpts(start: Point) -> Point | None:
     return replace(start, prepared=with_starts(replace(short, **known)))
 
 
-def _with_map(start: Point, short: Point | None) -> tuple[Point, Point | None]:
+def _with_map(
+    start: ParameterPoint, short: ParameterPoint | None
+) -> tuple[ParameterPoint, ParameterPoint | None]:
     """Return a campaign's nominal point, and that of its excerpts, with what the motor's flux map
     may be off by."""
     campaign = start.prepared.campaign
@@ -342,12 +353,12 @@ def out_of_sight(campaign: Campaign) -> tuple[str, ...]:
     return tuple(own)
 
 
-def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit:
+def _without(whole: Fit, start: ParameterPoint, left: Sequence[int], workers: int) -> Fit:
     """Return a fit to all recordings made again without those that are held out; start: the nominal
     model.
 
-    With effects it begins where the whole fit ended, a few steps away: near the floor its end is
-    the same (a test spoils the recording held out).  Far from the floor it could keep some of what
+    With effects it begins where the whole fit ended, a few steps away: near the noise its end is
+    the same (a test spoils the recording held out).  Far from the noise it could keep some of what
     the whole fit saw: there the best of two counts, the other begins at the nominal model with the
     effects alone, as one without effects does.  Where neither can be made (no motor has the flux
     that a recording begins with), the whole fit stands.

@@ -33,7 +33,7 @@ from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Excerpt, Excerpts
-from sandbox.replay.inputs import AT_REST, noise_floor
+from sandbox.replay.inputs import AT_REST, stated_noise_std
 
 Array = NDArray[np.float64]
 # samples that are all used: the largest campaign of the blind checks holds 169 920
@@ -244,7 +244,7 @@ def begins_at_rest(campaign: Campaign, r: CampaignRecording) -> bool:
     if _size(_first_readings(r)) > small:
         return False
     period = campaign.drive.converter.sampling_period
-    near = STARTED * noise_floor(campaign.drive.converter)
+    near = STARTED * stated_noise_std(campaign.drive.converter)
     begun = [x for x in campaign.recordings if x.starts_at < (len(_settling(x)) + 0.5) * period]
     alike = [x for x in map(_first_readings, begun) if _size(x) <= small]
     own, usual = _first_readings(r), np.zeros(3)

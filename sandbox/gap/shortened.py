@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sandbox.gap.evidence.normal import Point, block_length
+from sandbox.gap.evidence.normal import ParameterPoint, block_length
 
 # bytes: 198 regressors of two components, made from 99 and from their answers, and copied once
 SAMPLE = 14e3
 
 
-def share(point: Point) -> float:
+def share(point: ParameterPoint) -> float:
     """Return the share of a campaign that regressions are made on: 1 where memory allows it."""
     prepared = point.prepared
     return min(1.0, prepared.spare / (SAMPLE * prepared.samples))
 
 
-def shortened(point: Point) -> Point:
+def shortened(point: ParameterPoint) -> ParameterPoint:
     """Return the point with that share of each recording: its middle, of a free rotor its beginning
     (a motion that is foretold from sample to sample has to begin with it)."""
     part, cut = share(point), block_length(point.prepared)

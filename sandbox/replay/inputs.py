@@ -69,7 +69,7 @@ class Inputs:
     track: Any  # (n held,) of `kernel.TRACK`
     read: Array
     motion: Motion
-    angle_floor: float  # rad rms of one encoder reading
+    angle_noise_std: float  # rad rms of one encoder reading
     pole_pairs: float
     loaded: bool  # current flows at the first sample
     turning: bool  # a free rotor turns there, by more than the motion filter takes for standing
@@ -185,16 +185,16 @@ def course_of(motion: Motion, pole_pairs: float, period: float) -> dict[str, Arr
     return {name: np.asarray(x) for name, x in course.items()}
 
 
-def noise_floor(converter: Converter) -> float:
+def stated_noise_std(converter: Converter) -> float:
     """Return the rms (A) of one current reading about its true value: noise and counts; BadInput
     where neither is stated."""
-    floor = math.hypot(converter.current_noise, converter.current_resolution / math.sqrt(12.0))
-    if floor <= 0.0:
+    std = math.hypot(converter.current_noise, converter.current_resolution / math.sqrt(12.0))
+    if std <= 0.0:
         raise BadInput(
             "[drive] current_noise and current_resolution are both 0, so no residual can "
             "be judged; give at least one"
         )
-    return floor
+    return std
 
 
 def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]) -> Inputs:
@@ -293,7 +293,7 @@ def load_share(campaign: Campaign) -> float:
 def torque_noise(motor: Motor, converter: Converter) -> float:
     """Return the standard deviation (N m) of the torque that a sample's measured currents tell."""
     reluctance = abs(motor.inductance_d - motor.inductance_q) * motor.rated_current
-    return 1.5 * motor.pole_pairs * max(motor.magnet_flux, reluctance) * noise_floor(converter)
+    return 1.5 * motor.pole_pairs * max(motor.magnet_flux, reluctance) * stated_noise_std(converter)
 
 
 def legs_of(u_alpha: Array, u_beta: Array, u_dc: Array, converter: Converter) -> Array:

@@ -13,7 +13,7 @@ predictions stay stable however wrong a set is, and each set costs the same.
     residual = residuals(prepared, prediction)
 
 Checked: against the switched bench effect by effect, and on recordings of a foreign bench with
-known effects (noise floor); tests/sandbox/replay/test_replay.py.
+known effects (down to the noise); tests/sandbox/replay/test_replay.py.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from model.spline_correction import MapError
 from sandbox.plant.sets import batch_of, complete, features_of, readings_at, sampled_at
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.grouping import SAMPLED, grouped, room_of
-from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
+from sandbox.replay.inputs import Inputs, inputs_of, stated_noise_std
 from sandbox.replay.stretches import Stretch
 from sandbox.replay.walking import Block, Running
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
 STEPS = (1, 2, 4, 8)
-ACCURACY = 0.02  # of the noise floor: largest rms change on halving the plant's step
+ACCURACY = 0.02  # of the noise: largest rms change on halving the plant's step
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A campaign ready for replay: inputs of each recording, plant steps a sampling period, floors,
-    base set.
+    """A campaign ready for replay: inputs of each recording, plant steps a sampling period,
+    standard deviations of readings, base set.
 
     spare: bytes that a diagnosis may take beside what grows with the campaign anyway
     (`sandbox.replay.memory`);
@@ -102,8 +102,8 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Residual:
-    """One recording's residuals over their noise floors: current (n, 3, sets); motion, angle (n,
-    sets) or None."""
+    """One recording's residuals over the readings' standard deviations: current (n, 3, sets);
+    motion, angle (n, sets) or None."""
 
     file: str
     rotor: str
@@ -128,7 +128,7 @@ def prepare(
     base: parameter set at which a free rotor's angle is smoothed (its torque helps the encoder;
     repeat where a fit has moved far).  files: which recordings, all by default.  steps: plant steps
     a sampling period; by default the least whose halving moves no recording's prediction by more
-    than ACCURACY of the noise floor. BadInput where no recording is left, or its values cannot be
+    than ACCURACY of the noise. BadInput where no recording is left, or its values cannot be
     replayed.
     """
     drive = campaign.drive
@@ -136,10 +136,11 @@ def prepare(
     chosen = campaign.recordings if files is None else tuple(campaign[f] for f in files)
     if not chosen:
         raise BadInput("no recording to replay; name at least one file of the campaign")
-    floor = noise_floor(drive.converter)
     wanted = STEPS if steps is None else (steps,)
     first = tuple(inputs_of(campaign, r, dict(base or {})) for r in chosen)
-    prepared = Prepared(campaign, first, wanted[0], floor, dict(base or {}))
+    prepared = Prepared(
+        campaign, first, wanted[0], stated_noise_std(drive.converter), dict(base or {})
+    )
     if steps is not None:
         return prepared
     for _ in STEPS[1:]:
@@ -160,8 +161,8 @@ def with_steps(prepared: Prepared, steps: int) -> Prepared:
 
 
 def halving_error(prepared: Prepared) -> list[float]:
-    """Return per recording the rms change of the readings, in noise floors, when the plant's step
-    is halved."""
+    """Return per recording the rms change of the readings over their noise's standard deviation
+    when the plant's step is halved."""
     out = []
     for r in prepared.recordings:  # one by one: two predictions of everything would be large
         own = replace(prepared, recordings=(r,))
@@ -216,7 +217,8 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
 
 
 def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
-    """Return each recording's residuals (read less predicted) over their noise floors."""
+    """Return each recording's residuals (read less predicted) over the readings' standard
+    deviations."""
     parts = zip(prediction.currents, prediction.motion, prediction.angle, strict=True)
     n = [r.samples for r in prepared.recordings]
     return [
@@ -228,7 +230,7 @@ def residual_of(prepared: Prepared, s: Stretch, shown: Shown) -> Residual:
     """Return the residuals over a stretch of what is predicted there."""
     r, own = prepared.recordings[s.recording], slice(s.first, s.last)
     turned = (
-        None if shown.angle is None else (r.angle_read[own, None] - shown.angle) / r.angle_floor
+        None if shown.angle is None else (r.angle_read[own, None] - shown.angle) / r.angle_noise_std
     )
     current = (r.read[own, :, None] - shown.current) / prepared.noise_std
     if r.start is not None and not s.first:

@@ -2,7 +2,7 @@
 stretch by stretch.
 
 Of current readings with coloured errors residuals and slopes are whitened: what the ones before
-foretell is taken off, and what is left is divided by its standard deviation (Durbin, Rev. Int.
+predict is taken off, and what is left is divided by its standard deviation (Durbin, Rev. Int.
 Stat. Inst. 28 (1960) 233, whose recursion gives the coefficients from the errors'
 autocorrelations).  Sums of squares are then those of the inverse covariance, of an autoregression.
 A block begins anew, so that blocks stay independent.
@@ -37,15 +37,15 @@ Rows = Array | Kept  # slopes (n c, q) of a segment, in memory or in a file
 
 @dataclass(frozen=True)
 class Segment:
-    """One channel of one recording: places (p,) of its columns; per block A (b, p, p), g (b, p), rr
-    (b,), n (b,)."""
+    """One channel of one recording: places (p,) of its columns; per block A (b, p, p), g (b, p),
+    sums of squared residuals ssr (b,), n (b,)."""
 
     recording: int
     channel: str
     places: NDArray[np.int64]
     a: Array
     g: Array
-    rr: Array
+    ssr: Array
     n: Array
 
 
@@ -54,9 +54,9 @@ def squared_slopes(
 ) -> list[tuple[Segment, Rows]]:
     """Return all segments with their slopes, which stay in memory where they fit; cut: samples of a
     block."""
-    beside = 0 if prepared.map_error is None else len(prepared.map_error.x)
-    answers, moves = Answers(prepared, moves.at), replace(moves, beside=beside)
-    width, n = len(moves.to) + beside, [r.samples for r in prepared.recordings]
+    map_modes = 0 if prepared.map_error is None else len(prepared.map_error.x)
+    answers, moves = Answers(prepared, moves.at), replace(moves, map_modes=map_modes)
+    width, n = len(moves.to) + map_modes, [r.samples for r in prepared.recordings]
     room, size = (
         SHARE * prepared.spare,
         8.0 * width * sum(_readings(r) for r in prepared.recordings),
@@ -68,7 +68,7 @@ def squared_slopes(
     out: list[tuple[Segment, Rows]] = []
     gathering: list[Gathering] = []
     for s, found in slopes(prepared, moves, groups, workers=workers):
-        if beside:
+        if map_modes:
             found.current[:, :, len(moves.to) :] = answers.over(s)
         start = prepared.recordings[s.recording].start
         if start is not None and not s.first:
@@ -126,7 +126,7 @@ def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[C
     if found.angle is not None:
         # the reading turns with the angle itself, not with the encoder's offset
         found.angle[:, turn] = sign
-        out.append(part("angle", found.angle[:, None, :], scale / r.angle_floor))
+        out.append(part("angle", found.angle[:, None, :], scale / r.angle_noise_std))
     return out
 
 
@@ -194,7 +194,7 @@ def whiten(x: Array, colour: Colour, s: Stretch, cut: int) -> None:
 
 @cache
 def predictors(colour: Colour) -> list[tuple[Array, float]]:
-    """Return weights of the readings before, the latest first, by which 0, 1, ... of them foretell
+    """Return weights of the readings before, the latest first, by which 0, 1, ... of them predict
     an error best, and the standard deviation of what they leave; up to the order from which no
     noise has such autocorrelations."""
     weights, square = np.zeros(0), 1.0
@@ -234,7 +234,7 @@ def squared(
             rb = r[first - s.first : last - s.first].ravel()
             with np.errstate(over="ignore", invalid="ignore"):
                 # of an absurd set: nothing is probable there
-                own.g[b], own.rr[b] = rb @ jb, rb @ rb
+                own.g[b], own.ssr[b] = rb @ jb, rb @ rb
 
 
 def _segment(
@@ -244,10 +244,10 @@ def _segment(
     wide, q = r.shape[1], len(places)
     cuts = blocks(len(r), cut)
     a, g = np.empty((len(cuts), q, q)), np.empty((len(cuts), q))
-    rr, count = np.empty(len(cuts)), np.empty(len(cuts))
+    ssr, count = np.empty(len(cuts)), np.empty(len(cuts))
     for b, (first, last) in enumerate(cuts):
         jb, rb = j[first * wide : last * wide], r[first:last].ravel()
         with np.errstate(over="ignore", invalid="ignore"):
             a[b], g[b] = jb.T @ jb, rb @ jb
-            rr[b], count[b] = rb @ rb, rb.size
-    return Segment(k, channel, places, a, g, rr, count)
+            ssr[b], count[b] = rb @ rb, rb.size
+    return Segment(k, channel, places, a, g, ssr, count)

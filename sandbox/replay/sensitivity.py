@@ -190,14 +190,14 @@ class Slopes(NamedTuple):
 @dataclass(frozen=True)
 class Moves:
     """Displaced sets `to` (p,), beside the set `at`; steps: (p,) in any unit; mechanical: (p,) this
-    one acts on free rotors only; beside: columns (0) that are left to the caller, behind those of
-    the sets."""
+    one acts on free rotors only; map_modes: columns (0) of a flux map's modes, which are left to
+    the caller, behind those of the sets."""
 
     at: Set
     to: Sequence[Set]
     steps: Array
     mechanical: Sequence[bool]
-    beside: int = 0
+    map_modes: int = 0
 
 
 def slopes(
@@ -212,7 +212,7 @@ def slopes(
     both = [[k for k, m in enumerate(moves.mechanical) if m == only] for only in (False, True)]
     electrical, mechanical = _blocks(prepared, sets, both[0]), _shafts(prepared, sets, both[1])
     for group in groups:
-        results = {s: _empty(prepared, s, len(moves.to) + moves.beside) for s in group}
+        results = {s: _empty(prepared, s, len(moves.to) + moves.map_modes) for s in group}
         jobs = []
         for s in group:
             jobs += [(s, block, columns, k == 0) for k, (block, columns) in enumerate(electrical)]

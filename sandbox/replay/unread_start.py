@@ -6,10 +6,10 @@ to the axis of the smaller inductance: of a saliency of six a reading's noise al
 times as much along d.
 
 Both components are integrated out, Gaussian, with the deviation P of a reading's noise.  With C
-the readings' answers (in floors) to one deviation each, residuals have the covariance I + C P C'.
-Residuals and slopes are whitened by its root: along each of two orthonormal shapes, a share 1 -
-1/sqrt(1 + s^2) is taken off, s the singular value there.  It is one for all sets (of the nominal
-model), so evidences miss no determinant.
+the readings' answers (in units of their noise's standard deviation) to one deviation each,
+residuals have the covariance I + C P C'.  Residuals and slopes are whitened by its root: along each
+of two orthonormal shapes, a share 1 - 1/sqrt(1 + s^2) is taken off, s the singular value there.  It
+is one for all sets (of the nominal model), so evidences miss no determinant.
 Checked: tests/sandbox/replay/test_unread_start.py.
 """
 

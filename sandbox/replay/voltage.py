@@ -18,16 +18,17 @@ from sandbox.replay.replay import Prepared
 Array = NDArray[np.float64]
 
 
-def stationary_residual(current: Array, floor: float) -> Array:
-    """Return alpha and beta (n, 2) in A of a current residual (n, 3, 1) over its floor (A)."""
-    return np.asarray((2.0 / 3.0) * floor * current[:, :, 0] @ LEGS)
+def stationary_residual(current: Array, noise_std: float) -> Array:
+    """Return alpha and beta (n, 2) in A of a current residual (n, 3, 1) over the noise's standard
+    deviation (A)."""
+    return np.asarray((2.0 / 3.0) * noise_std * current[:, :, 0] @ LEGS)
 
 
 def voltage_residual(
     prepared: Prepared, values: Mapping[str, float], recording: int, current: Array
 ) -> Array:
     """Return the stationary voltage (n - 1, 2) in V that would explain a current residual (n, 3, 1)
-    over its floor.
+    over the noise's standard deviation.
 
     u = d(L i)/dt + R i with the incremental inductances of the set's own model at the current as
     read.

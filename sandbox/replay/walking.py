@@ -261,11 +261,11 @@ def flux_as_read(w, flux_map, reading, c, s, flux):
             d, q, status = flux_newton(energy_of(w, j), i_d, i_q, 0.0, 0.0)
         else:
             d, q, status = flux_newton(flux_map, i_d, i_q, 0.0, 0.0)
-        x, y = beside(w, flux_map, j, c[j], s[j], d, q)
+        x, y = added_current(w, flux_map, j, c[j], s[j], d, q)
         if x != 0.0 or y != 0.0:
             if status != SOLVED:
                 d, q = 0.0, 0.0
-            d, q, status = flux_beside(w, flux_map, j, c[j], s[j], i_d, i_q, d, q)
+            d, q, status = flux_with_added_current(w, flux_map, j, c[j], s[j], i_d, i_q, d, q)
         if status != SOLVED:
             return j, math.hypot(i_a, i_b)
         flux[0, j], flux[1, j] = d, q
@@ -289,9 +289,9 @@ def energy_of(w, j):
 
 
 @kernel
-def beside(w, flux_map, j, c, s, d, q):
-    """Return the current (A) at a flux (Wb) beside that of the quartic, or of the flux map: what
-    effects add."""
+def added_current(w, flux_map, j, c, s, d, q):
+    """Return the current (A) at a flux (Wb) that effects add to that of the quartic, or of the
+    flux map."""
     i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
     for k in range(w.more_energy):
         x, y, _ = ports.further_energy(w, k, j, c, s, d, q)
@@ -305,13 +305,13 @@ def beside(w, flux_map, j, c, s, d, q):
 @kernel
 def missed(w, flux_map, j, c, s, i_d, i_q, d, q):
     """Return what is left of a current (A) at a flux (Wb)."""
-    x, y = beside(w, flux_map, j, c, s, d, q)
+    x, y = added_current(w, flux_map, j, c, s, d, q)
     m_d, m_q = quartic(w, j, d, q) if flux_map is None else ports.map_currents(flux_map, d, q)
     return i_d - m_d - x, i_q - m_q - y
 
 
 @kernel
-def flux_beside(w, flux_map, j, c, s, i_d, i_q, d, q):
+def flux_with_added_current(w, flux_map, j, c, s, i_d, i_q, d, q):
     """Solve for the flux (Wb) of a current (A) with all that effects add, by Newton's method from
     (d, q), steps halved until less is left; slopes are central differences, exact for currents of
     second degree.

@@ -18,7 +18,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, ndtri_exp
 
-from sandbox.gap.evidence.normal import Normal, Segment
+from sandbox.gap.evidence.normal import NormalEquations, Segment
 from sandbox.gap.evidence.priors import Coordinate
 
 Array = NDArray[np.float64]
@@ -65,17 +65,17 @@ class Algebra:
 
     a: Array
     g: Array
-    rr: float
+    ssr: float
     x: Array
 
     def damped(self, share: float) -> Algebra:
         """Return the same with steps from x held back: that share of A's diagonal on top (Marquardt
         1963)."""
-        return Algebra(self.a + share * np.diag(np.diag(self.a)), self.g, self.rr, self.x)
+        return Algebra(self.a + share * np.diag(np.diag(self.a)), self.g, self.ssr, self.x)
 
     def scaled(self, noise: float) -> Algebra:
         """Return the same for a noise variance so many times larger."""
-        return Algebra(self.a / noise, self.g / noise, self.rr / noise, self.x)
+        return Algebra(self.a / noise, self.g / noise, self.ssr / noise, self.x)
 
     def most_probable(self, prior: Prior) -> MostProbable:
         """Return the most probable values under a prior.
@@ -85,7 +85,9 @@ class Algebra:
         infinite.
         """
         movable = prior.deviation > 0.0
-        if not (np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)):
+        if not (
+            np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.ssr)
+        ):
             return MostProbable(self.x, movable, math.inf)
         size = prior.deviation[movable]
         x = np.clip(prior.mean, prior.low, prior.high)
@@ -109,7 +111,7 @@ class Algebra:
         together."""
         shift, free = x - self.x, prior.deviation > 0.0
         away = (x - prior.mean)[free] / prior.deviation[free]
-        return float(self.rr - 2.0 * shift @ self.g + shift @ self.a @ shift + np.sum(away**2))
+        return float(self.ssr - 2.0 * shift @ self.g + shift @ self.a @ shift + np.sum(away**2))
 
     def log_evidence(self, prior: Prior) -> float:
         """Return the log evidence (Laplace) under a prior.
@@ -219,13 +221,13 @@ def within_bounds(
     return found.x, found.active_mask == 0
 
 
-def algebra(n: Normal, weights=None) -> Algebra:
+def algebra(n: NormalEquations, weights=None) -> Algebra:
     """Return the summed normal equations of a point."""
-    a, g, rr = n.summed(weights)
-    return Algebra(a, g, rr, n.x)
+    a, g, ssr = n.summed(weights)
+    return Algebra(a, g, ssr, n.x)
 
 
-def sandwich(n: Normal, x: Array, covariance: Array) -> Array:
+def sandwich(n: NormalEquations, x: Array, covariance: Array) -> Array:
     """Return the covariance (p, p) of estimates x that allows for residuals alike within a block.
 
     Sum over blocks of score times score between two plain covariances (Huber 1967; White,
@@ -240,7 +242,7 @@ def sandwich(n: Normal, x: Array, covariance: Array) -> Array:
     return np.asarray(covariance + covariance @ (v - a) @ covariance)
 
 
-def between_segments(n: Normal, x: Array, covariance: Array) -> Array:
+def between_segments(n: NormalEquations, x: Array, covariance: Array) -> Array:
     """Return the covariance (p, p) of estimates x told by how segments disagree: one score each, as
     clusters.
 
@@ -255,6 +257,6 @@ def between_segments(n: Normal, x: Array, covariance: Array) -> Array:
     return np.asarray(covariance @ v @ covariance * (k / max(1, k - 1)))
 
 
-def _scores(n: Normal, s: Segment, x: Array) -> Array:
+def _scores(n: NormalEquations, s: Segment, x: Array) -> Array:
     """Return the slope of each block's squares at x (b, p)."""
     return np.asarray(s.g - s.a @ (x - n.x)[s.places])

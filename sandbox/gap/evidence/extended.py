@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.replay.segments import Segment
 
@@ -48,8 +48,12 @@ class Joined:
 
 
 def extended(
-    known: Normal | None, point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1
-) -> Normal:
+    known: NormalEquations | None,
+    point: ParameterPoint,
+    coordinates: Sequence[Coordinate],
+    *,
+    workers: int = 1,
+) -> NormalEquations:
     """Return the normal equations of a campaign at a point for the coordinates and all of the
     point's own; known: equations that were taken there, of some of them and of others."""
     if known is None or not known.rows:
@@ -93,7 +97,7 @@ def _side_by_side(
         found.append((columns, [part[int(s.places[m])] for m in columns]))
     (c, old), (d, new) = found
     (a, b), p = segments, len(c)
-    squares = np.empty((len(a.rr), p + len(d), p + len(d)))
+    squares = np.empty((len(a.ssr), p + len(d), p + len(d)))
     squares[:, :p, :p] = a.a[:, c][:, :, c]
     squares[:, p:, p:] = b.a[:, d][:, :, d]
     ends = np.cumsum(a.n).astype(np.int64)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
-from sandbox.gap.evidence.normal import Normal, Point, equations_of, normal
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, equations_of, normal
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
 from sandbox.gap.settings import USUAL
 
@@ -68,8 +68,8 @@ class Fit:
     """A hypothesis at its most probable point; effects (), one or several; simulations it took."""
 
     effects: tuple[str, ...]
-    point: Point
-    normal: Normal
+    point: ParameterPoint
+    normal: NormalEquations
     objective: float
     simulations: float
 
@@ -80,7 +80,7 @@ class Fit:
 
 
 def coordinates_of(
-    point: Point, effects: Sequence[str], begun: Point | None = None
+    point: ParameterPoint, effects: Sequence[str], begun: ParameterPoint | None = None
 ) -> list[Coordinate]:
     """Return the ordinary coordinates, those that an effect widens replaced, then the effects'
     others.
@@ -98,12 +98,12 @@ def coordinates_of(
 
 
 def fit(
-    start: Point,
+    start: ParameterPoint,
     effects: Sequence[str],
     weights: Weights,
     *,
     rough: float = math.inf,
-    near: Normal | None = None,
+    near: NormalEquations | None = None,
     leader: float = math.inf,
     workers: int = 1,
 ) -> Fit:
@@ -141,13 +141,13 @@ def fit(
 
 
 def attempted(
-    start: Point,
+    start: ParameterPoint,
     effects: Sequence[str],
     weights: Weights,
     *,
     smooth: bool = False,
     rough: float = math.inf,
-    near: Normal | None = None,
+    near: NormalEquations | None = None,
     leader: float = math.inf,
     workers: int = 1,
 ) -> Fit | None:
@@ -162,10 +162,10 @@ def attempted(
     return found if math.isfinite(found.objective) else None
 
 
-def normalised(n: Normal, weights: Weights) -> float:
+def normalised(n: NormalEquations, weights: Weights) -> float:
     """Return the normalised rms of the segments that count."""
     own = [s for s in n.segments if weights.get((s.recording, s.channel), 0.0)]
-    return math.sqrt(sum(float(s.rr.sum()) for s in own) / sum(float(s.n.sum()) for s in own))
+    return math.sqrt(sum(float(s.ssr.sum()) for s in own) / sum(float(s.n.sum()) for s in own))
 
 
 def excess(f: Fit) -> float:
@@ -178,7 +178,7 @@ def rms_of(f: Fit) -> float:
     """Return the normalised rms of a fit over all segments."""
     return float(
         np.sqrt(
-            sum(s.rr.sum() for s in f.normal.segments) / sum(s.n.sum() for s in f.normal.segments)
+            sum(s.ssr.sum() for s in f.normal.segments) / sum(s.n.sum() for s in f.normal.segments)
         )
     )
 
@@ -189,36 +189,38 @@ def keeps_more(f: Fit, most: float) -> bool:
     squares: dict[int, float] = {}
     count: dict[int, float] = {}
     for s in f.normal.segments:
-        squares[s.recording] = squares.get(s.recording, 0.0) + float(s.rr.sum())
+        squares[s.recording] = squares.get(s.recording, 0.0) + float(s.ssr.sum())
         count[s.recording] = count.get(s.recording, 0.0) + float(s.n.sum())
     chance = {k: 1.0 + SCATTER * math.sqrt(2.0 / n) for k, n in count.items()}
     return any(squares[k] / count[k] > max(most**2, chance[k]) for k in squares)
 
 
-def excess_of(n: Normal, weights: Weights) -> float:
+def excess_of(n: NormalEquations, weights: Weights) -> float:
     """Return the squared residual above what noise alone makes of it, over the recordings that
     count."""
     own = [s for s in n.segments if weights.get((s.recording, s.channel), 0.0)]
-    return float(sum(s.rr.sum() - s.n.sum() for s in own))
+    return float(sum(s.ssr.sum() - s.n.sum() for s in own))
 
 
 class Task(NamedTuple):
     """What is fitted: where it begins, effects, recordings that count, threads, floors above which
     its first part is enough, equations near the start, and a rival's objective."""
 
-    start: Point
+    start: ParameterPoint
     effects: Sequence[str]
     weights: Weights
     workers: int
     rough: float = math.inf
-    near: Normal | None = None
+    near: NormalEquations | None = None
     leader: float = math.inf
 
-    def enough(self, n: Normal) -> bool:
+    def enough(self, n: NormalEquations) -> bool:
         """Return whether its first part is, where equations stand."""
         return normalised(n, self.weights) > self.rough
 
-    def begun(self, at: Point, coordinates: Sequence[Coordinate]) -> tuple[Normal, bool]:
+    def begun(
+        self, at: ParameterPoint, coordinates: Sequence[Coordinate]
+    ) -> tuple[NormalEquations, bool]:
         """Return the equations at a point, and whether their slopes were taken there, not only near
         it."""
         own = None if self.near is None else self.near.of(coordinates)
@@ -227,7 +229,7 @@ class Task(NamedTuple):
         return own.at(at, workers=self.workers), False
 
 
-def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
+def _within_bounds(task: Task, at: ParameterPoint) -> tuple[Fit, float]:
     """Return the most probable point within the bounds of the search as they are at a point, and
     what smoothing again would gain.
 
@@ -281,8 +283,8 @@ class Descent:
 
     task: Task
     coordinates: Sequence[Coordinate]
-    point: Point
-    n: Normal
+    point: ParameterPoint
+    n: NormalEquations
     cost: float
     taken: int = 1
     steps: int = 0
@@ -390,8 +392,8 @@ def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:
 
 
 def tried(
-    n: Normal, trial: Point, prior: Prior, weights: Weights, workers: int
-) -> tuple[float, Normal | None]:
+    n: NormalEquations, trial: ParameterPoint, prior: Prior, weights: Weights, workers: int
+) -> tuple[float, NormalEquations | None]:
     """Return the objective and the equations at a trial; infinite where the point is none a drive
     can have."""
     try:
@@ -402,11 +404,11 @@ def tried(
     return (value, reached) if math.isfinite(value) else (math.inf, None)
 
 
-def objective(n: Normal, prior: Prior, weights: Weights) -> float:
+def objective(n: NormalEquations, prior: Prior, weights: Weights) -> float:
     """Return the sum of squared residuals and of squared deviations from the prior's means."""
     free = prior.deviation > 0.0
     away = (n.x - prior.mean)[free] / prior.deviation[free]
-    return n.summed(weights).rr + float(np.sum(away**2))
+    return n.summed(weights).ssr + float(np.sum(away**2))
 
 
 def shorter(share: float, promised: float, missed: float) -> float:
@@ -434,23 +436,25 @@ def fallen(x: Array, to: Array, prior: Prior) -> Array:
     return np.where(size, x * np.exp(np.where(size, (to - x) / safe, 0.0)), to)
 
 
-def noise_at(n: Normal, weights: Weights) -> float:
+def noise_at(n: NormalEquations, weights: Weights) -> float:
     """Return the squared residual over its floor, at least 1: as much of the objective as noise of
     the residual's size would make of one value."""
     return max(1.0, normalised(n, weights) ** 2)
 
 
-def variance_at(n: Normal, weights: Weights) -> float:
+def variance_at(n: NormalEquations, weights: Weights) -> float:
     """Return the variance that a gain of the objective meets, in the noise's: as `misfit` has it,
     mean over what segments leave beyond noise and chance; 1 where they leave no more."""
     own = [s for s in n.segments if weights.get((s.recording, s.channel), 0.0)]
     count = np.array([s.n.sum() for s in own])
-    left = np.maximum(0.0, np.array([s.rr.sum() for s in own]) - count - 2.0 * np.sqrt(2.0 * count))
+    left = np.maximum(
+        0.0, np.array([s.ssr.sum() for s in own]) - count - 2.0 * np.sqrt(2.0 * count)
+    )
     return 1.0 + float(left @ left / USUAL.shapes / left.sum()) if np.any(left) else 1.0
 
 
 def _step(
-    n: Normal, prior: Prior, weights: Weights, damping: float, share: float
+    n: NormalEquations, prior: Prior, weights: Weights, damping: float, share: float
 ) -> tuple[Array, float]:
     """Return where a share of a step leads, and the objective it promises to gain.
 

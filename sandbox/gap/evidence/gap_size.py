@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.fit import Fit
-from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.normal import NormalEquations
 
 Array = NDArray[np.float64]
 DRAWS = 400
@@ -48,19 +48,19 @@ class Size:
     blocks: int = FEWEST
 
 
-def squares(n: Normal, recordings: Sequence[int]) -> tuple[Array, Array]:
+def squares(n: NormalEquations, recordings: Sequence[int]) -> tuple[Array, Array]:
     """Return sums of squares and counts (b,) of all blocks of time; channels read at one time
     scatter together."""
     own = [[s for s in n.segments if s.recording == k] for k in recordings]
-    rr = [np.sum([s.rr for s in x], axis=0) for x in own if x]
+    ssr = [np.sum([s.ssr for s in x], axis=0) for x in own if x]
     count = [np.sum([s.n for s in x], axis=0) for x in own if x]
-    return np.concatenate(rr), np.concatenate(count)
+    return np.concatenate(ssr), np.concatenate(count)
 
 
-def rms(n: Normal, recordings: Sequence[int]) -> float:
+def rms(n: NormalEquations, recordings: Sequence[int]) -> float:
     """Return the normalised rms over all channels of some recordings."""
-    rr, count = squares(n, recordings)
-    return float(np.sqrt(rr.sum() / count.sum()))
+    ssr, count = squares(n, recordings)
+    return float(np.sqrt(ssr.sum() / count.sum()))
 
 
 def share_closed(before: float, after: float) -> float:
@@ -69,7 +69,7 @@ def share_closed(before: float, after: float) -> float:
 
 
 def size_of(
-    raw: Normal,
+    raw: NormalEquations,
     before: Fit,
     after: Fit,
     held_out: Sequence[int],

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects.library import true_motor
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.regression import RIDGE, SIGN, component, regressors, ridged
 from sandbox.gap.evidence.response import added_current
 from sandbox.replay.inputs import LEGS, Inputs
@@ -30,7 +30,7 @@ SHORT = (0.004, 0.008, 0.016, 0.032, 0.064)
 VECTORS = LEGS[:, 0] + 1j * LEGS[:, 1]
 
 
-def explained(point: Point) -> tuple[float, float]:
+def explained(point: ParameterPoint) -> tuple[float, float]:
     """Return which shares of what currents show above noise functions of an inverter, and of a
     machine, predict."""
     turned = point.turned()
@@ -68,7 +68,7 @@ def of_size_one(responses: Sequence[Array]) -> list[Array]:
     return [x / np.where(size > 0.0, size, 1.0) for x in responses]
 
 
-def _response(point: Point, r: Inputs, read: Array) -> Array:
+def _response(point: ParameterPoint, r: Inputs, read: Array) -> Array:
     """Return the currents (n, 2, p), rotor's frame, that an inverter's voltage errors would add in
     a recording."""
     drive = point.prepared.campaign.drive

@@ -31,7 +31,7 @@ from model.effects.library import true_motor
 from model.mapped import MappedMotor, map_left_out, motor_points
 from model.spline import DEGREE, SplineEnergy, currents
 from model.spline_correction import Basis, MapError, refined
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.response import added_current, fluxes
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import LEGS
@@ -80,7 +80,7 @@ def missed(campaign: Campaign) -> Missed | None:
     return Missed(points.i_d[told], points.i_q[told], spacing(motor), square[told])
 
 
-def with_modes(point: Point, off: Missed | None) -> Point:
+def with_modes(point: ParameterPoint, off: Missed | None) -> ParameterPoint:
     """Return the point with modes of its motor's flux map, none of them there yet; as it is where
     the motor has no map; off: what the map's fit misses."""
     prepared = point.prepared
@@ -195,7 +195,7 @@ def _without(answers: Array, along: Array) -> Array:
     return np.asarray(left @ answers @ left)
 
 
-def _answers(point: Point, basis: Basis) -> tuple[Array, NDArray[np.int64]]:
+def _answers(point: ParameterPoint, basis: Basis) -> tuple[Array, NDArray[np.int64]]:
     """Return of energies that recordings meet the squares of how readings answer (c, c), and their
     places (c,)."""
     prepared, drive = point.turned(), point.prepared.campaign.drive

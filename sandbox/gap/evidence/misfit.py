@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.stats import chi2
 
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.settings import USUAL
 from sandbox.replay.segments import channel
@@ -37,7 +37,7 @@ CHANCE = 1e-4
 BANDS = 3  # an octave
 
 
-def misfit(point: Point) -> dict[tuple[int, str], float]:
+def misfit(point: ParameterPoint) -> dict[tuple[int, str], float]:
     """Return the variance that estimates meet in every (recording, channel), in units of the
     noise's; 1 is noise."""
     out = {}

@@ -16,7 +16,7 @@ from model.errors import BadInput
 from sandbox.gap.evidence.sensor_noise import SensorNoise, counted, sensor_noise, still
 from sandbox.gap.two_sensors import two_sensors
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.inputs import noise_floor
+from sandbox.replay.inputs import stated_noise_std
 from sandbox.replay.segments import Colour
 
 # relative error of the floor that two sensors show: 1.0 % of scatter on 75 opened campaigns, 0.9 %
@@ -41,7 +41,7 @@ class Noise(NamedTuple):
     error: float = OF_TWO  # relative, of the seen one
 
 
-def floor_of(campaign: Campaign, stated: float) -> float:
+def noise_std_of(campaign: Campaign, stated: float) -> float:
     """Return the noise floor (A rms) that the stated one and the one seen agree on: both vote.
 
     Where they differ by what the seen one errs the stated one stands; the further they part, the
@@ -54,7 +54,7 @@ def floor_of(campaign: Campaign, stated: float) -> float:
 def noise_of(campaign: Campaign) -> Noise:
     """Return the noise that a campaign states, that its readings show, and the floor that
     follows."""
-    stated, shown = noise_floor(campaign.drive.converter), _shown(campaign)
+    stated, shown = stated_noise_std(campaign.drive.converter), _shown(campaign)
     used = math.hypot(voted(stated, shown), campaign.unseen)
     if shown is None:
         return Noise(stated, None, used, (), campaign.unseen)

@@ -92,11 +92,11 @@ class Sums(NamedTuple):
 
     a: Array
     g: Array
-    rr: float
+    ssr: float
 
 
 @dataclass(frozen=True)
-class Normal:
+class NormalEquations:
     """All segments at a point: coordinates (those of the point last), their values x (p,), the cost
     in simulations of the whole campaign; rows: slopes (n c, q) of each segment, as long as `at` is
     wanted; values: where these were taken."""
@@ -108,14 +108,16 @@ class Normal:
     rows: tuple[Any, ...] = ()  # of `Rows`, which are sliced and reshaped like arrays
     values: Mapping[str, float] = field(default_factory=dict)
 
-    def at(self, point: Point, *, workers: int = 1) -> Normal:
+    def at(self, point: ParameterPoint, *, workers: int = 1) -> NormalEquations:
         """Return the equations at another point with the slopes of this one: one simulation.
 
         BadInput where the point is none a drive can have.
         """
         return self.at_each([point], workers=workers)[0]
 
-    def at_each(self, points: Sequence[Point], *, workers: int = 1) -> list[Normal]:
+    def at_each(
+        self, points: Sequence[ParameterPoint], *, workers: int = 1
+    ) -> list[NormalEquations]:
         """Return `at` for points of one campaign turned alike, side by side: one simulation
         each."""
         drive = points[0].prepared.campaign.drive
@@ -127,7 +129,7 @@ class Normal:
             block_length(prepared),
         )
         out = [
-            [replace(s, g=np.empty_like(s.g), rr=np.empty_like(s.rr)) for s in self.segments]
+            [replace(s, g=np.empty_like(s.g), ssr=np.empty_like(s.ssr)) for s in self.segments]
             for _ in points
         ]
 
@@ -154,17 +156,17 @@ class Normal:
         return [self._with(*x) for x in zip(points, sets, out, strict=True)]
 
     def _with(
-        self, point: Point, values: Mapping[str, float], segments: Sequence[Segment]
-    ) -> Normal:
+        self, point: ParameterPoint, values: Mapping[str, float], segments: Sequence[Segment]
+    ) -> NormalEquations:
         """Return the equations with segments squared at a point."""
         x = [point.own(c) if c.of_point else c.value(values) for c in self.coordinates]
         return replace(self, x=np.array(x), segments=tuple(segments), simulations=1.0)
 
-    def bare(self) -> Normal:
+    def bare(self) -> NormalEquations:
         """Return the same without slopes, which are large."""
         return replace(self, rows=())
 
-    def of(self, coordinates: Sequence[Coordinate]) -> Normal | None:
+    def of(self, coordinates: Sequence[Coordinate]) -> NormalEquations | None:
         """Return the equations of some of the coordinates and all of the point's own, with their
         slopes; None where one of these has no column here.
 
@@ -203,19 +205,19 @@ class Normal:
         """Return A (p, p), g (p,) and r'r over all segments; weights: per (recording, channel), 0
         leaves one out."""
         p = len(self.x)
-        a, g, rr = np.zeros((p, p)), np.zeros(p), 0.0
+        a, g, ssr = np.zeros((p, p)), np.zeros(p), 0.0
         for s in self.segments:
             w = 1.0 if weights is None else weights.get((s.recording, s.channel), 0.0)
             if w:
                 a[np.ix_(s.places, s.places)] += w * s.a.sum(0)
                 g[s.places] += w * s.g.sum(0)
-                rr += w * float(s.rr.sum())
-        return Sums(a, g, rr)
+                ssr += w * float(s.ssr.sum())
+        return Sums(a, g, ssr)
 
 
 def equations_of(
-    n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array
-) -> Normal:
+    n: NormalEquations, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array
+) -> NormalEquations:
     """Return normal equations of some coordinates, the others held at values (p,); coordinates:
     what to call these."""
     place = {k: m for m, k in enumerate(kept)}
@@ -226,18 +228,18 @@ def equations_of(
         move = shift[s.places]
         move[inside] = 0.0
         g = s.g - s.a @ move
-        rr = s.rr - (s.g + g) @ move
+        ssr = s.ssr - (s.g + g) @ move
         places = np.array([place[int(s.places[m])] for m in inside], dtype=np.int64)
         segments.append(
             Segment(
-                s.recording, s.channel, places, s.a[:, inside][:, :, inside], g[:, inside], rr, s.n
+                s.recording, s.channel, places, s.a[:, inside][:, :, inside], g[:, inside], ssr, s.n
             )
         )
-    return Normal(tuple(coordinates), n.x[list(kept)], tuple(segments), 0.0)
+    return NormalEquations(tuple(coordinates), n.x[list(kept)], tuple(segments), 0.0)
 
 
 @dataclass(frozen=True)
-class Point:
+class ParameterPoint:
     """Where a fit stands: the prepared campaign, a completed set, and how far (rad) recordings'
     angles are turned."""
 
@@ -245,7 +247,7 @@ class Point:
     values: Mapping[str, float]
     turns: Mapping[str, float] = field(default_factory=dict)
 
-    def moved(self, coordinates: Sequence[Coordinate], x: Array) -> Point:
+    def moved(self, coordinates: Sequence[Coordinate], x: Array) -> ParameterPoint:
         """Return the point whose coordinates have the values x, each inside its bounds."""
         values, turns, prepared = dict(self.values), dict(self.turns), self.prepared
         for c, to in zip(coordinates, x, strict=True):
@@ -260,7 +262,7 @@ class Point:
         }
         if sizes and prepared.map_error is not None:
             prepared = with_map_error(prepared, prepared.map_error.moved(sizes))
-        return Point(prepared, values, turns)
+        return ParameterPoint(prepared, values, turns)
 
     def own(self, c: Coordinate) -> float:
         """Return the value of a coordinate that is none of the parameters'
@@ -279,7 +281,7 @@ class Point:
             recordings.append(r.turned(shift, period) if shift else r)
         return replace(self.prepared, recordings=tuple(recordings))
 
-    def resmoothed(self) -> Point:
+    def resmoothed(self) -> ParameterPoint:
         """Return the point with the motion of free rotors smoothed again, by the torque of its own
         set."""
         p = self.prepared
@@ -290,14 +292,16 @@ class Point:
             else r
             for r in p.recordings
         )
-        return Point(replace(p, recordings=recordings, base=base), self.values, self.turns)
+        return ParameterPoint(replace(p, recordings=recordings, base=base), self.values, self.turns)
 
 
 def turns(prepared: Prepared) -> list[Coordinate]:
     """Return one coordinate for each of `Prepared.angles`: known to a count, or to what counts
     leave of a motion, and to the zero of one that was made."""
     own = {
-        r.angle_name: math.hypot((1.0 if r.rotor == "locked" else MOVING) * r.angle_floor, r.zero)
+        r.angle_name: math.hypot(
+            (1.0 if r.rotor == "locked" else MOVING) * r.angle_noise_std, r.zero
+        )
         for r in prepared.recordings
     }
     return [
@@ -312,7 +316,9 @@ def modes(prepared: Prepared) -> list[Coordinate]:
     return [Coordinate(f"map:{k + 1}", 0.0, 1.0, "map", (str(k),)) for k in range(count)]
 
 
-def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1) -> Normal:
+def normal(
+    point: ParameterPoint, coordinates: Sequence[Coordinate], *, workers: int = 1
+) -> NormalEquations:
     """Return the normal equations of a campaign at a point for the coordinates and all of the
     point's own.
 
@@ -348,7 +354,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     cost += 0.0 if prepared.map_error is None else 1.0  # the plant's transitions
     _COUNT.get()(cost)
     segments, rows = zip(*parts, strict=True)
-    return Normal((*coordinates, *own), x, segments, cost, rows, values)
+    return NormalEquations((*coordinates, *own), x, segments, cost, rows, values)
 
 
 def possible(drive: Drive, values: Mapping[str, float]) -> bool:

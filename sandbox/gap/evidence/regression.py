@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from model.effects.library import true_motor
-from sandbox.gap.evidence.normal import BLOCK, Point
+from sandbox.gap.evidence.normal import BLOCK, ParameterPoint
 from sandbox.gap.evidence.response import added_current
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Prepared, Residual, replay, residuals
@@ -85,7 +85,7 @@ class Part:
     theta: Array
 
 
-def remains(point: Point, held_out: Sequence[int], before: float) -> Remains | None:
+def remains(point: ParameterPoint, held_out: Sequence[int], before: float) -> Remains | None:
     """Return what remains at a point and what could be closed; None where nothing was held out.
 
     before: the normalised rms before the best hypothesis, on the recordings held out.
@@ -161,7 +161,7 @@ def in_rotor_frame(phases: Array, theta: Array) -> Array:
     return np.column_stack([turned.real, turned.imag])
 
 
-def regressors(point: Point, currents: Sequence[Array]) -> list[Part]:
+def regressors(point: ParameterPoint, currents: Sequence[Array]) -> list[Part]:
     """Return every channel's regressors, each of mean square 1; currents: predicted readings (n, 3)
     in A of every recording."""
     turned = point.turned()

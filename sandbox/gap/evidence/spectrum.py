@@ -12,7 +12,7 @@ import numpy as np
 import scipy.ndimage
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.normal import Point, normal, part_of, simulated
+from sandbox.gap.evidence.normal import ParameterPoint, normal, part_of, simulated
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.replay.replay import Residual, replay, residuals
 from sandbox.replay.sensitivity import mechanical_only
@@ -25,7 +25,7 @@ NEIGHBOURS = 101  # bins over which a spectrum's own level is taken
 FINEST = 100_000
 
 
-def shown(point: Point) -> list[Residual]:
+def shown(point: ParameterPoint) -> list[Residual]:
     """Return the residuals of every recording at a point, one set."""
     simulated(1.0)
     return residuals(point.prepared, replay(point.turned(), [point.values]))
@@ -38,7 +38,7 @@ def whole_turns(angle: Array, per_turn: float, turns: float) -> list[tuple[int, 
     return [(a, b) for a, b in itertools.pairwise(edges) if b - a >= per_turn * turns]
 
 
-def link_lines(point: Point, low: float, high: float) -> list[float]:
+def link_lines(point: ParameterPoint, low: float, high: float) -> list[float]:
     """Return the PEAKS frequencies (Hz) at which the voltage residual along the command stands out
     most.
 
@@ -107,7 +107,7 @@ def in_phase(
 
 
 def best_values(
-    point: Point, pair: tuple[str, str], parameter: str, values: Sequence[float]
+    point: ParameterPoint, pair: tuple[str, str], parameter: str, values: Sequence[float]
 ) -> list[float]:
     """Return the PEAKS values of a parameter at which an amplitude with a phase would explain most,
     by simulation."""
@@ -117,7 +117,7 @@ def best_values(
         chosen = tuple(r for r in chosen if r.rotor == "free")
     if not chosen:
         return []
-    part = Point(replace(prepared, recordings=chosen), point.values)
+    part = ParameterPoint(replace(prepared, recordings=chosen), point.values)
     coordinates = [
         Coordinate(f"{value} {form}", 0.0, 1.0, form, pair, ((parameter, float(value)),))
         for value in values

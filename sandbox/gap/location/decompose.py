@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import whole_turns
 from sandbox.gap.location.readings import Readings, readings
 from sandbox.recordings.injection import samples_per_period
@@ -86,7 +86,7 @@ class Decomposition:
         return max(self.directions.items(), key=lambda x: x[1], default=("in no direction", 0.0))
 
 
-def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
+def decompose(point: ParameterPoint, shown: Sequence[Residual]) -> Decomposition:
     """Return a residual taken apart; point: where the model stood that left it."""
     own, drive = point.prepared.recordings, point.prepared.campaign.drive
     parts = {r.file: _squares(x) for r, x in zip(own, shown, strict=True)}
@@ -134,16 +134,16 @@ def _stationary(x: Residual) -> Complex:
     return np.asarray(z[:, 0] + 1j * z[:, 1])
 
 
-def top_speed(point: Point) -> float:
+def top_speed(point: ParameterPoint) -> float:
     """Return the largest speed of all recordings (rad/s, electrical)."""
     return max(float(np.max(np.abs(x.motion.speed))) for x in point.prepared.recordings)
 
 
-def _speed(point: Point, r: Inputs) -> Array:
+def _speed(point: ParameterPoint, r: Inputs) -> Array:
     return np.asarray(np.abs(r.motion.speed) / max(top_speed(point), 1e-9) * np.ones(r.samples))
 
 
-def _size(point: Point, r: Inputs) -> Array:
+def _size(point: ParameterPoint, r: Inputs) -> Array:
     i = (2.0 / 3.0) * r.read @ LEGS
     return np.asarray(
         np.hypot(i[:, 0], i[:, 1]) / point.prepared.campaign.drive.motor.rated_current
@@ -164,7 +164,7 @@ def bins_of(parts, where, bounds, names, total) -> dict[str, float]:
     return {k: max(0.0, v) for k, v in out.items()}
 
 
-def _directions(point: Point, shown: Sequence[Residual], weight: dict[str, float]):
+def _directions(point: ParameterPoint, shown: Sequence[Residual], weight: dict[str, float]):
     """Return shares of the voltage by direction, and rms voltage in the leading one by speed and
     current (4, 4)."""
     rng = np.random.default_rng(0)
@@ -185,7 +185,7 @@ def _directions(point: Point, shown: Sequence[Residual], weight: dict[str, float
     return shares, amplitudes(p, noise, np.digitize(speed, SPEEDS), np.digitize(size, CURRENTS))
 
 
-def _of_readings(point: Point, shown: Sequence[Residual]) -> Array:
+def _of_readings(point: ParameterPoint, shown: Sequence[Residual]) -> Array:
     """Return rms residual of a phase (noise floors, noise taken off) by speed and current (4,
     4)."""
     own = point.prepared.recordings
@@ -197,7 +197,7 @@ def _of_readings(point: Point, shown: Sequence[Residual]) -> Array:
 
 
 def _projected(
-    point: Point, k: int, x: Residual, rng: np.random.Generator
+    point: ParameterPoint, k: int, x: Residual, rng: np.random.Generator
 ) -> tuple[Array, Array, Array, Array]:
     """Return block means (b, 6) of voltage in all DIRECTIONS, the same of white noise, speed and
     current (b,)."""
@@ -281,7 +281,7 @@ def mechanical_orders(
     return {n: max(0.0, float(p)) / total for n, p in zip(MECHANICAL, power, strict=True)}
 
 
-def _injection(point: Point, z: Sequence[Complex], total: float) -> float:
+def _injection(point: ParameterPoint, z: Sequence[Complex], total: float) -> float:
     """Return the share of currents at the injection's frequency and its odd harmonics."""
     campaign = point.prepared.campaign
     if all(r.injection_axis == "none" for r in campaign.recordings):

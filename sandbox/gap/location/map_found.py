@@ -68,7 +68,7 @@ def as_stated(found: Fit) -> float:
     of_map = np.array([c.form == "map" for c in found.coordinates])
     x = own.most_probable(prior.with_deviation(np.where(of_map, 0.0, prior.deviation))).x - own.x
     count = float(sum(s.n.sum() for s in found.normal.segments))
-    return math.sqrt(max(0.0, own.rr - 2.0 * float(x @ own.g) + float(x @ own.a @ x)) / count)
+    return math.sqrt(max(0.0, own.ssr - 2.0 * float(x @ own.g) + float(x @ own.a @ x)) / count)
 
 
 def with_map_found(motor: Motor, found: Fit) -> tuple[Motor, bytes | None]:

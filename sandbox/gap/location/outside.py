@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.inverter_or_machine import explained
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import whole_turns
 from sandbox.replay.replay import Residual, replay, residuals
 
@@ -49,7 +49,9 @@ SURE = 3.0  # standard errors over turns
 PER_TURN = 12  # samples a turn needs
 
 
-def outside(point: Point, spans: Mapping[str, float], chance: float = 1.0) -> dict[str, float]:
+def outside(
+    point: ParameterPoint, spans: Mapping[str, float], chance: float = 1.0
+) -> dict[str, float]:
     """Return subsystems' shares (sum 1) of what residuals at a point have above noise; spans:
     shares of what the library's effects could take up; chance: that there is anything outside it.
     Below SLIGHT no regression is made."""
@@ -137,7 +139,7 @@ class OddPhase:
         )
 
 
-def odd_phase(point: Point, shown: Sequence[Residual]) -> OddPhase | None:
+def odd_phase(point: ParameterPoint, shown: Sequence[Residual]) -> OddPhase | None:
     """Return the phase that misses more than both others, at least ONE_PHASE of all; None where
     none surely does.
 

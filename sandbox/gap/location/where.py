@@ -21,7 +21,7 @@ from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.evidence.algebra import Prior
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.priors import of_effect, ordinary
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import Decomposition, decompose
@@ -278,7 +278,7 @@ def _spans(j: EvaluatedModel) -> dict[str, float]:
     return {name: g / total if total else 1.0 / len(gain) for name, g in gain.items()}
 
 
-def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
+def without(d: Diagnosis, subsystem: str, *, alone: bool) -> ParameterPoint:
     """Return the point at which a subsystem's effects are missing and all else is fitted.
 
     alone: the whole gap is the subsystem's, so that is where the diagnosis began; else by the

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.location.decompose import MECHANICAL, ORDERS, Decomposition, decompose
 from sandbox.gap.pages.listed import waterfall
 from sandbox.gap.report import answers
@@ -49,7 +49,7 @@ def write_traces(path: Path, a: Answers) -> None:
     write_series(path, f"diagnosis {d.campaign.name}", _text(a), tabs)
 
 
-def _seen(point: Point) -> tuple[Prediction, list[Residual]]:
+def _seen(point: ParameterPoint) -> tuple[Prediction, list[Residual]]:
     prepared = point.turned()
     prediction = replay(prepared, [point.values])
     return prediction, residuals(prepared, prediction)

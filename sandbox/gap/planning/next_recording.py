@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from model.effects import library
 from model.errors import BadInput, PhysicsError
 from sandbox.gap.diagnose import CREDIBLE
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.evidence.priors import OF_POINT, STEPS
 from sandbox.gap.planning.menu import Entry, recording_of, settings, shaft, usual_seconds
 from sandbox.gap.planning.within import allowed
@@ -132,9 +132,11 @@ def _missed(recorded: Campaign, truth: Mapping[str, float], a: EvaluatedModel) -
     neutral = library.neutral(recorded.drive.motor)
     gone = tuple(f"{e}." for e in a.effects)
     without = {**truth, **{k: v for k, v in neutral.items() if k.startswith(gone)}}
-    n = normal(Point(as_predicted(prepare(recorded, without, steps=1), truth), without), ())
+    n = normal(
+        ParameterPoint(as_predicted(prepare(recorded, without, steps=1), truth), without), ()
+    )
     count = sum(float(s.n.sum()) for s in n.segments)
-    return 0.5 * (FLOOR * count + SHARE * n.summed().rr)
+    return 0.5 * (FLOOR * count + SHARE * n.summed().ssr)
 
 
 def _surprise(
@@ -143,10 +145,10 @@ def _surprise(
     """Return how badly a hypothesis foretells a recording that a truth has told: what it cannot
     follow, its spread."""
     belief = dict(j.fit.point.values)
-    point = Point(as_predicted(prepare(recorded, belief, steps=1), truth), belief)
+    point = ParameterPoint(as_predicted(prepare(recorded, belief, steps=1), truth), belief)
     own = [c for c in j.normal.coordinates if c.form not in (*OF_POINT, *STEPS)]
     n = normal(point, own, workers=workers)
-    a, g, rr = n.summed()
+    a, g, ssr = n.summed()
     place = {c.label: k for k, c in enumerate(j.normal.coordinates)}
     known = j.equations.a / variance + np.diag(
         np.where(j.prior.deviation > 0.0, j.prior.deviation, 1e-12) ** -2
@@ -154,10 +156,10 @@ def _surprise(
     inside = [place[c.label] for c in own]
     prior = np.diag([c.deviation**-2 for c in n.coordinates])
     prior[: len(own), : len(own)] = np.linalg.inv(np.linalg.inv(known)[np.ix_(inside, inside)])
-    return surprise(a / variance, g / variance, rr / variance, prior)
+    return surprise(a / variance, g / variance, ssr / variance, prior)
 
 
-def surprise(a: Array, g: Array, rr: float, prior: Array) -> tuple[float, float]:
+def surprise(a: Array, g: Array, ssr: float, prior: Array) -> tuple[float, float]:
     """Return minus the log density of noisy data that a Gaussian belief foretells, up to what all
     beliefs share: what it cannot follow, and its spread in the mean over noise.
 
@@ -166,7 +168,7 @@ def surprise(a: Array, g: Array, rr: float, prior: Array) -> tuple[float, float]
     """
     follow, share = np.linalg.solve(a + prior, g), np.trace(np.linalg.solve(a + prior, a))
     wider = np.linalg.slogdet(a + prior)[1] - np.linalg.slogdet(prior)[1]
-    return float(0.5 * (rr - g @ follow)), float(0.5 * (wider - share))
+    return float(0.5 * (ssr - g @ follow)), float(0.5 * (wider - share))
 
 
 def encoded(planned: Campaign, truth: Mapping[str, float]) -> Campaign:

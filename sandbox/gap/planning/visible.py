@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from model.effects.library import effect_names, load_effect
 from sandbox.gap.evidence.fit import coordinates_of
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.evidence.priors import WIDE, Coordinate
 from sandbox.gap.excerpts import excerpt, rows_to_settle
 from sandbox.gap.posterior.candidates import at_typical
@@ -54,7 +54,7 @@ def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
     share = sum(len(r.t) for r in campaign.recordings) / max(sum(len(r.t) for r in parts), 1)
     short = replace(campaign, recordings=parts)
     prepared = prepare(short)
-    start = Point(prepared, complete(campaign.drive.motor, campaign.drive.converter))
+    start = ParameterPoint(prepared, complete(campaign.drive.motor, campaign.drive.converter))
     own = coordinates_of(start, ())
     groups: dict[str, list[str]] = {}
     moved: dict[str, list[Coordinate]] = {}

@@ -19,7 +19,7 @@ from model.effects import library
 from model.effects.card import Effect, Parameter
 from model.errors import BadInput
 from sandbox.gap.evidence.fit import NEAR
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.priors import WIDE, Coordinate, of_effect, of_part
 from sandbox.gap.evidence.spectrum import best_values, link_lines
 from sandbox.plant.sets import complete, further_parts, soft_current
@@ -46,7 +46,7 @@ class Candidate:
     part: int = 1
     tried: int = 1
 
-    def coordinates(self, point: Point, label: str = "") -> list[Coordinate]:
+    def coordinates(self, point: ParameterPoint, label: str = "") -> list[Coordinate]:
         """Return the columns that the candidate adds to the equations at a point where the effect
         is off."""
         card, start = library.load_effect(self.effect), dict(self.start)
@@ -77,7 +77,7 @@ class Candidate:
             self, chord=0.0, start=dict.fromkeys(self.start, 0.0) if forms else self.start
         )
 
-    def begun(self, point: Point) -> dict[str, float]:
+    def begun(self, point: ParameterPoint) -> dict[str, float]:
         """Return the values with which a fit begins that has the candidate."""
         out = dict(self.start)
         if self.part > 1:
@@ -94,7 +94,7 @@ class Candidate:
 
 
 def candidates(
-    point: Point, exclude: Sequence[str] = (), *, left: float = math.inf
+    point: ParameterPoint, exclude: Sequence[str] = (), *, left: float = math.inf
 ) -> list[Candidate]:
     """Return all candidates of the library at a point that leaves so many floors: of much, finite
     changes of delays beside their slopes; of more, other forms of effects, which are told by their
@@ -111,7 +111,7 @@ def candidates(
     return out
 
 
-def free_forms(point: Point, exclude: Sequence[str] = ()) -> list[Candidate]:
+def free_forms(point: ParameterPoint, exclude: Sequence[str] = ()) -> list[Candidate]:
     """Return the candidates that are curves: they fit nearly anything at their place, so other
     effects come first."""
     cards = map(library.load_effect, library.effect_names())
@@ -125,7 +125,7 @@ def begins_further(effect: str) -> bool:
     return card.repeats > 1 and bool(card.polar) and not any(p.scan for p in card.parameters)
 
 
-def further(point: Point, effects: Sequence[str]) -> list[Candidate]:
+def further(point: ParameterPoint, effects: Sequence[str]) -> list[Candidate]:
     """Return the next part of effects that can have several, at the orders that explain most of the
     residual."""
     out = []
@@ -152,7 +152,7 @@ def further(point: Point, effects: Sequence[str]) -> list[Candidate]:
     return [c for c in out if c.coordinates(point)]
 
 
-def _beginnings(point: Point, card: Effect) -> Iterator[Candidate]:
+def _beginnings(point: ParameterPoint, card: Effect) -> Iterator[Candidate]:
     """Yield an effect at every combination of the values that its companions may begin from."""
     drive, choices, tried = point.prepared.campaign.drive, [], 1
     for p in card.parameters:
@@ -172,7 +172,7 @@ def _beginnings(point: Point, card: Effect) -> Iterator[Candidate]:
             yield Candidate(card.name, dict(c), tried=tried)
 
 
-def _chords(point: Point, slope: Candidate) -> Iterator[Candidate]:
+def _chords(point: ParameterPoint, slope: Candidate) -> Iterator[Candidate]:
     """Yield finite changes of an effect that is one time (s): pulses that move past each other are
     no straight line."""
     drive = point.prepared.campaign.drive
@@ -192,7 +192,7 @@ def _chords(point: Point, slope: Candidate) -> Iterator[Candidate]:
             yield replace(slope, chord=to)
 
 
-def _other_forms(point: Point, effect: str) -> Iterator[Candidate]:
+def _other_forms(point: ParameterPoint, effect: str) -> Iterator[Candidate]:
     """Yield an effect in its other form, as the finite change to its typical size; it has none at
     no size at all."""
     drive, card = point.prepared.campaign.drive, library.load_effect(effect)
@@ -225,7 +225,7 @@ def scanned(p: Parameter, pole_pairs: int) -> list[float]:
     return [*values.tolist(), *poles[poles > high].tolist()]
 
 
-def possible(point: Point, start: Mapping[str, float]) -> bool:
+def possible(point: ParameterPoint, start: Mapping[str, float]) -> bool:
     """Return whether a drive can have these values beside those of a point (masses, delays that
     bound each other)."""
     drive = point.prepared.campaign.drive
@@ -236,7 +236,7 @@ def possible(point: Point, start: Mapping[str, float]) -> bool:
     return True
 
 
-def at_typical(point: Point, exclude: Sequence[str] = ()) -> list[Candidate]:
+def at_typical(point: ParameterPoint, exclude: Sequence[str] = ()) -> list[Candidate]:
     """Return one candidate an effect, its companions at typical values: what is known before
     looking at residuals."""
     drive = point.prepared.campaign.drive

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.fit import Fit, Weights
-from sandbox.gap.evidence.normal import Normal, equations_of
+from sandbox.gap.evidence.normal import NormalEquations, equations_of
 from sandbox.gap.evidence.priors import STEPS
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.linear_model import LinearModel, linear_model
@@ -30,7 +30,7 @@ class EvaluatedModel:
         return self.fit.effects
 
     @property
-    def normal(self) -> Normal:
+    def normal(self) -> NormalEquations:
         """Normal equations of all effects at its point."""
         return self.model.normal
 
@@ -45,7 +45,7 @@ def evaluate(
     candidates: Sequence[Candidate],
     trace: float,
     weights: Weights,
-    known: Normal | None = None,
+    known: NormalEquations | None = None,
     *,
     settings: Settings = USUAL,
     workers: int = 1,

@@ -14,7 +14,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.posterior.linear_model import LinearModel
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def held_out(model: LinearModel) -> tuple[int, ...]:
     return max(options, key=lambda left: worst_share(model.normal, left, labels))
 
 
-def worst_share(n: Normal, left: Sequence[int], groups: Sequence[Sequence[str]]) -> float:
+def worst_share(n: NormalEquations, left: Sequence[int], groups: Sequence[Sequence[str]]) -> float:
     """Return the smallest share of information about any group of coordinates that fit and check
     keep.
 

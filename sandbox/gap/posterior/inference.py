@@ -15,7 +15,7 @@ import numpy as np
 
 from sandbox.gap.evidence.fit import BEHIND, NEAR, Fit, rms_of
 from sandbox.gap.evidence.misfit import misfit, weights
-from sandbox.gap.evidence.normal import Normal, Point
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint
 from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
 from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.gap.posterior.search import Problem, Search, log_posterior
@@ -35,7 +35,7 @@ class Inference:
     that estimates meet in every segment; linear: the last equations of all candidates; start,
     known: the campaign's nominal point with what it does not state and was found, and that."""
 
-    start: Point
+    start: ParameterPoint
     known: Unstated
     null: Fit
     evaluated: Mapping[Set, EvaluatedModel]
@@ -154,7 +154,10 @@ class _Weighing:
         return e.log_evidence + log_prior(e.effects, self.problem.settings)
 
     def evaluated(
-        self, found: Fit, variance: Mapping[tuple[int, str], float], known: Normal | None = None
+        self,
+        found: Fit,
+        variance: Mapping[tuple[int, str], float],
+        known: NormalEquations | None = None,
     ) -> EvaluatedModel:
         """Return a fitted set weighed at its own point, traces of all other effects beside it;
         known: equations that were taken there."""

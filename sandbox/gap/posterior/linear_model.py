@@ -26,7 +26,7 @@ from model.parameters import Drive
 from sandbox.gap.evidence.algebra import Algebra, Prior, prior_of
 from sandbox.gap.evidence.extended import extended
 from sandbox.gap.evidence.fit import Weights, objective, tried
-from sandbox.gap.evidence.normal import Normal, Point
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint
 from sandbox.gap.evidence.priors import STEPS, Coordinate, of_effect, ordinary
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.settings import USUAL, Settings
@@ -44,8 +44,8 @@ class LinearModel:
     """Equations at a point, priors where no effect and where every candidate is named, places of
     each candidate's coordinates; of_effects: coordinates that are no ordinary deviation (p,)."""
 
-    point: Point
-    normal: Normal
+    point: ParameterPoint
+    normal: NormalEquations
     equations: Algebra
     narrow: Prior
     wide: Prior
@@ -139,19 +139,19 @@ class LinearModel:
         return replace(t, normal=t.normal.bare())
 
 
-def equations(n: Normal, weights: Weights) -> Algebra:
+def equations(n: NormalEquations, weights: Weights) -> Algebra:
     """Return the equations summed over segments with their weights."""
-    a, g, rr = n.summed(weights)
-    return Algebra(a, g, rr, n.x)
+    a, g, ssr = n.summed(weights)
+    return Algebra(a, g, ssr, n.x)
 
 
 def linear_model(
-    point: Point,
+    point: ParameterPoint,
     candidates: Sequence[Candidate],
     active: Sequence[str],
     trace: float,
     weights: Weights,
-    known: Normal | None = None,
+    known: NormalEquations | None = None,
     *,
     settings: Settings = USUAL,
     workers: int = 1,
@@ -226,7 +226,12 @@ class _Columns:
         self.labels.append([c.label for c in own])
 
     def model(
-        self, point: Point, weights: Weights, settings: Settings, known: Normal | None, workers: int
+        self,
+        point: ParameterPoint,
+        weights: Weights,
+        settings: Settings,
+        known: NormalEquations | None,
+        workers: int,
     ) -> LinearModel:
         """Return the equations of all columns: of those that are known, else taken at the point."""
         usual, own = (

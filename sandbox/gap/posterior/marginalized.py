@@ -19,7 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
-from sandbox.gap.evidence.normal import Normal, block_length, normal, simulated
+from sandbox.gap.evidence.normal import NormalEquations, block_length, normal, simulated
 from sandbox.gap.evidence.regression import (
     RIDGE,
     Part,
@@ -142,7 +142,7 @@ def marginalized(
         n = normal(table.point, [c for c in table.coordinates if not c.of_point], workers=workers)
     except BadInput:
         return None
-    excess = sum(float(s.rr.sum() - s.n.sum()) for s in n.segments)
+    excess = sum(float(s.ssr.sum() - s.n.sum()) for s in n.segments)
     joint = joined(n, table, prior)
     if joint is None or excess <= 0.0:
         return None
@@ -185,7 +185,7 @@ def predicted_share(joint: Joint, free: NDArray[np.int64]) -> float | None:
     return float(sum(outer[chosen[i], i] - outer[0, i] for i in range(count)))
 
 
-def joined(n: Normal, table: LinearModel, prior: Prior) -> Joint | None:
+def joined(n: NormalEquations, table: LinearModel, prior: Prior) -> Joint | None:
     """Return the joint equations of a point's coordinates and regressors; None with fewer than two
     recordings."""
     prepared, values = table.point.turned(), table.point.values
@@ -237,7 +237,13 @@ def _labels() -> tuple[Label, ...]:
 
 
 def _add(
-    m: Array, v: Array, rows: Array, n: Normal, part: Part, y: Array, place: NDArray[np.int64]
+    m: Array,
+    v: Array,
+    rows: Array,
+    n: NormalEquations,
+    part: Part,
+    y: Array,
+    place: NDArray[np.int64],
 ) -> None:
     """Add one channel of one recording to the equations of its fold, in place."""
     x = part.x.reshape(-1, part.x.shape[2])
@@ -259,7 +265,9 @@ def _turned(j: Array, theta: Array) -> Array:
     ).reshape(2 * len(theta), -1)
 
 
-def integrated_out(joint: Joint, n: Normal, columns: NDArray[np.int64], ridge: float) -> Algebra:
+def integrated_out(
+    joint: Joint, n: NormalEquations, columns: NDArray[np.int64], ridge: float
+) -> Algebra:
     """Return the equations of coordinates with regressors (columns) integrated out; n: the same
     with none."""
     p, m, v, rows = joint.p, joint.m.sum(0), joint.v.sum(0), joint.rows.sum(0)
@@ -268,11 +276,11 @@ def integrated_out(joint: Joint, n: Normal, columns: NDArray[np.int64], ridge: f
     solved = cho_solve(
         cho_factor(kept, check_finite=False), np.column_stack([across, own]), check_finite=False
     )
-    rr = sum(float(s.rr.sum()) for s in n.segments)
+    ssr = sum(float(s.ssr.sum()) for s in n.segments)
     return Algebra(
         m[:p, :p] - across.T @ solved[:, :p],
         v[:p] - across.T @ solved[:, p],
-        rr - float(own @ solved[:, p]),
+        ssr - float(own @ solved[:, p]),
         n.x,
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from sandbox.gap.evidence.fit import Fit
 from sandbox.gap.evidence.gap_size import DRAWS, FEWEST, UNDEFINED, rms, squares
-from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.posterior.unmodeled import map_left
 from sandbox.gap.settings import USUAL, Settings
 
@@ -49,7 +49,11 @@ def remainder(before: Fit, after: Fit, noise: float, settings: Settings = USUAL)
 
 
 def unexplained(
-    before: Normal, after: Normal, least: float, settings: Settings = USUAL, seed: int = 0
+    before: NormalEquations,
+    after: NormalEquations,
+    least: float,
+    settings: Settings = USUAL,
+    seed: int = 0,
 ) -> Unexplained | None:
     """Return the share of the gap on all recordings that is left beyond what the simulator misses.
 

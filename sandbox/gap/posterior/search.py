@@ -32,7 +32,7 @@ from sandbox.gap.evidence.fit import (
     rms_of,
 )
 from sandbox.gap.evidence.misfit import misfit, weights
-from sandbox.gap.evidence.normal import Normal, Point, normal, part_of
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, normal, part_of
 from sandbox.gap.evidence.priors import is_ordinary, ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import (
     Candidate,
@@ -62,14 +62,14 @@ class Problem:
     excerpts: the same of parts of a long campaign;
     known: what the campaign does not state and was found already."""
 
-    start: Point
+    start: ParameterPoint
     fitted: Weights
     exclude: Sequence[str] = ()
     rivals: Sequence[Set] = ()
     settings: Settings = USUAL
     workers: int = 1
     report: Report = lambda _: None
-    excerpts: Point | None = None
+    excerpts: ParameterPoint | None = None
     known: Unstated = NOTHING
 
     def stating(self, new: Unstated) -> Problem:
@@ -149,14 +149,16 @@ class Search:
         value = objective(n, prior_of(n.coordinates), p.fitted)
         return Fit((), p.start, n.bare(), value, n.simulations)
 
-    def grown(self, here: Fit, rough: bool, *, whole: bool = True) -> tuple[Fit, Normal | None]:
+    def grown(
+        self, here: Fit, rough: bool, *, whole: bool = True
+    ) -> tuple[Fit, NormalEquations | None]:
         """Return the fit of the most probable set: fitted, linearised anew, until the posterior
         names no other; and the equations of all candidates at its point, where they are known.
 
         here: where the first round begins; rough: it is no more than the first part of a fit;
         whole: the last fit is one, else its first part is enough.
         """
-        known: Normal | None = None
+        known: NormalEquations | None = None
         seen: set[Parts] = {_parts(here.effects), ()}
         tried: set[Parts] = set()
         self.problem.report("weighing all sets of effects")
@@ -241,7 +243,12 @@ class Search:
         return True
 
     def better(
-        self, here: Fit, known: Normal, sets: SetPosterior, seen: set[Parts], tried: set[Parts]
+        self,
+        here: Fit,
+        known: NormalEquations,
+        sets: SetPosterior,
+        seen: set[Parts],
+        tried: set[Parts],
     ) -> Fit | None:
         """Return the fit, its first part, of a more probable set than the one that is fitted here;
         None where there is none.  seen: sets that were fitted here before; tried: those that were
@@ -283,7 +290,7 @@ class Search:
         )
 
     def linearised(
-        self, here: Fit, found: Sequence[Candidate], known: Normal | None = None
+        self, here: Fit, found: Sequence[Candidate], known: NormalEquations | None = None
     ) -> SetPosterior:
         """Return the posterior over sets at a fit's point; known: equations that were taken there.
 
@@ -349,7 +356,7 @@ class Search:
         self,
         key: Set,
         near: Fit,
-        known: Normal | None,
+        known: NormalEquations | None,
         sets: SetPosterior | None = None,
         best: Chosen = (),
         leader: float = math.inf,
@@ -420,7 +427,9 @@ class Search:
                 found = new
         return found
 
-    def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
+    def moved(
+        self, at: ParameterPoint, near: Fit, sets: SetPosterior, best: Chosen
+    ) -> ParameterPoint:
         """Return a point with chords at the size that the algebra gives them, and further parts
         begun."""
         x, values = sets.most_probable(best), dict(at.values)
@@ -455,14 +464,14 @@ def left_by(
     the squared residual's."""
     out = {}
     for s in model.normal.segments:
-        move, here, n = (x - model.normal.x)[s.places], float(s.rr.sum()), float(s.n.sum())
+        move, here, n = (x - model.normal.x)[s.places], float(s.ssr.sum()), float(s.n.sum())
         there = here - 2.0 * float(move @ s.g.sum(0)) + float(move @ s.a.sum(0) @ move)
         share = min(1.0, max(0.0, there - n) / (here - n)) if here > n else 1.0
         out[s.recording, s.channel] = 1.0 + (variance[s.recording, s.channel] - 1.0) * share
     return out
 
 
-def towards(best: Fit, key: Sequence[str], chosen: Sequence[Candidate]) -> Point:
+def towards(best: Fit, key: Sequence[str], chosen: Sequence[Candidate]) -> ParameterPoint:
     """Return a fit's point with the effects that another set lacks at neutral, and those it has
     more begun; without effects so far, signs of currents go through zero as they usually do."""
     campaign = best.point.prepared.campaign

@@ -82,7 +82,7 @@ class SetPosterior:
         self.c = factor.T @ factor  # covariance in narrow deviations
         pull = self.narrow * (eq.g + eq.a @ shift)
         self.mean = self.c @ pull
-        level = eq.rr + 2.0 * shift @ eq.g + shift @ eq.a @ shift
+        level = eq.ssr + 2.0 * shift @ eq.g + shift @ eq.a @ shift
         self.none = float(-0.5 * level + 0.5 * pull @ self.mean + np.sum(np.log(np.diag(factor))))
         self.ratio = np.maximum(wide / self.narrow, 1.0)
         one_sided = (m.wide.low == m.wide.mean) | (m.wide.high == m.wide.mean)

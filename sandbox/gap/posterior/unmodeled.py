@@ -24,7 +24,7 @@ from scipy.special import expit
 
 from model.spline_correction import MapError
 from sandbox.gap.evidence.fit import Fit, stray
-from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
@@ -64,8 +64,8 @@ def map_left(error: MapError | None) -> float:
 
 
 def log_bayes_factor(
-    before: Normal,
-    after: Normal,
+    before: NormalEquations,
+    after: NormalEquations,
     noise: float,
     settings: Settings = USUAL,
     beyond: float = 0.0,
@@ -83,13 +83,13 @@ def log_bayes_factor(
     return float(np.logaddexp.reduce(mixed) - math.log(len(SHARES)))
 
 
-def excess(n: Normal) -> tuple[Array, Array]:
+def excess(n: NormalEquations) -> tuple[Array, Array]:
     """Return J^2 - 1 of every recording (r,), all its channels together, and how many readings that
     is."""
     size = 1 + max(s.recording for s in n.segments)
     squares, count = np.zeros(size), np.zeros(size)
     for s in n.segments:
-        squares[s.recording] += float(s.rr.sum())
+        squares[s.recording] += float(s.ssr.sum())
         count[s.recording] += float(s.n.sum())
     return squares / count - 1.0, count
 

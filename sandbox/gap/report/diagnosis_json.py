@@ -141,7 +141,7 @@ def _rms_without(d: Diagnosis, h: Hypothesis) -> float:
         return rms(n, range(count))
     shift = algebra(n, weights_of(count, d.held_out)).most_probable(prior_of(n.coordinates)).x - n.x
     held = algebra(n, weights_of(count, [k for k in range(count) if k not in d.held_out]))
-    squares = held.rr - 2.0 * shift @ held.g + shift @ held.a @ shift
+    squares = held.ssr - 2.0 * shift @ held.g + shift @ held.a @ shift
     return float(
         np.sqrt(max(squares, 0.0) / sum(s.n.sum() for s in n.segments if s.recording in d.held_out))
     )

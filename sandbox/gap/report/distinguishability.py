@@ -26,7 +26,7 @@ from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.fit import coordinates_of
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.hypotheses import UNKNOWN
@@ -111,7 +111,7 @@ def _way(a: EvaluatedModel, b: EvaluatedModel) -> Array:
     can be."""
     both = tuple(dict.fromkeys((*a.effects, *b.effects)))
     own = {k: v for k, v in b.fit.point.values.items() if k.partition(".")[0] in b.effects}
-    base = Point(
+    base = ParameterPoint(
         a.fit.point.prepared,
         {**a.fit.point.values, **own},
         {**b.fit.point.turns, **a.fit.point.turns},
@@ -127,7 +127,7 @@ def _way(a: EvaluatedModel, b: EvaluatedModel) -> Array:
         }
         try:
             shown = normal(replace(point, turns=turned, prepared=_between(a, b, share)), ())
-            out.append(-0.5 * sum(float(s.rr.sum()) for s in shown.segments))
+            out.append(-0.5 * sum(float(s.ssr.sum()) for s in shown.segments))
         except BadInput:
             out.append(-math.inf)
     return np.array(out)

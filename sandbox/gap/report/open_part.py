@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import (
     CURRENT_NAMES,
@@ -116,12 +116,12 @@ def _range(low: float, high: float | None, unit: str) -> str:
     return f" (up to {high:.3g} {unit})" if low == 0.0 else f" ({low:.3g} to {high:.3g} {unit})"
 
 
-def remaining(point: Point) -> Remaining:
+def remaining(point: ParameterPoint) -> Remaining:
     """Return where the residual at a point lies."""
     return regions(decompose(point, shown(point)), point)
 
 
-def regions(part: Decomposition, point: Point) -> Remaining:
+def regions(part: Decomposition, point: ParameterPoint) -> Remaining:
     """Return where a residual that was taken apart lies; point: where the model stood that left it.
 
     Orders and lines below DETAIL of what remains are left out; both signs of an order count

@@ -25,7 +25,7 @@ from model.parameters import Drive
 from sandbox.drive.design import belief_of, design
 from sandbox.drive.follow import follow
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.injection import carrier
 from sandbox.replay.inputs import LEGS
@@ -127,7 +127,9 @@ def _believing(d: Diagnosis, files: tuple[str, ...], estimator: str) -> float | 
         return None
 
 
-def simulated(point: Point, chosen: list[int], rng: np.random.Generator) -> list[tuple[int, Array]]:
+def simulated(
+    point: ParameterPoint, chosen: list[int], rng: np.random.Generator
+) -> list[tuple[int, Array]]:
     """Return (recording, currents alpha, beta (n, 2) in A) that a point predicts, with sensor noise
     added."""
     part = Prepared(

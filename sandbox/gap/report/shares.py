@@ -36,7 +36,7 @@ from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.gap_size import UNDEFINED, rms
-from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, normal
 from sandbox.gap.evidence.priors import STEPS, Coordinate, of_effect, ordinary
 from sandbox.gap.location.where import held_at_neutral
 from sandbox.gap.posterior.evaluated import EvaluatedModel
@@ -170,15 +170,15 @@ def only_ordinary(j: EvaluatedModel, gone: Sequence[str], best: Array) -> Prior:
     return prior
 
 
-def _left(n: Normal) -> Array:
+def _left(n: NormalEquations) -> Array:
     """Return the squares that each recording leaves (r,)."""
     out = np.zeros(1 + max(s.recording for s in n.segments))
     for s in n.segments:
-        out[s.recording] += float(s.rr.sum())
+        out[s.recording] += float(s.ssr.sum())
     return out
 
 
-def _counts(n: Normal) -> Array:
+def _counts(n: NormalEquations) -> Array:
     """Return how many readings each recording has (r,): the squares of noise."""
     out = np.zeros(1 + max(s.recording for s in n.segments))
     for s in n.segments:
@@ -219,7 +219,7 @@ def _waterfall(d: Diagnosis, ranked: Sequence[str]) -> list[tuple[str, float]]:
     return [*out, (ranked[-1], d.size.after)]
 
 
-def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
+def with_part(d: Diagnosis, gone: Sequence[str]) -> ParameterPoint:
     """Return the point at which effects are missing of the fit without the recordings held out: the
     others' sizes are that fit's.  Ordinary deviations follow by its equations, which have not seen
     those recordings either; where one is an effect, too, it deviates from that effect's size."""
@@ -248,7 +248,7 @@ def is_shape_only(j: EvaluatedModel, effect: str) -> bool:
     return all(j.model.coordinates[k].form in ("log", "presence") for k in j.model.members[effect])
 
 
-def without(j: EvaluatedModel, gone: Sequence[str]) -> Point:
+def without(j: EvaluatedModel, gone: Sequence[str]) -> ParameterPoint:
     """Return the point at which effects are missing and ordinary deviations follow by algebra;
     shapes at neutral."""
     shapes = [e for e in gone if is_shape_only(j, e)]
@@ -256,8 +256,8 @@ def without(j: EvaluatedModel, gone: Sequence[str]) -> Point:
 
 
 def _brought(
-    point: Point, coordinates: Sequence[Coordinate], x: Array, shapes: Sequence[str]
-) -> Point:
+    point: ParameterPoint, coordinates: Sequence[Coordinate], x: Array, shapes: Sequence[str]
+) -> ParameterPoint:
     """Return a point with coordinates at x (p,), and effects that are nothing but shapes at
     neutral."""
     moved = [(c, to) for c, to in zip(coordinates, x, strict=True) if c.form not in STEPS]

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects.said import quantity
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import whole_turns
 from sandbox.plant.sets import BENCH, ORDINARY
 from sandbox.recordings.campaign import Campaign, CampaignRecording
@@ -133,7 +133,7 @@ class Drifting:
 
 
 def drifting(
-    point: Point, shown: Sequence[Residual], known: Drifting | None = None
+    point: ParameterPoint, shown: Sequence[Residual], known: Drifting | None = None
 ) -> Drifting | None:
     """Return what the offsets of a campaign's recordings differ by and what all sensors have in
     common; None where nothing differs surely and nothing in common is more than ordinary.

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from model.compiled import inlined, kernel
 from model.parameters import Drive
 from sandbox.gap.evidence.misfit import met
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.transitions import SHARE, displaced, transitions
@@ -101,7 +101,7 @@ class RecordingSlopes(NamedTuple):
         return RecordingSlopes(*(x[:n] for x in self))
 
 
-def pwm_counts(point: Point) -> Counted | None:
+def pwm_counts(point: ParameterPoint) -> Counted | None:
     """Return the counts that duties were rounded to, from what a fit leaves; None where recordings
     show none, where [drive] states them, and for logs whose rows are several PWM periods apart."""
     converter = point.prepared.campaign.drive.converter
@@ -184,7 +184,7 @@ def with_counts(drive: Drive, value: int) -> Drive:
     return replace(drive, converter=replace(drive.converter, pwm_counts=value))
 
 
-def parts_of(point: Point) -> list[RecordingSlopes]:
+def parts_of(point: ParameterPoint) -> list[RecordingSlopes]:
     """Return the parts of all recordings."""
     prepared, out = point.turned(), []
     drive = prepared.campaign.drive

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from sandbox.gap.evidence.fit import Fit, keeps_more
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.settings import Settings
 from sandbox.gap.unstated.drifting import Drifting, drifting, steadied
@@ -43,7 +43,7 @@ class Unstated:
             campaign = replace(campaign, drive=with_counts(campaign.drive, self.counts.value))
         return campaign if self.drifting is None else steadied(campaign, self.drifting)
 
-    def at(self, point: Point) -> Point:
+    def at(self, point: ParameterPoint) -> ParameterPoint:
         """Return a point of the campaign that states it."""
         old = point.prepared
         new = prepare(self.in_campaign(old.campaign), old.base, steps=old.steps)

@@ -180,8 +180,8 @@ def replay(
     >>> max(with_it.rms.values()) < 1.1 < min(without.rms.values())
     True
     """
-    from sandbox.gap.evidence.noise import floor_of
-    from sandbox.gap.evidence.normal import Point
+    from sandbox.gap.evidence.noise import noise_std_of
+    from sandbox.gap.evidence.normal import ParameterPoint
     from sandbox.gap.unstated.drifting import without_offsets
     from sandbox.replay.replay import prepare, residuals
     from sandbox.replay.replay import replay as put_through
@@ -193,8 +193,10 @@ def replay(
             own, drive=dataclasses.replace(own.drive, motor=load_motor(motor).motor)
         )
     prepared = prepare(own, added, files=files)
-    prepared = Point(
-        dataclasses.replace(prepared, noise_std=floor_of(own, prepared.noise_std)), added, angles
+    prepared = ParameterPoint(
+        dataclasses.replace(prepared, noise_std=noise_std_of(own, prepared.noise_std)),
+        added,
+        angles,
     ).turned()
     prediction = put_through(prepared, [added], workers=jobs)
     rms = {r.file: float(r.rms()[0]) for r in residuals(prepared, prediction)}

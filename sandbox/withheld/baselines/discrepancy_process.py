@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from sandbox.gap.evidence.algebra import Algebra, Prior
-from sandbox.gap.evidence.normal import Normal, Point, simulated
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, simulated
 from sandbox.gap.evidence.regression import in_rotor_frame
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import replay, residuals
@@ -89,7 +89,7 @@ class Gram(NamedTuple):
 class WithDiscrepancy:
     """Normal equations of a point and the products of every component's features there."""
 
-    normal: Normal
+    normal: NormalEquations
     grams: dict[str, Gram]
 
     def marginal(self, scales: Scales) -> tuple[Algebra, float]:
@@ -106,16 +106,16 @@ class WithDiscrepancy:
 def marginal(a: Algebra, grams: dict[str, Gram], scales: Scales) -> tuple[Algebra, float]:
     """Return equations with the discrepancy integrated out, and -1/2 log det(I + s^2 G) of all
     components."""
-    left, g, rr, more = a.a.copy(), a.g.copy(), a.rr, 0.0
+    left, g, ssr, more = a.a.copy(), a.g.copy(), a.ssr, 0.0
     for component, (cross, own, pull) in grams.items():
         s2 = scales.amplitude(component) ** 2
         factor = cho_factor(np.eye(len(own)) + s2 * own, lower=True)
         solved = s2 * cho_solve(factor, np.column_stack([cross.T, pull]))
         left -= cross @ solved[:, :-1]
         g -= cross @ solved[:, -1]
-        rr -= float(pull @ solved[:, -1])
+        ssr -= float(pull @ solved[:, -1])
         more -= float(np.sum(np.log(np.diag(factor[0]))))
-    return Algebra(left, g, rr, a.x), more
+    return Algebra(left, g, ssr, a.x), more
 
 
 def frequencies(seed: int = 0) -> Array:
@@ -130,7 +130,7 @@ def features(z: Array, scales: Scales, drawn: Array) -> Array:
     return np.concatenate([np.cos(phase), np.sin(phase)], axis=1) / np.sqrt(len(drawn))
 
 
-def places_of(point: Point) -> list[Where]:
+def places_of(point: ParameterPoint) -> list[Where]:
     """Return the operating points of every recording as a point predicts them, so that no noise
     explains itself."""
     turned = point.turned()
@@ -147,7 +147,9 @@ def places_of(point: Point) -> list[Where]:
     return out
 
 
-def parts_of(point: Point, n: Normal, where: Sequence[Where]) -> Iterator[Component]:
+def parts_of(
+    point: ParameterPoint, n: NormalEquations, where: Sequence[Where]
+) -> Iterator[Component]:
     """Yield the components of every recording; n: normal equations at the point, with their slopes.
 
     The sum of three phases has no discrepancy: it is not an operating point's current.
@@ -196,12 +198,12 @@ def thinned(parts: Iterable[Component], most: int) -> list[Component]:
 
 def equations(parts: Sequence[Component], p: int) -> tuple[Array, Array, float]:
     """Return A (p, p), g (p,) and r'r of parts alone."""
-    a, g, rr = np.zeros((p, p)), np.zeros(p), 0.0
+    a, g, ssr = np.zeros((p, p)), np.zeros(p), 0.0
     for part in parts:
         a[np.ix_(part.places, part.places)] += part.j.T @ part.j
         g[part.places] += part.j.T @ part.y
-        rr += float(part.y @ part.y)
-    return a, g, rr
+        ssr += float(part.y @ part.y)
+    return a, g, ssr
 
 
 def learnt(

@@ -25,7 +25,7 @@ import numpy as np
 
 from model.effects.library import causes
 from sandbox.gap.evidence.algebra import prior_of
-from sandbox.gap.evidence.normal import Point, counted, normal
+from sandbox.gap.evidence.normal import ParameterPoint, counted, normal
 from sandbox.gap.evidence.priors import Coordinate, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.recordings.campaign import read_folder
@@ -64,7 +64,7 @@ class Process:
     exclude: tuple[str, ...]
 
     def with_discrepancy(
-        self, point: Point, coordinates: Sequence[Coordinate]
+        self, point: ParameterPoint, coordinates: Sequence[Coordinate]
     ) -> gp.WithDiscrepancy:
         """Return the equations of a point and the products of features there."""
         n = normal(point, coordinates)
@@ -79,7 +79,7 @@ class Stand(NamedTuple):
     join; amplitudes and log evidence, prior odds included."""
 
     effects: tuple[str, ...]
-    point: Point
+    point: ParameterPoint
     columns: Columns
     equations: gp.WithDiscrepancy
     scales: gp.Scales
@@ -158,7 +158,7 @@ def ranked(search: Search, best: Stand) -> list[tuple[tuple[str, ...], float, Ma
     ]
 
 
-def process_of(point: Point, exclude: tuple[str, ...]) -> Process:
+def process_of(point: ParameterPoint, exclude: tuple[str, ...]) -> Process:
     """Return the discrepancy whose scales suit what ordinary deviations leave at a point."""
     where, drawn = gp.places_of(point), gp.frequencies()
     n = normal(point, fit.usual(point.prepared.campaign))
@@ -172,7 +172,7 @@ def odds(effects: Sequence[str]) -> float:
     return -len(effects) * math.log(len(causes()))
 
 
-def stand(process: Process, point: Point, effects: tuple[str, ...]) -> Stand:
+def stand(process: Process, point: ParameterPoint, effects: tuple[str, ...]) -> Stand:
     """Return a set linearised at a point, beside all that may join it."""
     choices = candidates(point, (*process.exclude, *barred(effects)), left=0.0)
     cols = columns(point, fit.with_effects(point, effects), choices)
@@ -237,8 +237,8 @@ def leaving(process: Process, here: Stand) -> list[Move]:
 
 
 def moved(
-    process: Process, point: Point, coordinates: Sequence[Coordinate], scales: gp.Scales
-) -> Point:
+    process: Process, point: ParameterPoint, coordinates: Sequence[Coordinate], scales: gp.Scales
+) -> ParameterPoint:
     """Return where some rounds of Gauss-Newton beside the process lead."""
     here = process.with_discrepancy(point, coordinates)
     prior = prior_of(here.normal.coordinates)
@@ -275,5 +275,5 @@ def left(here: Stand) -> float:
     x = here.equations.marginal(here.scales)[0].most_probable(held_but(n, here.free)).x
     sums = n.summed()
     shift = x - n.x
-    squares = sums.rr - 2.0 * shift @ sums.g + shift @ sums.a @ shift
+    squares = sums.ssr - 2.0 * shift @ sums.g + shift @ sums.a @ shift
     return math.sqrt(max(0.0, float(squares)) / fit.readings(n))

@@ -24,7 +24,7 @@ from typing import Any
 
 from model.effects.library import effect_names
 from model.errors import BadInput
-from sandbox.gap.evidence.normal import Point, counted
+from sandbox.gap.evidence.normal import ParameterPoint, counted
 from sandbox.gap.evidence.priors import with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.recordings.campaign import read_folder
@@ -96,7 +96,7 @@ def by_bic(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     )
 
 
-def usual_probes(point: Point, exclude: Sequence[str]) -> list[Candidate]:
+def usual_probes(point: ParameterPoint, exclude: Sequence[str]) -> list[Candidate]:
     """Return one probe an effect, its companions at typical values, but for effects that this drive
     cannot have."""
     out = []

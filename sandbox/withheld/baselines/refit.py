@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from model.effects import library
 from model.errors import BadInput, PhysicsError
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
-from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, normal
 from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
 from sandbox.gap.posterior.candidates import Candidate, possible
 from sandbox.gap.posterior.estimates import public
@@ -43,8 +43,8 @@ class Refit:
     """A fit: where it ended, the normal equations there, their priors, the cost (residual and prior
     terms)."""
 
-    point: Point
-    normal: Normal
+    point: ParameterPoint
+    normal: NormalEquations
     prior: Prior
     cost: float
     simulations: float
@@ -71,23 +71,23 @@ def usual(campaign: Campaign) -> list[Coordinate]:
 
 def nuisances(campaign: Campaign) -> tuple[Refit, float]:
     """Return the fit of the ordinary deviations alone, and the raw gap."""
-    start = Point(
+    start = ParameterPoint(
         prepare(campaign, steps=1), complete(campaign.drive.motor, campaign.drive.converter)
     )
     return refit(start, usual(campaign), ROUNDS), rms(normal(start, ()))
 
 
-def rms(n: Normal) -> float:
+def rms(n: NormalEquations) -> float:
     """Return the residual over the floor at a point."""
-    return math.sqrt(sum(float(s.rr.sum()) for s in n.segments) / readings(n))
+    return math.sqrt(sum(float(s.ssr.sum()) for s in n.segments) / readings(n))
 
 
-def readings(n: Normal) -> float:
+def readings(n: NormalEquations) -> float:
     """Return how many readings normal equations rest on."""
     return sum(float(s.n.sum()) for s in n.segments)
 
 
-def refit(point: Point, coordinates: Sequence[Coordinate], rounds: int) -> Refit:
+def refit(point: ParameterPoint, coordinates: Sequence[Coordinate], rounds: int) -> Refit:
     """Return the fit of coordinates and all turns after so many rounds of Gauss-Newton, fewer where
     nothing gains.
 
@@ -113,12 +113,14 @@ def refit(point: Point, coordinates: Sequence[Coordinate], rounds: int) -> Refit
     return Refit(point, n.bare(), prior, cost, spent)
 
 
-def little(n: Normal, cost: float) -> float:
+def little(n: NormalEquations, cost: float) -> float:
     """Return a gain of the cost that is not worth another step."""
     return max(LITTLE, SHARE * (cost - readings(n)))
 
 
-def stepped(point: Point, n: Normal, prior: Prior, cost: float) -> tuple[Point, Normal, float, int]:
+def stepped(
+    point: ParameterPoint, n: NormalEquations, prior: Prior, cost: float
+) -> tuple[ParameterPoint, NormalEquations, float, int]:
     """Return point, equations and cost after the largest share of a step that lowers the cost;
     simulations it took.
 
@@ -138,7 +140,7 @@ def stepped(point: Point, n: Normal, prior: Prior, cost: float) -> tuple[Point, 
     return point, n, cost, len(SHARES)
 
 
-def cost_of(n: Normal, prior: Prior) -> float:
+def cost_of(n: NormalEquations, prior: Prior) -> float:
     """Return the sum of squared residuals and of squared deviations from the priors' means."""
     return algebra(n).objective(n.x, prior)
 
@@ -155,7 +157,7 @@ def widened(coordinates: Sequence[Coordinate], factor: float) -> list[Coordinate
     ]
 
 
-def beginning(point: Point, effect: str) -> Candidate:
+def beginning(point: ParameterPoint, effect: str) -> Candidate:
     """Return an effect with its companions (time constants, frequencies, orders) at typical values;
     BadInput where the drive cannot have these."""
     drive = point.prepared.campaign.drive
@@ -169,15 +171,15 @@ def beginning(point: Point, effect: str) -> Candidate:
 
 
 def with_effect(
-    point: Point, probe: Candidate, others: Sequence[str] = ()
-) -> tuple[Point, list[Coordinate]]:
+    point: ParameterPoint, probe: Candidate, others: Sequence[str] = ()
+) -> tuple[ParameterPoint, list[Coordinate]]:
     """Return where an effect's fit begins, and the ordinary coordinates with its own (wide) ones;
     beside: effects that the point has already, which move with it."""
     begin = replace(point, values={**point.values, **probe.start})
     return begin, with_effects(begin, (*others, probe.effect))
 
 
-def with_effects(point: Point, effects: Sequence[str]) -> list[Coordinate]:
+def with_effects(point: ParameterPoint, effects: Sequence[str]) -> list[Coordinate]:
     """Return the ordinary coordinates with the (wide) ones of effects, companions about where the
     point has them."""
     campaign = point.prepared.campaign

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from model.effects.library import load_effect, moved, neutral
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
-from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.sets import contained
@@ -40,7 +40,9 @@ class Promise(NamedTuple):
     probe: Candidate
 
 
-def columns(point: Point, known: Sequence[Coordinate], probes: Sequence[Candidate]) -> Columns:
+def columns(
+    point: ParameterPoint, known: Sequence[Coordinate], probes: Sequence[Candidate]
+) -> Columns:
     """Return what to linearise for probes beside a fit's own coordinates.
 
     Probes with companions (a time constant, an order) have columns of their own each; others share
@@ -53,7 +55,7 @@ def columns(point: Point, known: Sequence[Coordinate], probes: Sequence[Candidat
     return Columns([c for c in known if not c.of_point], own)
 
 
-def held_but(n: Normal, free: Mapping[str, Coordinate]) -> Prior:
+def held_but(n: NormalEquations, free: Mapping[str, Coordinate]) -> Prior:
     """Return the priors under which coordinates of some labels move, and all turns; the others stay
     where they are."""
     chosen = [free.get(c.label, c) for c in n.coordinates]
@@ -63,7 +65,7 @@ def held_but(n: Normal, free: Mapping[str, Coordinate]) -> Prior:
 
 
 def screened(
-    point: Point,
+    point: ParameterPoint,
     known: Sequence[Coordinate],
     probes: Sequence[Candidate],
     effects: Sequence[str] = (),
@@ -129,7 +131,7 @@ def lesser(effects: Sequence[str], exclude: Sequence[str]) -> list[tuple[str, ..
     return out
 
 
-def cleared(point: Point, effects: Sequence[str], left: Sequence[str]) -> Point:
+def cleared(point: ParameterPoint, effects: Sequence[str], left: Sequence[str]) -> ParameterPoint:
     """Return a point of a set of effects with neutral values for all that those left do not
     have."""
     usual, values = neutral(point.prepared.campaign.drive.motor), dict(point.values)

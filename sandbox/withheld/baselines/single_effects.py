@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from scipy.special import softmax
 
 from sandbox.gap.evidence.algebra import algebra, prior_of
-from sandbox.gap.evidence.normal import Normal, counted, normal
+from sandbox.gap.evidence.normal import NormalEquations, counted, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.posterior.candidates import candidates
 from sandbox.recordings.campaign import read_folder
@@ -49,7 +49,7 @@ class Equations(NamedTuple):
 
     a: Array
     g: Array
-    rr: float
+    ssr: float
     n: float
     variance: Array
     of: Sequence[Sequence[int]]
@@ -70,11 +70,13 @@ def by_single_effects(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     ranked = [
         (s, p, {}) for s, p in likely_sets(found.chances, [probe.effect for probe, _ in probes.own])
     ]
-    after = min(null.rms, math.sqrt(max(0.0, found.rr / fit.readings(n))))
+    after = min(null.rms, math.sqrt(max(0.0, found.ssr / fit.readings(n))))
     return answer(campaign, ranked, (raw, null.rms, after), started, round(sum(spent)))
 
 
-def equations(n: Normal, usual: Collection[str], own: Sequence[Sequence[Coordinate]]) -> Equations:
+def equations(
+    n: NormalEquations, usual: Collection[str], own: Sequence[Sequence[Coordinate]]
+) -> Equations:
     """Return the equations of candidates' columns, ordinary deviations (labels) and turns
     integrated out.
 
@@ -102,7 +104,7 @@ def equations(n: Normal, usual: Collection[str], own: Sequence[Sequence[Coordina
     return Equations(
         whole.a[np.ix_(asked, asked)] - across.T @ solved[:, :-1],
         whole.g[asked] - across.T @ solved[:, -1],
-        whole.rr - float(pull @ solved[:, -1]),
+        whole.ssr - float(pull @ solved[:, -1]),
         fit.readings(n),
         np.array([wide[k] ** 2 for k in asked]),
         [[at[place[c.label]] for c in more] for more in own],
@@ -114,23 +116,23 @@ class Summed(NamedTuple):
     leaves."""
 
     chances: Array
-    rr: float
+    ssr: float
 
 
 def summed(e: Equations, most: int = SUM) -> Summed:
     """Return the posterior of a sum of single effects."""
     chances, mean = np.zeros((most, len(e.of) + 1)), np.zeros((most, len(e.g)))
-    noise, rr = max(1.0, e.rr / e.n), e.rr
+    noise, ssr = max(1.0, e.ssr / e.n), e.ssr
     for _ in range(ROUNDS):
         before = chances.copy()
         for k in range(most):
             chances[k], mean[k] = single(e, e.g - e.a @ (mean.sum(0) - mean[k]), noise)
         b = mean.sum(0)
-        rr = float(e.rr - 2.0 * b @ e.g + b @ e.a @ b)
-        noise = max(1.0, rr / e.n)
+        ssr = float(e.ssr - 2.0 * b @ e.g + b @ e.a @ b)
+        noise = max(1.0, ssr / e.n)
         if np.max(np.abs(chances - before)) < STILL:
             break
-    return Summed(chances, rr)
+    return Summed(chances, ssr)
 
 
 def single(e: Equations, g: Array, noise: float) -> tuple[Array, Array]:

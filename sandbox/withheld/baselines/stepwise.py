@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sandbox.gap.evidence.normal import Point, counted
+from sandbox.gap.evidence.normal import ParameterPoint, counted
 from sandbox.gap.evidence.priors import Coordinate, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.recordings.campaign import read_folder
@@ -136,7 +136,7 @@ def shrunk(search: Search, best: Visited) -> Visited | None:
     return min((f for f in found if f is not None), key=lambda v: v.criterion, default=None)
 
 
-def visited(point: Point, probe: Candidate, others: Sequence[str] = ()) -> Visited:
+def visited(point: ParameterPoint, probe: Candidate, others: Sequence[str] = ()) -> Visited:
     """Return the fit of an effect beside others that a point has already."""
     begin, coordinates = fit.with_effect(point, probe, others)
     return _fitted(begin, (*others, probe.effect), coordinates)
@@ -148,7 +148,9 @@ def reduced(whole: Visited, rest: tuple[str, ...]) -> Visited:
     return _fitted(begin, rest, fit.with_effects(begin, rest))
 
 
-def _fitted(begin: Point, effects: tuple[str, ...], coordinates: Sequence[Coordinate]) -> Visited:
+def _fitted(
+    begin: ParameterPoint, effects: tuple[str, ...], coordinates: Sequence[Coordinate]
+) -> Visited:
     """Return a set fitted in full, and its criterion."""
     one = fit.refit(begin, coordinates, ROUNDS)
     return Visited(

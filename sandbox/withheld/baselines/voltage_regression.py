@@ -26,7 +26,7 @@ from model.mapped import ALPHAS
 from model.parameters import Motor
 from sandbox.gap.evidence.priors import ordinary as stated
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_folder
-from sandbox.replay.inputs import noise_floor
+from sandbox.replay.inputs import stated_noise_std
 from sandbox.replay.replay import prepare
 from sandbox.withheld.baselines.answer import Answer, answer
 from sandbox.withheld.baselines.refit import inverse_root
@@ -270,7 +270,7 @@ def voltage_noise(campaign: Campaign) -> float:
     """Return the mean square (V^2) that the sensors' noise leaves in a residual voltage: that of
     flux differences."""
     motor, converter = campaign.drive.motor, campaign.drive.converter
-    vector = 4.0 / 3.0 * noise_floor(converter) ** 2
+    vector = 4.0 / 3.0 * stated_noise_std(converter) ** 2
     inductance = 0.5 * (motor.inductance_d**2 + motor.inductance_q**2)
     return 2.0 * vector * inductance / (BIN * converter.sampling_period) ** 2
 
@@ -318,7 +318,7 @@ def background(
         "saturation": [sd.get(f"saturation.{name}", 1e-9) for name in ALPHAS],
         "current_gain": 2 * [1.5 * sd["current_gain.gain_a"]],
         "current_offset": 2
-        * [sd["current_offset.offset_a"] + 0.1 * noise_floor(campaign.drive.converter)],
+        * [sd["current_offset.offset_a"] + 0.1 * stated_noise_std(campaign.drive.converter)],
         "encoder_offset": [sd["encoder_offset.offset"]],
         "dead_time": [sd["dead_time.time"]],
         "inertia": [sd["inertia.inertia"]],

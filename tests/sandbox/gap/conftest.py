@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.report.answers import answer
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_folder
@@ -144,11 +144,13 @@ def with_a_stranger(small_answers):
     j = small_answers.diagnosis.best.evaluated
     prepared = prepare(with_added(small_answers.diagnosis.campaign))
     return j, dataclasses.replace(
-        j.model, point=Point(prepared, j.model.point.values, j.model.point.turns)
+        j.model, point=ParameterPoint(prepared, j.model.point.values, j.model.point.turns)
     )
 
 
 def start(folder):
     """Return a campaign's nominal point, not fitted."""
     campaign = read_folder(folder)
-    return Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
+    return ParameterPoint(
+        prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter)
+    )

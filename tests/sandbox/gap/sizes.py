@@ -4,7 +4,7 @@ import numpy as np
 
 from sandbox.gap.evidence.fit import Fit
 from sandbox.gap.evidence.gap_size import size_of
-from sandbox.gap.evidence.normal import Normal, Segment
+from sandbox.gap.evidence.normal import NormalEquations, Segment
 
 BLOCKS, COUNT, SCATTER = 400, 10, 0.2
 
@@ -24,7 +24,7 @@ def left_by(*squares, count=COUNT):
         )
         for k, x in enumerate(squares)
     )
-    return Normal((), np.zeros(0), own, 0.0)
+    return NormalEquations((), np.zeros(0), own, 0.0)
 
 
 def fit_with(squares, effects=()):

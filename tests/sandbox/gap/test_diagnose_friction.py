@@ -6,7 +6,7 @@ import pytest
 
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
@@ -53,7 +53,7 @@ def test_the_hump_is_fitted_with_the_friction_it_sits_on(hump):
     (measured: a fifth), and a hump of 0.012 N m would stand out by ten of its own."""
     planted = {"torque": 0.03, "width": 1.6, "stribeck_torque": hump}
     recorded = turned({f"coulomb_friction.{n}": x for n, x in planted.items()})
-    begun = Point(prepare(recorded), complete(DRIVE.motor, DRIVE.converter))
+    begun = ParameterPoint(prepare(recorded), complete(DRIVE.motor, DRIVE.converter))
     found = fit(begun, ("coulomb_friction",), weights_of(1))
     deviations = np.sqrt(np.diag(algebra(found.normal).covariance(prior_of(found.coordinates))))
     for name, true in planted.items():

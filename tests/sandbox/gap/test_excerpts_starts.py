@@ -7,11 +7,11 @@ import pytest
 
 from sandbox.gap.excerpts import begins_at_rest
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.replay.inputs import noise_floor
+from sandbox.replay.inputs import stated_noise_std
 from tests.sandbox.replay.benches import DRIVE
 
 OFFSET = np.array([0.02, 0.01, -0.03])  # A, of 1.2 A rated: 2 % of it at most
-NOISE = noise_floor(DRIVE.converter)
+NOISE = stated_noise_std(DRIVE.converter)
 
 
 def begun(first, file="r.parquet"):

@@ -9,7 +9,7 @@ import pytest
 from model.drive_files import load_drive
 from model.mapped import MappedMotor
 from model.spline_correction import Basis, MapError, refined
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.map_error import Answers, rotor_currents, with_map_error
@@ -56,7 +56,7 @@ def prepared(request):
 
 
 def test_columns_are_what_replays_of_a_moved_map_differ_by(prepared):
-    point = Point(prepared, complete(MAPPED.motor, MAPPED.converter))
+    point = ParameterPoint(prepared, complete(MAPPED.motor, MAPPED.converter))
     n = normal(point, ())
     own = [k for k, c in enumerate(n.coordinates) if c.form == "map"]
     assert [n.coordinates[k].label for k in own] == ["map:1", "map:2", "map:3", "map:4"]
@@ -79,7 +79,7 @@ def test_columns_where_current_flows_at_the_start(prepared):
     (whole,) = replay(prepared, [{}]).currents
     r = dataclasses.replace(prepared.recordings[0], read=np.ascontiguousarray(whole[:, :, 0]))
     part = dataclasses.replace(prepared, recordings=(r.cut(300, 500),))
-    point = Point(part, complete(MAPPED.motor, MAPPED.converter))
+    point = ParameterPoint(part, complete(MAPPED.motor, MAPPED.converter))
     n = normal(point, ())
     (base,) = replay(part, [{}]).currents
     k = len(n.x) - 1
@@ -92,7 +92,7 @@ def test_columns_where_current_flows_at_the_start(prepared):
 
 
 def test_a_moved_map_is_the_points_own(prepared):
-    point = Point(prepared, complete(MAPPED.motor, MAPPED.converter))
+    point = ParameterPoint(prepared, complete(MAPPED.motor, MAPPED.converter))
     n = normal(point, ())
     x = np.where([c.form == "map" for c in n.coordinates], 0.3, n.x)
     there = point.moved(n.coordinates, x)

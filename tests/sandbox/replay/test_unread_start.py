@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from model.parameters import Motor
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare
@@ -110,9 +110,9 @@ def test_a_recording_that_begins_in_a_turn_keeps_noise_alone():
         (r,) = with_starts(p).recordings
         s = 1.0 / (1.0 - r.start.share) ** 2 - 1.0
         for found, to in ((p, known), (dataclasses.replace(p, recordings=(r,)), unread)):
-            n = normal(Point(found, values), ())
+            n = normal(ParameterPoint(found, values), ())
             current = next(x for x in n.segments if x.channel == "current")
-            to.append(float(current.rr.sum() - current.n.sum()))
+            to.append(float(current.ssr.sum() - current.n.sum()))
     count = 3.0 * (700 - first)
     expected, scatter = s.sum(), math.sqrt((2.0 * count + 2.0 * s @ s) / draws)
     assert expected > 0.2 * count  # J of 1.1 where the start counts as known

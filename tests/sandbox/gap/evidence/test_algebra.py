@@ -12,7 +12,7 @@ from scipy.stats import truncnorm
 from sandbox.gap.evidence import algebra as algebra_module
 from sandbox.gap.evidence.algebra import Algebra, Prior, between_segments, sandwich
 from sandbox.gap.evidence.fit import coordinates_of, fit
-from sandbox.gap.evidence.normal import Normal, Segment, normal, possible
+from sandbox.gap.evidence.normal import NormalEquations, Segment, normal, possible
 from sandbox.gap.evidence.priors import Coordinate, of_effect
 from sandbox.gap.posterior.candidates import at_typical
 from sandbox.gap.posterior.holdout import choices, held_out, weights_of
@@ -155,7 +155,7 @@ def test_blocks_of_white_noise_widen_nothing_and_equal_blocks_widen_by_their_num
             (r**2).sum(1),
             np.full(len(r), 1.0),
         )
-        n = Normal((flat,), np.zeros(1), (s,), 1)
+        n = NormalEquations((flat,), np.zeros(1), (s,), 1)
         total, g, _ = n.summed()
         plain = np.linalg.inv(total)
         return float(sandwich(n, plain @ g, plain)[0, 0] / plain[0, 0])
@@ -171,7 +171,7 @@ def test_normal_equations_are_the_change_of_the_residual(small_folder):
     at = start(small_folder)
     coordinates = coordinates_of(at, ("iron_loss",))
     n = normal(at, coordinates)
-    a, g, rr = n.summed()
+    a, g, ssr = n.summed()
     place = {c.label: k for k, c in enumerate(n.coordinates)}
     for label in (
         "stator_resistance.resistance",
@@ -184,17 +184,17 @@ def test_normal_equations_are_the_change_of_the_residual(small_folder):
         d = np.zeros(len(n.x))
         d[k] = 0.01 * n.coordinates[k].deviation
         moved = normal(at.moved(n.coordinates, n.x + d), coordinates).summed()[2]
-        linear = rr - 2.0 * d @ g + d @ a @ d
-        assert moved - rr == pytest.approx(linear - rr, rel=0.02, abs=1e-3), label
+        linear = ssr - 2.0 * d @ g + d @ a @ d
+        assert moved - ssr == pytest.approx(linear - ssr, rel=0.02, abs=1e-3), label
 
 
 def test_fit_finds_a_planted_dead_time(small_folder):
     at = start(small_folder)
     f = fit(at, ("dead_time",), weights_of(len(at.prepared.recordings)))
     assert f.point.values["dead_time.time"] == pytest.approx(DEAD_TIME, rel=0.02)
-    rr = sum(float(s.rr.sum()) for s in f.normal.segments)
+    ssr = sum(float(s.ssr.sum()) for s in f.normal.segments)
     count = sum(float(s.n.sum()) for s in f.normal.segments)
-    assert math.sqrt(rr / count) < 1.05  # 4 x 3 x 1200 readings: white noise gives 1 +- 0.006
+    assert math.sqrt(ssr / count) < 1.05  # 4 x 3 x 1200 readings: white noise gives 1 +- 0.006
 
 
 def test_split_does_not_look_at_readings(small_folder):
@@ -239,7 +239,7 @@ def test_segments_that_disagree_widen_estimates_by_as_much_as_they_scatter():
             Segment(s, "current", np.array([0]), one, r[s][:, None], r[s] ** 2, np.ones(m))
             for s in range(k)
         )
-        n = Normal((flat,), np.zeros(1), segments, 1)
+        n = NormalEquations((flat,), np.zeros(1), segments, 1)
         a, g, _ = n.summed()
         plain = np.linalg.inv(a)
         found.append(float(between_segments(n, plain @ g, plain)[0, 0]))

@@ -18,8 +18,8 @@ def same(found, whole):
     size = np.sqrt(np.diag(whole.a))
     return (
         bool(np.all(np.abs(found.a - whole.a) <= 1e-6 * np.outer(size, size)))
-        and bool(np.all(np.abs(found.g - whole.g) <= 1e-6 * size * np.sqrt(whole.rr)))
-        and found.rr == pytest.approx(whole.rr, rel=1e-12)
+        and bool(np.all(np.abs(found.g - whole.g) <= 1e-6 * size * np.sqrt(whole.ssr)))
+        and found.ssr == pytest.approx(whole.ssr, rel=1e-12)
     )
 
 

@@ -21,7 +21,7 @@ from sandbox.gap.evidence.fit import (
     rms_of,
     variance_at,
 )
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.settings import USUAL
 from sandbox.plant.sets import complete
@@ -33,7 +33,9 @@ ALL = weights_of(len(CASES))
 
 def point_of(campaign):
     """Return the nominal point of a campaign."""
-    return Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
+    return ParameterPoint(
+        prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +61,7 @@ def left_in(f):
     """Return the squared residual and the number of readings of each recording."""
     squares, counts = np.zeros(len(CASES)), np.zeros(len(CASES))
     for s in f.normal.segments:
-        squares[s.recording] += float(s.rr.sum())
+        squares[s.recording] += float(s.ssr.sum())
         counts[s.recording] += float(s.n.sum())
     return np.array([squares, counts])
 
@@ -68,7 +70,9 @@ def with_left(f, recording, ratio):
     """Return a fit one of whose recordings keeps this mean square, all its channels alike."""
     square, count = left_in(f)[:, recording]
     own = [
-        dataclasses.replace(s, rr=s.rr * ratio * count / square) if s.recording == recording else s
+        dataclasses.replace(s, ssr=s.ssr * ratio * count / square)
+        if s.recording == recording
+        else s
         for s in f.normal.segments
     ]
     return dataclasses.replace(f, normal=dataclasses.replace(f.normal, segments=tuple(own)))
@@ -99,13 +103,13 @@ def test_channels_of_a_recording_count_together(clean):
     (current,) = (s for s in clean.normal.segments if (s.recording, s.channel) == (2, "current"))
     more = 0.2 * float(angle.n.sum())
     scaled = {
-        id(s): dataclasses.replace(s, rr=s.rr * (1.0 + x / float(s.rr.sum())))
+        id(s): dataclasses.replace(s, ssr=s.ssr * (1.0 + x / float(s.ssr.sum())))
         for s, x in ((angle, more), (current, -more))
     }
     own = tuple(scaled.get(id(s), s) for s in clean.normal.segments)
     f = dataclasses.replace(clean, normal=dataclasses.replace(clean.normal, segments=own))
     chance = 1.0 + SCATTER * np.sqrt(2.0 / float(angle.n.sum()))
-    assert float(scaled[id(angle)].rr.sum() / angle.n.sum()) > chance
+    assert float(scaled[id(angle)].ssr.sum() / angle.n.sum()) > chance
     assert not keeps_more(f, 1.0)
 
 

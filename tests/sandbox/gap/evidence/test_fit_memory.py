@@ -10,7 +10,7 @@ import pytest
 from model.errors import BadInput
 from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.evidence.fit import coordinates_of, fit
-from sandbox.gap.evidence.normal import Point, counted, normal
+from sandbox.gap.evidence.normal import ParameterPoint, counted, normal
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.shortened import share, shortened
 from sandbox.plant.sets import complete
@@ -36,7 +36,7 @@ def point(left=np.inf):
     prepared = dataclasses.replace(prepare(small_campaign(effects, CASES[1:])), spare=left)
     turned = {prepared.recordings[0].file: 1e-4}
     values = complete(DRIVE.motor, DRIVE.converter, {"pwm_delay.delay": 3e-6})
-    return Point(prepared, values, turned)
+    return ParameterPoint(prepared, values, turned)
 
 
 def equations(left, workers=1):
@@ -59,7 +59,7 @@ def test_slopes_in_a_file_are_the_same_to_the_bit():
         assert np.array_equal(one.x, other.x)
         for a, b in zip(one.segments, other.segments, strict=True):
             assert (a.recording, a.channel) == (b.recording, b.channel)
-            for name in ("places", "a", "g", "rr", "n"):
+            for name in ("places", "a", "g", "ssr", "n"):
                 assert np.array_equal(getattr(a, name), getattr(b, name)), name
         for a, b in zip(one.rows, other.rows, strict=True):
             assert np.array_equal(a, np.asarray(b))
@@ -83,13 +83,14 @@ def test_a_free_rotor_and_an_eccentric_encoder_go_on_from_stretch_to_stretch():
     for left in (np.inf, 1e5):  # 100 kB: stretches of one block, 200 samples
         prepared = dataclasses.replace(prepare(recorded, steps=1), spare=left)
         n = normal(
-            Point(prepared, values), coordinates_of(Point(prepared, values), ("coulomb_friction",))
+            ParameterPoint(prepared, values),
+            coordinates_of(ParameterPoint(prepared, values), ("coulomb_friction",)),
         )
-        found.append([n, n.at(Point(prepared, values))])
+        found.append([n, n.at(ParameterPoint(prepared, values))])
     for one, other in zip(*found, strict=True):
         assert {s.channel for s in one.segments} == {"current", "motion", "angle"}
         for a, b in zip(one.segments, other.segments, strict=True):
-            assert all(np.array_equal(getattr(a, x), getattr(b, x)) for x in ("a", "g", "rr", "n"))
+            assert all(np.array_equal(getattr(a, x), getattr(b, x)) for x in ("a", "g", "ssr", "n"))
 
 
 def test_a_fit_is_the_same_to_the_bit():

@@ -10,7 +10,7 @@ from sandbox.gap.diagnose import _without
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import NEAR, TOLERANCE, fit, normalised, objective, variance_at
 from sandbox.gap.evidence.gap_size import Size, size_of
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.report.answers import far_text
 from sandbox.plant.sets import complete
@@ -93,7 +93,7 @@ def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_fold
     first, others = own.recordings[0], weights_of(len(own.recordings), (0,))
     wrong = {k: (1.2 * x if k in ("i_a", "i_b", "i_c") else x) for k, x in first.columns.items()}
     spoilt = replace(own, recordings=(replace(first, columns=wrong), *own.recordings[1:]))
-    start = Point(prepare(spoilt), complete(own.drive.motor, own.drive.converter))
+    start = ParameterPoint(prepare(spoilt), complete(own.drive.motor, own.drive.converter))
     whole, honest = (
         fit(start, effects, weights_of(len(own.recordings))),
         fit(start, effects, others),
@@ -110,7 +110,7 @@ def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_fold
 def at_nominal(small_folder):
     """The nominal point of a campaign and the whole fit of a wrong effect, far from the floor."""
     own = read_folder(small_folder)
-    start = Point(prepare(own), complete(own.drive.motor, own.drive.converter))
+    start = ParameterPoint(prepare(own), complete(own.drive.motor, own.drive.converter))
     return start, fit(start, ("inductance",), weights_of(len(own.recordings)))
 
 

@@ -7,7 +7,7 @@ from scipy.signal import TransferFunction, lsim
 
 from model.drive_files import load_drive
 from sandbox.gap.evidence.inverter_or_machine import explained, machines, of_size_one
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.location.outside import inverters
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
@@ -90,7 +90,7 @@ def test_it_is_told_by_what_predicts_the_recordings(name):
     (`outside.MACHINE`)."""
     b, between, inverter = CASES[name]
     campaign = recorded(b, between)
-    point = Point(prepare(campaign), complete(DRIVE.motor, DRIVE.converter))
+    point = ParameterPoint(prepare(campaign), complete(DRIVE.motor, DRIVE.converter))
     found = explained(point)
     print(
         f"{name}: inverter predicts {found[0]:.3f}, machine {found[1]:.3f}; chance "
@@ -100,7 +100,7 @@ def test_it_is_told_by_what_predicts_the_recordings(name):
 
 
 def test_without_excess_nothing_is_told():
-    point = Point(prepare(recorded(BARE)), complete(DRIVE.motor, DRIVE.converter))
+    point = ParameterPoint(prepare(recorded(BARE)), complete(DRIVE.motor, DRIVE.converter))
     assert max(explained(point)) < 0.05
     assert inverters(0.0, 0.0) == pytest.approx(0.4)
 

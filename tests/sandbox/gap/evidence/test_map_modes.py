@@ -27,7 +27,7 @@ from sandbox.gap.evidence.map_modes import (
     spread,
     with_modes,
 )
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.response import fluxes
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
@@ -83,7 +83,7 @@ def test_without_points_a_map_is_off_as_a_whole_alone():
     stated = dict.fromkeys(("inductance_d", "inductance_q"), 0.1)
     campaign = Campaign("own", MAPPED, (record({}, "driven", 20.0),), stated, {}, False)
     assert missed(campaign) is None
-    point = Point(prepare(campaign, steps=1), complete(MAPPED.motor, MAPPED.converter))
+    point = ParameterPoint(prepare(campaign, steps=1), complete(MAPPED.motor, MAPPED.converter))
     error = with_modes(point, None).prepared.map_error
     assert 1 <= len(error.x) <= 2
     assert not error.x.any()
@@ -186,7 +186,7 @@ def test_what_directions_left_away_leave_in_the_readings(mapped, monkeypatch):
     which the tolerance of 5 % covers (`test_map_error` has the slopes themselves within 1 %)."""
     stated = dict.fromkeys(("inductance_d", "inductance_q"), 0.1)
     campaign = Campaign("own", mapped, (record({}, "driven", 20.0),), stated, {}, False)
-    point = Point(prepare(campaign, steps=1), complete(mapped.motor, mapped.converter))
+    point = ParameterPoint(prepare(campaign, steps=1), complete(mapped.motor, mapped.converter))
     found = []
     for most in (1, 2):
         monkeypatch.setattr(map_modes, "MAX_DIRECTIONS", most)

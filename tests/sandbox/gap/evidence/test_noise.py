@@ -13,12 +13,12 @@ from scipy.stats import chi2
 from model.errors import BadInput, PhysicsError
 from sandbox.cli import main
 from sandbox.gap.diagnose import diagnosis_of
-from sandbox.gap.evidence.noise import floor_of, noise_of
 from sandbox.gap.evidence.noise import noise_caution as caution_of
+from sandbox.gap.evidence.noise import noise_of, noise_std_of
 from sandbox.gap.evidence.sensor_noise import sensor_noise
 from sandbox.gap.two_sensors import two_sensors
 from sandbox.recordings.campaign import CampaignRecording, read_folder
-from sandbox.replay.inputs import noise_floor
+from sandbox.replay.inputs import stated_noise_std
 
 
 def with_noise(campaign, noise):
@@ -50,7 +50,7 @@ def test_noise_seen_is_that_put_in(small_folder):
     """
     campaign, rng = read_folder(small_folder), np.random.default_rng(0)
     noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
-    true = np.hypot(0.02, noise_floor(campaign.drive.converter))
+    true = np.hypot(0.02, stated_noise_std(campaign.drive.converter))
     assert noise_of(noisy).seen == pytest.approx(true, rel=0.035)
 
 
@@ -59,7 +59,7 @@ def test_what_turns_with_the_rotor_is_no_noise(small_folder):
     it: its sum has sqrt(3) times 3/sqrt(2), so a mean would show 3.8 times the noise.  In 512
     samples a line stands in four of 257 frequencies, of which neighbours tell the noise."""
     campaign = read_folder(small_folder)
-    size = 3.0 * noise_floor(campaign.drive.converter)
+    size = 3.0 * stated_noise_std(campaign.drive.converter)
     lined = with_currents(campaign, lambda i: i + size * np.sin(0.7 * np.arange(len(i))))
     plain, found = noise_of(campaign), noise_of(lined)
     assert found.seen == pytest.approx(plain.seen, rel=0.035)
@@ -101,7 +101,7 @@ def test_coloured_noise_is_seen_whole(small_folder, rho):
         own = rng.standard_normal(len(i) + 200) * 0.02 * math.sqrt(1.0 - rho**2)
         return i + lfilter([1.0], [1.0, -rho], own)[200:]
 
-    white = noise_floor(campaign.drive.converter) ** 2
+    white = stated_noise_std(campaign.drive.converter) ** 2
     found = noise_of(with_currents(campaign, noisy))
     assert found.seen == pytest.approx(math.sqrt(0.02**2 + white), rel=0.09)
     share = 0.02**2 / (0.02**2 + white)
@@ -114,7 +114,7 @@ def test_white_noise_has_no_colour(small_folder):
 
 def test_stated_noise_far_from_the_sensors_is_told(small_folder):
     campaign = read_folder(small_folder)
-    floor = noise_floor(campaign.drive.converter)
+    floor = stated_noise_std(campaign.drive.converter)
     own = dataclasses.replace(
         campaign.drive.converter, current_noise=noise_of(campaign).seen, current_resolution=0.0
     )
@@ -159,7 +159,7 @@ def test_rounding_to_float32_is_no_noise(small_folder):
     two = dataclasses.replace(campaign, recordings=tuple(two))
     assert sensor_noise(two) is None
     assert noise_of(two).seen == pytest.approx(
-        math.hypot(0.01, noise_floor(campaign.drive.converter)), rel=0.1
+        math.hypot(0.01, stated_noise_std(campaign.drive.converter)), rel=0.1
     )
     assert "follows the readings more than the file" in noise_caution(two)
 
@@ -197,7 +197,7 @@ def test_coarse_counts_at_rest_are_cautioned_not_refused(small_folder):
     assert np.ptp(counts.recordings[0].i_a) == 0.0
     found = noise_caution(counts)
     assert "a count of 0.05 A hides the noise" in found
-    used = floor_of(counts, noise_floor(counts.drive.converter))
+    used = noise_std_of(counts, stated_noise_std(counts.drive.converter))
     assert f"units of {used:.3g} A" in found
     # (6^2 + 50^2/12)^(1/2) mA; a quarter of the readings is at rest
     assert used == pytest.approx(0.0156, rel=0.1)
@@ -258,8 +258,8 @@ def test_the_floor_is_what_stated_and_seen_noise_agree_on(small_folder, wrong):
     20 mA of white noise are the truth."""
     campaign, rng = read_folder(small_folder), np.random.default_rng(0)
     noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
-    true = np.hypot(0.02, noise_floor(campaign.drive.converter))
-    assert floor_of(noisy, wrong * true) == pytest.approx(true, rel=0.04)
+    true = np.hypot(0.02, stated_noise_std(campaign.drive.converter))
+    assert noise_std_of(noisy, wrong * true) == pytest.approx(true, rel=0.04)
 
 
 def locked(i, u, noise):
@@ -345,7 +345,7 @@ def test_noise_that_cannot_be_seen_is_the_stated_one(small_folder):
         dataclasses.replace(r, columns={**r.columns, "i_c": -r.i_a - r.i_b})
         for r in campaign.recordings
     ]
-    assert floor_of(dataclasses.replace(campaign, recordings=tuple(both)), 0.01) == 0.01
-    assert floor_of(campaign, 10.0 * noise_floor(campaign.drive.converter)) == 10.0 * noise_floor(
-        campaign.drive.converter
-    )
+    assert noise_std_of(dataclasses.replace(campaign, recordings=tuple(both)), 0.01) == 0.01
+    assert noise_std_of(
+        campaign, 10.0 * stated_noise_std(campaign.drive.converter)
+    ) == 10.0 * stated_noise_std(campaign.drive.converter)

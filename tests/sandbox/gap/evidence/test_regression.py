@@ -10,7 +10,7 @@ import pytest
 from model.energy import Energy
 from model.energy import currents as currents_of
 from sandbox.gap.evidence import regression
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.regression import (
     DRAWS,
     RIDGE,
@@ -40,7 +40,7 @@ def quiet():
     rng = np.random.default_rng(3)
     recordings = tuple(record(*case, {}, rng) for case in CASES)
     prepared = prepare(Campaign("six", DRIVE, recordings, {}, {}, False))
-    point = Point(prepared, complete(DRIVE.motor, DRIVE.converter))
+    point = ParameterPoint(prepared, complete(DRIVE.motor, DRIVE.converter))
     return point, [c[:, :, 0] for c in replay(prepared, [point.values]).currents]
 
 
@@ -61,7 +61,7 @@ def recorded(point, currents, added, seed):
             )
         )
     campaign = dataclasses.replace(prepared.campaign, recordings=tuple(out))
-    return Point(prepare(campaign, steps=prepared.steps), point.values)
+    return ParameterPoint(prepare(campaign, steps=prepared.steps), point.values)
 
 
 def rotor_frame(point, currents):

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.location.decompose import CHANNELS, VARIANCE, decompose
 from sandbox.plant.sets import complete
 from sandbox.replay.inputs import LEGS
@@ -18,7 +18,9 @@ SIZE = 4.0  # noise floors: amplitude of a planted space vector
 
 @pytest.fixture(scope="module")
 def point():
-    return Point(prepare(small_campaign({}), steps=1), complete(DRIVE.motor, DRIVE.converter))
+    return ParameterPoint(
+        prepare(small_campaign({}), steps=1), complete(DRIVE.motor, DRIVE.converter)
+    )
 
 
 def residual_of(point, vector, seed=0):

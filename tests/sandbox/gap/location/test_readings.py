@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location import where
 from sandbox.gap.location.decompose import decompose
@@ -30,7 +30,7 @@ def part():
         for r in campaign.recordings
     ]
     prepared = prepare(dataclasses.replace(campaign, recordings=tuple(moved)))
-    point = Point(prepared, complete(DRIVE.motor, DRIVE.converter))
+    point = ParameterPoint(prepared, complete(DRIVE.motor, DRIVE.converter))
     return decompose(point, shown(point))
 
 

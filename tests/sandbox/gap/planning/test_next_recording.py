@@ -15,7 +15,7 @@ from model.energy import flux_from_current
 from model.frames import stationary as stationary_kernel
 from model.parameters import Limits
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.planning import next_recording as discriminate
 from sandbox.gap.planning.bench_table import bench_table, write_bench_table
 from sandbox.gap.planning.menu import FULL, Entry, demand, menu, recording_of, shaft, usual_seconds
@@ -63,9 +63,9 @@ def left(campaign, entry, j, changes=None):
     changed one."""
     told, truth = simulate_experiment(campaign, entry, j)
     belief = {**j.fit.point.values, **(changes or {})}
-    return normal(Point(as_predicted(prepare(told, belief, steps=1), truth), belief), ()).summed()[
-        2
-    ]
+    return normal(
+        ParameterPoint(as_predicted(prepare(told, belief, steps=1), truth), belief), ()
+    ).summed()[2]
 
 
 def test_nothing_tells_a_hypothesis_from_itself(pair):

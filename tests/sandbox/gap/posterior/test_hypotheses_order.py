@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbox.gap.diagnose import diagnosis_of, foretelling
+from sandbox.gap.diagnose import diagnosis_of, passing_holdout
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from tests.sandbox.gap.sizes import fit_with
 
@@ -42,7 +42,7 @@ def test_a_name_that_foretells_worse_than_none_is_not_given():
         Hypothesis(("dead_time",), 0.25, of["dead_time",]),
         Hypothesis((), 0.05, of[()]),
     ]
-    left, after = foretelling(told, without[()], without.__getitem__, (0,))
+    left, after = passing_holdout(told, without[()], without.__getitem__, (0,))
     assert left[0].effects == (UNKNOWN,)
     assert after is without[()]
     assert {h.effects: h.probability for h in left} == pytest.approx(

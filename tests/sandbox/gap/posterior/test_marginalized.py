@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox.gap.evidence.normal import Normal, Segment
+from sandbox.gap.evidence.normal import NormalEquations, Segment
 from sandbox.gap.posterior.marginalized import Joint, integrated_out, marginalized
 from sandbox.gap.report.inclusion import by_algebra
 from tests.sandbox.gap.conftest import DEAD_TIME
@@ -42,14 +42,14 @@ def test_integrating_a_regression_out_leaves_its_ridge_estimate():
         np.array([r @ r]),
         np.array([60.0]),
     )
-    n = Normal((), np.zeros(p), (segment,), 1.0)
+    n = NormalEquations((), np.zeros(p), (segment,), 1.0)
     left = integrated_out(joint, n, joint.of(np.empty(0, dtype=np.int64), 1), ridge)
     stacked = np.vstack([both, np.hstack([np.zeros((q, p)), np.sqrt(ridge * len(r)) * np.eye(q)])])
     target = np.r_[r, np.zeros(q)]
     found = np.linalg.lstsq(stacked, target, rcond=None)[0]
     assert np.linalg.solve(left.a, left.g) == pytest.approx(found[:p], rel=1e-10)
     rest = target - stacked @ found
-    assert left.rr - found[:p] @ left.g == pytest.approx(rest @ rest, rel=1e-10)
+    assert left.ssr - found[:p] @ left.g == pytest.approx(rest @ rest, rel=1e-10)
 
 
 def test_slopes_beyond_what_a_drive_can_be_leave_no_regression(monkeypatch):
@@ -86,6 +86,6 @@ def test_nothing_is_found_beside_effects_that_explain_all(small_answers):
     to nothing."""
     j = small_answers.diagnosis.best.evaluated
     found = marginalized(j.model, j.prior)
-    excess = sum(float(s.rr.sum() - s.n.sum()) for s in j.normal.segments)
+    excess = sum(float(s.ssr.sum() - s.n.sum()) for s in j.normal.segments)
     noise = np.sqrt(2.0 * sum(float(s.n.sum()) for s in j.normal.segments))
     assert found is None or found.worth * excess < 3.0 * noise

@@ -21,7 +21,7 @@ from sandbox.gap.evidence.fit import (
     rms_of,
     variance_at,
 )
-from sandbox.gap.evidence.normal import Point, normal, turns
+from sandbox.gap.evidence.normal import ParameterPoint, normal, turns
 from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.gap.posterior.estimates import estimates
 from sandbox.gap.posterior.holdout import weights_of
@@ -37,7 +37,7 @@ from tests.sandbox.gap.conftest import start
 
 def point_of(campaign):
     """Return the nominal point of a campaign, recordings in the diagnosis' order."""
-    return Point(
+    return ParameterPoint(
         prepare(in_order(campaign)), complete(campaign.drive.motor, campaign.drive.converter)
     )
 
@@ -62,7 +62,7 @@ def test_what_a_set_leaves_as_its_replay_says(small_folder):
     told = left_by(model, x, variance)
     for before, after in zip(n.segments, there.segments, strict=True):
         size = float(before.n.sum())
-        share = (float(after.rr.sum()) - size) / (float(before.rr.sum()) - size)
+        share = (float(after.ssr.sum()) - size) / (float(before.ssr.sum()) - size)
         key = (before.recording, before.channel)
         assert told[key] == pytest.approx(1.0 + 4.0 * min(1.0, max(0.0, share)), rel=1e-6), key
     assert len(set(told.values())) > 1
@@ -157,9 +157,9 @@ class Fits:
         self.asked.append(key)
         if key not in self.left:
             return None
-        whole = sum(float(s.rr.sum()) for s in near.normal.segments)
+        whole = sum(float(s.ssr.sum()) for s in near.normal.segments)
         scaled = [
-            dataclasses.replace(s, rr=s.rr * self.left[key] / whole) for s in near.normal.segments
+            dataclasses.replace(s, ssr=s.ssr * self.left[key] / whole) for s in near.normal.segments
         ]
         return dataclasses.replace(
             near, effects=key, normal=dataclasses.replace(near.normal, segments=tuple(scaled))

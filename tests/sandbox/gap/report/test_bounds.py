@@ -14,7 +14,7 @@ from model.effects import library
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, prior_of
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
 from sandbox.gap.posterior import estimates as estimating
 from sandbox.gap.posterior.estimates import (
@@ -130,7 +130,7 @@ def held_fit(pull, *, widened=False):
     a, g = 99.0 * np.diag(sd**-2.0), np.zeros(2)
     g[place] = 100.0 * pull / sd[place]
     part = Segment(0, "current", np.arange(2), a[None], g[None], np.zeros(1), np.ones(1))
-    n = Normal(tuple(own), mean, (part,), 1.0)
+    n = NormalEquations(tuple(own), mean, (part,), 1.0)
     values = complete(DRIVE.motor, DRIVE.converter)
     point = SimpleNamespace(values=values, prepared=SimpleNamespace(campaign=campaign))
     fitted = SimpleNamespace(normal=n, coordinates=n.coordinates, point=point)

@@ -76,7 +76,7 @@ def test_the_way_ends_at_both_fits(pair):
     assert found is not None
     assert halved is not None
     assert (found.first, found.second) == SETS
-    reached = [-0.5 * sum(float(s.rr.sum()) for s in j.fit.normal.segments) for j in pair]
+    reached = [-0.5 * sum(float(s.ssr.sum()) for s in j.fit.normal.segments) for j in pair]
     told = found.log_likelihood
     assert told[-1] - told[0] == pytest.approx(reached[0] - reached[1], abs=0.5)
     assert max(told) == 0.0

@@ -9,7 +9,7 @@ import sandbox
 from model.drive_files import load_drive
 from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.evidence.fit import fit, rms_of
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.search import Problem, Search
 from sandbox.gap.report.answers import where_text
@@ -36,7 +36,9 @@ def small(counts, effects=(), cases=WEAK):
 
 def start(campaign):
     """Return a campaign's nominal point."""
-    return Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
+    return ParameterPoint(
+        prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter)
+    )
 
 
 def null(campaign):

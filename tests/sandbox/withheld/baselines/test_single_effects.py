@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
-from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.replay.segments import Segment
 from sandbox.withheld.baselines.single_effects import (
@@ -67,7 +67,7 @@ def test_ordinary_deviations_are_integrated_out():
         np.array([y @ y]),
         np.array([50.0]),
     )
-    n = Normal(tuple(found), x, (segment,), 0.0)
+    n = NormalEquations(tuple(found), x, (segment,), 0.0)
     wide = Coordinate("b", 0.0, 2.0, "linear", ("b",))
     e = equations(n, {"a", "b"}, [[wide], [found[2]]])
     at_means = y + j[:, :2] @ (x[:2] - np.array([0.1, 0.0]))

@@ -15,7 +15,7 @@ from model.effects.card import SUBSYSTEMS
 from model.effects.library import causes
 from model.errors import BadInput
 from sandbox.gap.evidence.fit import coordinates_of
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.evidence.priors import ordinary
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_folder
@@ -331,7 +331,7 @@ def cosine(campaign, values, effect, rival):
     """Return the cosine of an effect at its true size with its rival, ordinary deviations beside
     both."""
     at = complete(campaign.drive.motor, campaign.drive.converter, values)
-    point = Point(prepare(campaign, at), at)
+    point = ParameterPoint(prepare(campaign, at), at)
     n = normal(point, coordinates_of(point, (effect, rival)))
     a, usual = n.summed()[0], {c.label: c.deviation for c in n.coordinates if c.form == "turn"}
     usual |= {c.label: c.deviation for c in ordinary(campaign)}
