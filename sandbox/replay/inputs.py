@@ -241,6 +241,7 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
     columns |= {"half": half, "link": link_of(r, converter, u_dc)}
     own = {"load": load, "read": np.array(r.theta, dtype=float), "scale": gains["scale"]}
     own |= {"gain_angle": gains["angle"], "gain_speed": gains["speed"]}
+    own |= {"i_a": r.i_a, "i_b": r.i_b, "i_c": r.i_c}
     columns |= {name: np.repeat(x, held) for name, x in own.items()}
     track = with_columns(np.zeros(n * held, TRACK), columns)
     read_currents = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))

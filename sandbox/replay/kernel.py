@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model.compiled import kernel
 from sandbox.plant import additions as add
@@ -13,6 +14,7 @@ from sandbox.plant.edges import write_edges
 from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.period import STILL, RotorTrajectory, travel
 from sandbox.plant.sampling import deviate, hold_start, read
+from sandbox.replay.negative_resistance import Given, held_by_readings
 
 TRACK = np.dtype(
     [
@@ -37,6 +39,9 @@ TRACK = np.dtype(
             "scale",  # angle read by a free rotor (rad), gains and scale of its innovation
             "middle_turn",
             "middle_omega",  # smoothed mechanical angle and speed in the middle of the period
+            "i_a",
+            "i_b",
+            "i_c",  # currents read, A
         )
     ]
 )
@@ -51,6 +56,15 @@ class Rows(NamedTuple):
     begins: int
     start: int
     stop: int
+
+
+class Fixed(NamedTuple):
+    """What does not change from period to period: whether the angle handed in still holds what
+    encoders are off; w.supply (V) as it began; what legs give back (`negative_resistance`)."""
+
+    eccentric: bool
+    supply: NDArray[np.float64]
+    given: Given
 
 
 @kernel
@@ -141,6 +155,15 @@ def turn(w, timing, features, track, rows, eccentric, torque, moved):
 
 
 @kernel
+def follow(w, timing, given, track, k, held):
+    """Hold currents that are unstable by the row's readings, after period k."""
+    if k % held == 0:
+        held_by_readings(w, given, track[k], held * timing.period, False)
+    if timing.first < 0.0 and (k + 1) % held == 0 and k < len(track) - 1:
+        held_by_readings(w, given, track[k + 1], held * timing.period, True)
+
+
+@kernel
 def run(
     w,
     flux_map,
@@ -149,8 +172,7 @@ def run(
     room,
     track,
     rows,
-    eccentric,
-    supply,
+    fixed,
     span,
     out,
     moved,
@@ -165,13 +187,12 @@ def run(
     sample, room fresh, span at 0; all three are handed on from stretch to stretch.  Lanes that
     sample before the pattern's start write one row ahead: `out` has a row for period `stop`, unless
     there is none.  track: (n,) of
-    TRACK; rows: `Rows`;
-    eccentric: the angle handed in still holds what encoders are off; supply: w.supply as it began.
+    TRACK; rows: `Rows`; fixed: `Fixed`.
     """
     n, lanes, period = len(track), w.psi_alpha.size, timing.period
     held, begins, start, stop = rows.held, rows.begins, rows.start, rows.stop
     looks, seen = np.empty(0), np.empty((0, 2))
-    wobbling = features & add.WOBBLE != 0 and eccentric
+    wobbling = features & add.WOBBLE != 0 and fixed.eccentric
     if start == 0:
         if wobbling:
             deviate_at_start(w, track)
@@ -191,7 +212,7 @@ def run(
         room.half = int(row.half)
         write_edges(room, period)
         for j in range(lanes):
-            w.supply[j] = row.link * supply[j]
+            w.supply[j] = row.link * fixed.supply[j]
             w.link[j] = w.supply[j] - w.link_sag[j]
         trajectory = RotorTrajectory(
             row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, STILL
@@ -215,6 +236,8 @@ def run(
             write_some(w, out, own, first, False)
         if timing.first < 0.0 and (k + 1) % held == 0 and k < n - 1:
             write_some(w, out, own + 1, first, True)
+        if fixed.given.acts:
+            follow(w, timing, fixed.given, track, k, held)
         if features & add.MOTION:
             pull(w, period)
             torque[k] = w.torque[0]

@@ -62,8 +62,7 @@ def transitions(running: Running, stop: int, size: float) -> Transitions:
         running.room,
         running.track,
         (held, held * (r.settling or r).first, before + running.done, before + stop),
-        r.motion.eccentric,
-        running.supply,
+        running.fixed,
         running.span,
         size,
         out,
@@ -73,9 +72,7 @@ def transitions(running: Running, stop: int, size: float) -> Transitions:
 
 
 @kernel
-def one_by_one(
-    w, flux_map, timing, features, room, track, samples, eccentric, supply, span, size, out
-):
+def one_by_one(w, flux_map, timing, features, room, track, samples, fixed, span, size, out):
     """Write the transitions of samples (periods each, periods before the track, first, last) in the
     first three lanes; return what `span` is to be afterwards."""
     held, begins, start, stop = samples
@@ -98,8 +95,7 @@ def one_by_one(
             room,
             track,
             rows,
-            eccentric,
-            supply,
+            fixed,
             span,
             read,
             moved,

@@ -71,7 +71,7 @@ def answers(prepared: Prepared, r: Inputs, values: Mapping[str, float]) -> Array
     slowest = max(drive.motor.inductance_d, drive.motor.inductance_q) / drive.motor.resistance
     lasting = math.ceil(LASTING * slowest / drive.converter.sampling_period)
     m = min(r.samples, max(2, lasting))
-    ahead, lanes = m < r.samples, len(running.supply)
+    ahead, lanes = m < r.samples, running.lanes
     out = np.empty((m + ahead, 3, lanes))
     running.on(m, out, np.empty((m, lanes) if r.rotor == "free" else (1, lanes)))
     answer = out[:m, :, 1:3] - out[:m, :, :1]

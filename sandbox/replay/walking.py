@@ -21,8 +21,9 @@ from sandbox.plant.batch import blank_room
 from sandbox.plant.electrical import quartic
 from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
-from sandbox.replay.kernel import Rows, run, turn
+from sandbox.replay.kernel import Fixed, Rows, run, turn
 from sandbox.replay.motion.twisted_start import without_start
+from sandbox.replay.negative_resistance import Given, given_back, none_given
 
 Array = NDArray[np.float64]
 NEWTON_STEPS = 60
@@ -63,7 +64,7 @@ class Running:
     features: int
     room: Any
     track: Any
-    supply: Array
+    fixed: Fixed
     torque: Array
     span: float = 0.0
     done: int = 0
@@ -99,7 +100,7 @@ class Running:
             features,
             blank_room(block.lanes),
             track,
-            np.array(w["supply"]),
+            Fixed(r.motion.eccentric, np.array(w["supply"]), given_by(drive, r, w)),
             torque,
         )
         if features & additions.TWIST and turns_at_first(r):
@@ -108,11 +109,16 @@ class Running:
             own.settle()
         return own
 
+    @property
+    def lanes(self) -> int:
+        """Sets that the block has room for."""
+        return len(self.fixed.supply)
+
     def on(self, stop: int, out: Array, moved: Array, first: int = 0) -> None:
         """Go on to sample `stop`: readings (A) into columns first ... of out (stop - done, 3, ...),
         innovations of a free rotor into those of moved (stop - done, ...).  Before the end of a
         recording `out` has a row more."""
-        columns = slice(first, first + len(self.supply))
+        columns = slice(first, first + self.lanes)
         ahead, before = stop < self.r.samples, len(self.track) // self.r.held - self.r.samples
         assert out.shape[0] >= stop - self.done + ahead, (
             "no room for the readings: compiled code writes unchecked"
@@ -130,7 +136,7 @@ class Running:
         if self.r.settling is None:
             return
         n = self.r.settling.samples
-        out, moved = np.empty((n + 1, 3, len(self.supply))), np.empty((n, len(self.supply)))
+        out, moved = np.empty((n + 1, 3, self.lanes)), np.empty((n, self.lanes))
         self._run(0, n, out, moved, 0)
         self.ahead = out[n].copy()
 
@@ -147,7 +153,7 @@ class Running:
         before = len(self.track) // self.r.held - self.r.samples
         spans = [(before + self.done, before + stop, moved)]
         if before and not self.done:
-            spans.insert(0, (0, before, np.empty((before, len(self.supply)))))
+            spans.insert(0, (0, before, np.empty((before, self.lanes))))
         for first, last, out in spans:
             rows, wobbles = self._rows(first, last), self.r.motion.eccentric
             turn(w, self.timing, self.features, self.track, rows, wobbles, torque, out)
@@ -161,7 +167,7 @@ class Running:
 
         def turned(w: Any) -> Array:
             """Return innovations of shafts without torque."""
-            out = np.empty((stop, len(self.supply)))
+            out = np.empty((stop, self.lanes))
             self._turn(w, stop, rest, out)
             return out
 
@@ -182,14 +188,23 @@ class Running:
             self.room,
             self.track,
             self._rows(start, stop),
-            self.r.motion.eccentric,
-            self.supply,
+            self.fixed,
             self.span,
             out,
             moved,
             self.torque,
             first,
         )
+
+
+def given_by(drive: Drive, r: Inputs, batch: Any) -> Given:
+    """Return what legs of a batch give back where readings are to hold a current: of a recording
+    whose states are known by its readings only."""
+    if r.start is None:
+        return none_given(len(batch["supply"]))
+    least = min(drive.motor.inductance_d, drive.motor.inductance_q)
+    converter = drive.converter
+    return given_back(batch, converter.sampling_period * converter.samples_a_period, 1.0 / least)
 
 
 def later(track: Any, periods: int) -> Any:

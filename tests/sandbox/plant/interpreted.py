@@ -16,7 +16,8 @@ from sandbox.plant import sets
 from sandbox.plant.batch import blank_room
 from sandbox.plant.fixed import fix
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
-from sandbox.replay.kernel import Rows, run
+from sandbox.replay.kernel import Fixed, Rows, run
+from sandbox.replay.negative_resistance import none_given
 from sandbox.replay.walking import start_states
 from tests.sandbox.plant.stated_duties import DRIVE, duties, from_duties, turning
 
@@ -70,9 +71,12 @@ def bits():
     start_states(w, r, None)
     out = np.empty((SHORT, 3, 1))
     timing = timing_of(w, DRIVE.converter.sampling_period, 1)
-    track, supply = [Fields(x) for x in r.track], w.supply.copy()
+    track, fixed = (
+        [Fields(x) for x in r.track],
+        Fixed(True, w.supply.copy(), none_given(w.supply.size)),
+    )
     none, torque, rows = np.empty((1, 1)), np.empty(0), Rows(1, 0, 0, SHORT)
-    run(w, None, timing, features, room(), track, rows, True, supply, 0.0, out, none, torque, 0)
+    run(w, None, timing, features, room(), track, rows, fixed, 0.0, out, none, torque, 0)
     return [float(x).hex() for x in out.ravel()]
 
 
@@ -179,8 +183,7 @@ def energy(steps, turns=8):
         room(),
         track,
         Rows(1, 0, 0, n),
-        True,
-        w.supply.copy(),
+        Fixed(True, w.supply.copy(), none_given(w.supply.size)),
         0.0,
         out,
         moved,

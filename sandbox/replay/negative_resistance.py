@@ -1,0 +1,108 @@
+"""Legs that give volts back: where a dead time is over-compensated, the current is unstable around
+zero.
+
+A compensation that adds too much (a negative dead time) gives a leg volts that grow with its
+current, within the zone in which the current's sign goes through zero: a negative incremental
+resistance.  Where it exceeds the winding's, the current does not stay at zero: it runs to one side
+or the other, on what is too small to be known.  A replay with voltages prescribed then leaves the
+recording whatever its parameters are, and a fit bends other numbers to bring it back.
+
+So the readings hold such a replay, as an observer does.  In the current, x' = A x with A = M G: M
+(ohm) the part of the net resistance that is negative, G the inverse inductance.  Of a state that
+starts unknown and is driven by nothing unknown the Kalman filter's gain goes to the one that
+mirrors each unstable pole: 1 - exp(-2 A T) a reading, nothing for stable ones.  In the flux that is
+2 M T volt-seconds for each ampere by which a reading differs from what is predicted: a resistance
+of twice the excess, whatever the inductance.  Predictions are then those of the next reading.
+They are of the same noise as without, but for A T of it.
+Checked: tests/sandbox/replay/test_negative_resistance.py.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import kernel
+from model.frames import stationary
+from sandbox.plant.edges import LEG_X, LEG_Y
+from sandbox.plant.electrical import HALF_ROOT
+
+Array = NDArray[np.float64]
+TWO_THIRDS = 2.0 / 3.0
+
+
+class Given(NamedTuple):
+    """What legs give back around zero current: ohms (lanes,) of each leg, within so many A (lanes,)
+    of zero; inverse: the largest 1/L of the motor (1/H); acts: whether in any lane more than the
+    winding takes."""
+
+    ohms: Array
+    within: Array
+    inverse: float
+    acts: bool
+
+
+def given_back(batch: Any, period: float, inverse: float) -> Given:
+    """Return what legs of a batch give back around zero current; period: s of the PWM; inverse: the
+    largest 1/L of the motor (1/H)."""
+    late = batch["dead_time_time"] + batch["dead_time_residual"]
+    slews = 4.0 * batch["dead_time_capacitance"] * batch["supply"] / np.maximum(-late, 1e-30)
+    within = np.where(late < 0.0, np.maximum(batch["dead_time_zone_width"], slews), 0.0)
+    drop = batch["device_drop_threshold"] * batch["soft"]
+    ohms = -late * batch["supply"] / (period * np.where(within > 0.0, within, np.inf)) - drop
+    ohms = np.where(late < 0.0, ohms, 0.0)
+    return Given(ohms, within, inverse, bool(np.any(ohms > batch["resistance"])))
+
+
+def none_given(lanes: int) -> Given:
+    """Return that of a replay that goes by its voltages alone."""
+    return Given(np.zeros(lanes), np.zeros(lanes), 0.0, False)
+
+
+@kernel
+def held_by_readings(w, given, row, seconds, early):
+    """Correct the flux of lanes whose current is unstable by what a row's readings (A) differ from
+    theirs; seconds: from reading to reading; early: of lanes that sample before the pattern's
+    start, or of the others."""
+    for j in range(w.psi_alpha.size):
+        if given.ohms[j] <= w.resistance[j] or (w.sample[j] < 0.0) != early:
+            continue
+        half, side = -0.5 * w.held_alpha[j], HALF_ROOT * w.held_beta[j]
+        phases = (w.held_alpha[j], half + side, half - side)
+        aa = bb = -w.resistance[j]
+        ab = 0.0
+        for m in range(3):
+            if abs(phases[m]) < given.within[j]:
+                v = TWO_THIRDS * given.ohms[j]
+                aa, bb = aa + v * LEG_X[m] * LEG_X[m], bb + v * LEG_Y[m] * LEG_Y[m]
+                ab += v * LEG_X[m] * LEG_Y[m]
+        x, y = stationary(row.i_a - w.read_a[j], row.i_b - w.read_b[j], row.i_c - w.read_c[j])
+        a, b = mirrored(aa, ab, bb, x, y, seconds, given.inverse)
+        w.psi_alpha[j], w.psi_beta[j] = w.psi_alpha[j] + a, w.psi_beta[j] + b
+        w.eddy_alpha[j], w.eddy_beta[j] = w.eddy_alpha[j] + a, w.eddy_beta[j] + b
+
+
+@kernel
+def mirrored(aa, ab, bb, x, y, seconds, inverse):
+    """Return the volt-seconds that mirror what is unstable of a symmetric matrix (ohm) for a
+    difference (x, y) in A."""
+    mean, apart = 0.5 * (aa + bb), math.hypot(0.5 * (aa - bb), ab)
+    most, least = mean + apart, mean - apart
+    first, second = gain(most, seconds, inverse), gain(least, seconds, inverse)
+    if first == 0.0:
+        return 0.0, 0.0
+    # along the eigenvector of the larger one: (1 + matrix / |matrix|) / 2 projects on it
+    c, s = ((aa - mean) / apart, ab / apart) if apart > 0.0 else (0.0, 0.0)
+    even, odd = 0.5 * (first + second), 0.5 * (first - second)
+    return even * x + odd * (c * x + s * y), even * y + odd * (s * x - c * y)
+
+
+@kernel
+def gain(ohms, seconds, inverse):
+    """Return the volt-seconds an ampere that mirror one pole; none of a stable one.  Where it grows
+    much from reading to reading, no more than leaves the corrected state stable."""
+    twice = 2.0 * max(ohms, 0.0) * seconds
+    return twice / (1.0 + twice * inverse)
