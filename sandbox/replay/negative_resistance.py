@@ -12,8 +12,10 @@ So the readings hold such a replay, as an observer does.  In the current, x' = A
 starts unknown and is driven by nothing unknown the Kalman filter's gain goes to the one that
 mirrors each unstable pole: 1 - exp(-2 A T) a reading, nothing for stable ones.  In the flux that is
 2 M T volt-seconds for each ampere by which a reading differs from what is predicted: a resistance
-of twice the excess, whatever the inductance.  Predictions are then those of the next reading.
-They are of the same noise as without, but for A T of it.
+of twice the excess, whatever the inductance.  A leg counts that is near zero by the reading or by
+the prediction: one of both has left first.  Predictions are then those of the next reading; their
+errors are those of readings times exp(A T) while a leg is near zero, which nobody takes into
+account.
 Checked: tests/sandbox/replay/test_negative_resistance.py.
 """
 
@@ -71,11 +73,11 @@ def held_by_readings(w, given, row, seconds, early):
         if given.ohms[j] <= w.resistance[j] or (w.sample[j] < 0.0) != early:
             continue
         half, side = -0.5 * w.held_alpha[j], HALF_ROOT * w.held_beta[j]
-        phases = (w.held_alpha[j], half + side, half - side)
+        phases, seen = (w.held_alpha[j], half + side, half - side), (row.i_a, row.i_b, row.i_c)
         aa = bb = -w.resistance[j]
         ab = 0.0
         for m in range(3):
-            if abs(phases[m]) < given.within[j]:
+            if min(abs(phases[m]), abs(seen[m])) < given.within[j]:
                 v = TWO_THIRDS * given.ohms[j]
                 aa, bb = aa + v * LEG_X[m] * LEG_X[m], bb + v * LEG_Y[m] * LEG_Y[m]
                 ab += v * LEG_X[m] * LEG_Y[m]

@@ -1,0 +1,155 @@
+"""Legs that give volts back: the gain against the eigenvalues it mirrors, the decay of what is off
+against the closed form of a linear motor, and a recording that latches."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from model.effects.dead_time import leg_loss
+from model.parameters import Motor
+from sandbox.plant.sets import complete, soft_current
+from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.replay.negative_resistance import given_back, mirrored
+from sandbox.replay.replay import block_of, prepare, replay, residuals
+from sandbox.replay.unread_start import with_starts
+from sandbox.replay.walking import Running
+from sandbox.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
+from tests.sandbox.replay.benches import DRIVE, record
+
+NOISE, LINK = 0.02, 400.0  # A rms of one reading; V
+PERIOD = DRIVE.converter.sampling_period
+ROUND = dataclasses.replace(
+    DRIVE,
+    motor=dataclasses.replace(
+        DRIVE.motor,
+        inductance_q=DRIVE.motor.inductance_d,
+        **{n: 0.0 for n in Motor.__dataclass_fields__ if n.startswith("alpha_")},
+    ),
+    converter=dataclasses.replace(DRIVE.converter, current_noise=NOISE, current_resolution=0.0),
+)
+ZONE = soft_current(ROUND.motor)
+# a leg gives back as many ohms as this many windings take
+TIMES = 4.0
+TIME = -TIMES * ROUND.motor.resistance * PERIOD * ZONE / LINK
+LATE = {"dead_time.time": TIME}
+
+
+def campaign_of(recorded):
+    """Return a campaign of one recording whose start nobody has read."""
+    return with_starts(prepare(Campaign("own", ROUND, (recorded,), {}, {}, False), steps=1))
+
+
+def by_voltages(p):
+    """Return the same campaign, its first fluxes known: nothing is held by readings."""
+    recordings = tuple(dataclasses.replace(r, start=None) for r in p.recordings)
+    return dataclasses.replace(p, recordings=recordings)
+
+
+def test_what_is_unstable_of_a_matrix_is_mirrored():
+    """numpy's eigenvalues of random symmetric matrices; gain 2 m T/(1 + 2 m T/L) of those above
+    zero."""
+    rng, seconds, inverse = np.random.default_rng(3), 1e-4, 200.0
+    for aa, ab, bb in rng.normal(0.0, 3.0, (50, 3)):
+        m, v = np.linalg.eigh([[aa, ab], [ab, bb]])
+        twice = 2.0 * np.maximum(m, 0.0) * seconds
+        x = rng.normal(size=2)
+        expected = v @ np.diag(twice / (1.0 + twice * inverse)) @ v.T @ x
+        np.testing.assert_allclose(
+            mirrored(aa, ab, bb, *x, seconds, inverse), expected, rtol=1e-9, atol=1e-15
+        )
+    assert mirrored(2.0, 0.0, 2.0, 1.0, 0.0, seconds, 0.0) == pytest.approx((4e-4, 0.0))
+
+
+def test_what_is_given_back_is_the_slope_of_what_legs_lose():
+    """The card's own loss curve of a leg, by differences at zero; it is positive where dead time
+    is."""
+    values = [complete(ROUND.motor, ROUND.converter, {"dead_time.time": t}) for t in (TIME, -TIME)]
+    p = campaign_of(record({}, "locked", n=20, drive=ROUND))
+    block = block_of(p, [0, 1], values)
+    given = given_back(block.batch, PERIOD, 1.0 / ROUND.motor.inductance_d)
+    i = 1e-3 * ZONE
+    slope = -leg_loss(values[0], ROUND.converter, np.array([i]))[0] / i
+    assert given.ohms[0] == pytest.approx(slope, rel=1e-9)
+    assert given.ohms[0] == pytest.approx(TIMES * ROUND.motor.resistance, rel=1e-9)
+    assert given.within[0] == pytest.approx(ZONE)
+    assert given.acts
+    assert given.ohms[1] == 0.0
+
+
+def decay(p, size):
+    """Return what is left (n,) in A of a current that is off by `size` (A) along phase a at the
+    first sample of a recording at rest, in a replay with legs that give back."""
+    (r,) = p.recordings
+    values = complete(ROUND.motor, ROUND.converter, LATE)
+    running = Running.begun(ROUND, p.steps, r, block_of(p, [0], [values]))
+    running.batch["psi_alpha"] += ROUND.motor.inductance_d * size
+    out = np.empty((r.samples, 3, running.lanes))
+    running.on(r.samples, out, np.empty((1, running.lanes)))
+    return out[:, 0, 0]
+
+
+def test_what_is_off_grows_alone_and_decays_when_held_by_readings():
+    """Rest, equal inductances, every phase in its zone.  Edges at a quarter and three quarters of a
+    period: alone, a period multiplies by e^-r (1 + g/2)^2, r = R T/L and g = s T/L.  Held, it takes
+    besides 2 x/(1 + 2 x) of what is read at its start, x = g - r.
+    Tolerance: the midpoint step's r^3/24 and what the current changes while an edge is late (some
+    ns of a period), below 1e-5 a period; of n periods 1e-4 each."""
+    n = 40
+    recorded = record({}, "locked", n=n, drive=ROUND)
+    still = {k: np.zeros(n) for k in ("u_alpha", "u_beta", "i_a", "i_b", "i_c")}
+    p = campaign_of(dataclasses.replace(recorded, columns=recorded.columns | still))
+    size, r = 0.01 * ZONE, ROUND.motor.resistance * PERIOD / ROUND.motor.inductance_d
+    k, g, x = np.arange(n), TIMES * r, (TIMES - 1.0) * r
+    alone = math.exp(-r) * (1.0 + 0.5 * g) ** 2
+    np.testing.assert_allclose(decay(by_voltages(p), size), size * alone**k, rtol=1e-4 * n)
+    held = alone - 2.0 * x / (1.0 + 2.0 * x)
+    np.testing.assert_allclose(decay(p, size), size * held**k, rtol=1e-4 * n)
+
+
+def latching():
+    """Return a recording of the switched bench whose current latches, with noise.
+
+    Phase a lies along d.  Legs give back four times what the winding takes: after a pulse the
+    current stays at 16/3 of the zone, where (2 + 1 + 1)/3 times 4 R ZONE is R i.  A voltage of -V
+    takes it from there where V exceeds (16/3 - 2) R ZONE, the most that holds it, at 2 ZONE, where
+    phases b and c come into their zones; here by 1 %, so slowly.
+    """
+    motor, n = ROUND.motor, 900
+    u = np.zeros(n)
+    u[:20], u[150:] = 12.0, -1.01 * (16.0 / 3.0 - 2.0) * motor.resistance * ZONE
+    b = quiet(bench(motor, ROUND.converter, LATE))
+    out = switched(b, "locked", u, np.zeros(n), LINK, theta=np.zeros(n), speed=0.0)
+    rng = np.random.default_rng(7)
+    columns = {k: out[k] + NOISE * rng.standard_normal(n) for k in ("i_a", "i_b", "i_c")}
+    columns |= {"t": PERIOD * np.arange(n), "u_alpha": u, "u_beta": np.zeros(n)}
+    columns |= {"u_dc": np.full(n, LINK), "theta": out["theta"]}
+    return CampaignRecording("latches.parquet", "locked", "d", columns)
+
+
+def test_a_recording_that_latches_is_followed():
+    """By its voltages alone no set follows it: one whose resistance is 2 % small never lets go, and
+    the true one does at another time, as its start is known to a reading's noise.  Held by the
+    readings both keep their noise: a pole e^x predicts the next reading to e^x times the noise of
+    one, x = (s - R) T/L at most, in those rows in which a leg is near zero.  J of 2700 readings
+    scatters by 1/sqrt(2 * 2700)."""
+    p = campaign_of(latching())
+    sets = [LATE | {"stator_resistance.resistance": 0.98 * ROUND.motor.resistance}, LATE]
+    alone = by_voltages(p)
+    assert residuals(alone, replay(alone, sets))[0].rms().min() > 1.5
+    near = np.any(np.abs(p.recordings[0].read) < ZONE, axis=1).mean()
+    x = (TIMES - 1.0) * ROUND.motor.resistance * PERIOD / ROUND.motor.inductance_d
+    most = math.sqrt(1.0 + near * math.expm1(2.0 * x))
+    held = residuals(p, replay(p, sets))[0].rms()
+    assert np.all(held < most + 3.0 * 0.014)
+    assert np.all(held > 1.0 - 3.0 * 0.014)
+
+
+def test_a_replay_without_unstable_legs_is_held_by_nothing():
+    """Legs that lose volts, or give back less than the winding takes: the same bits."""
+    p = campaign_of(record({}, "locked", n=200, drive=ROUND))
+    sets = [{}, {"dead_time.time": -TIME}, {"dead_time.time": 0.9 / TIMES * TIME}]
+    (held,), (alone,) = replay(p, sets).currents, replay(by_voltages(p), sets).currents
+    assert np.array_equal(held, alone)
