@@ -37,7 +37,7 @@ from sandbox.drive.simulate import simulate
 from sandbox.evaluation.pages.protocol_cells import cell
 from sandbox.evaluation.protocol import TESTS, Row, protocol
 from sandbox.evaluation.protocol_names import MOTORS
-from sandbox.evaluation.protocol_tests import GOAL_LOAD, Point, static_map
+from sandbox.evaluation.protocol_tests import GOAL_LOAD, EvaluatedSegment, static_map
 from sandbox.evaluation.step_cost import step_ns
 from sandbox.public.exports.estimator import golden_of, in_one_window, samples_of
 
@@ -134,7 +134,9 @@ def by_chance(libraries: dict[str, Estimator]) -> dict[str, dict[str, dict[str, 
     Python with two seeds, C and Python over longer stretches."""
     drive, found = load_drive("ipm_exchanged"), {}
 
-    def points(which: AnyEstimator, seed: int = 0, seconds: float = 0.08) -> tuple[Point, ...]:
+    def points(
+        which: AnyEstimator, seed: int = 0, seconds: float = 0.08
+    ) -> tuple[EvaluatedSegment, ...]:
         return static_map(drive, which, "saturated", seed, seconds).points
 
     for name in NAMES:
@@ -148,7 +150,9 @@ def by_chance(libraries: dict[str, Estimator]) -> dict[str, dict[str, dict[str, 
     return found
 
 
-def difference(one: tuple[Point, ...], other: tuple[Point, ...]) -> dict[str, float]:
+def difference(
+    one: tuple[EvaluatedSegment, ...], other: tuple[EvaluatedSegment, ...]
+) -> dict[str, float]:
     """Return worst, rms and mean difference (degrees) of the means of stretches that count, and how
     many there are."""
     pairs = [

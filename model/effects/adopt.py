@@ -20,7 +20,7 @@ from numba.core import types
 
 from model.drive_files import load_drive
 from model.effects import library
-from model.effects.card import PORTS, REPEATED, At, Effect, Parameter, Part
+from model.effects.card import PORTS, REPEATED, At, Effect, EffectPart, Parameter
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
 from model.errors import BadInput, brief, raised
 from model.given import given_bytes
@@ -150,7 +150,7 @@ def _check_kinds(card: Effect, file: Path) -> None:
             )
 
 
-def _check_equations(card: Effect, part: Part, file: Path) -> None:
+def _check_equations(card: Effect, part: EffectPart, file: Path) -> None:
     if not part.at:
         raise BadInput(
             f"{file}: effect '{card.name}' has no equation at a port; give at=(At(port, "

@@ -263,7 +263,7 @@ class At:
 
 
 @dataclass(frozen=True)
-class Part:
+class EffectPart:
     """One of the like parts of which an effect can have several at once, such as orders of a
     harmonic.
 
@@ -384,7 +384,7 @@ class Effect:
     inside: Callable[[Mapping[str, float], Motor, Converter], Iterable[Limit]] | None = None
     longest: Callable[[Mapping[str, float], Motor, float], float] | None = None
     repeats: int = 1
-    further: Part | None = None
+    further: EffectPart | None = None
     formulas: tuple[str, ...] = ()
     do: Callable[[Mapping[str, float], Motor, Converter], str] | None = None
     otherwise: Callable[[Mapping[str, float], float, Motor, Converter], dict[str, float]] | None = (
@@ -395,11 +395,11 @@ class Effect:
     curve: Curve | None = None
     drifts: bool = False
 
-    def part(self, k: int) -> Part:
+    def part(self, k: int) -> EffectPart:
         """Return the k-th part (1 ... repeats)."""
         if k > 1 and self.further:
             return self.further
-        return Part(self.parameters, self.at, self.switches, self.polar)
+        return EffectPart(self.parameters, self.at, self.switches, self.polar)
 
     def public(self, k: int, parameter: str) -> str:
         """Return the public name of a parameter of the k-th part (1 ... repeats)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
-from model.effects.card import INF, At, Effect, Limit, Parameter, Part
+from model.effects.card import INF, At, Effect, EffectPart, Limit, Parameter
 from model.effects.said import angle, wave
 from model.lanes import sine_cosine
 from model.parameters import Converter, Motor
@@ -104,7 +104,7 @@ CARD = Effect(
     switches=("amplitude_mech",),
     limits=limits,
     repeats=PARTS,
-    further=Part(
+    further=EffectPart(
         parameters=(
             Parameter(
                 "amplitude_mech",

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Limit, Parameter, Part, of_electrical_order
+from model.effects.card import At, Effect, EffectPart, Limit, Parameter, of_electrical_order
 from model.effects.said import quantity
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
@@ -118,7 +118,7 @@ CARD = Effect(
     limits=limits,
     longest=longest,
     repeats=PARTS,
-    further=Part(
+    further=EffectPart(
         parameters=(
             Parameter(
                 "psi_d",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Limit, Parameter, Part, of_electrical_order
+from model.effects.card import At, Effect, EffectPart, Limit, Parameter, of_electrical_order
 from model.effects.said import number
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
@@ -260,7 +260,7 @@ CARD = Effect(
     inside=inside,
     longest=longest,
     repeats=PARTS,
-    further=Part(
+    further=EffectPart(
         parameters=(
             *(
                 Parameter(name, "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d", first=first, title=title)

@@ -46,7 +46,7 @@ class Configuration(NamedTuple):
     origin: dict[str, str]
 
 
-class Told(NamedTuple):
+class StatedNumber(NamedTuple):
     """A number in a unit, and which names and numbers of a configuration give it."""
 
     value: float
@@ -113,17 +113,19 @@ def _last(numbers: Mapping[str, float], *names: str) -> float | None:
 
 def _entry(
     n: Mapping[str, float], names: str, unit: str = "", factor: float = 1.0, law: str = ""
-) -> Told | None:
+) -> StatedNumber | None:
     """Return what the first of some names (a blank between) says, times a factor (its law in
     words), in a unit."""
     for name in names.split():
         if (value := _last(n, name)) is not None:
             said = f"{name.removeprefix('bldcmotor.')} = {value:.6g}"
-            return Told(factor * value, unit, f"{said}, {law}" if law else f"{said} {unit}".strip())
+            return StatedNumber(
+                factor * value, unit, f"{said}, {law}" if law else f"{said} {unit}".strip()
+            )
     return None
 
 
-def _vesc(n: Mapping[str, float]) -> dict[str, Told | None]:
+def _vesc(n: Mapping[str, float]) -> dict[str, StatedNumber | None]:
     mean, off = _last(n, "foc_motor_l"), _last(n, "foc_motor_ld_lq_diff") or 0.0
     speed, poles = _last(n, "l_max_erpm") or _last(n, "l_rpm_max"), _last(n, "si_motor_poles")
     zero = "foc_f_zv foc_f_sw"  # the older firmware's name
@@ -136,23 +138,23 @@ def _vesc(n: Mapping[str, float]) -> dict[str, Told | None]:
         "pwm_frequency": _entry(n, zero, "Hz", 0.5, "half of it: centre-aligned"),
     }
     if (pwm := out["pwm_frequency"]) and pwm.value > 0.0:
-        out["sampling_period"] = Told(1.0 / pwm.value, "s", "1 / pwm_frequency")
+        out["sampling_period"] = StatedNumber(1.0 / pwm.value, "s", "1 / pwm_frequency")
     if speed and poles and speed < 99_000:
-        out["rated_speed_rpm"] = Told(
+        out["rated_speed_rpm"] = StatedNumber(
             speed / (0.5 * poles), "rpm", f"largest erpm = {speed:.6g} / pole pairs"
         )
     if mean is not None:
         both = f" (foc_motor_l = {mean:.6g} H, foc_motor_ld_lq_diff = {off:.6g} H)"
-        out["inductance_d"] = Told(
+        out["inductance_d"] = StatedNumber(
             mean - 0.5 * off, "H", f"L - diff/2{both}" if off else f"foc_motor_l = {mean:.6g} H"
         )
-        out["inductance_q"] = Told(
+        out["inductance_q"] = StatedNumber(
             mean + 0.5 * off, "H", f"L + diff/2{both}" if off else f"foc_motor_l = {mean:.6g} H"
         )
     return out
 
 
-def _odrive(n: Mapping[str, float]) -> dict[str, Told | None]:
+def _odrive(n: Mapping[str, float]) -> dict[str, StatedNumber | None]:
     return {
         "pole_pairs": _entry(n, "pole_pairs"),
         "resistance": _entry(n, "phase_resistance", "ohm"),
@@ -163,7 +165,7 @@ def _odrive(n: Mapping[str, float]) -> dict[str, Told | None]:
     }
 
 
-def _odrive_speed(n: Mapping[str, float]) -> Told | None:
+def _odrive_speed(n: Mapping[str, float]) -> StatedNumber | None:
     """Return the limit of speed: turns/s, before firmware 0.5, which has no torque constant,
     counts/s of the encoder."""
     said, turn = "turns/s: a limit, perhaps below the rating", 1.0
@@ -173,7 +175,7 @@ def _odrive_speed(n: Mapping[str, float]) -> Told | None:
     return _entry(n, names, "rpm", 60.0 / turn, said) if turn else None
 
 
-def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
+def _moteus(n: Mapping[str, float]) -> dict[str, StatedNumber | None]:
     poles = _last(n, "poles")
     flux = _entry(n, "fit.lambda_m", "Wb")
     if flux is None and poles:
@@ -183,7 +185,7 @@ def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
         )
         kv = _last(n, "motor.kv") or _last(n, "calibration.kv") or _last(n, "kv")
         if flux is None and kv:
-            flux = Told(
+            flux = StatedNumber(
                 30.0 / kv * VECTOR / pairs,
                 "Wb",
                 f"Kv = {kv:.6g} by moteus' law: 30 / (Kv 2 pi pole pairs)",
@@ -202,15 +204,19 @@ def _moteus(n: Mapping[str, float]) -> dict[str, Told | None]:
         "inductance_d": d,
         "inductance_q": _entry(n, "motor.inductance_q_h", "H") or d,
         "rated_current": _entry(n, "max_current_a", "A")
-        or (Told(swept, "A", f"the sweep of d-currents went to {swept:.6g} A") if swept else None),
+        or (
+            StatedNumber(swept, "A", f"the sweep of d-currents went to {swept:.6g} A")
+            if swept
+            else None
+        ),
         "pwm_frequency": rate,
-        "sampling_period": Told(1.0 / rate.value, "s", "1 / pwm_rate_hz")
+        "sampling_period": StatedNumber(1.0 / rate.value, "s", "1 / pwm_rate_hz")
         if rate and rate.value > 0.0
         else None,
     }
 
 
-def _simplefoc(n: Mapping[str, float]) -> dict[str, Told | None]:
+def _simplefoc(n: Mapping[str, float]) -> dict[str, StatedNumber | None]:
     return {
         "pole_pairs": _entry(n, "bldcmotor.pole_pairs motor.pole_pairs"),
         "resistance": _entry(n, "motor.phase_resistance bldcmotor.phase_resistance", "ohm"),
@@ -263,7 +269,7 @@ class Program(NamedTuple):
 
     name: str
     known_by: tuple[str, ...]
-    convert: Callable[[Mapping[str, float]], dict[str, Told | None]]
+    convert: Callable[[Mapping[str, float]], dict[str, StatedNumber | None]]
     control: Callable[[Mapping[str, float]], dict[str, float | None]]
 
 

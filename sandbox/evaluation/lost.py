@@ -173,8 +173,8 @@ def reasons(rows: Iterable[Row]) -> list[str]:
 
 
 def grouped(reasons: Iterable[tuple[str | None, str]], what: str = "lost lock") -> list[str]:
-    """Return a sentence for each reason, with the runs it is of; told: reason (None: nothing
-    simple) and run."""
+    """Return a sentence for each reason, with the runs it is of; reasons: reason (None:
+    nothing simple) and run."""
     runs: dict[str, list[str]] = {}
     for why, run in reasons:
         if why:

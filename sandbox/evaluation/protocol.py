@@ -39,8 +39,8 @@ from sandbox.evaluation.protocol_motion import (
 )
 from sandbox.evaluation.protocol_names import BELIEFS, ESTIMATORS, usual_motors
 from sandbox.evaluation.protocol_tests import (
+    EvaluatedSegment,
     Outcome,
-    Point,
     attraction,
     costs,
     creep,
@@ -323,7 +323,9 @@ class Kept:
         try:
             unit = Unit(**found["unit"])
             outcome = Outcome(
-                tuple(Point(**p) for p in found["points"]), found["metrics"], found["passed"]
+                tuple(EvaluatedSegment(**p) for p in found["points"]),
+                found["metrics"],
+                found["passed"],
             )
             row = Row(unit, outcome, found["cpu_seconds"], found["failure"])
         except (KeyError, TypeError):  # of somebody else
@@ -353,7 +355,7 @@ def forget(folder: Path) -> None:
 
 def tidy(result: Protocol) -> list[dict[str, Any]]:
     """Return the tidy table: a row per evaluated segment, or per test that has none."""
-    nothing: dict[str, Any] = dict.fromkeys(f.name for f in fields(Point))
+    nothing: dict[str, Any] = dict.fromkeys(f.name for f in fields(EvaluatedSegment))
     rows = []
     for row in result.rows:
         head = asdict(row.unit) | {"passed": row.outcome.passed}

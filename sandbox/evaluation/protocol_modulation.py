@@ -25,7 +25,7 @@ from model.errors import BadInput, PhysicsError
 from model.parameters import Drive
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
-from sandbox.evaluation.protocol_tests import Case, Outcome, Point, points_of, summary
+from sandbox.evaluation.protocol_tests import Case, EvaluatedSegment, Outcome, points_of, summary
 
 SPEEDS = (0.3, 0.2, 0.15, 0.1, 0.05)  # of rated: the highest that the current loop allows
 # of the link: need, injection
@@ -124,14 +124,16 @@ def cases(drive: Drive) -> list[tuple[Case, Drive]]:
 def modulation(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """Every case of a drive that modulates; passed: lock kept in all, or found again after a flying
     start."""
-    points: list[Point] = []
+    points: list[EvaluatedSegment] = []
     metrics: dict[str, float | None] = {}
     for case, plant in cases(drive):
         try:
             found = points_of(case, plant, estimator, belief, seed)
         except PhysicsError:
             found = [
-                Point(case.name, True, s.load, 0.0, s.speed, *4 * (None,), True, None, True, None)
+                EvaluatedSegment(
+                    case.name, True, s.load, 0.0, s.speed, *4 * (None,), True, None, True, None
+                )
                 for s in case.scenario.segments
                 if s.score
             ]

@@ -40,7 +40,7 @@ TURNED = 35.0
 
 
 @dataclass(frozen=True)
-class Point:
+class EvaluatedSegment:
     """One evaluated segment: a row of the tidy table.  Degrees electrical; loads in fractions of
     rated current."""
 
@@ -66,7 +66,7 @@ class Outcome:
     """A finished test of one estimator with one belief on one motor; passed: None where no goal
     applies."""
 
-    points: tuple[Point, ...]
+    points: tuple[EvaluatedSegment, ...]
     metrics: Mapping[str, float | None]
     passed: bool | None
 
@@ -113,7 +113,7 @@ def informative(drive: Drive, i_d: float, i_q: float) -> bool:
 
 def points_of(
     case: Case, drive: Drive, estimator: AnyEstimator, belief: str, seed: int
-) -> list[Point]:
+) -> list[EvaluatedSegment]:
     """Run a case and return its scored segments as points; PhysicsError and BadInput as
     `simulate`."""
     own, scenario, closed, effects = (
@@ -144,7 +144,7 @@ def points_of(
         values = (e.mean, e.rms, e.p95, e.max)
         why = why_lost_in(run, row, drive, true, own, (scenario.name, s.current_d))
         found.append(
-            Point(
+            EvaluatedSegment(
                 case.name,
                 closed,
                 s.load,
@@ -180,7 +180,7 @@ def torque_deficit(drive: Drive, part: Recording, s: Segment) -> float | None:
     return 1.0 - values[1] / values[0] if values[0] else None
 
 
-def summary(points: Iterable[Point]) -> dict[str, float | None]:
+def summary(points: Iterable[EvaluatedSegment]) -> dict[str, float | None]:
     """Return the worst figures over the informative points within GOAL_LOAD, and counts."""
     every = list(points)
     judged = [
@@ -216,7 +216,7 @@ def summary(points: Iterable[Point]) -> dict[str, float | None]:
     }
 
 
-def verdict(points: Iterable[Point], belief: str) -> Outcome:
+def verdict(points: Iterable[EvaluatedSegment], belief: str) -> Outcome:
     """Return points, summary and whether the goals of the module's text are met."""
     points = tuple(points)
     m = summary(points)
@@ -400,7 +400,7 @@ def robustness(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
             continue
         except PhysicsError:
             found = [
-                Point(
+                EvaluatedSegment(
                     name, True, s.load, 0.0, s.speed, None, None, None, None, True, None, True, None
                 )
                 for s in ROBUST.segments
@@ -420,7 +420,7 @@ def attraction(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
     other angles (degrees) at which an estimate came to rest: second stable equilibria; `elsewhere`
     counts what never rests, too.
     """
-    points: list[Point] = []
+    points: list[EvaluatedSegment] = []
     strange: list[int] = []
     back = turned = restless = total = 0
     for load in (0.0, 1.0, 1.8):
@@ -449,7 +449,7 @@ def attraction(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
             elif SAME <= abs(off) <= 180.0 - TURNED:
                 strange.append(round(off))
         points.append(
-            Point(
+            EvaluatedSegment(
                 f"load {load:g}",
                 False,
                 load,

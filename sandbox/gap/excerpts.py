@@ -43,8 +43,8 @@ PARTS = 24  # blocks of so many samples: twice the recordings that those campaig
 FEWEST = 6  # blocks, where states take long to settle and blocks are longer for it
 LEAST = 20_000  # samples, below which a campaign is not cut: PARTS blocks of 80 ms at 10 kHz
 SETTLED = 5.0  # time constants L/R: of a wrong start 0.7 % is left
-# noise floors of a reading, within which one is what sensors read at rest: where noise is twice as
-# large as stated, one of 120 recordings at rest has a reading beyond, and loses rows
+# standard deviations of a reading, within which one is what sensors read at rest: where noise is
+# twice as large as stated, one of 120 recordings at rest has a reading beyond, and loses rows
 STARTED = 6.0
 MOST_OF = 3  # recordings of which the median is what most of them read
 # of rated values, that the campaign's whole length counts as: blocks that differ by less spread

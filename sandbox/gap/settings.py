@@ -35,15 +35,15 @@ class Settings:
     farthest: excess beyond which nobody asks for causes, the end of `unknown`'s prior.
 
     imitated: odds, for each effect of a set, that the set only imitates a cause outside: of 24
-    single effects taken out of the library on an opened check, three were imitated to the floor,
-    each by three others.
+    single effects taken out of the library on an opened check, three were imitated down to the
+    noise, each by three others.
 
     stretch: standard deviations of an ordinary deviation that makes up for a cause outside the
     library.
 
     rounds, rivals, near: fits of the most probable set at most; sets that are fitted beside it at
     most; nats behind it up to which they are.  tries: sets that are fitted roughly in a round far
-    from the floor, until one is better; chosen.  bend: of what an effect moves, how far slopes err
+    from the noise, until one is better; chosen.  bend: of what an effect moves, how far slopes err
     on the way to none of it: two effects that are closer than that are both fitted.
 
     samples, gap: of a campaign of twice as many samples and more, whose ordinary deviations alone

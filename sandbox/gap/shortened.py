@@ -18,7 +18,7 @@ def share(point: ParameterPoint) -> float:
 
 def shortened(point: ParameterPoint) -> ParameterPoint:
     """Return the point with that share of each recording: its middle, of a free rotor its beginning
-    (a motion that is foretold from sample to sample has to begin with it)."""
+    (a motion that is predicted from sample to sample has to begin with it)."""
     part, cut = share(point), block_length(point.prepared)
     if part == 1.0:
         return point

@@ -1,5 +1,5 @@
-"""A result says how it was called: `told` keeps a function's arguments, and the hashes of the files
-they name."""
+"""A result says how it was called: `records_call` keeps a function's arguments, and the hashes of
+the files they name."""
 
 from __future__ import annotations
 

@@ -65,10 +65,17 @@ class ProtocolResult(Result):
     def columns(self) -> dict[str, Column]:
         """Return the tidy table: a row for each evaluated segment, or for a test that has none."""
         from sandbox.evaluation.protocol import tidy
-        from sandbox.evaluation.protocol_tests import Point
+        from sandbox.evaluation.protocol_tests import EvaluatedSegment
 
         rows = tidy(self.protocol)
-        names = ["motor", "test", "estimator", "belief", "passed", *(f.name for f in fields(Point))]
+        names = [
+            "motor",
+            "test",
+            "estimator",
+            "belief",
+            "passed",
+            *(f.name for f in fields(EvaluatedSegment)),
+        ]
         return columns_of([{name: row[name] for name in names} for row in rows], POINT_UNITS)
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:

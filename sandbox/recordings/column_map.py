@@ -327,9 +327,9 @@ def lacks_voltages(table: Table, columns: Mapping[str, Column]) -> str:
     names = {*available(table, columns), *table.names}
     known = {*KIND, *source_columns(table, columns).values()}
     other = [n for n in table.names if n not in known][:MOST_LISTED]
-    beside = f" (the log holds {', '.join(other)} beside what is mapped)" if other else ""
+    others = f" (the log holds {', '.join(other)} beside what is mapped)" if other else ""
     some = lacking(names, VOLTAGES, "voltage")
-    return some or f"no column is a commanded voltage{beside}"
+    return some or f"no column is a commanded voltage{others}"
 
 
 def lacking(names: Collection[str], kinds: Sequence[tuple[str, ...]], what: str) -> str:

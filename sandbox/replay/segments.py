@@ -185,7 +185,7 @@ def whiten(x: Array, colour: Colour, s: Stretch, cut: int) -> None:
             own = x[first - s.first : last - s.first]
             read, known = own.copy(), predictors(colour)
             for k, (weights, deviation) in enumerate(known):
-                # the last one foretells all readings that have so many before them
+                # the last one predicts all readings that have so many before them
                 end = k + 1 if k + 1 < len(known) else len(own)
                 for j, weight in enumerate(weights, 1):
                     own[k:end] -= weight * read[k - j : end - j]

@@ -2,8 +2,8 @@
 hypothesis there.
 
 A hypothesis is a list of effects.  Its coordinates are the ordinary deviations with their narrow
-priors, and its effects' with wide ones; the objective is the sum of squared residuals over their
-floor plus that of deviations over their priors.  Slopes are kept from step to step; only slopes
+priors, and its effects' with wide ones; the objective is the sum of squared residuals over
+the noise plus that of deviations over their priors.  Slopes are kept from step to step; only slopes
 that were taken near the end say that it is one.  Near the most probable point all is Gaussian:
 
     log evidence = -1/2 objective - 1/2 log det(A + P^-1) - sum log deviation,
@@ -43,7 +43,7 @@ CHORDS = 4  # steps on the same slopes: more of them would only creep
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
 ENOUGH = 0.25
-# Times what changes no decision, gained since slopes were taken: 2 at the floor, a way of 1.4
+# Times what changes no decision, gained since slopes were taken: 2 at the noise, a way of 1.4
 # standard deviations.  On so short a way slopes hold.
 HERE = 4.0
 # Share of what is left beside noise, and of the objective at least (one nat): a rough fit leaves
@@ -55,8 +55,8 @@ HOPE, BEHIND = 0.5, 12.0
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
 SIGN = ("bench.soft_current", "bench.soft_shape", "bench.soft_center")
-# Floors.  A wrong shape of the sign left 1.02 beside a usual dead time; the excess J^2 - 1 grows as
-# its square, so 1.9 beside one eight times as large.
+# Times the noise.  A wrong shape of the sign left 1.02 beside a usual dead time; the excess J^2 - 1
+# grows as its square, so 1.9 beside one eight times as large.
 NEAR = 3.0
 # of the mean square of noise: with 12 recordings one in 360 campaigns has one beyond
 SCATTER = 3.5
@@ -111,8 +111,8 @@ def fit(
     Gauss-Newton.
 
     The first part of a fit holds how a current's sign goes through zero, the second frees it where
-    the residual is near its floor (`_within_bounds`).  rough: floors above which the first part is
-    enough, as long as steps gain more than ROUGH of what is left; 0 for always.
+    the residual is near the noise (`_within_bounds`).  rough: times the noise above which the first
+    part is enough, as long as steps gain more than ROUGH of what is left; 0 for always.
 
     near: equations with slopes at a point near the start, which serve the first steps.
 
@@ -203,8 +203,8 @@ def excess_of(n: NormalEquations, weights: Weights) -> float:
 
 
 class Task(NamedTuple):
-    """What is fitted: where it begins, effects, recordings that count, threads, floors above which
-    its first part is enough, equations near the start, and a rival's objective."""
+    """What is fitted: where it begins, effects, recordings that count, threads, times the noise
+    above which its first part is enough, equations near the start, and a rival's objective."""
 
     start: ParameterPoint
     effects: Sequence[str]
@@ -233,8 +233,8 @@ def _within_bounds(task: Task, at: ParameterPoint) -> tuple[Fit, float]:
     """Return the most probable point within the bounds of the search as they are at a point, and
     what smoothing again would gain.
 
-    How a current's sign goes through zero is freed once all else has brought the residual near its
-    floor: far from it the sign walks away with what is missing, and takes hundreds of simulations
+    How a current's sign goes through zero is freed once all else has brought the residual near the
+    noise: far from it the sign walks away with what is missing, and takes hundreds of simulations
     to do so.
     """
     coordinates = coordinates_of(at, task.effects, task.start)
@@ -437,7 +437,7 @@ def fallen(x: Array, to: Array, prior: Prior) -> Array:
 
 
 def noise_at(n: NormalEquations, weights: Weights) -> float:
-    """Return the squared residual over its floor, at least 1: as much of the objective as noise of
+    """Return the squared residual over the noise, at least 1: as much of the objective as noise of
     the residual's size would make of one value."""
     return max(1.0, normalised(n, weights) ** 2)
 
@@ -458,7 +458,7 @@ def _step(
 ) -> tuple[Array, float]:
     """Return where a share of a step leads, and the objective it promises to gain.
 
-    Far from the floor as if the noise were as large as the residual, so that priors keep a say.
+    Far from the noise as if the noise were as large as the residual, so that priors keep a say.
     """
     equations = algebra(n, weights)
     x = n.x + share * (

@@ -1,4 +1,4 @@
-"""How large the gap is: residuals over their floor, before and after an effect is added, on
+"""How large the gap is: residuals over the noise, before and after an effect is added, on
 recordings held out.
 
 `before` lets ordinary deviations move as far as ordinary goes (`priors.ORDINARY` standard
@@ -35,11 +35,11 @@ class OfRecording(NamedTuple):
 
 @dataclass(frozen=True)
 class Size:
-    """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its
-    interval (or None), and of each recording; blocks: of time, as many as there are to draw
-    from."""
+    """Normalised rms on the recordings held out: of the nominal model, before, after, share
+    closed (or None) and its interval (or None), and of each recording; blocks: of time, as many as
+    there are to draw from."""
 
-    raw: float
+    nominal_nrmse: float
     before: float
     after: float
     closed: float | None
@@ -69,7 +69,7 @@ def share_closed(before: float, after: float) -> float:
 
 
 def size_of(
-    raw: NormalEquations,
+    nominal: NormalEquations,
     before: Fit,
     after: Fit,
     held_out: Sequence[int],
@@ -99,4 +99,4 @@ def size_of(
         if len(n) >= FEWEST and np.mean(excess <= 0.0) <= UNDEFINED:
             low, high = np.nanpercentile(drawn, [2.5, 97.5])
             interval = (float(low), float(high))
-    return Size(rms(raw, chosen), j0, j1, closed, interval, each, len(n))
+    return Size(rms(nominal, chosen), j0, j1, closed, interval, each, len(n))

@@ -47,9 +47,9 @@ def explained(point: ParameterPoint) -> tuple[float, float]:
     inverter = of_size_one(
         [_response(point, r, c) for r, c in zip(turned.recordings, currents, strict=True)]
     )
-    told_by_machine = _predicted([x[:, :, own] for x in machine], y, kinds[own])
-    told_by_inverter = _predicted(inverter, y, np.zeros(inverter[0].shape[2], dtype=np.int64))
-    return min(1.0, told_by_inverter / excess), min(1.0, told_by_machine / excess)
+    by_machine = _predicted([x[:, :, own] for x in machine], y, kinds[own])
+    by_inverter = _predicted(inverter, y, np.zeros(inverter[0].shape[2], dtype=np.int64))
+    return min(1.0, by_inverter / excess), min(1.0, by_machine / excess)
 
 
 def machines(count: int) -> NDArray[np.int64]:

@@ -74,10 +74,10 @@ def missed(campaign: Campaign) -> Missed | None:
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         return None
     points, square = map_left_out(motor)
-    told = np.isfinite(square)
-    if not told.any():
+    found = np.isfinite(square)
+    if not found.any():
         return None
-    return Missed(points.i_d[told], points.i_q[told], spacing(motor), square[told])
+    return Missed(points.i_d[found], points.i_q[found], spacing(motor), square[found])
 
 
 def with_modes(point: ParameterPoint, off: Missed | None) -> ParameterPoint:
@@ -99,14 +99,14 @@ def with_modes(point: ParameterPoint, off: Missed | None) -> ParameterPoint:
     along = spread.T @ basis.gradients(np.zeros((1, 2)), chosen)[0, :, 0]
     answers = _without(spread.T @ answers @ spread, along)
     value, vector = np.linalg.eigh(answers / prepared.noise_std**2)
-    told = np.flatnonzero(value > MIN_INFORMATION)[::-1][:MAX_DIRECTIONS]
-    if not len(told):
+    modes = np.flatnonzero(value > MIN_INFORMATION)[::-1][:MAX_DIRECTIONS]
+    if not len(modes):
         return point
-    sizes = np.zeros((len(told), basis.size))
-    sizes[:, chosen] = (spread @ vector[:, told]).T
+    sizes = np.zeros((len(modes), basis.size))
+    sizes[:, chosen] = (spread @ vector[:, modes]).T
     readings = len(LEGS) * prepared.samples
-    beyond = float(np.delete(value, told).clip(0.0).sum()) / readings
-    error = MapError(basis.of, basis.cells(sizes), np.zeros(len(told)), beyond)
+    beyond = float(np.delete(value, modes).clip(0.0).sum()) / readings
+    error = MapError(basis.of, basis.cells(sizes), np.zeros(len(modes)), beyond)
     return replace(point, prepared=with_map_error(prepared, error))
 
 
@@ -200,9 +200,9 @@ def _answers(point: ParameterPoint, basis: Basis) -> tuple[Array, NDArray[np.int
     places (c,)."""
     prepared, drive = point.turned(), point.prepared.campaign.drive
     motor = true_motor(drive.motor, dict(point.values), keep_map=True)
-    told = replay(prepared, [point.values])
+    predicted = replay(prepared, [point.values])
     paths = []
-    for r, read in zip(prepared.recordings, told.currents, strict=True):
+    for r, read in zip(prepared.recordings, predicted.currents, strict=True):
         dq = rotor_currents(read[:, :, 0], r.motion.angle)
         paths.append((r, dq, fluxes(motor.energy, dq)))
     chosen = basis.there(np.concatenate([psi for _, _, psi in paths]))

@@ -19,7 +19,7 @@ from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import stated_noise_std
 from sandbox.replay.segments import Colour
 
-# relative error of the floor that two sensors show: 1.0 % of scatter on 75 opened campaigns, 0.9 %
+# relative error of the noise that two sensors show: 1.0 % of scatter on 75 opened campaigns, 0.9 %
 # too large in the mean
 OF_TWO = 0.015
 # Stated over seen, or seen over stated, up to which the seen one votes: noise that was measured in
@@ -29,7 +29,7 @@ TOO_LARGE = 3.0  # stated over seen from which nothing could be seen
 
 
 class Noise(NamedTuple):
-    """One sensor's noise (A rms): as stated, as seen (None where it cannot be), and the floor that
+    """One sensor's noise (A rms): as stated, as seen (None where it cannot be), and the one that
     is used; colour: autocorrelations of a reading's errors, none of white noise."""
 
     stated: float
@@ -42,7 +42,7 @@ class Noise(NamedTuple):
 
 
 def noise_std_of(campaign: Campaign, stated: float) -> float:
-    """Return the noise floor (A rms) that the stated one and the one seen agree on: both vote.
+    """Return the noise (A rms) that the stated one and the one seen agree on: both vote.
 
     Where they differ by what the seen one errs the stated one stands; the further they part, the
     more the seen one counts.  Beyond PLAUSIBLE, as `noise_caution` says, or where none is seen, the
@@ -52,8 +52,8 @@ def noise_std_of(campaign: Campaign, stated: float) -> float:
 
 
 def noise_of(campaign: Campaign) -> Noise:
-    """Return the noise that a campaign states, that its readings show, and the floor that
-    follows."""
+    """Return the noise that a campaign states, that its readings show, and the one that
+    is used."""
     stated, shown = stated_noise_std(campaign.drive.converter), _shown(campaign)
     used = math.hypot(voted(stated, shown), campaign.unseen)
     if shown is None:
@@ -62,7 +62,7 @@ def noise_of(campaign: Campaign) -> Noise:
 
 
 def voted(stated: float, shown: SensorNoise | None) -> float:
-    """Return the floor (A rms) that both votes make."""
+    """Return the noise (A rms) that both votes make."""
     if shown is None:
         return stated
     away = math.log(shown.size / stated)

@@ -2,12 +2,12 @@
 block in time.
 
 A segment is one channel (currents, motion, angle) of one recording; its residuals over the noise
-floor are cut into blocks of BLOCK seconds, and each block keeps A = J'J, g = J'r and r'r.
+are cut into blocks of BLOCK seconds, and each block keeps A = J'J, g = J'r and r'r.
 Everything after the replay (fits, evidence, held-out errors, robust covariances) is algebra on
 these, no further simulation.
 
-A fit takes many steps on the slopes of one point: `Normal.at` replays another point and keeps the
-slopes.
+A fit takes many steps on the slopes of one point: `NormalEquations.at` replays another
+point and keeps the slopes.
 
 Every recording has an angle of its own beside the encoder's offset: a locked rotor stands somewhere
 within a count, and counts that beat with the sampling leave a bias in a motion, too: coordinate

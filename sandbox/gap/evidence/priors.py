@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from model.effects import library
-from model.effects.card import Effect, Part
+from model.effects.card import Effect, EffectPart
 from model.parameters import Drive, Motor
 from sandbox.plant.sets import BENCH, ORDINARY, SIGN_SPREAD, further_parts, soft_current
 from sandbox.recordings.campaign import Campaign
@@ -289,11 +289,11 @@ def reach(c: Coordinate, values: Set) -> float:
     return 2.0 * at if math.isfinite(at) and at >= REACHED * FARTHEST else FARTHEST
 
 
-def amplitudes(part: Part) -> dict[str, str]:
+def amplitudes(part: EffectPart) -> dict[str, str]:
     """Return the amplitude that belongs to each phase of a part: {amplitude: phase}."""
     return dict([part.polar]) if part.polar else {}
 
 
-def phases(part: Part) -> tuple[str, ...]:
+def phases(part: EffectPart) -> tuple[str, ...]:
     """Return the parameters of a part that are phases of an amplitude."""
     return tuple(amplitudes(part).values())

@@ -48,7 +48,7 @@ class Remains:
     """What remains on the recordings held out, and what a free regression could still close of it.
 
     excess: J^2 - 1 after the best hypothesis.  closable: what the regression takes off it (None:
-    nothing stands above the floor), of_gap: the same as a share of the gap before.  chance: that
+    nothing stands above the noise), of_gap: the same as a share of the gap before.  chance: that
     residuals without structure let it close as much.  alike: variance of sums over blocks of 50 ms
     over that of white noise of the same size; 1 is white.
     """
@@ -73,7 +73,7 @@ class Remains:
 
 
 @dataclass(frozen=True)
-class Part:
+class ChannelRegressors:
     """One channel of one recording: regressors x (n, c, p), c components a sample, of which kind
     (p,), where blocks begin, the angle."""
 
@@ -100,7 +100,7 @@ def remains(point: ParameterPoint, held_out: Sequence[int], before: float) -> Re
 
 
 def judged(
-    parts: Sequence[Part],
+    parts: Sequence[ChannelRegressors],
     shown: Sequence[Residual],
     held_out: Sequence[int],
     before: float,
@@ -143,7 +143,7 @@ def _squares(x: Residual) -> Array:
     return np.concatenate([c.ravel() ** 2 for c in channels if c is not None])
 
 
-def component(part: Part, x: Residual) -> Array:
+def component(part: ChannelRegressors, x: Residual) -> Array:
     """Return what a part's regressors are to predict (n, c): d and q with unit variance, or the
     channel itself."""
     if part.channel == "current":
@@ -161,7 +161,7 @@ def in_rotor_frame(phases: Array, theta: Array) -> Array:
     return np.column_stack([turned.real, turned.imag])
 
 
-def regressors(point: ParameterPoint, currents: Sequence[Array]) -> list[Part]:
+def regressors(point: ParameterPoint, currents: Sequence[Array]) -> list[ChannelRegressors]:
     """Return every channel's regressors, each of mean square 1; currents: predicted readings (n, 3)
     in A of every recording."""
     turned = point.turned()
@@ -170,7 +170,9 @@ def regressors(point: ParameterPoint, currents: Sequence[Array]) -> list[Part]:
     return out
 
 
-def unscaled(prepared: Prepared, values: Mapping[str, float], k: int, read: Array) -> list[Part]:
+def unscaled(
+    prepared: Prepared, values: Mapping[str, float], k: int, read: Array
+) -> list[ChannelRegressors]:
     """Return the regressors of recording k, a part for each of its channels; read: predicted
     readings (n, 3) in A."""
     r, drive = prepared.recordings[k], prepared.campaign.drive
@@ -191,9 +193,9 @@ def unscaled(prepared: Prepared, values: Mapping[str, float], k: int, read: Arra
     )
     kinds = np.tile([*kind, *kind, 0, 0, 0], 2)
     x = np.concatenate([vectors, driven], axis=1).transpose(0, 2, 1)
-    out = [Part(k, "current", x, kinds, starts, theta)]
+    out = [ChannelRegressors(k, "current", x, kinds, starts, theta)]
     for channel in [c for c, of in (("motion", "free"), ("angle", "driven")) if r.rotor == of]:
-        out.append(Part(k, channel, functions[:, None, :].copy(), kind, starts, theta))
+        out.append(ChannelRegressors(k, channel, functions[:, None, :].copy(), kind, starts, theta))
     return out
 
 
@@ -232,7 +234,7 @@ def _leg_signs(read: Array, theta: Array) -> Array:
     return np.stack([z.real, z.imag], axis=-1)
 
 
-def _scale(parts: Sequence[Part]) -> None:
+def _scale(parts: Sequence[ChannelRegressors]) -> None:
     """Give the columns of each channel mean square 1 over all recordings, in place."""
     for channel in {p.channel for p in parts}:
         own = [p.x for p in parts if p.channel == channel]
@@ -244,7 +246,10 @@ def _scale(parts: Sequence[Part]) -> None:
 
 
 def _gains(
-    parts: Sequence[Part], y: Sequence[Array], signs: Sequence[Array], held_out: Sequence[int]
+    parts: Sequence[ChannelRegressors],
+    y: Sequence[Array],
+    signs: Sequence[Array],
+    held_out: Sequence[int],
 ) -> tuple[Array, Array]:
     """Return how much a channel's regression lowers the squares held out: each draw's (d,), the
     first's by block."""
@@ -312,7 +317,9 @@ def _lowered(a: Array, g: Array, x: Array) -> Array:
     return np.asarray(2.0 * np.sum(x * g, axis=0) - np.sum(x * (a @ x), axis=0))
 
 
-def _alike(parts: Sequence[Part], y: Sequence[Array], held_out: Sequence[int]) -> float:
+def _alike(
+    parts: Sequence[ChannelRegressors], y: Sequence[Array], held_out: Sequence[int]
+) -> float:
     """Return the mean square of sums over blocks, over the sum of squares."""
     sums = squares = 0.0
     for p, v in zip(parts, y, strict=True):

@@ -26,7 +26,7 @@ ROUNDING = 1e-6  # of the largest reading: float32 rounds by at most 2^-24 = 6e-
 BLOCK, SHORTEST = 512, 320  # samples of a block, half of them shared with the next one
 # neighbouring frequencies on each side: 1.6 % of the sampling rate in all, within which the power
 # behind a filter that forgets 0.8 from reading to reading changes by 2 %
-BESIDE = 4
+EACH_SIDE = 4
 # of the sampling rate: slower noise is taken to be as large as at it.  A sensor that shows currents
 # has no filter below that; drifts and cores that remember are slower, and no noise.
 SLOWEST = 1.0 / 64.0
@@ -34,10 +34,10 @@ CLIP = 5.0  # means: exp(-5) = 0.7 % of noise's own periodograms lie beyond
 KEPT = 1.0 - CLIP * math.exp(-CLIP) / -math.expm1(-CLIP)  # mean of those below, in means
 QUARTER = -math.log(0.75)  # lower quarter of an exponential variable, in means
 # readings over which errors are seen to go together: of noise half of which is behind a filter that
-# forgets 0.8 from reading to reading, 0.5^6 is left of how far an error foretells the next ones
+# forgets 0.8 from reading to reading, 0.5^6 is left of how far an error predicts the next ones
 LAGS = 6
 # of neighbouring readings' errors: a smaller correlation changes what the noise hides by no more
-# than what the floor is known to (sqrt((1 + rho)/(1 - rho)))
+# than what the noise is known to (sqrt((1 + rho)/(1 - rho)))
 WHITE = 0.03
 # Errors by chance, times the root of the number of blocks: of drawn noise, white and coloured, in
 # 10, 50 and 200 blocks the size scatters by 0.04 to 0.07, the first autocorrelation by 0.05 to 0.08
@@ -132,7 +132,7 @@ def _between_lines(power: Array) -> Array:
     first = round(2.0 * SLOWEST * last)
     out = np.empty(last + 1)
     for k in range(first, last + 1):  # at the last one, half the sampling rate, it is a real number
-        own = power[:, k - BESIDE : min(last, k + BESIDE + 1)].ravel()
+        own = power[:, k - EACH_SIDE : min(last, k + EACH_SIDE + 1)].ravel()
         mean, before = float(np.quantile(own, 0.25)) / QUARTER, 0.0
         while abs(mean - before) > 1e-4 * mean:
             before, mean = mean, float(own[own < CLIP * mean].mean()) / KEPT

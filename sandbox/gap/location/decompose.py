@@ -1,7 +1,7 @@
 """A residual taken apart: by recording, channel, direction, operating region, order, injection
 band, fixed frequency.
 
-All shares are of the excess: the sum of squares of residuals over their floors, less what noise
+All shares are of the excess: the sum of squares of residuals over the noise, less what noise
 alone would have. Directions and dependences are read off the voltage that would explain the current
 residual, noise taken off by the same analysis of white noise.  Orders are of the rotor's frame: 0
 turns with the rotor, -1 stands still in the stator (an offset), -2 turns backwards (an
@@ -186,8 +186,8 @@ def _directions(point: ParameterPoint, shown: Sequence[Residual], weight: dict[s
 
 
 def _of_readings(point: ParameterPoint, shown: Sequence[Residual]) -> Array:
-    """Return rms residual of a phase (noise floors, noise taken off) by speed and current (4,
-    4)."""
+    """Return rms residual of a phase (in units of the noise, which is taken off) by speed and
+    current (4, 4)."""
     own = point.prepared.recordings
     rms = np.concatenate([np.sqrt(np.mean(x.current[:, :, 0] ** 2, axis=1)) for x in shown])
     speed, size = (np.concatenate([of(point, r) for r in own]) for of in (_speed, _size))

@@ -364,7 +364,7 @@ def _details(
 ) -> Iterator[Finding]:
     def one(of: float, text: str, order: float | None = None, at: str = channel) -> Finding:
         """Return a finding on a share of this subsystem's part."""
-        # a region's excess may outdo the whole where others fall below their floor
+        # a region's excess may outdo the whole where others fall below the noise
         part = share * min(of, 1.0)
         said = f"{percent(part)} of the gap {text}."
         if share < 1.0 - LEAST:

@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 ORDINARY = 0.05  # relative deviation of a stated inertia or friction where the campaign states none
 ALIKE = 0.05  # of a column's size: what nothing else can stand in for, least
 LARGEST = 1e12  # rad/s^2, N m, ...: beyond it a unit is wrong
-# times the noise floor: left without a word, and left by something unknown
+# times the noise: left without a word, and left by something unknown
 SURE, DOUBTFUL = 1.3, 3.0
 WRONG = "a unit or a sign is wrong, angle and current are stamped apart, or something else acts"
 BY_STATES = "states that stand a little off their places repeat as it does; log an encoder's angle"
@@ -75,7 +75,7 @@ class Weighed:
 class Motion:
     """A judged motion.
 
-    raw, before, after: rms over the noise floor on rows held out; by_recording: file, before,
+    raw, before, after: rms over the noise on rows held out; by_recording: file, before,
     after, held out;
     cannot: effects that this motion cannot tell, why and what would; shares: of the gap's squares,
     each effect's.

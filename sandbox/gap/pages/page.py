@@ -331,7 +331,7 @@ def _detail(a: Answers) -> Iterator[str]:
     )
     held = ", ".join(d.start.prepared.recordings[k].file for k in d.held_out) or "none"
     facts = [
-        ["residual of the nominal model as given", f"{d.size.raw:.3g} noise floors"],
+        ["residual of the nominal model as given", f"{d.size.nominal_nrmse:.3g} noise floors"],
         ["ordinary deviations refitted", f"{d.size.before:.3g}"],
         ["best hypothesis", f"{d.size.after:.3g}"],
         ["held out", held],

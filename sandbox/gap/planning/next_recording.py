@@ -2,7 +2,7 @@
 simulation.
 
 Hypothesis a, at its fit, predicts an experiment's readings.  How well a hypothesis j, with what the
-campaign left it (a Gaussian of covariance C around its fit), foretells them with their noise is in
+campaign left it (a Gaussian of covariance C around its fit), predicts them with their noise is in
 the mean
 
     1/2 (r'r - g' (A + C^-1)^-1 g) + 1/2 [log det(1 + C A) - tr A (A + C^-1)^-1],
@@ -13,7 +13,7 @@ experiment is expected to bring if a is true; estimates meet the variance that t
 recordings so far gives.
 
 What a simulator misses of its bench leans, by chance, to one of the two: it counts as noise beside
-the recording's own.  `unknown` foretells nothing, so no recording parts it from the others.
+the recording's own.  `unknown` predicts nothing, so no recording parts it from the others.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ LEAST_POWER, SURE = 0.5, 0.95
 # What a simulator may miss of a recording that is not there yet: of its readings' squares, and of
 # the gap that effects make in it.  More than fits leave (`evidence/misfit.py`), as nothing was
 # fitted to it.
-FLOOR, SHARE = 0.012, 3e-4
+MISSED, SHARE = 0.012, 3e-4
 # correlation of what a simulator misses with the difference of two hypotheses; a choice, not
 # measured
 LEANS = 0.3
@@ -136,13 +136,13 @@ def _missed(recorded: Campaign, truth: Mapping[str, float], a: EvaluatedModel) -
         ParameterPoint(as_predicted(prepare(recorded, without, steps=1), truth), without), ()
     )
     count = sum(float(s.n.sum()) for s in n.segments)
-    return 0.5 * (FLOOR * count + SHARE * n.summed().ssr)
+    return 0.5 * (MISSED * count + SHARE * n.summed().ssr)
 
 
 def _surprise(
     recorded: Campaign, truth: Mapping[str, float], j: EvaluatedModel, variance: float, workers: int
 ) -> tuple[float, float]:
-    """Return how badly a hypothesis foretells a recording that a truth has told: what it cannot
+    """Return how badly a hypothesis predicts a recording of a truth: what it cannot
     follow, its spread."""
     belief = dict(j.fit.point.values)
     point = ParameterPoint(as_predicted(prepare(recorded, belief, steps=1), truth), belief)
@@ -160,7 +160,7 @@ def _surprise(
 
 
 def surprise(a: Array, g: Array, ssr: float, prior: Array) -> tuple[float, float]:
-    """Return minus the log density of noisy data that a Gaussian belief foretells, up to what all
+    """Return minus the log density of noisy data that a Gaussian belief predicts, up to what all
     beliefs share: what it cannot follow, and its spread in the mean over noise.
 
     a (p, p), g (p,), rr: normal equations of the data without noise at the belief's mean; prior (p,

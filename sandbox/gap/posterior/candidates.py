@@ -96,9 +96,9 @@ class Candidate:
 def candidates(
     point: ParameterPoint, exclude: Sequence[str] = (), *, left: float = math.inf
 ) -> list[Candidate]:
-    """Return all candidates of the library at a point that leaves so many floors: of much, finite
-    changes of delays beside their slopes; of more, other forms of effects, which are told by their
-    typical size alone."""
+    """Return all candidates of the library at a point that leaves so many times the noise: of
+    much, finite changes of delays beside their slopes; of more, other forms of effects, which are
+    told by their typical size alone."""
     out = []
     for effect in library.causes():
         if effect not in exclude:

@@ -111,8 +111,8 @@ def spread(j: EvaluatedModel) -> Spread:
     plain = own.covariance(prior)
     robust = sandwich(j.fit.normal, x, plain)
     apart = between_segments(j.fit.normal, x, plain)
-    beside, _, _ = j.equations.most_probable(j.prior)
-    there = {c.label: float(y) for c, y in zip(j.normal.coordinates, beside, strict=True)}
+    with_traces, _, _ = j.equations.most_probable(j.prior)
+    there = {c.label: float(y) for c, y in zip(j.normal.coordinates, with_traces, strict=True)}
     traces = np.array(
         [there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)]
     )

@@ -52,8 +52,8 @@ def hypotheses(found: Inference, noise: float, *, workers: int = 1) -> list[Hypo
     models = models_of(found, [(k, p) for _, k, p in every])
     out = [Hypothesis(e, p, models[k]) for e, k, p in every if k in models and worth(found, k, p)]
     total = sum(h.probability for h in out)
-    told = [Hypothesis(h.effects, h.probability / total, h.evaluated) for h in out]
-    return sorted(told, key=lambda h: (-h.probability, h.effects))
+    normalized = [Hypothesis(h.effects, h.probability / total, h.evaluated) for h in out]
+    return sorted(normalized, key=lambda h: (-h.probability, h.effects))
 
 
 def models_of(found: Inference, entries: Sequence[tuple[Set, float]]) -> dict[Set, EvaluatedModel]:
@@ -85,9 +85,9 @@ def with_regression(found: Inference, workers: int) -> dict[Set, float]:
     sets = SetPosterior(replace(best.model, equations=freed.equations.scaled(found.mean_variance)))
     sets.enumerate([k for k, e in enumerate(sets.effects) if e in best.effects])
     # nothing more: it may be imitated
-    told = {k: v for k, v in sets.by_name().items() if len(k) <= len(best.effects)}
-    top = max(told.values())
-    return {k: math.exp(v - top) for k, v in told.items()}
+    levels = {k: v for k, v in sets.by_name().items() if len(k) <= len(best.effects)}
+    top = max(levels.values())
+    return {k: math.exp(v - top) for k, v in levels.items()}
 
 
 def named(effects: tuple[str, ...]) -> Set:

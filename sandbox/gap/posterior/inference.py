@@ -30,7 +30,7 @@ SMALL = 1e-6  # probability below which a set is not listed
 
 @dataclass(frozen=True)
 class Inference:
-    """The answer: ordinary deviations alone (far from the floor the first part of a fit), every
+    """The answer: ordinary deviations alone (far from the noise the first part of a fit), every
     fitted set evaluated, probability of sets of effects (the most probable first), the variance
     that estimates meet in every segment; linear: the last equations of all candidates; start,
     known: the campaign's nominal point with what it does not state and was found, and that."""
@@ -78,7 +78,7 @@ class _Weighing:
     def answer(self) -> Inference:
         """Return the answer; where a set beside the best one leaves far less than it, the search
         goes on from there: it stood at a poor point, and data count as far as what it left.  Where
-        it ends far from the floor it begins anew at the nominal model as stated."""
+        it ends far from the noise it begins anew at the nominal model as stated."""
         first = self.first(*self.search.begun())
         if rms_of(first[0].fit) > NEAR:
             begun, rough = self.search.begun(nominal=True)
@@ -114,8 +114,8 @@ class _Weighing:
         behind: dict[Set, float] = {}
         asked = [tuple(sorted(k)) for k in self.problem.rivals]
         while True:
-            told, near = self.posterior(fitted, behind)
-            leader = fitted[max(fitted, key=lambda k: (told[k], k))]
+            levels, near = self.posterior(fitted, behind)
+            leader = fitted[max(fitted, key=lambda k: (levels[k], k))]
             asked = [k for k in asked if k not in fitted and k not in behind]
             many = len(fitted) + len(behind) > self.problem.settings.rivals
             if not asked and (not near or many):
@@ -130,9 +130,9 @@ class _Weighing:
                 behind[key] = self.level(leader) - lead
             else:
                 fitted[key] = self.evaluated(new, variance)
-        total = sum(math.exp(v) for v in told.values())
+        total = sum(math.exp(v) for v in levels.values())
         sets = {
-            k: math.exp(v) / total for k, v in sorted(told.items(), key=lambda x: (-x[1], x[0]))
+            k: math.exp(v) / total for k, v in sorted(levels.items(), key=lambda x: (-x[1], x[0]))
         }
         assert self.search.linear is not None
         kept = {k: p for k, p in sets.items() if p > SMALL or k in fitted}
@@ -184,16 +184,15 @@ class _Weighing:
         one's, where it is near and parameters would move by more than slopes hold for, and where it
         only lacks an effect that others stand in for, or exchanges it for one that does.  So it
         ought where it lacks one effect and is within reach at all: that the best set has an effect
-        too many shows at the other one's own point.  None
-        ought where the best one leaves several floors: something outside the library decides then,
-        not one set or another.
+        too many shows at the other one's own point.  None ought where the best one leaves several
+        times the noise: something outside the library decides then, not one set or another.
         """
         own = {k: self.level(e) for k, e in fitted.items()}
         leader = max(own, key=lambda k: (own[k], k))
         sets = SetPosterior(fitted[leader].model)
         sets.enumerate([k for k, c in enumerate(sets.model.candidates) if c.effect in leader])
         by_name, top = sets.by_name(), own[leader]
-        told = {
+        relative = {
             k: v - by_name[leader]
             for k, v in by_name.items()
             if k not in fitted and k not in behind
@@ -201,12 +200,12 @@ class _Weighing:
         far = rms_of(self.search.null) > NEAR
         near = [
             k
-            for k, v in told.items()
+            for k, v in relative.items()
             if v > 0.0
             or (v > -self.problem.settings.near and _far(sets, leader, k))
             or ((far or v > -REACH) and 0 < len(k) == len(leader) - 1 and set(k) < set(leader))
         ]
-        near = sorted(near, key=lambda k: (-told[k], k))
+        near = sorted(near, key=lambda k: (-relative[k], k))
         if leader not in self.stand_ins:
             self.stand_ins[leader] = stand_ins(
                 fitted[leader].model, leader, self.problem.settings.bend
@@ -214,9 +213,9 @@ class _Weighing:
         near += [k for k in self.stand_ins[leader] if k not in {*near, *fitted, *behind}]
         if rms_of(fitted[leader].fit) > NEAR:
             near = []
-        told = {k: min(v, 0.0) for k, v in told.items()}
-        told |= {k: v - top for k, v in (*own.items(), *behind.items())}
-        return told, near
+        relative = {k: min(v, 0.0) for k, v in relative.items()}
+        relative |= {k: v - top for k, v in (*own.items(), *behind.items())}
+        return relative, near
 
 
 def stand_ins(model: LinearModel, effects: Set, bend: float) -> list[Set]:

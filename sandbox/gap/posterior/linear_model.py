@@ -94,12 +94,12 @@ class LinearModel:
                 loose.with_deviation(self._sized(effect, loose.deviation, x))
                 for x in self.settings.sizes
             ]
-            told = np.array([self.equations.log_evidence(p) for p in sized])
-            k = int(np.argmax(told))
-            if not math.isfinite(told[k]):
+            evidences = np.array([self.equations.log_evidence(p) for p in sized])
+            k = int(np.argmax(evidences))
+            if not math.isfinite(evidences[k]):
                 return -math.inf
-            level, loose = float(told[k]), sized[k]
-            averaged += float(np.log(np.mean(np.exp(told - told[k]))))
+            level, loose = float(evidences[k]), sized[k]
+            averaged += float(np.log(np.mean(np.exp(evidences - evidences[k]))))
         return level + averaged
 
     def _places(self, effects: Sequence[str]) -> NDArray[np.bool_]:

@@ -22,7 +22,7 @@ from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.normal import NormalEquations, block_length, normal, simulated
 from sandbox.gap.evidence.regression import (
     RIDGE,
-    Part,
+    ChannelRegressors,
     component,
     in_rotor_frame,
     scalars,
@@ -241,7 +241,7 @@ def _add(
     v: Array,
     rows: Array,
     n: NormalEquations,
-    part: Part,
+    part: ChannelRegressors,
     y: Array,
     place: NDArray[np.int64],
 ) -> None:

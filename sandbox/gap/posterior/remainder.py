@@ -73,5 +73,5 @@ def unexplained(
         (left - least) / np.where(there, gap, np.nan) - settings.misses_of_gap, 0.0, 1.0
     )
     low, high = (float(x) for x in np.nanpercentile(share[1:], [2.5, 97.5]))
-    told = len(n) >= FEWEST and np.mean(~there) <= UNDEFINED
-    return Unexplained(float(share[0]), (low, high) if told else None)
+    bounded = len(n) >= FEWEST and np.mean(~there) <= UNDEFINED
+    return Unexplained(float(share[0]), (low, high) if bounded else None)

@@ -3,7 +3,7 @@
     residual and slopes of all candidates at a point -> posterior over sets by algebra -> fit of the
     most probable set
 
-until no other set is more probable. Far from the floor the misfit (`misfit`) makes the data count
+until no other set is more probable. Far from the noise the misfit (`misfit`) makes the data count
 for less, each set's own: sets are weighed by what the best of them leaves, and one is taken only
 where its own fit proves better. Of a long campaign the first rounds look at excerpts; what these
 name is only where the rounds on all of it begin.
@@ -85,8 +85,8 @@ class Search:
     candidates."""
 
     def __init__(self, problem: Problem, *, rough: float = math.inf) -> None:
-        """rough: floors above which ordinary deviations need no more than the first part of a
-        fit."""
+        """rough: times the noise above which ordinary deviations need no more than the first part
+        of a fit."""
         self.problem, self.rough = problem, rough
         problem.report("fitting ordinary deviations")
         self.null = fit(problem.start, (), problem.fitted, rough=rough, workers=problem.workers)
@@ -101,7 +101,7 @@ class Search:
     def begun(self, *, nominal: bool = False) -> tuple[Fit, bool]:
         """Return the fit of the set that excerpts name, without effects where there are none, and
         where ordinary deviations leave little for them to name; and whether it is no more than the
-        first part of one: near the floor the set is mostly the answer, and is fitted whole before
+        first part of one: near the noise the set is mostly the answer, and is fitted whole before
         all candidates are linearised there.
 
         nominal: the search begins at the nominal model as stated (`at_nominal`), not where ordinary
@@ -141,7 +141,7 @@ class Search:
         return (new if rough else self.best_form(new, new.effects, False)), rough
 
     def at_nominal(self) -> Fit:
-        """Return the nominal point itself as a fit without effects: far from the floor, ordinary
+        """Return the nominal point itself as a fit without effects: far from the noise, ordinary
         deviations that are fitted alone bend towards what is missing, and effects may not find the
         way back."""
         p = self.problem
@@ -254,7 +254,7 @@ class Search:
         None where there is none.  seen: sets that were fitted here before; tried: those that were
         none better since the last one was.
 
-        Near the floor slopes are right, and the most probable set is taken.  Far from it they say
+        Near the noise slopes are right, and the most probable set is taken.  Far from it they say
         little of sets far from here: the most probable ones are tried, and the first whose own
         residual makes it more probable, weighed as the one here is, is taken.
         """
@@ -336,9 +336,9 @@ class Search:
                 continue
             rest = (x for x in best if sets.effects[x] != c.effect)
             key = tuple(sorted((*rest, k)))
-            told = sets.weigh(key) if sets.allowed(key) else -math.inf
-            if c.effect not in levels or told > levels[c.effect]:
-                levels[c.effect], self.chosen[c.effect] = told, c
+            level = sets.weigh(key) if sets.allowed(key) else -math.inf
+            if c.effect not in levels or level > levels[c.effect]:
+                levels[c.effect], self.chosen[c.effect] = level, c
 
     def every(self, here: Fit) -> list[Candidate]:
         """Return all candidates, begun where the residual of a fit shows them; once."""

@@ -141,8 +141,8 @@ class SetPosterior:
         prior = self.neighbours(here)
         near = sorted(k for k in prior if k not in self.known)
         if near:
-            told = self._evidence(near, np.array([0.5])) + [prior[k] for k in near]
-            self._weigh_all([near[k] for k in np.argsort(-told, kind="stable")[:KEPT]])
+            posterior = self._evidence(near, np.array([0.5])) + [prior[k] for k in near]
+            self._weigh_all([near[k] for k in np.argsort(-posterior, kind="stable")[:KEPT]])
 
     def neighbours(self, chosen: Chosen) -> dict[Chosen, float]:
         """Return the sets with one candidate more, one fewer, or one exchanged, each sorted, and
@@ -204,8 +204,8 @@ class SetPosterior:
 
     def _weigh_all(self, sets: Sequence[Chosen]) -> None:
         """Weigh sets, sizes averaged over."""
-        told = self._evidence(sets, np.array(self.model.settings.sizes))
-        for key, own in zip(sets, told, strict=True):
+        evidences = self._evidence(sets, np.array(self.model.settings.sizes))
+        for key, own in zip(sets, evidences, strict=True):
             self.known[key] = self.none + float(own) + self._prior(key)
 
     def _prior(self, chosen: Chosen) -> float:
@@ -255,7 +255,7 @@ def _weigh(index, group, c, mean, ratio, sign, sizes, out):
     after the other."""
     most = index.shape[1]
     w = np.ones(most)
-    told = np.empty(sizes.size)
+    gains = np.empty(sizes.size)
     for row in range(index.shape[0]):
         k, candidates = 0, 0
         while k < most and group[row, k] >= 0:
@@ -270,14 +270,14 @@ def _weigh(index, group, c, mean, ratio, sign, sizes, out):
                     for j in range(k):
                         if group[row, j] == own:
                             w[j] = _widened(ratio[index[row, j]], sizes[s])
-                    told[s] = _change(index[row], k, w, c, mean, ratio, sign)
-                    if told[s] > told[best]:
+                    gains[s] = _change(index[row], k, w, c, mean, ratio, sign)
+                    if gains[s] > gains[best]:
                         best = s
                 total = 0.0
                 for s in range(sizes.size):
-                    total += math.exp(told[s] - told[best])
+                    total += math.exp(gains[s] - gains[best])
                 averaged += math.log(total / sizes.size)
-                level = told[best]
+                level = gains[best]
                 for j in range(k):
                     if group[row, j] == own:
                         w[j] = _widened(ratio[index[row, j]], sizes[best])

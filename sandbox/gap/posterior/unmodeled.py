@@ -77,8 +77,10 @@ def log_bayes_factor(
     left = np.maximum(left, 0.0)  # less than noise says nothing of causes
     known = settings.misses + beyond + settings.misses_of_gap * np.maximum(gap, 0.0)
     scatter = np.hypot(np.sqrt(2.0 / count), noise)
-    told = np.array([_log_densities(*x, settings) for x in zip(left, scatter, known, strict=True)])
-    per = told[:, 1] - told[:, 0]
+    densities = np.array(
+        [_log_densities(*x, settings) for x in zip(left, scatter, known, strict=True)]
+    )
+    per = densities[:, 1] - densities[:, 0]
     mixed = np.logaddexp(np.log(SHARES)[:, None] + per, np.log1p(-SHARES)[:, None]).sum(1)
     return float(np.logaddexp.reduce(mixed) - math.log(len(SHARES)))
 
@@ -107,7 +109,7 @@ def _log_densities(
     z = np.linspace(math.log(mean / DECADES), math.log(farthest), GRID)
     size, step = np.exp(z), z[1] - z[0]
     wide = np.hypot(scatter, 0.5 * step * size)  # no gaps between the grid's values
-    told = -0.5 * ((e - size) / wide) ** 2 - np.log(wide * math.sqrt(math.tau))
+    likelihood = -0.5 * ((e - size) / wide) ** 2 - np.log(wide * math.sqrt(math.tau))
     scale = mean * (settings.tail - 1.0)
     misses = (
         math.log(settings.tail / scale)
@@ -116,7 +118,9 @@ def _log_densities(
         + math.log(step)
     )
     outside = np.where(size >= mean, math.log(step / math.log(farthest / mean)), -np.inf)
-    return float(np.logaddexp.reduce(told + misses)), float(np.logaddexp.reduce(told + outside))
+    return float(np.logaddexp.reduce(likelihood + misses)), float(
+        np.logaddexp.reduce(likelihood + outside)
+    )
 
 
 def log_stretched(after: Fit, settings: Settings = USUAL) -> float:

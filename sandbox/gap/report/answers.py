@@ -37,8 +37,8 @@ from sandbox.recordings.campaign import NO_LIMITS, Campaign
 from sandbox.recordings.checks.mistakes import Unanswered
 from sandbox.replay.memory import USUAL
 
-MET = 1.1  # times the floor: a recording that is met so well contradicts nothing any more
-# times the floor on recordings held out that ordinary deviations explain when fitted to all
+MET = 1.1  # times the noise: a recording that is met so well contradicts nothing any more
+# times the noise on recordings held out that ordinary deviations explain when fitted to all
 FEW = 1.2
 
 
@@ -245,8 +245,8 @@ def _recording(a: Answers) -> str:
 
 
 def _unpredicted(a: Answers) -> float | None:
-    """Return what ordinary deviations fitted to all recordings leave (times the noise floor), where
-    they explain all recordings but do not foretell those held out; None elsewhere."""
+    """Return what ordinary deviations fitted to all recordings leave (times the noise), where
+    they explain all recordings but do not predict those held out; None elsewhere."""
     d = a.diagnosis
     if a.verdict != "no_gap" or d.size.before <= FEW:
         return None

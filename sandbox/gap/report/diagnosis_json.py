@@ -46,7 +46,7 @@ def document(
         "verdict": named,
         "badge": badge(d),
         "gap": {
-            "raw": size.raw,
+            "raw": size.nominal_nrmse,
             "before": size.before,
             "after": size.after,
             "floor": 1.0,

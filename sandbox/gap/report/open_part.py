@@ -148,8 +148,8 @@ def regions(part: Decomposition, point: ParameterPoint) -> Remaining:
 def _regions(
     shares: Mapping[str, float], names: tuple[str, ...], bounds: list[float], unit: str
 ) -> tuple[Region, ...]:
-    """Return regions in order; one's excess may outdo the whole where others fall below their
-    floor: 1 at the most."""
+    """Return regions in order; one's excess may outdo the whole where others fall below the
+    noise: 1 at the most."""
     ends = pairwise([0.0, *bounds, None])
     return tuple(
         Region(name, low or 0.0, high, unit, min(1.0, shares[name]))

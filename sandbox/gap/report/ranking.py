@@ -36,8 +36,8 @@ class Ranking:
     of `unknown`; the share of the gap that nothing in the library explains (None: no gap) and where
     that lies (None: nothing is left); what a free regression beside the effects says (None where
     `unknown` is unlikely, or the regression predicts nothing).  moved: by effect and estimator,
-    what it does to the position error; told: what it is confused with; rivals: shares in the likely
-    sets beside the best hypothesis; by_recording: sizes of current_offset, which differ."""
+    what it does to the position error; tellings: what it is confused with; rivals: shares in the
+    likely sets beside the best hypothesis; by_recording: sizes of current_offset, which differ."""
 
     inclusion: Inclusion
     shares: Shares

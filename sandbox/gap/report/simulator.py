@@ -129,7 +129,7 @@ def not_in_motor(
 
 
 def residual_of(found: Fit, parts: Mapping[str, str]) -> dict[str, float]:
-    """Return the rms of each recording's currents over the noise floor at a fit, as a replay has
+    """Return the rms of each recording's currents over the noise at a fit, as a replay has
     it: the flux at a first sample counts as known; parts: of which they are parts."""
     prepared = found.point.prepared
     files = [parts.get(r.file, r.file) for r in prepared.recordings]

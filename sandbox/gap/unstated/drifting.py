@@ -157,20 +157,20 @@ def drifting(
     even = np.array([noise_std**2 * np.sum(x[:, 1:].mean(axis=0) ** 2) / 2.0 for x in own.values()])
     gone = np.array([known.differs(file) if known else NONE for file in own])
     middle = np.median(means + gone, axis=0)
-    beside = means + gone - middle - gone
+    apart = means + gone - middle - gone
     usual = _usual(point.prepared.campaign)
     least = 0.0 if known else ORDINARY * usual  # of what is common to all recordings
-    if not np.any(np.max(np.abs(beside), axis=1) > SURE * errors):
-        beside = np.zeros_like(beside)
+    if not np.any(np.max(np.abs(apart), axis=1) > SURE * errors):
+        apart = np.zeros_like(apart)
     common = float(np.median(means.mean(axis=1)))
     if not abs(common) > max(least / math.sqrt(3.0), SURE * float(np.max(errors))):
         common = 0.0
-    size = float(np.sum((beside + common) ** 2))
+    size = float(np.sum((apart + common) ** 2))
     if size == 0.0 or float(even.sum()) > EVEN * size:
         return None
     offsets = {
         file: (float(a), float(b), float(c))
-        for file, (a, b, c) in zip(own, beside + common, strict=True)
+        for file, (a, b, c) in zip(own, apart + common, strict=True)
     }
     scatter = dict(zip(own, errors.tolist(), strict=True))
     if common:  # what stands still has it, too

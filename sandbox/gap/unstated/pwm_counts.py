@@ -1,8 +1,8 @@
 """To how many counts a drive's PWM timer rounds duties, where [drive] does not say so.
 
 A rounded duty is off by up to half a count, and where resistance is small the current that this
-adds is many noise floors.  No effect of the library looks like it, but each number of counts N
-foretells it whole, x(N): duties are known, and the plant's own transitions say how a voltage goes
+adds is many times the noise.  No effect of the library looks like it, but each number of counts N
+predicts it whole, x(N): duties are known, and the plant's own transitions say how a voltage goes
 on.  Nothing of it is free, so beside what a fit leaves, y, the log Bayes factor of N against no
 rounding is (y x - x x / 2) / v.  v is the variance of `evidence.misfit` of what the best number
 leaves: what else is missing counts as few shapes, however many readings there are.  It
@@ -49,7 +49,7 @@ WHOLE = 1.5 * 2.0**52
 
 class Counted(NamedTuple):
     """Counts of half a PWM period that duties are rounded to: the most probable number, the range
-    of those that hold 95 % of the probability; timer's clock (Hz); share of what it foretells that
+    of those that hold 95 % of the probability; timer's clock (Hz); share of what it predicts that
     is there; nats against no rounding."""
 
     value: int
@@ -87,7 +87,8 @@ class Counted(NamedTuple):
 
 class RecordingSlopes(NamedTuple):
     """A recording's first n samples: duties (n, 3), flux that a whole duty of each leg adds (n, 3,
-    2) in Wb, transitions a (n, 2, 2) and c (n, 3, 2) in floors/Wb, residuals (n, 3) in floors."""
+    2) in Wb, transitions a (n, 2, 2) and c (n, 3, 2) in standard deviations of the
+    noise/Wb, residuals (n, 3) in standard deviations."""
 
     duty: Array
     kick: Array
@@ -125,7 +126,7 @@ def pwm_counts(point: ParameterPoint) -> Counted | None:
 
 class Likely(NamedTuple):
     """The most probable numbers of counts (m,), their log posterior odds against no rounding (m,),
-    and the shares (m,) of what they foretell that are there."""
+    and the shares (m,) of what they predict that are there."""
 
     counts: Counts
     log_posterior: Array
@@ -220,11 +221,11 @@ def numbers(parts: Sequence[RecordingSlopes]) -> Counts:
 
 
 def products(parts: Sequence[RecordingSlopes], counts: Counts) -> Array:
-    """Return for numbers of counts (m,) what they foretell times the residual, and its own square:
+    """Return for numbers of counts (m,) what they predict times the residual, and its own square:
     (recordings, 2, m)."""
     sums = np.zeros((len(parts), 2, len(counts)))
     for p, own in zip(parts, sums, strict=True):
-        foretold(p, counts.astype(float), LANES, own, np.empty((0, 3)))
+        add_predicted(p, counts.astype(float), LANES, own, np.empty((0, 3)))
     return sums
 
 
@@ -237,15 +238,16 @@ def weighed(
 
 
 def added(part: RecordingSlopes, count: int) -> Array:
-    """Return what rounding to a number of counts adds to readings (n, 3), in floors."""
+    """Return what rounding to a number of counts adds to readings (n, 3), in standard deviations of
+    the noise."""
     out = np.empty_like(part.y)
-    foretold(part, np.array([float(count)]), LANES, np.zeros((2, 1)), out)
+    add_predicted(part, np.array([float(count)]), LANES, np.zeros((2, 1)), out)
     return out
 
 
 def alike(parts: Sequence[RecordingSlopes], variance: Sequence[float], count: int) -> float:
     """Return how large a square, in its own variance, residuals have along what other numbers near
-    one foretell; 1 and more.  Where something else is missing that looks like rounding, it looks
+    one predict; 1 and more.  Where something else is missing that looks like rounding, it looks
     like that to any number."""
     octave = np.exp(math.log(2.0) * np.linspace(-1.0, 1.0, OTHERS))
     other = np.unique(np.round(count * octave).astype(np.int64))
@@ -272,7 +274,7 @@ def credible(log_posterior: Array) -> NDArray[np.int64]:
 
 
 @kernel
-def foretold(part, counts, lanes, sums, readings):
+def add_predicted(part, counts, lanes, sums, readings):
     """Add to sums (2, m) the products of residuals with what rounding to counts (m,) adds to
     readings, and its squares; write the first number's readings (n, 3) where there is room for
     them."""

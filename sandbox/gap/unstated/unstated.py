@@ -1,7 +1,7 @@
 """What a campaign does not state and a fit's residual tells: it is stated from then on, and the fit
 made again.
 
-Neither is an effect that a person would look for behind a gap, and neither is free: counts foretell
+Neither is an effect that a person would look for behind a gap, and neither is free: counts predict
 what rounding adds whole, offsets of turning recordings are known to the scatter of their turns.
 """
 

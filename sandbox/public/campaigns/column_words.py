@@ -120,7 +120,7 @@ def meant(name: str, unit: str | None) -> tuple[str, str] | None:
         return "speed", ""
     for standard, words in TABLE.items():
         asked = KIND[standard] in ("voltage", "duty") and standard != "u_dc"
-        beside = COMMANDED if asked else MEASURED
-        if plain in words or _without(plain, beside) in words:
+        suffixes = COMMANDED if asked else MEASURED
+        if plain in words or _without(plain, suffixes) in words:
             return standard, ""
     return None

@@ -80,12 +80,12 @@ def _text(name: str) -> str:
     return json.dumps(name, ensure_ascii=False)
 
 
-def _hint(standard: str, unit: str | None, beside: str) -> str:
+def _hint(standard: str, unit: str | None, options: str) -> str:
     """Return the comment behind an entry: the unit that the table states, else what to look for;
-    beside: what the entry says already."""
+    options: what the entry says already."""
     if unit not in UNITS[KIND[standard]]:
-        return f"  # {HINTS[standard]}" if standard in HINTS and not beside else ""
-    turns = standard in ("theta", "speed") and "mechanical" not in beside
+        return f"  # {HINTS[standard]}" if standard in HINTS and not options else ""
+    turns = standard in ("theta", "speed") and "mechanical" not in options
     return f"  # {unit}, as the table says" + "; mechanical = true for the shaft's" * turns
 
 
@@ -93,15 +93,15 @@ def _columns(file: str, table: Table) -> str:
     """Return what a table holds as comments, names guessed, and what is left to fill in."""
     lines, guessed, step = [f"# Columns of {shown(file)}:"], list[str](), "1e-4"
     for name, x in list(table.columns.items())[:MOST_COLUMNS]:
-        standard, beside = meant(name, table.units.get(name)) or (None, "")
+        standard, options = meant(name, table.units.get(name)) or (None, "")
         finite = x[np.isfinite(x)]
         reach = f"{finite.min():.6g} to {finite.max():.6g}" if finite.size else "no number"
         steps = np.diff(finite)
         rising = ", rising" if steps.size and np.all(steps > 0.0) else ""
         lines.append(f"#   {shown(name)}: {reach}{rising}")
         if standard and not any(line.startswith(f"{standard} =") for line in guessed):
-            hint = _hint(standard, table.units.get(name), beside)
-            guessed.append(f"{standard} = {{column = {_text(name)}{beside}}}{hint}")
+            hint = _hint(standard, table.units.get(name), options)
+            guessed.append(f"{standard} = {{column = {_text(name)}{options}}}{hint}")
         if standard == "t" and steps.size:
             step = f"{SECONDS.get(table.units.get(name, 's'), 1.0) * np.median(steps):.6g}"
     return "\n".join([*lines, "", "[columns]", *guessed]) + "\n" + TAIL % step

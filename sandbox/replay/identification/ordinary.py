@@ -120,18 +120,18 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
             estimated.append(name)
         else:
             untold[name] = why.get(name) or _why_open(x, k, covariance, float(deviation[k]))
-    values, told = x.values(), {}
+    values, bending = x.values(), {}
     others = {n: values[n] for n in names[len(NAMES) :] if math.isfinite(values[n])}
     if CORE not in others:
         others.pop(LAG)
     if {"inductance_d", "inductance_q"} <= set(estimated):  # those at no current: with what bends
-        told = {n: v for n, v in others.items() if n.startswith(ALPHA)}
+        bending = {n: v for n, v in others.items() if n.startswith(ALPHA)}
     apart = np.abs(x.x - x.centre) > Z95 * size
     count = sum(len(r.t) for r in used.recordings)
     current = [np.mean(y**2) for r in used.recordings for y in (r.i_a, r.i_b, r.i_c)]
     left = x.prepared.noise_std * math.sqrt(x.square())
     return OrdinaryFit(
-        _with(campaign.drive.motor, {n: values[n] for n in estimated}, told),
+        _with(campaign.drive.motor, {n: values[n] for n in estimated}, bending),
         {n: values[n] for n in estimated},
         {n: float(deviation[NAMES.index(n)]) * values[n] for n in estimated},
         untold,

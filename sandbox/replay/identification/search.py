@@ -70,7 +70,7 @@ class Search:
         return out
 
     def residuals(self, points: Sequence[Array]) -> Array:
-        """Return residuals (n, places) of all currents over the noise floor."""
+        """Return residuals (n, places) of all currents over the noise."""
         shown = []
         for angle, own in itertools.groupby(self.prepared.recordings, self._own_angle):
             part = replace(self.prepared, recordings=tuple(own))
@@ -159,13 +159,13 @@ class Search:
         parameter.
         """
         weight = np.diag(1.0 / self.prior**2)
-        told = self.j.T @ self.j
-        covariance = np.asarray(np.linalg.inv(told + weight), dtype=np.float64)
+        information = self.j.T @ self.j
+        covariance = np.asarray(np.linalg.inv(information + weight), dtype=np.float64)
         cuts = np.array_split(np.arange(len(self.r)), BLOCKS)
         g = np.stack([self.j[c].T @ self.r[c] for c in cuts])
         scatter = np.diag(covariance @ (g.T @ g + weight) @ covariance)
         lacks = len(self.r) * max(self.square() - 1.0, 0.0) / Z95**2
-        hidden = lacks * np.diag(covariance @ told @ covariance)
+        hidden = lacks * np.diag(covariance @ information @ covariance)
         return np.sqrt(np.maximum(np.diag(covariance), scatter) + hidden), covariance
 
     def relative(self, size: Array) -> Array:
@@ -187,7 +187,7 @@ class Search:
         return float(np.mean(self.r**2))
 
     def residual_rms(self) -> dict[str, float]:
-        """Return each recording's rms, over the noise floor."""
+        """Return each recording's rms, over the noise."""
         out, at = {}, 0
         for r in self.prepared.recordings:
             n = 3 * r.samples

@@ -211,7 +211,7 @@ def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> 
     by_subsystem = {
         s: _sized([n for n in outside if of[n] == s], rng) for s in sorted(set(of.values()))
     }
-    families, beside = _turns(FAMILIES, count, rng), _turns(WITH_EFFECT, count, rng)
+    families, with_effect = _turns(FAMILIES, count, rng), _turns(WITH_EFFECT, count, rng)
     effects = iter(_turns(causes(), count, rng))
     out = []
     for k, subsystem in enumerate(order):
@@ -220,7 +220,7 @@ def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> 
         if name == FLUX_MAP:
             out.append(Case(k, "outside", "mapped", style, (), (1.0,), name))
             continue
-        names = (str(next(effects)),) if beside[k] else ()
+        names = (str(next(effects)),) if with_effect[k] else ()
         sizes = (*(float(rng.choice(FOUND_SIZES)) for _ in names), size)
         out.append(Case(k, "outside", str(families[k]), style, names, sizes, name))
     return out

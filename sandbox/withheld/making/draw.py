@@ -152,7 +152,7 @@ def _once(case: Case, rng: Generator, without: Sequence[str]) -> Drawn | None:
     except BadInput:
         return None
     stands, last = float(rng.uniform(0.0, 2.0 * np.pi)), int(rng.integers(2**31))
-    beside = _added_to_map(plans, without)
+    added = _added_to_map(plans, without)
     if without:
         case, multiples = _taken_out(case, multiples, without)
         true, values, left = _put_in(base, plans, without)
@@ -170,7 +170,7 @@ def _once(case: Case, rng: Generator, without: Sequence[str]) -> Drawn | None:
         last,
         tuple(multiples),
         off_by(believed, stated, bench),
-        beside,
+        added,
     )
 
 

@@ -42,7 +42,7 @@ def point(**changes):
         "informative": True,
         "torque_deficit": None,
     }
-    return t.Point(**(values | changes))
+    return t.EvaluatedSegment(**(values | changes))
 
 
 def test_verdict_by_the_goals():

@@ -106,7 +106,7 @@ def test_a_column_of_theory_is_there_where_theory_predicts_something(
         write_run(tmp_path / "run.html", alone)
         return capsys.readouterr().out, (tmp_path / "run.html").read_text(encoding="utf-8")
 
-    def unforetold(run):
+    def without_theory(run):
         return dataclasses.replace(
             run, rows=tuple(dataclasses.replace(r, predicted_mean_deg=None) for r in run.rows)
         )
@@ -116,7 +116,7 @@ def test_a_column_of_theory_is_there_where_theory_predicts_something(
     assert "theory °" in page
     assert "dashed: theory" in page
     without = dataclasses.replace(
-        small_comparison, runs=tuple(map(unforetold, small_comparison.runs))
+        small_comparison, runs=tuple(map(without_theory, small_comparison.runs))
     )
     printed, page = said(without)
     assert "theory °" not in printed

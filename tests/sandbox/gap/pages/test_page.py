@@ -54,7 +54,7 @@ def test_the_page_says_what_it_compared_with_and_how_it_was_made(page, small_ans
     row = rf">rated_current</td><td[^>]*>{motor.rated_current:.7g}</td><td[^>]*>A peak</td>"
     assert re.search(row, kept["The nominal model"])
     made = kept["How it was made"]
-    assert f"{d.size.raw:.3g} noise floors" in made
+    assert f"{d.size.nominal_nrmse:.3g} noise floors" in made
     assert f">{d.simulations}<" in made
     assert "dead" in kept["The effect dead time"]  # the card of what is named
     assert "\\n" not in kept["The effect dead time"]  # its lines are lines

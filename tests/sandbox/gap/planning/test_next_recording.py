@@ -59,7 +59,7 @@ def pair(small_folder):
 
 
 def left(campaign, entry, j, changes=None):
-    """Return r'r of an experiment that a hypothesis has foretold, replayed at its own set or a
+    """Return r'r of an experiment that a hypothesis has predicted, replayed at its own set or a
     changed one."""
     told, truth = simulate_experiment(campaign, entry, j)
     belief = {**j.fit.point.values, **(changes or {})}
@@ -302,7 +302,7 @@ def test_an_experiment_is_recommended_that_the_wrong_hypothesis_cannot_follow(pa
     assert recommend(replace(campaign, limits=Limits(can=("free",))), rivals, 1.0, entries) is None
 
 
-def test_surprise_is_minus_the_log_density_of_what_was_foretold():
+def test_surprise_is_minus_the_log_density_of_what_was_predicted():
     """Readings r = J x + noise, x about 0 with covariance C: a Gaussian of covariance 1 + J C J'
     (SciPy's density), in the mean over noise on top of r, by its trace."""
     rng = np.random.default_rng(3)

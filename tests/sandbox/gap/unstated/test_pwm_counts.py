@@ -47,7 +47,7 @@ def null(campaign):
 
 
 @pytest.mark.parametrize("counts", [300, 1000, 4000])
-def test_foretold_is_what_a_replay_with_counts_adds(counts):
+def test_predicted_is_what_a_replay_with_counts_adds(counts):
     """Two replays, with duties as they are and rounded, differ by what transitions foretell: to
     first order, so within some per cent of it (the flux's slope of the inductances), and within the
     second order of rounding itself."""
