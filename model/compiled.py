@@ -3,8 +3,10 @@ how."""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from threading import Lock
 from typing import Any
 
@@ -12,7 +14,7 @@ import llvmlite.binding
 import numba
 from numba.core.typeinfer import register_dispatcher
 
-from model.kernels.cache import KernelCache
+from model.kernels.cache import LINKED, KernelCache
 from model.kernels.callees import Kernel
 from model.kernels.folders import cache_home, folder_of
 from model.kernels.notice import watch
@@ -50,10 +52,10 @@ def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any
             return function
         compiled: Any = Kernel(function, targetoptions=options)
         twin = compiled.with_twin() if signature is None else None
-        if (folder := folder_of(function)) is not None:
+        if (folder := folder_of(Path(inspect.getfile(function)))) is not None:
             compiled._cache = KernelCache(function, folder)
             if twin is not None:
-                twin._cache = KernelCache(function, folder, "linked")
+                twin._cache = KernelCache(function, folder, LINKED)
         if signature is not None:
             with register_dispatcher(compiled):
                 compiled.compile(signature)

@@ -11,18 +11,66 @@ from __future__ import annotations
 import inspect
 import os
 import pickle
+import re
 import sys
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from numba.core import event
 from numba.core.caching import Cache
 from numba.core.serialize import dumps
 
 from model.kernels.callees import rebuilt
+from model.kernels.folders import folder_of
 from model.kernels.kept import digest, note_damage, write, write_plain
 from model.kernels.kept import read as read_kept
+from model.kernels.sources import ROOT
 
 DIGITS = 32  # of the SHA-256 in a file's name
+SHORT = 12  # of that of a signature
+LINKED = "linked"  # a function as its callers see it
+ASKED = "sensorless:kernel"  # an event: a kernel is wanted, compiled or read
+
+
+class Name(NamedTuple):
+    """A compiled function of one signature, the same in every process and for every state of its
+    source."""
+
+    module: str
+    function: str
+    kind: str  # "", or LINKED
+    signature: str  # hash of the arguments' types
+
+    @property
+    def held(self) -> bool:
+        """Whether its machine code is kept, of the source as it is now; nothing is imported to look
+        for it."""
+        loaded = getattr(sys.modules.get(self.module), "__file__", None)
+        file = Path(loaded or ROOT.joinpath(*self.module.split(".")).with_suffix(".py"))
+        folder = folder_of(file)
+        if folder is None:
+            return False
+        base = _base(file, self.function, "*", self.kind)
+        return any(_inside(folder, file.resolve()).glob(f"{base}.{self.signature}.*.nbc"))
+
+
+def _inside(folder: Path, source: Path) -> Path:
+    """Return the folder of a source's entries."""
+    return folder / f"{source.parent.name}_{digest(os.fsencode(source.parent))[:DIGITS]}"
+
+
+def _base(source: Path, function: str, line: object, kind: str) -> str:
+    """Return how the names of a function's entries begin."""
+    name = f"{source.stem}.{function}".replace("<", "").replace(">", "")
+    return f"{name[:120]}-{line}{kind and '-'}{kind}.py{sys.version_info[0]}{sys.version_info[1]}"
+
+
+@cache
+def _types(arguments: tuple[Any, ...]) -> str:
+    """Return a short hash of arguments' types; where functions lie in memory is no part of it."""
+    text = ",".join(re.sub("0x[0-9a-f]+", "", str(a)) for a in arguments)
+    return digest(text.encode())[:SHORT]
 
 
 class KernelCache(Cache):
@@ -31,16 +79,12 @@ class KernelCache(Cache):
 
     def __init__(self, function: Any, folder: Path, kind: str = "") -> None:
         source = Path(inspect.getfile(function)).resolve()
-        name = f"{source.stem}.{function.__qualname__}".replace("<", "").replace(">", "")
         self._py_func = function
+        self._kind = kind
         self._name = repr(function)
-        self._folder = (
-            folder / f"{source.parent.name}_{digest(os.fsencode(source.parent))[:DIGITS]}"
-        )
+        self._folder = _inside(folder, source)
         line = function.__code__.co_firstlineno
-        self._base = (
-            f"{name[:120]}-{line}{kind and '-'}{kind}.py{sys.version_info[0]}{sys.version_info[1]}"
-        )
+        self._base = _base(source, function.__qualname__, line, kind)
         self._stamp = digest(source.read_bytes())
         self.enable()
 
@@ -49,9 +93,11 @@ class KernelCache(Cache):
         """The folder of the entries."""
         return str(self._folder)
 
-    def holds_any(self) -> bool:
-        """Return whether machine code of this state of the sources is kept, for any signature."""
-        return bool(self._index())
+    def named(self, sig: Any) -> Name:
+        """Return what the function is called with a signature, or arguments' types."""
+        arguments = tuple(getattr(sig, "args", sig))
+        function = self._py_func
+        return Name(function.__module__, function.__qualname__, self._kind, _types(arguments))
 
     def flush(self) -> None:
         """Forget the entries."""
@@ -61,6 +107,7 @@ class KernelCache(Cache):
         """Return the compiled function for a signature; None where it is not kept or not what was
         kept."""
         target_context.refresh()
+        event.broadcast(event.Event(ASKED, event.EventStatus.START, self.named(sig)))
         if not self._enabled:
             return None
         name = self._index().get(self._index_key(sig, target_context.codegen()))
@@ -90,7 +137,7 @@ class KernelCache(Cache):
         ):
             return
         key, body = self._index_key(sig, data.codegen), dumps(data._reduce())
-        name = f"{self._base}.{digest(body)[:DIGITS]}.nbc"
+        name = f"{self._base}.{self.named(sig).signature}.{digest(body)[:DIGITS]}.nbc"
         write_plain(self._folder / name, body)
         self._write_index({**self._index(), key: name})
 

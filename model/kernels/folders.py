@@ -4,15 +4,12 @@ one imports."""
 from __future__ import annotations
 
 import atexit
-import inspect
 import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numba
 
@@ -64,9 +61,9 @@ def _own_folder() -> Path | None:
     return Path(own)
 
 
-def folder_of(function: Callable[..., Any]) -> Path | None:
-    """Return the folder that keeps a function's machine code; None for one that no file holds."""
-    file = Path(inspect.getfile(function))
+def folder_of(file: Path) -> Path | None:
+    """Return the folder that keeps the machine code of a file's functions; None where there is no
+    such file."""
     if not file.is_file():
         return None
     file = file.resolve()

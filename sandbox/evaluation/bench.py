@@ -30,6 +30,7 @@ from sandbox.drive import loop
 from sandbox.drive.closed import closed_bench
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
+from sandbox.evaluation.peer_python import SCRIPT
 from sandbox.evaluation.score import error_of
 from sandbox.plant.period import STILL
 from sandbox.plant.sets import complete
@@ -68,12 +69,18 @@ def plant_second() -> float:
     return spent / (PERIODS * drive.converter.sampling_period)
 
 
-def c_reference(anchors: Path) -> float:
-    """Return the cost of one step of `reference_rk4.c` (mode 0, gcc -O3 -march=native) in ns;
-    BadInput without source or compiler."""
+def check_c_reference(anchors: Path) -> Path:
+    """Return the C reference's source; BadInput without it, or without a compiler."""
     source = anchors / "reference_rk4.c"
     if not source.is_file() or not shutil.which("gcc"):
         raise BadInput(f"the C reference needs gcc and '{source}'; give the folder with --anchors")
+    return source
+
+
+def c_reference(anchors: Path) -> float:
+    """Return the cost of one step of `reference_rk4.c` (mode 0, gcc -O3 -march=native) in ns;
+    BadInput without source or compiler."""
+    source = check_c_reference(anchors)
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "reference"
         subprocess.run(
@@ -157,9 +164,7 @@ def peer(
 ) -> tuple[float, float]:
     """Return motulator's CPU seconds per simulated second and error rms (degrees) on the same case
     of its script; BadInput where it cannot be run."""
-    script = anchors / "peer_motulator.py"
-    if not script.is_file():
-        raise BadInput(f"'{script}' does not exist; give the folder with --anchors")
+    script = anchors / SCRIPT
     call = [
         python,
         str(script),
@@ -217,6 +222,8 @@ def warm_start() -> float:
 def bench(anchors: Path | None, python: str) -> dict[str, Any]:
     """Return `measured` figures and, where the reference programs are given, `ratios` of ours to
     theirs."""
+    if anchors:
+        check_c_reference(anchors)
     measured = {PLANT: plant_second(), "warm_start_s": warm_start()}
     errors: dict[str, float] = {}
     for name in ("qnull", "inversion", "ekf"):

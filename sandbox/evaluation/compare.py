@@ -129,6 +129,8 @@ def compare(
             progress(done / len(cases))
         return run
 
+    if progress:
+        progress(0.0)
     first = one(cases[0])  # alone: compiles and designs what the others share
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         runs = (first, *pool.map(one, cases[1:]))

@@ -16,6 +16,7 @@ from model.kernels.folders import cache_home
 
 PEER = "motulator==0.18.0"
 LEAST = (3, 12)
+SCRIPT = "peer_motulator.py"
 NAMES = ("python3.12", "python3.13")  # that may make the environment
 REMEDY = f"give --peer-python a Python >= 3.12 that has {PEER}"
 
@@ -33,6 +34,17 @@ def peer_python(given: str | None) -> str:
         _make(folder, python)
         whole.write_text("", encoding="utf-8")
     return str(python)
+
+
+def check_peer(anchors: Path, given: str | None) -> str:
+    """Return a Python that has motulator; BadInput where its script is not at hand, or no Python
+    that has it."""
+    if not (anchors / SCRIPT).is_file():
+        raise BadInput(f"'{anchors / SCRIPT}' does not exist; give the folder with --anchors")
+    python = peer_python(given)
+    if not _runs(python, "import motulator"):
+        raise BadInput(f"'{python}' does not run, or lacks {PEER}; {REMEDY}")
+    return python
 
 
 def _make(folder: Path, python: Path) -> None:
@@ -64,11 +76,9 @@ def _make(folder: Path, python: Path) -> None:
             raise BadInput(f"an environment with {PEER} cannot be made ({last.strip()}); {REMEDY}")
 
 
-def _runs(name: str) -> bool:
-    """Tell whether a Python is there and can make environments."""
+def _runs(name: str, what: str = "import venv") -> bool:
+    """Tell whether a Python is there and can do something, by default make environments."""
     try:
-        return not subprocess.run(
-            [name, "-c", "import venv"], capture_output=True, check=False
-        ).returncode
+        return not subprocess.run([name, "-c", what], capture_output=True, check=False).returncode
     except OSError:
         return False

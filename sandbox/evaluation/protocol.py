@@ -237,6 +237,8 @@ def protocol(
     kept = Kept(keep, seed, {name: digest(_values_of(drive)) for name, drive in loaded.items()})
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
     lock, done = threading.Lock(), len(todo) - len(missing)
+    if progress:
+        progress(done / max(len(todo), 1))
 
     def keep_row(row: Row) -> None:
         """Keep a finished row."""

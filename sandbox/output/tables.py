@@ -109,9 +109,20 @@ def _effort_lines(title: str) -> Iterator[tuple[Callable[[str], None], Callable[
 
 
 @contextmanager
+def _taken_away(bar: Any) -> Iterator[Any]:
+    """Give a bar that its first report starts, so that none is seen where a call is refused before
+    any work, and that goes away at the end."""
+    try:
+        yield bar
+    finally:
+        bar.stop()
+
+
+@contextmanager
 def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
     """Give a function that shows the fraction done, as lines where there is no terminal; None where
-    it is not asked for. Before there is a fraction the bar moves to and fro."""
+    it is not asked for. It is there from the first call on, which stands where work begins; at 0 it
+    moves to and fro."""
     if quiet:
         yield None
         return
@@ -137,11 +148,15 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | 
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with _taken_away(Progress(*columns, console=Console(stderr=True), transient=True)) as bar:
         task = bar.add_task(title, total=None)
-        yield lambda fraction: bar.update(
-            task, completed=fraction, total=1.0 if fraction > 0.0 else None
-        )
+
+        def show(fraction: float) -> None:
+            """Show it, from the first call on."""
+            bar.start()
+            bar.update(task, completed=fraction, total=1.0 if fraction > 0.0 else None)
+
+        yield show
 
 
 @contextmanager
@@ -174,13 +189,16 @@ def rate_bar(
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(
-        *columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0
+    with _taken_away(
+        Progress(
+            *columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0
+        )
     ) as bar:
         task = bar.add_task(title, total=None, rate="", count="")
 
         def show(done: int, total: int) -> None:
             """Show it; what was there before the first call is not counted into the rate."""
+            bar.start()
             if bar.tasks[0].total is None:
                 bar.reset(task, total=total, completed=done, rate="", count="")
             speed = bar.tasks[0].speed
@@ -223,10 +241,17 @@ def effort_bar(
         TextColumn("most end in"),
         TimeRemainingColumn(compact=True),
     )
-    with Progress(
-        *columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0
+    with _taken_away(
+        Progress(
+            *columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0
+        )
     ) as bar:
         task = bar.add_task(title, total=usual)
+
+        def stage(what: str) -> None:
+            """Say what is being done from here on."""
+            bar.start()
+            bar.update(task, description=what)
 
         def count(more: float) -> None:
             """Count simulations in."""
@@ -234,7 +259,7 @@ def effort_bar(
             reached = own.completed + more
             bar.update(task, advance=more, total=further(own.total or usual, reached))
 
-        yield lambda stage: bar.update(task, description=stage), count
+        yield stage, count
 
 
 def further(total: float, reached: float) -> float:

@@ -300,9 +300,8 @@ def bench(anchors: str | Path | None = None, python: str | None = None) -> Bench
     3.2
     """
     from sandbox.evaluation.bench import bench as measure
-    from sandbox.evaluation.peer_python import peer_python
+    from sandbox.evaluation.peer_python import check_peer
 
-    found = measure(
-        None if anchors is None else Path(anchors), "" if anchors is None else peer_python(python)
-    )
+    folder = None if anchors is None else Path(anchors)
+    found = measure(folder, "" if folder is None else check_peer(folder, python))
     return BenchResult(found["measured"], found["ratios"])

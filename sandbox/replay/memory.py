@@ -35,13 +35,18 @@ SHARE = 0.25
 FULL = "give --memory more, or TMPDIR a folder with more room"
 
 
+def check_memory(gigabytes: float) -> None:
+    """BadInput where a limit is no amount of memory, whatever the campaign."""
+    if not gigabytes > 0.0:
+        raise BadInput(f"--memory {gigabytes:g} is no amount of memory; give GB above 0")
+
+
 def spare(gigabytes: float, samples: int) -> float:
     """Return how many bytes a limit leaves to a campaign of so many samples.
 
     BadInput where it is not enough.
     """
-    if not gigabytes > 0.0:
-        raise BadInput(f"--memory {gigabytes:g} is no amount of memory; give GB above 0")
+    check_memory(gigabytes)
     needed = OWN + SAMPLE * samples
     left = GIGA * gigabytes - needed
     if left < LEAST:

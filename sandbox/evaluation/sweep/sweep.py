@@ -39,6 +39,8 @@ def run_sweep(
     kept = store.open_folder(sweep, folder, afresh)
     store.begin(kept)
     tasks = [t for t in tasks_of(sweep) if t.start not in kept.blocks]
+    if progress is not None:
+        progress(kept.runs, sweep.runs)
     for _ in finished(tasks, workers, lambda block: store.add(kept, block)):
         if progress is not None:
             progress(kept.runs, sweep.runs)

@@ -101,6 +101,7 @@ def tolerances(
         if progress is not None:
             progress(done + runs, whole)
 
+    advance(0, whole)
     for level, sweep in sweeps.items():
         rows += _rows(sweep, rows_of(sweep, workers, advance), level)
         done += sweep.runs

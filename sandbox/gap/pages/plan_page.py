@@ -41,6 +41,7 @@ def parts(plan: Plan, title: str, repeats: int) -> Iterator[str]:
     )
     yield answer("What to record?", each)
     yield f"<p>{prose(NEXT)}</p>"
+    yield f"<p>{prose(stopped(capital(plan.link)))}</p>"
     heads = ["experiment", "rotor", "seconds", "settings", "adds"]
     rows = [
         [

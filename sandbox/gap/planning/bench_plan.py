@@ -20,7 +20,7 @@ from model.errors import BadInput, PhysicsError
 from model.parameters import Drive, Limits
 from sandbox.gap.planning.menu import Entry, recording_of, settings, shaft
 from sandbox.gap.planning.visible import CLEAR, Visible, visible
-from sandbox.gap.planning.within import allowed
+from sandbox.gap.planning.within import allowed, of_link
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare, replay
@@ -52,6 +52,12 @@ class Plan:
     drive: Drive
     experiments: tuple[Planned, ...]
     together: Visible
+    limits: Limits
+
+    @property
+    def link(self) -> str:
+        """What the experiments take the DC link to be, in words."""
+        return of_link((p.entry for p in self.experiments), self.drive, self.limits)
 
     @property
     def adds(self) -> tuple[str, ...]:
@@ -100,7 +106,7 @@ def plan(
         )
     recordings = tuple(r for p in chosen for r in simulated[p.entry.name].recordings)
     whole = replace(simulated[chosen[0].entry.name], recordings=recordings)
-    return Plan(drive, tuple(chosen), visible(whole, workers=workers))
+    return Plan(drive, tuple(chosen), visible(whole, workers=workers), limits)
 
 
 def with_encoder(drive: Drive) -> Drive:

@@ -89,11 +89,12 @@ def bench_table(campaign: Campaign, following: Next, drive: Drive) -> BenchTable
 def stated(bench: Limits) -> str:
     """Return a bench's limits in words, empty where there are none."""
     units = {"current": "A peak", "speed_rpm": "rpm", "voltage": "V link"}
-    return ", ".join(
+    parts = [
         f"{getattr(bench, k):g} {unit}"
         for k, unit in units.items()
         if getattr(bench, k) is not None
-    )
+    ]
+    return ", ".join([*parts, *["link fixed: its voltage cannot be changed"] * bench.fixed_link])
 
 
 def write_bench_table(path: Path, table: BenchTable, following: Next) -> None:

@@ -8,6 +8,7 @@ to the current, and a free rotor's speed follows from the torque.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,6 +86,25 @@ def within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
             slower, i_d=share * entry.i_d, i_q=share * entry.i_q, speed=turning * slower.speed
         )
     return None
+
+
+def of_link(entries: Iterable[Entry], drive: Drive, limits: Limits) -> str:
+    """Return what experiments take the DC link to be: fixed or not, and stiff."""
+    bus = drive.converter.dc_bus_voltage
+    stiff = "within an experiment it is taken as stiff: it stays, whatever current is drawn"
+    if limits.fixed_link:
+        return (
+            f"the DC link is taken as fixed at {min(limits.voltage or bus, bus):.4g} V: "
+            f"experiments that ask for another voltage are left out; {stiff}"
+        )
+    others = [f"{e.name} {e.link * bus:.4g} V" for e in entries if abs(e.link - 1.0) > 1e-9]
+    if not others:
+        return f"all experiments run at a DC link of {bus:.4g} V; {stiff}"
+    return (
+        f"the DC link is taken as adjustable ({', '.join(others)}); where yours stays at "
+        f"{bus:.4g} V, give --fixed-link, or [limits] fixed_link = true in the motor's file; "
+        f"{stiff}"
+    )
 
 
 def room_for(entry: Entry, drive: Drive, limits: Limits) -> Peaks:

@@ -354,6 +354,7 @@ class PlanResult(Result):
                 for p in self.plan.experiments
             ],
             "together_adds": list(self.plan.adds),
+            "dc_link": self.plan.link,
             "cautions": [*cautions(self.plan.drive), *assumed(self.plan.drive)],
             "effects": [
                 {"name": e, "deviations": z, "visible": v.words(e)} for e, z in v.sizes.items()
@@ -413,6 +414,7 @@ class PlanResult(Result):
             )
             beyond = f", {len(p.adds)} of them not told by those before it" if k > 1 else ""
             print_prose(f"tells {many(len(p.tells), 'effect')}{beyond}: {', '.join(p.adds)}", "   ")
+        print_prose(self.plan.link)
         v = self.plan.together
         if self.plan.adds:
             print_prose(f"told by all of them together, by none alone: {', '.join(self.plan.adds)}")

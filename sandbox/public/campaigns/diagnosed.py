@@ -270,17 +270,22 @@ def diagnose(
     >>> diagnose("campaign").verdict  # doctest: +SKIP
     'explained'
     """
+    from model.effects.library import effect_names
     from model.errors import unknown
     from sandbox.gap.by_recording import with_offsets
     from sandbox.gap.excerpts import check_samples, excerpted
     from sandbox.gap.report.answers import answer, linear
-    from sandbox.replay.memory import USUAL
+    from sandbox.replay.memory import USUAL, check_memory
 
     if nominal not in (None, "linear"):
         raise unknown("nominal model", nominal, ["linear"])
     check_samples(samples)
     before = None if earlier is None else earlier_answer(earlier)
     names = [exclude] if isinstance(exclude, str) else list(exclude)
+    for name in names:
+        if name not in effect_names():
+            raise unknown("effect", name, effect_names())
+    check_memory(USUAL if memory is None else memory)
     motion = motion_only(campaign, columns, preset)
     if motion is not None:
         return diagnose_motion(motion, names)

@@ -97,6 +97,8 @@ def make(
     share = CONTROL_SHARE if kind == "controls" else 1.0
     left = [d for d in drawn if not (folder / CAMPAIGNS / d.case.name).exists()]
     work = [(folder / CAMPAIGNS / d.case.name, d, share) for d in left]
+    if progress is not None:
+        progress(0.0)
     for done, _ in enumerate(spread(_write, work, workers), 1):
         if progress is not None:
             progress(done / len(work))

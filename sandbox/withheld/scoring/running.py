@@ -107,6 +107,8 @@ class _Task:
 
 def _spread(check: Check, tasks: Sequence[_Task]) -> None:
     left = [t for t in tasks if not reported(t.reports, t.name)]
+    if check.progress is not None:
+        check.progress(0.0)
     for done, _ in enumerate(spread(partial(_one, check.diagnose), left, check.workers, _lost), 1):
         if check.progress is not None:
             check.progress(done / len(left))

@@ -2,7 +2,7 @@
 
 import io
 import threading
-from contextlib import contextmanager, redirect_stderr
+from contextlib import contextmanager, redirect_stderr, suppress
 
 import pytest
 
@@ -137,6 +137,14 @@ def test_what_holds_a_bar_up_is_told(monkeypatch):
     assert out.getvalue().splitlines() == lines
     monkeypatch.setattr(tables.time, "monotonic", tables.time.perf_counter)
     monkeypatch.setattr(WATCH, "active", 1)
-    with watched() as seen, progress_bar("planning", False):
-        pass
+    with watched() as seen, progress_bar("planning", False) as progress:
+        progress(0.0)
     assert "planning (compiling)" in seen.getvalue()
+
+
+def test_no_bar_is_seen_where_a_call_is_refused():
+    """Only the first report starts it: what is refused before any work shows the sentence alone."""
+    for bar, more in ((progress_bar, ()), (rate_bar, ()), (effort_bar, (1.0,))):
+        with watched() as seen, suppress(ValueError), bar("planning", False, *more):
+            raise ValueError
+        assert seen.getvalue() == ""

@@ -19,7 +19,6 @@ from model.effects import adopt, library
 from model.errors import LONGEST_SENTENCE, BadInput, raised
 from model.given import LONGEST, read_toml
 from model.kernels import kept
-from model.kernels.notice import Watch
 from sandbox import audit, maps, verify
 from sandbox.cli import main
 from sandbox.drive import design
@@ -46,13 +45,6 @@ def test_an_entry_in_another_s_place_is_made_anew(tmp_path, capsys):
     other.write_bytes(held)
     assert (kept.read(one), kept.read(other)) == (None, None)
     assert capsys.readouterr().err.count("was damaged and is made anew") == 2
-
-
-@pytest.mark.parametrize("text", ['{"x": 1' + "0" * 400 + "}", "[" * 100_000])
-def test_seconds_of_compiling_that_cannot_be_read_are_forgotten(tmp_path, text):
-    path = tmp_path / "compile-seconds-of-functions.json"
-    path.write_text(text)
-    assert Watch(path).known() == {}
 
 
 @pytest.fixture(scope="module")

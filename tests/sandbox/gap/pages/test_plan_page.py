@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive
+from model.parameters import Limits
 from model.ratings import assumed
 from sandbox.gap.pages.plan_page import setpoint_lines, write_plan
 from sandbox.gap.planning.bench_plan import Plan, Planned, over, setpoints, with_encoder
 from sandbox.gap.planning.menu import menu, settings
 from sandbox.gap.planning.visible import Visible
+from sandbox.recordings.campaign import NO_LIMITS
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +28,7 @@ def planned():
         Planned(chosen[r], settings(chosen[r], drive), found, ("dead_time",))
         for r in ("locked", "driven")
     ]
-    return Plan(drive, tuple(own), found)
+    return Plan(drive, tuple(own), found, NO_LIMITS)
 
 
 def test_setpoints_are_those_of_the_experiment(planned):
@@ -50,6 +52,23 @@ def test_the_page_shows_all_of_it(planned, tmp_path):
     for p in planned.experiments:  # a sentence begins with a capital
         assert f"<p>{p.entry.description[0].upper()}{p.entry.description[1:]};" in page
     assert "then: sensorless check CAMPAIGN" in page
+    assert "All experiments run at a DC link of " in page
+
+
+def test_the_page_says_when_the_link_is_taken_as_fixed(planned, tmp_path):
+    """Fixed where the bench says so, else adjustable with the experiments that ask for another
+    voltage."""
+    bus = f"{planned.drive.converter.dc_bus_voltage:.4g} V"
+    fixed = replace(planned, limits=Limits(fixed_link=True))
+    assert fixed.link.startswith(f"the DC link is taken as fixed at {bus}: ")
+    write_plan(tmp_path / "fixed.html", fixed, 2)
+    assert f"The DC link is taken as fixed at {bus}" in (tmp_path / "fixed.html").read_text()
+    half = next(e for e in menu(planned.drive) if e.name == "driven_idle_half_link")
+    first = planned.experiments[0]
+    other = replace(planned, experiments=(first, replace(first, entry=half)))
+    volts = 0.5 * planned.drive.converter.dc_bus_voltage
+    assert f"(driven_idle_half_link {volts:.4g} V)" in other.link
+    assert f"where yours stays at {bus}, give --fixed-link" in other.link
 
 
 def test_setpoints_are_written_as_a_person_reads_them(planned):

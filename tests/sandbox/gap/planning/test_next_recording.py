@@ -17,7 +17,7 @@ from model.parameters import Limits
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.planning import next_recording as discriminate
-from sandbox.gap.planning.bench_table import bench_table, write_bench_table
+from sandbox.gap.planning.bench_table import bench_table, stated, write_bench_table
 from sandbox.gap.planning.menu import FULL, Entry, demand, menu, recording_of, shaft, usual_seconds
 from sandbox.gap.planning.next_recording import (
     LEANS,
@@ -239,6 +239,7 @@ def test_a_bench_does_what_it_can(small_folder):
     accelerated."""
     drive = read_folder(small_folder).drive
     assert {e.link for e in allowed(drive, Limits(fixed_link=True))} == {1.0}
+    assert stated(Limits(current=3.0, fixed_link=True)).startswith("3 A peak, link fixed: ")
     assert {e.link for e in allowed(drive, NO_LIMITS)} != {1.0}
     assert {e.rotor for e in allowed(drive, Limits(can=("locked", "free")))} == {"locked", "free"}
     assert [e.name for e in allowed(drive, NO_LIMITS)] == [e.name for e in menu(drive)]
