@@ -6,15 +6,25 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.gap.motion.shaft import Nominal, Terms, design_of, fitted, of_width, widened
+from sandbox.gap.motion.shaft import (
+    TAIL,
+    Nominal,
+    Terms,
+    design_of,
+    firmness,
+    fitted,
+    of_width,
+    reweighted,
+    widened,
+)
 from sandbox.gap.motion.windows import averages
-from tests.sandbox.gap.motion.shafts import INERTIA, campaign, thrown
+from tests.sandbox.gap.motion.shafts import COUNT, INERTIA, campaign, thrown
 
 TERMS = Terms(inertia=True, viscous=True, dry=0.2)
 
 
-def design(seed=1, count=math.tau / 512):
-    own = campaign(*(thrown(s, 2e-3, count) for s in (seed, seed + 1)), count=count)
+def design(seed=1, count=math.tau / 512, rows=2e-3):
+    own = campaign(*(thrown(s, rows, count) for s in (seed, seed + 1)), count=count)
     return design_of([averages(r, own) for r in own.recordings])
 
 
@@ -56,3 +66,36 @@ def test_intervals_hold_the_truth():
             low, high = shaft.ci95(name)
             held += low < true < high
     assert held >= 30
+
+
+def test_weights_that_yield_hold_less_information():
+    """The pull w^2 r of a row, its weight told by the residual r itself, grows by firmness times
+    w^2 on average: by differences of all residuals at once."""
+    d = design()
+    residual = np.random.default_rng(5).standard_normal(len(d.torque))
+    for size in (0.1, 1.0, 3.0):  # of the spread
+        r = size * residual
+
+        def pull(x):
+            return x / (1.0 + (x / TAIL) ** 2)
+
+        weight, h = 1.0 / np.hypot(1.0, r / TAIL), 1e-6
+        grown = np.sum(pull(r + h) - pull(r - h)) / (2.0 * h)
+        assert firmness(weight, r) == pytest.approx(grown / np.sum(weight**2), rel=1e-6)
+    assert firmness(np.zeros(3), np.ones(3)) == 1.0
+
+
+@pytest.mark.parametrize("rows", [1e-3, 2e-3, 5e-3])
+def test_intervals_hold_the_truth_where_weights_yield(rows):
+    """Inertia, viscous and dry friction of 24 logs, outliers weighted down as in a diagnosis: of 72
+    intervals of 95 % ten or more miss the truth four times in a thousand (binomial)."""
+    free, missed = Nominal(None, 0.0, 0.0, 0.0), 0
+    for seed in range(0, 48, 2):
+        plain = own = design(50 + seed, COUNT, rows)
+        for _ in range(3):
+            shaft = fitted(own, TERMS, free)
+            own = reweighted(plain, shaft)
+        for name, true in (("inertia", INERTIA), ("viscous", 1e-4), ("dry", 0.02)):
+            low, high = shaft.ci95(name)
+            missed += not low < true < high
+    assert missed < 10
