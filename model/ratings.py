@@ -23,6 +23,8 @@ TORQUE_RMS = 2.0**0.25
 # base speed; a motor that needs a tenth of its link is one whose speed stands in rad/s (9.5 times
 # too low), or whose link is not stated.
 VOLTAGE_HIGH, VOLTAGE_LOW = 5.0, 0.1
+RUN_UP = 0.1  # s: assumed, in which rated torque brings an inertia that stands in to rated speed
+STANDS_IN = f"rated torque brings it to rated speed in {RUN_UP:g} s"
 UNIT_OF = {
     "sampling_period": "s",
     "dc_bus_voltage": "V",
@@ -113,6 +115,12 @@ def _rms(m: Motor, most: float) -> Off:
         "; is rated_current or magnet_flux an rms value (multiply it by sqrt(2)), or rated_torque "
         "the peak one?",
     )
+
+
+def run_up_inertia(rated_torque: float, rated_speed_rpm: float) -> float:
+    """Return the inertia (kg m^2) that stands in where none is known: rated torque brings it to
+    rated speed in RUN_UP."""
+    return min(max(rated_torque * RUN_UP / (rated_speed_rpm * math.pi / 30.0), 1e-9), 1e4)
 
 
 def largest_torque(m: Motor) -> float:

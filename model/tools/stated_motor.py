@@ -15,6 +15,7 @@ from pathlib import Path
 from model.errors import BadInput
 from model.given import is_file
 from model.parameters import Converter, Drive, Motor, build
+from model.ratings import STANDS_IN, run_up_inertia
 from model.tools.configurations import read_configuration
 from model.tools.quantities import quantity_of
 from model.tools.statements import STATEMENTS, Step, key_of, steps_of
@@ -32,7 +33,6 @@ BY_MAGNETS = {  # what the magnets tell, where there are some
     "rated_torque": ("rated_torque", "torque=2Nm"),
     "rated_speed_rpm": ("rated_speed_rpm", "speed=3000"),
 }
-RUN_UP = 0.1  # s: assumed, in which rated torque brings an unknown inertia to rated speed
 PERIOD = 5e-5  # s: assumed sampling of a drive that does not say, 20 kHz
 FULL = 0.9  # of the voltage at the link's end that rated speed without load may take
 OTHERS = {
@@ -199,13 +199,11 @@ def _fill(steps: list[Step], motor: dict[str, float], drive: dict[str, float]) -
             f"{100 * FULL:g} % of the link's voltage is back-EMF there",
         )
     if "inertia" not in motor:
-        value = motor["rated_torque"] * RUN_UP / (motor["rated_speed_rpm"] * math.pi / 30.0)
         add(
             "motor",
             "inertia",
-            value,
-            f"assumed: rated torque brings it to rated speed in {RUN_UP:g} s; free "
-            "rotors alone use it",
+            run_up_inertia(motor["rated_torque"], motor["rated_speed_rpm"]),
+            f"assumed: {STANDS_IN}; free rotors alone use it",
         )
     if "sampling_period" not in drive:
         period = 1.0 / drive["pwm_frequency"] if "pwm_frequency" in drive else PERIOD

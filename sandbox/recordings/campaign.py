@@ -34,6 +34,7 @@ from model.parameters import (
     finite,
     texts,
 )
+from model.ratings import STANDS_IN
 from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.log_table import first_beyond
 from sandbox.recordings.formats.parquet import read_parquet
@@ -407,7 +408,7 @@ def _stand_ins(missing: Sequence[str], reached: Reached | None) -> dict[str, str
         "rated_current": "largest of the recordings",
         "rated_torque": "what rated_current gives",
         "rated_speed_rpm": speed,
-        "inertia": "any, as no rotor is free",
+        "inertia": f"{STANDS_IN}; no rotor is free, so that nothing here tells it",
     }
     return {k: f"not stated; stands in: {said[k]}" for k in missing}
 

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from model.parameters import Motor, build, finite
-from model.ratings import largest_torque
+from model.ratings import largest_torque, run_up_inertia
 
-UNUSED_INERTIA = 1e-3  # kg m^2, of a campaign in which no rotor is free and none is stated
 SLOWEST, FASTEST = 10.0, 1e5  # rpm, of a speed that the link stands in for
 RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
 
@@ -38,12 +37,13 @@ def nominal_motor(
     stated: its name and [motor]; flux_map: [flux_map], whose file lies in `folder` or in a data
     set; link: V, nominal. A rated value that is not stated is the largest one `reached` (None:
     nothing was recorded); the torque is what rated current gives; a speed that no recording reached
-    is what the link gives; an inertia is any where no rotor is free. BadInput for wrong values.
+    is what the link gives; an inertia where no rotor is free is that of `run_up_inertia`. BadInput
+    for wrong values.
     """
     values = dict(stated)
     found = _rated(values, reached or Reached(0.0, 0.0, False))
     if reached is not None and not reached.free:
-        found["inertia"] = UNUSED_INERTIA
+        found["inertia"] = 1.0  # until rated values are known
     missing = tuple(k for k in found if k not in values)
     values = {**values, **{k: found[k] for k in missing}}
     if flux_map is None:
@@ -59,6 +59,9 @@ def nominal_motor(
             )
     if "rated_speed_rpm" in missing and not (reached and reached.speed):
         motor = dataclasses.replace(motor, rated_speed_rpm=base_speed(motor, link))
+    if "inertia" in missing:
+        own = run_up_inertia(motor.rated_torque, motor.rated_speed_rpm)
+        motor = dataclasses.replace(motor, inertia=own)
     return motor, missing
 
 

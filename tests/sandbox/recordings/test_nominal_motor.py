@@ -2,6 +2,7 @@
 motor gives."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from model.drive_files import load_drive
 from model.energy import flux_from_current
 from model.fluxmap import FluxMap, write_map
 from model.ratings import largest_torque
+from model.tools.stated_motor import stated_motor
 from sandbox.recordings import importing
 from sandbox.recordings.campaign import REQUIRED, Campaign, CampaignRecording, read_folder
 from sandbox.recordings.writing import StatedMap, write_campaign
@@ -59,11 +61,19 @@ def stated_alone(tmp_path, text):
 
 
 def test_an_inertia_that_nobody_stated_is_said_to_stand_in(tmp_path):
-    """No rotor is free: any value serves, and none is told as stated; a copy of the campaign states
-    it as little."""
+    """No rotor is free: the value is that which `sensorless motor` gives the same motor, and is not
+    told as stated; a copy of the campaign states it as little."""
     own = stated_alone(tmp_path, "rated_current = 5.0\n")
     assert own.stand_ins == ("rated_torque", "rated_speed_rpm", "inertia")
-    assert own.drive.provenance["inertia"] == "not stated; stands in: any, as no rotor is free"
+    assert own.drive.provenance["inertia"] == (
+        "not stated; stands in: rated torque brings it to rated speed in 0.1 s; no rotor is free, "
+        "so that nothing here tells it"
+    )
+    m = own.drive.motor
+    words = f"kv={30.0 / math.pi / m.magnet_flux / m.pole_pairs / math.sqrt(3.0)} resistance=0.1"
+    words += f" pole_pairs=4 inductance=1e-4 current=5 voltage=24 speed={m.rated_speed_rpm}"
+    words += f" torque={m.rated_torque}"
+    assert m.inertia == pytest.approx(stated_motor(words.split()).drive.motor.inertia)
     again = read_folder(write_campaign(tmp_path / "copy", own))
     assert again.stand_ins == own.stand_ins
     assert dataclasses.replace(again.drive.motor, name=own.drive.motor.name) == own.drive.motor
