@@ -24,6 +24,7 @@ LEAST_STEP = 1e-9  # rad: below it two readings are the same
 LONGEST = 24  # rows of which a speed, or one side of a turning back, is told
 SHORTEST = 2  # rows of a side: two parabolas with one vertex take four
 SHARP = 0.1  # of a row: how sharp a turning back is to be told
+SIDE_BY_SIDE = 400_000  # numbers of turns that are looked at at once
 TRIED = np.linspace(0.0, 1.0, 41)  # of the time in which it may lie
 
 
@@ -86,37 +87,69 @@ def _turnings(
     """
     known = np.flatnonzero(speed)
     turns = np.flatnonzero(speed[known[1:]] * speed[known[:-1]] < 0.0)
-    ends = np.concatenate([[0], known[turns + 1], [len(t)]])
-    for n, k in enumerate(turns):
-        first, last = int(known[k]), int(known[k + 1])
-        span = t[last] - t[first]
-        row = span / (last - first)
-        slow = abs(speed[last] - speed[first]) / span  # rad/s^2
-        side = math.ceil((3.0 * count / (SHARP * slow * row**2)) ** (2.0 / 3.0))
-        side = min(max(side, SHORTEST), LONGEST)
-        low, high = max(first - side + 1, int(ends[n])), min(last + side, int(ends[n + 2]))
-        if last - first > side or min(first + 1 - low, high - last) < SHORTEST:
-            continue  # it stands between, or turns back again at once
-        rows = slice(low, high)
-        found = _vertex(t[rows], angle[rows], t[first] - row, t[last] + row)
-        if found is not None:
-            yield slice(low, high - 1), *found
+    if not turns.size:
+        return
+    first, last = known[turns], known[turns + 1]
+    span = t[last] - t[first]
+    row = span / (last - first)
+    slow = np.abs(speed[last] - speed[first]) / span  # rad/s^2
+    side = np.ceil((3.0 * count / (SHARP * slow * row**2)) ** (2.0 / 3.0))
+    side = np.clip(np.nan_to_num(side, nan=LONGEST), SHORTEST, LONGEST).astype(int)
+    low = np.maximum(first - side + 1, np.concatenate([[0], last[:-1]]))
+    high = np.minimum(last + side, np.concatenate([last[1:], [len(t)]]))
+    # the others stand between, or turn back again at once
+    clear = last - first <= side
+    clear &= np.minimum(first + 1 - low, high - last) >= SHORTEST
+    of = np.flatnonzero(clear)
+    found = vertices(
+        t, angle, np.stack([low, high])[:, of], np.stack([t[first] - row, t[last] + row])[:, of]
+    )
+    for k, (instant, before, after) in zip(of, found, strict=True):
+        if before * after > 0.0:  # it turns back where it accelerates the same way on both sides
+            yield slice(int(low[k]), int(high[k]) - 1), instant, before, after
 
 
-def _vertex(t: Array, angle: Array, low: float, high: float) -> tuple[float, float, float] | None:
-    """Return the instant (s) of the vertex of two parabolas, between two, and the accelerations
-    (rad/s^2) before and after it; None where they do not turn back."""
-    at, y = low + (high - low) * TRIED, angle - angle.mean()
+def vertices(t: Array, angle: Array, rows: NDArray[np.int64], within: Array) -> Array:
+    """Return of each turn, (n, 3), the instant (s) of the vertex of two parabolas, and the
+    accelerations (rad/s^2) before and after it.
+
+    rows: (2, n), from where to where a turn is; within: (2, n) s, between which its vertex lies.
+    """
+    out, length = np.empty((rows.shape[1], 3)), rows[1] - rows[0]
+    order = np.argsort(length, kind="stable")
+    while order.size:  # turns of about as many rows side by side
+        count = max(SIDE_BY_SIDE // (len(TRIED) * int(length[order[-1]])), 1)
+        now, order = order[-count:], order[:-count]
+        out[now] = _padded(t, angle, rows[:, now], within[:, now])
+    return out
+
+
+def _padded(t: Array, angle: Array, rows: NDArray[np.int64], within: Array) -> Array:
+    """Return `_vertices` of some turns, padded to the longest."""
+    own = rows[0][:, None] + np.arange(int(np.max(rows[1] - rows[0])))
+    mask = (own < rows[1][:, None]).astype(float)
+    own, n = np.minimum(own, len(t) - 1), mask.sum(axis=1, keepdims=True)
+    y = (angle[own] - np.sum(angle[own] * mask, axis=1, keepdims=True) / n) * mask
+    at = within[0][:, None] + (within[1] - within[0])[:, None] * TRIED
+    turn = np.arange(len(at))
     for fine in (True, False):
-        away = t - at[:, None]
-        sides = 0.5 * np.stack([np.minimum(away, 0.0) ** 2, np.maximum(away, 0.0) ** 2], axis=2)
-        sides -= sides.mean(axis=1, keepdims=True)
-        normal, right = np.einsum("nki,nkj->nij", sides, sides), np.einsum("nki,k->ni", sides, y)
-        normal += 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-        slopes = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
-        best = int(np.argmax(np.einsum("ni,ni->n", slopes, right)))
+        away = t[own][:, None, :] - at[:, :, None]
+        before, after = (
+            0.5 * f(away, 0.0) ** 2 * mask[:, None, :] for f in (np.minimum, np.maximum)
+        )
+        before, after = (
+            (x - x.sum(axis=2, keepdims=True) / n[:, :, None]) * mask[:, None, :]
+            for x in (before, after)
+        )
+        aa, ab, bb = (
+            np.einsum("ntk,ntk->nt", x, z)
+            for x, z in ((before, before), (before, after), (after, after))
+        )
+        ya, yb = (np.einsum("ntk,nk->nt", x, y) for x in (before, after))
+        least = 1e-12 * (aa + bb)
+        aa, bb = aa + least, bb + least
+        found = np.stack([bb * ya - ab * yb, aa * yb - ab * ya]) / (aa * bb - ab**2)
+        best = np.argmax(np.nan_to_num(found[0] * ya + found[1] * yb, nan=-np.inf), axis=1)
         if fine:
-            at = at[best] + (at[1] - at[0]) * (2.0 * TRIED - 1.0)
-    before, after = (float(x) for x in slopes[best])
-    # it turns back where it accelerates the same way on both sides
-    return (float(at[best]), before, after) if before * after > 0.0 else None
+            at = at[turn, best][:, None] + (at[:, 1] - at[:, 0])[:, None] * (2.0 * TRIED - 1.0)
+    return np.stack([at[turn, best], *found[:, turn, best]], axis=1)

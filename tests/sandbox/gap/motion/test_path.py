@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.gap.motion.path import COUNT, PLACES, path_of
+from sandbox.gap.motion.path import COUNT, PLACES, path_of, vertices
 from sandbox.recordings.motion_log import MotionRecording
 
 BEFORE, AFTER = -500.0, -300.0  # rad/s^2: 40 +- 10 mN m of torque and friction on 1e-4 kg m^2
@@ -74,3 +74,18 @@ def test_a_rotor_that_stands_between_does_not_turn_back_at_an_instant():
     _, path = path_of(MotionRecording("stop", t, read, 0 * t, 0 * t), 0.0, count)
     # what a count makes of a speed over 12 rows: it stands
     assert np.max(np.abs(path[115:185])) <= count / 12e-3
+
+
+def test_turns_side_by_side_are_those_of_each_alone():
+    """An angle that is noise turns back every other row: hundreds of turns of few and of many rows
+    are padded to one length, which changes none."""
+    rng = np.random.default_rng(2)
+    t = 1e-3 * np.cumsum(rng.uniform(0.8, 1.2, 900))
+    angle = np.concatenate([rng.standard_normal(450), 9.0 * np.sin(30.0 * t[450:])])
+    low = np.arange(0, 850, 7)
+    rows = np.stack([low, low + 4 + low % 41])
+    within = np.stack([t[rows[0]], t[np.minimum(rows[1], 899)]])
+    together = vertices(t, angle, rows, within)
+    for k in range(len(low)):
+        alone = vertices(t, angle, rows[:, [k]], within[:, [k]])
+        np.testing.assert_allclose(together[[k]], alone, rtol=1e-9)
