@@ -22,11 +22,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.energy import flux_from_current
 from model.errors import BadInput, PhysicsError
 from model.exact_residuals import MOTOR, BenchUnknowns, MotorUnknowns, Problem
 from model.identification import first_order_estimate
-from model.levels import NAMES, NONE, Array, D, Fit, Levels, Q, require_information, resistance_of
+from model.levels import NAMES, NONE, D, Fit, Levels, Q, require_information, resistance_of
 from model.parameters import Motor
 
 # of the largest current: the sign of a phase current goes linearly through zero within it

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.energy import Energy
 from model.frames import rotate
-from model.levels import NAMES, NONE, Array, Levels
+from model.levels import NAMES, NONE, Levels
 from model.ripple import periodic, slopes
 
 MOTOR = len(NAMES)  # unknowns of the motor, before those of the bench

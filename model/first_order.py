@@ -7,11 +7,10 @@ everything else in the project uses `model.energy`.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from model.array_types import Array
 from model.energy import Energy
-
-Array = NDArray[np.float64]
 
 
 def fluxes(m: Energy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[Array, Array]:

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.arrays import Arrays, read_arrays
 from model.errors import BadInput, brief
 from model.map_names import NAMES
 
-Array = NDArray[np.float64]
 TURNS = {"d": 1.0, "q": -1j, "-d": -1.0, "-q": 1j}  # what brings the magnet's axis onto +d
 MOST_POINTS = 20_000  # of a map: what a fit needs a gigabyte for
 # of an array: a map may hold an angle of the rotor as a further axis

@@ -13,8 +13,9 @@ import math
 
 import numpy as np
 
+from model.array_types import Array
 from model.errors import BadInput
-from model.levels import NAMES, NONE, Array, D, Fit, Levels, Q, require_information, resistance_of
+from model.levels import NAMES, NONE, D, Fit, Levels, Q, require_information, resistance_of
 
 
 def first_order_estimate(levels: Levels, slope: Array) -> Array:

@@ -15,12 +15,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.confidence import Z95
 from model.energy import Energy
 from model.errors import BadInput
 from model.ripple import flux_ripple
 
-Array = NDArray[np.float64]
 NAMES = (
     "resistance",
     "inductance_d",

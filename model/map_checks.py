@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.map_fit import squared_errors
 from model.map_points import MapPoints
 from model.spline import SplineEnergy, hessian
 from model.spline_energy import Choice
 
-Array = NDArray[np.float64]
 # Torque over 3/2 p (psi_d i_q - psi_q i_d).  The conventions that are mixed differ by sqrt(3/2) at
 # least, so half of that, on a logarithmic scale, is what a measured torque may differ by without a
 # word: losses, drift of the magnets.

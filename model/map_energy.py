@@ -11,8 +11,8 @@ import io
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.arrays import read_arrays
 from model.errors import BadInput
 from model.fluxmap import MOST_VALUES
@@ -20,7 +20,6 @@ from model.map_points import MapPoints
 from model.spline import DEGREE, SOLVED, SplineEnergy, currents, flux_newton, hessian
 from model.spline_energy import Choice
 
-Array = NDArray[np.float64]
 # arrays: (n_d, n_q, 25) in J; low_d, low_q, per_d, per_q, magnet, choice
 ENERGY, SCALES = "energy", "energy_scales"
 APART = 1e-6  # of the largest current: a point's current and that of the energy at its flux

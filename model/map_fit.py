@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from model.array_types import Array
 from model.errors import PhysicsError
 from model.map_points import MapPoints
 from model.spline import SplineEnergy, currents, hessian
 from model.spline_energy import Choice, fit
 
-Array = NDArray[np.float64]
 CHOICES: tuple[Choice, ...] = (  # tried where a grid has holes: smoother ones for a map with noise
     ((6, 6), 1e-1),
     ((6, 6), 1e-2),

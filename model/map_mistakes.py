@@ -16,12 +16,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.arrays import TEXTS
 from model.errors import BadInput
 from model.fluxmap import TURNS
 from model.map_points import FEWEST, MapPoints
 
-Array = NDArray[np.float64]
 FALLS = 0.1  # of the span of the fluxes: left to noise, and to a measured map's own wild points
 FEW, NAMED = 0.05, 3  # of the points, that may be wild; points in a sentence
 OFF_AXIS = 0.2  # of the largest psi_q (psi_d): at no current, left to a rig's asymmetry

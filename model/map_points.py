@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.arrays import TEXTS, read_arrays
 from model.errors import BadInput, as_toml
 from model.fluxmap import MOST_POINTS, MOST_VALUES, SIZES, TURNS, FluxMap, check_axis
@@ -23,7 +24,6 @@ from model.map_names import NAMES, OF_BOTH, Column, columns_of
 from model.parameters import finite
 from model.text_table import lines_of_rows
 
-Array = NDArray[np.float64]
 FEWEST = 24  # points with a value
 IN_HEADER = "write their units into the file's header, e.g. i_d [mA], psi_d [mWb]"
 

@@ -11,13 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from model.map_fit import held_out
 from model.map_points import MapPoints
 from model.spline_energy import Choice
 
-Array = NDArray[np.float64]
 DEGREE = 6  # of the polynomials that tell the asymmetry
 FARTHEST = math.radians(15.0)  # angle that is looked for
 ONE_SIDED = 0.25  # of the range of i_q: less on one side tells no asymmetry

@@ -21,13 +21,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.energy import currents, flux_newton, hessian
 from model.frames import phases, rotate, stationary
 
-Array = NDArray[np.float64]
 ROUNDS = 60
 TOLERANCE = 1e-12  # of the flux ripple
 _ROOT = math.sqrt(0.2)

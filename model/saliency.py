@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.energy import (
     AnyEnergy,
@@ -32,7 +33,6 @@ from model.energy import torque as torque_of
 from model.errors import BadInput, PhysicsError
 from model.parameters import Motor
 
-Array = NDArray[np.float64]
 LEAST_SALIENCY = 0.01  # relative difference of L_d and L_q below which injection finds nothing
 
 

@@ -22,10 +22,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.energy import SOLVED, flux_newton, hessian, min_eigenvalue
 from model.parameters import OVERLOAD, Motor
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 PER_WAVE = 96
 # currents: directions, sizes up to OVERLOAD.  Twice as many lower what terms may have by 0.4 % on

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from model.array_types import Array
 from model.spline import DEGREE, SplineEnergy
-
-Array = NDArray[np.float64]
 
 
 def refined(e: SplineEnergy, d: int, q: int) -> SplineEnergy:

@@ -22,16 +22,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import nnls
 
+from model.array_types import Array
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap
 from model.spline import DEGREE, SplineEnergy, flux_newton, hessian
 
-Array = NDArray[np.float64]
 MARGIN = 0.03  # of the flux range: the box reaches beyond the data
 FLOOR = 0.1  # of the smallest curvature in the data: least curvature anywhere in the box
 Choice = tuple[tuple[int, int], float]  # number of cells along d and along |q|, smoothness

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from model.number_table import Table
 from model.text_lines import (
@@ -36,7 +37,6 @@ from model.text_lines import (
 if TYPE_CHECKING:
     import pyarrow
 
-Array = NDArray[np.float64]
 MOST_LEFT = 1000  # lines left out that are remembered
 WIDER = re.compile(r"Expected (\d+) columns, got (\d+)")
 NO_TEXT = {  # what files of other kinds begin with

@@ -9,12 +9,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from model.array_types import Array
 from model.parameters import Converter, Motor
 
-Array = NDArray[np.float64]
 INF = math.inf
 # scan of a phase: two parts, one of each, are a wave of any phase
 EITHER_PHASE = (0.0, 0.5 * math.pi, 0.5 * math.pi)

@@ -10,14 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import inlined
 from model.effects.card import At, Curve, Effect, Parameter
 from model.effects.said import quantity
 from model.parameters import Converter, Motor
 
-Array = NDArray[np.float64]
 FARTHEST = 2.5  # times rated current up to which the curve is shown
 # of the current at the current of reference: what a term of a diagnosis usually is, and one of a
 # run with typical terms

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.commutation import clip, crossing, lateness, quick, static_sign
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Ordinary, Parameter
@@ -15,7 +15,6 @@ from model.effects.said import quantity
 from model.lanes import soft_sign
 from model.parameters import Converter, Motor
 
-Array = NDArray[np.float64]
 SHARP = 1e-30  # A: in place of nothing to divide by
 ROUND = 0.125  # between 0 and 1 also where several effects add up theirs
 TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9

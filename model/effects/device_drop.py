@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import inlined
 from model.effects.card import At, Effect, Parameter
 from model.effects.said import quantity
 from model.parameters import Converter, Motor
-
-Array = NDArray[np.float64]
 
 
 @inlined

@@ -12,8 +12,8 @@ import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import inlined
 from model.effects.card import At, Curve, Effect, Limit, Parameter
 from model.effects.coulomb_friction import FASTEST, LARGEST_RUB
@@ -21,7 +21,6 @@ from model.effects.said import on_q, quantity
 from model.effects.shaft_compliance import motor_inertia
 from model.parameters import Converter, Motor
 
-Array = NDArray[np.float64]
 # of the speed of reference
 CORNERS = (0.01, 0.025, 0.064, 0.16, 0.4, 1.0, 2.5)
 # of rated torque: a term in a diagnosis, and one of a run with typical terms

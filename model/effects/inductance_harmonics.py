@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import inlined
 from model.effects.card import At, Effect, EffectPart, Limit, Parameter, of_electrical_order
 from model.effects.said import number
@@ -23,7 +23,6 @@ from model.softening import Softest, Term, of_overload, softest
 from model.spline import SplineEnergy
 from model.steps import step_for_orders
 
-Array = NDArray[np.float64]
 PARTS = 6  # the sixth order, and others
 FURTHER = tuple(f"inductance_harmonics.{k}" for k in range(2, PARTS + 1))
 SIXTH = "inductance_harmonics.gamma_6"

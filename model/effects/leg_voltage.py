@@ -12,15 +12,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import inlined
 from model.effects import dead_time, device_drop
 from model.effects.card import At, Curve, Effect, Parameter
 from model.effects.said import quantity
 from model.parameters import Converter, Motor
 
-Array = NDArray[np.float64]
 # of the current of reference
 CORNERS = (0.0125, 0.02, 0.032, 0.05, 0.08, 0.125, 0.2, 0.32, 0.5, 0.8, 1.25, 2.0)
 # of the link, what a dead time of 0.2 us takes of 0.1 ms: a term in a diagnosis; a run with typical

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.frames import wrapped
 
 if TYPE_CHECKING:
     import pandas
 
-Array = NDArray[np.float64]
 # Units in NOMENCLATURE.md.
 CHANNELS = (
     "t",

@@ -35,6 +35,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.energy import SOLVED, flux_newton, hessian
 from model.parameters import Drive, Motor
@@ -44,7 +45,6 @@ from sandbox.evaluation.sound import loudest, weighted_power
 from sandbox.plant.gates.modulation import Modulation, modulated, modulation_of
 from sandbox.recordings.injection import samples_per_period
 
-Array = NDArray[np.float64]
 AVERAGED = 4  # injection periods: what changes more slowly is the load's doing
 WINDOW = 512  # samples looked at, the last ones of a segment
 # Hz, at least: instants at which the current is worked out; half of it is beyond what is heard

@@ -7,16 +7,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.energy import Energy, flux_newton, hessian, is_convex_to
 from model.errors import BadInput
 from model.first_order import inductances as first_inductances
 from model.mapped import held_by_data
 from model.parameters import Motor
 from model.saliency import tracking_sign
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

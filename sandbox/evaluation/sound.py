@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from model.array_types import Array
+
 F_R, F_L, F_H, F_A = 1000.0, 10.0**1.5, 10.0**3.9, 10.0**2.45  # Hz
 HEARD = 20e3  # Hz: beyond it nothing is counted
 

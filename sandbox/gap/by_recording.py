@@ -14,8 +14,8 @@ from dataclasses import replace
 from operator import add
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.confidence import Z95
 from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, Drift, misstated, sized
@@ -31,8 +31,6 @@ from sandbox.gap.report.inclusion import summed
 from sandbox.gap.report.ranking import Ranking
 from sandbox.gap.report.shares import DRAWS, Share, Shares, interval_of
 from sandbox.output.sentences import capital
-
-Array = NDArray[np.float64]
 
 
 def with_offsets(a: Answers) -> Answers:

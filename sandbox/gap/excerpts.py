@@ -27,15 +27,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Excerpt, Excerpts
 from sandbox.replay.inputs import AT_REST, stated_noise_std
 
-Array = NDArray[np.float64]
 # samples that are all used: the largest campaign of the blind checks holds 169 920
 MAX_SAMPLES = 250_000
 CUT_TO = 100_000  # samples of a longer one: the other campaigns of the blind checks hold 84 960

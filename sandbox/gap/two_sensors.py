@@ -23,11 +23,10 @@ import math
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 
-Array = NDArray[np.float64]
 BLOCK, FEWEST = 100, 40  # samples; blocks of all recordings and both phases
 # samples, half a period of the usual injection: of older changes second differences leave little
 LAGS = 4

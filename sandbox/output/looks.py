@@ -8,7 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from model.array_types import Array
+
 LONGEST = 4096  # samples of a spectrum's stretches
 LEAST_TURN = math.radians(350.0)  # electrical: less is no turn to draw an error over
 SECTORS = 72

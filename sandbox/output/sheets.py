@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from model.array_types import Array
+
 Colour = tuple[int, int, int]
 # lines (n, 2), their colour, a label each or none
 Strips = tuple[Sequence[Array], Colour, Sequence[str]]

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.output.files import check_parent, write_whole
 from sandbox.output.sheets import Colour, Plot, Sheet
 
 if TYPE_CHECKING:
     import rerun as rr
 
-Array = NDArray[np.float64]
 Tabs = Mapping[str, Mapping[str, Plot | Sheet]]  # {tab: {name: plot}}
 View = Any  # a view of rerun's blueprint, or views side by side, above each other or in a grid
 

@@ -13,8 +13,8 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects import library
 from model.effects.card import At, Effect, Ordinary
 from model.errors import BadInput, unknown
@@ -28,7 +28,6 @@ from sandbox.plant.compose import field, further_field
 from sandbox.plant.fixed import fix
 from sandbox.plant.period import Timing
 
-Array = NDArray[np.float64]
 Set = Mapping[str, float]
 SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
 # standard deviation of that width's logarithm: measured ones reach from a switch as hard as

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.levels import AT_ZERO, D, Q
 from sandbox.output.looks import thinned
 from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, framed, page
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from sandbox.output.plots import Figure
     from sandbox.recordings.identify import Identification
 
-Array = NDArray[np.float64]
 STYLES: dict[str, dict[str, Any]] = {
     "exact": {"color": colour_of("saturated")},
     "first_order": {"color": colour_of("linear"), "linestyle": (0, (4, 2))},

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.drive_files import injection_defaults
 from model.effects.card import Ordinary, scales
 from model.errors import BadInput, as_toml, brief, unknown
@@ -43,7 +44,6 @@ from sandbox.recordings.nominal_motor import RATED, Reached, nominal_motor
 if TYPE_CHECKING:
     import pandas
 
-Array = NDArray[np.float64]
 REQUIRED = ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc")
 OPTIONAL = ("load_torque", "temperature", "torque", "theta_hat")
 UNITS = {

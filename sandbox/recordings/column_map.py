@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput, as_toml, unknown
 from model.frames import phases
 from model.number_table import Table
@@ -29,7 +30,6 @@ from sandbox.recordings.findings import Finding
 from sandbox.recordings.formats.log_table import MOST_VALUES, first_beyond
 from sandbox.recordings.rows.missing import filled, finding_of, gone
 
-Array = NDArray[np.float64]
 KINDS = {
     "time": ("t",),
     "voltage": ("u_alpha", "u_beta", "u_a", "u_b", "u_c", "u_d", "u_q", "u_dc"),

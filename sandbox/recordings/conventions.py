@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, balance
 from sandbox.recordings.findings import Finding
 
-Array = NDArray[np.float64]
 # standard deviation of p, and distance from a whole number, up to which it is one
 SURE, NEAR = 0.2, 0.4
 # samples, of the balance from which p is told; windows that a recording needs

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.findings import Doubt, Finding
 
-Array = NDArray[np.float64]
 Hashes = NDArray[np.uint64]
 WINDOW = 64  # rows that must be the same, one after the other
 PROBED = 16  # windows: every so many is looked for

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput, as_toml, unknown
 from model.given import check_toml, read_toml
 from model.inverter_table import with_points
@@ -64,7 +64,6 @@ from sandbox.recordings.stamps import (
     stamp_jitter,
 )
 
-Array = NDArray[np.float64]
 SILENT = 0.01  # of the sampling period: jitter that the format allows
 DAY = 86400.0  # s
 DRIFT = 0.01  # relative error of the recorded clock

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.energy import flux_from_current
 from model.errors import BadInput, PhysicsError, as_toml, brief
 from model.names import fitting
@@ -44,7 +45,6 @@ from sandbox.recordings.importing import Source, unchecked
 from sandbox.recordings.motion_axis import ROTARY, Axis, axis_of, shafts_keys
 from sandbox.recordings.stamps import rows_of, segment_name
 
-Array = NDArray[np.float64]
 SHORT_LAG = 2e-5  # s: below it are small coreless motors alone, and inductances in another unit
 THOUSAND = 1000.0  # of a unit that is mistaken
 OF_LAG = ("resistance", "inductance_d", "inductance_q")

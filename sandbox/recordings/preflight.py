@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from model.parameters import Drive
 from model.ratings import cautions
@@ -39,7 +39,6 @@ from sandbox.recordings.conventions import with_link
 from sandbox.recordings.findings import Doubt, Finding, Refused
 from sandbox.recordings.rows.held import held
 
-Array = NDArray[np.float64]
 REFUSED, SUSPICIOUS, NOTE = "refused", "suspicious", "note"
 COLUMNS = {CURRENT: PHASES, VOLTAGE: VOLTAGES, ANGLE: ("theta",)}
 OFF = 0.02  # relative, of steps: as stated

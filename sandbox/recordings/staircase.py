@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from model.levels import NONE, D, Levels, NoStaircase, Q
 from model.parameters import Drive
@@ -29,7 +30,6 @@ NEAR_ONE = 1e-5  # of the currents' energy: how much weights near 1 are preferre
 LEFT = 0.1  # of the sum's energy: more than this is not explained by gains
 SEEN = 0.05  # of the currents: a sum that no ordinary gains make
 NOISES = 3.0  # times what gains do not explain of it
-Array = NDArray[np.float64]
 AXIS = {"d": D, "q": Q, "none": NONE}
 WINDOW = 4  # periods over which a steady average may not drift
 FEWEST = 8  # periods of a steady stretch

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput, as_toml, brief, unknown
 from model.number_table import Table
 from sandbox.recordings.findings import Finding
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 STAMPS = ("drive", "arrival", "polled")
 KEYS = ("stamps", "matrix")

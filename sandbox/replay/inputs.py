@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.effects.library import true_motor
 from model.energy import flux_newton
@@ -34,7 +34,6 @@ from sandbox.replay.motion.smoothing import (
     motion_gains,
 )
 
-Array = NDArray[np.float64]
 LOAD_SHARE = 0.01  # where [background] is silent
 SENSOR_STEPS = (
     # of a fixed-point iteration on the linear inverse of the sensors: exact after one where they

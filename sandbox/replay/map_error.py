@@ -20,8 +20,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import inlined, kernel
 from model.effects.library import true_motor
 from model.energy import flux_newton, hessian
@@ -33,8 +33,6 @@ from sandbox.replay.replay import Prepared
 from sandbox.replay.stretches import Stretch
 from sandbox.replay.transitions import SHARE, displaced, transitions
 from sandbox.replay.walking import Running
-
-Array = NDArray[np.float64]
 
 
 def same_map(prepared: Prepared, other: Prepared) -> Prepared:

@@ -19,10 +19,10 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.errors import BadInput
 
-Array = NDArray[np.float64]
 GIGA = 1e9
 USUAL = 8.0  # GB: what a diagnosis may take if nothing is said
 OWN = 0.6e9  # bytes of the program, its libraries and compiled kernels

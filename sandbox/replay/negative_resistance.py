@@ -25,14 +25,13 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.frames import stationary
 from sandbox.plant.edges import LEG_X, LEG_Y
 from sandbox.plant.electrical import HALF_ROOT
 
-Array = NDArray[np.float64]
 TWO_THIRDS = 2.0 / 3.0
 
 

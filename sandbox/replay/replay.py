@@ -25,8 +25,8 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from model.parameters import Converter, Motor
 from model.spline_correction import MapError
@@ -37,7 +37,6 @@ from sandbox.replay.inputs import Inputs, inputs_of, stated_noise_std
 from sandbox.replay.stretches import Stretch
 from sandbox.replay.walking import Block, Running
 
-Array = NDArray[np.float64]
 Set = Mapping[str, float]
 STEPS = (1, 2, 4, 8)
 ACCURACY = 0.02  # of the noise: largest rms change on halving the plant's step

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from sandbox.plant.electrical import finished, seen
 from sandbox.plant.sets import complete
@@ -22,7 +22,6 @@ from sandbox.replay.kernel import Rows, run
 from sandbox.replay.replay import Prepared, block_of
 from sandbox.replay.walking import Running
 
-Array = NDArray[np.float64]
 SHARE = 1e-6  # of the flux of rated current: the displacement
 
 

@@ -7,15 +7,13 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.effects.library import true_motor
 from model.energy import flux_newton, hessian
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Prepared
-
-Array = NDArray[np.float64]
 
 
 def stationary_residual(current: Array, noise_std: float) -> Array:

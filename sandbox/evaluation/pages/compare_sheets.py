@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.drive.recording import Recording
 from sandbox.evaluation.compare import Comparison, Run
 from sandbox.evaluation.pages import planes
@@ -16,7 +16,6 @@ from sandbox.evaluation.pages.loci import contours
 from sandbox.output import looks
 from sandbox.output.sheets import COLOURS, GREY, Plot, Sheet, upright
 
-Array = NDArray[np.float64]
 GREEN = (42, 157, 92)
 LOW = 1e-6  # A or degrees: 0 dB of a spectrum's bars
 

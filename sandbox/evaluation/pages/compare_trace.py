@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.evaluation.pages.compare_tables import comparison_text
 from sandbox.output.looks import means
 from sandbox.output.sheets import COLOURS, GREY, Colour, pale
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from sandbox.evaluation.compare import Comparison, Run
     from sandbox.evaluation.score import Row
 
-Array = NDArray[np.float64]
 # Error and angle cost 52 bytes a sample: up to this many samples in all runs every one is kept.
 FULL_RATE_SAMPLES = 300_000
 # Slow channels: one value for sixteen samples, which are two whole periods of 500 Hz at 4 kHz.

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.evaluation.pages.compare_figure import by_load, draw_panel
 from sandbox.evaluation.pages.planes import Plane
 from sandbox.output.looks import over_angle
@@ -18,7 +18,6 @@ from sandbox.output.vector import PHONE, named, widths
 if TYPE_CHECKING:
     from sandbox.evaluation.compare import Run
 
-Array = NDArray[np.float64]
 Way = tuple[Array, Array]  # x, y
 FAINT = {"color": "0.5", "linewidth": 0.6, "alpha": 0.6}
 LEVELS = 9

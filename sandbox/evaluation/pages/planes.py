@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.energy import flux_newton, hessian, is_convex_to
 from model.parameters import Drive
 from model.saliency import LEAST_SALIENCY, null_angle
 from sandbox.drive.recording import Recording
 from sandbox.output.looks import means
-
-Array = NDArray[np.float64]
 
 POINTS = 1500  # of a path: more than a page shows
 GRID = 41  # points a side of the plane of currents

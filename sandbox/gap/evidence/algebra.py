@@ -18,10 +18,10 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, ndtri_exp
 
+from model.array_types import Array
 from sandbox.gap.evidence.normal import NormalEquations, Segment
 from sandbox.gap.evidence.priors import Coordinate
 
-Array = NDArray[np.float64]
 EXCHANGES = 20  # of values between free and held: a handful is usual
 
 

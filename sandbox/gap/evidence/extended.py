@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.replay.segments import Segment
 
-Array = NDArray[np.float64]
 Columns = NDArray[np.int64]
 
 

@@ -20,15 +20,14 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, equations_of, normal
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
 from sandbox.gap.settings import USUAL
 
-Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
 # Of the objective over the variance that a gain meets (`variance_at`): a step that gains less
 # changes no decision, a chance by a factor of e^0.25 at most.

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.evidence.fit import Fit
 from sandbox.gap.evidence.normal import NormalEquations
 
-Array = NDArray[np.float64]
 DRAWS = 400
 # blocks of time: of 8 a bootstrap is 0.78 as wide as Student's interval, of 4 half as wide
 FEWEST = 8

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects.library import true_motor
 from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.regression import RIDGE, SIGN, component, regressors, ridged
@@ -22,7 +23,6 @@ from sandbox.gap.evidence.response import added_current
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import replay, residuals
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 MEMORY = 8  # periods back in which the link's current may act
 # shares of a period below which a pulse, or a vector, may be lost

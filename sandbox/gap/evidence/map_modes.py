@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from model.array_types import Array
 from model.effects import library
 from model.effects.library import true_motor
 from model.mapped import MappedMotor, map_left_out, motor_points
@@ -39,7 +40,6 @@ from sandbox.replay.map_error import rotor_currents, with_map_error
 from sandbox.replay.memory import SHARE
 from sandbox.replay.replay import replay
 
-Array = NDArray[np.float64]
 # of the prior's precision: information in the recordings below which a direction is left away
 MIN_INFORMATION = 1.0
 MAX_DIRECTIONS = 160  # directions, the best told ones

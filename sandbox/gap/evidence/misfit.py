@@ -22,16 +22,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.stats import chi2
 
+from model.array_types import Array
 from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.settings import USUAL
 from sandbox.replay.segments import channel
 
-Array = NDArray[np.float64]
 # of a band that white noise alone has more: one in 20 campaigns has one such band of 500
 CHANCE = 1e-4
 BANDS = 3  # an octave

@@ -25,8 +25,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate
@@ -41,7 +41,6 @@ from sandbox.replay.sensitivity import Moves
 from sandbox.replay.stretches import Stretch, stretches, whole_blocks
 from sandbox.replay.walking import Block
 
-Array = NDArray[np.float64]
 BLOCK = 0.05  # s: several electrical time constants
 STEP = 1e-4  # of a coordinate's prior deviation: the difference a slope is taken over
 # blocks of a campaign: of a longer one (100 s) they grow, since each holds equations of its own

@@ -27,13 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from model.array_types import Array
 from model.effects.library import true_motor
 from sandbox.gap.evidence.normal import BLOCK, ParameterPoint
 from sandbox.gap.evidence.response import added_current
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Prepared, Residual, replay, residuals
 
-Array = NDArray[np.float64]
 DEGREE = 3  # of the powers of currents
 # electrical orders, rotor frame: offsets, asymmetries, a three-phase machine's harmonics
 ANGULAR = (1, 2, 6)

@@ -4,12 +4,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from model.compiled import kernel
 from model.energy import flux_newton, hessian
-
-Array = NDArray[np.float64]
 
 
 @kernel

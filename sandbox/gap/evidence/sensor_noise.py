@@ -16,12 +16,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.segments import Colour
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-6  # of the largest reading: float32 rounds by at most 2^-24 = 6e-8 of it, three sum
 BLOCK, SHORTEST = 512, 320  # samples of a block, half of them shared with the next one
 # neighbouring frequencies on each side: 1.6 % of the sampling rate in all, within which the power

@@ -10,15 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.ndimage
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.evidence.normal import ParameterPoint, normal, part_of, simulated
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.replay.replay import Residual, replay, residuals
 from sandbox.replay.sensitivity import mechanical_only
 from sandbox.replay.voltage import voltage_residual
 
-Array = NDArray[np.float64]
 PEAKS = 3
 NEIGHBOURS = 101  # bins over which a spectrum's own level is taken
 # frequencies at most that are tried near a line: four a bin of some three hours at 1 Hz either way

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import whole_turns
 from sandbox.gap.location.readings import Readings, readings
@@ -25,7 +26,6 @@ from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Residual
 from sandbox.replay.voltage import voltage_residual
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 CHANNELS = ("currents", "motion", "position")
 # of the campaign's top speed: bounds of standstill, low, medium and high speed

@@ -30,14 +30,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.evidence.inverter_or_machine import explained
 from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import whole_turns
 from sandbox.replay.replay import Residual, replay, residuals
 
-Array = NDArray[np.float64]
 MACHINE = 0.6  # of what currents show and no list holds
 THIRD = 10.0  # a bent sensor's squares over those of its third harmonic
 NONE = 1e-3  # of it is always left unpredicted, so that a chance is never 0 or 1

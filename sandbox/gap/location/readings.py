@@ -12,12 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.words import amperes
 from sandbox.replay.replay import Residual
 
-Array = NDArray[np.float64]
 PHASES = "abc"
 MOSTLY = 0.5  # share from which a part is most of the whole
 

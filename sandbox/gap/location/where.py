@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects import library
 from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
@@ -32,7 +32,6 @@ from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from sandbox.gap.words import times
 from sandbox.plant.sets import complete
 
-Array = NDArray[np.float64]
 LEAST = 0.02  # share below which a subsystem is not spoken of
 DETAIL = 0.1  # the same for a detail, of its subsystem's part
 # share from which a further subsystem stands in the first answer: below, the list of findings has

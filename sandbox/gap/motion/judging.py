@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects.library import effect_names
 from model.errors import BadInput, unknown
 from sandbox.gap.motion.shaft import (
@@ -47,7 +48,6 @@ from sandbox.gap.motion.windows import OVERLAP, Averages, averages, white
 from sandbox.recordings.motion_axis import LINEAR
 from sandbox.recordings.motion_log import MotionCampaign
 
-Array = NDArray[np.float64]
 ORDINARY = 0.05  # relative deviation of a stated inertia or friction where the campaign states none
 ALIKE = 0.05  # of a column's size: what nothing else can stand in for, least
 LARGEST = 1e12  # rad/s^2, N m, ...: beyond it a unit is wrong

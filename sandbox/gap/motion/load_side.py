@@ -15,15 +15,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from model.array_types import Array
 from sandbox.gap.motion.shaft import USUAL_WIDTH, design_of
 from sandbox.gap.motion.windows import averages
 from sandbox.recordings.findings import Doubt, Finding
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
-Array = NDArray[np.float64]
 LEFT = 0.35  # of the torque: most that friction and the nominal model's errors leave
 WORSE = 3.0  # times as much is left without the mistake ...
 MUCH = 0.6  # ... and so much of the torque at least

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.units import UNITS
 from sandbox.gap.motion.shaft import USUAL_WIDTH, Nominal, Terms, design_of, fitted, reweighted
 from sandbox.gap.motion.windows import Averages, averages
@@ -22,7 +22,6 @@ from sandbox.recordings.checks.changes import fluxes
 from sandbox.recordings.findings import Doubt, Finding, Refused
 from sandbox.recordings.motion_log import MotionCampaign
 
-Array = NDArray[np.float64]
 USUAL = 4.0  # times the stated inertia, or a part of it: a load, or a rotor alone
 STRANGE = 30.0  # times: no load that anyone states an inertia for
 # factors between angle and speed or back-EMF: noticed, and beyond any magnet's tolerance

@@ -14,9 +14,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.recordings.motion_log import MotionRecording
 
-Array = NDArray[np.float64]
 COUNT = 4  # places from row to row
 PLACES = (np.arange(COUNT) + 0.5) / COUNT
 TELLS = 3.0  # deviations of a speed from which its sign is believed

@@ -16,10 +16,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.motion.torques import DRY, INERTIA, LAG, VISCOUS, against, users
 from sandbox.gap.motion.windows import Averages
 
-Array = NDArray[np.float64]
 # Of the log's fastest: over which dry friction changes its sign.  A tanh is 0.96 at twice its
 # width; a wider one bends where viscous friction is told, and takes from it what belongs to
 # presliding.

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.motion.shaft import (
     SHORT,
     USUAL_WIDTH,
@@ -32,7 +32,6 @@ from sandbox.recordings.checks.shifts import ALIKE, LATE
 from sandbox.recordings.findings import Doubt, Finding
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
-Array = NDArray[np.float64]
 MOST_ROWS = 8192  # of a recording, those with most torque
 MOST_MOVED = 1024  # by which torque is moved, and a quarter of the rows at most
 WINDOWS = 1024  # at most that the places are compared on

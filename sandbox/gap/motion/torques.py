@@ -11,12 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects import library, own
 from model.effects.card import Effect, Parameter
 
-Array = NDArray[np.float64]
 # at which a torque enters, and its sign against the motion
 PORTS = {"friction": 1.0, "load": 1.0, "torque": -1.0}
 # rad, rad/s: where a torque has to be proportional

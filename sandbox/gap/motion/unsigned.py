@@ -10,15 +10,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.motion.shaft import USUAL_WIDTH, Design, Nominal, Shaft, Terms, design_of, fitted
 from sandbox.gap.motion.windows import Averages, averages
 from sandbox.recordings.checks.shifts import SHIFTED
 from sandbox.recordings.findings import Doubt, Finding
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
-Array = NDArray[np.float64]
 NEVER = 0.02  # of the largest torque: how far noise may take it to the other side
 ROUNDS = 8  # of signs that the fit before asks for
 TERMS = Terms(inertia=True, viscous=True)

@@ -22,11 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.motion.path import PLACES, path_of
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 from sandbox.recordings.stamps import stamp_jitter
 
-Array = NDArray[np.float64]
 SAMPLES = 24  # of a window
 OVERLAP = 3  # windows that share a row
 # of the accelerations' rms, that their noise may be: what is known of it is taken out of the

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.location.decompose import Decomposition
 from sandbox.gap.report.answers import Answers
@@ -16,7 +16,6 @@ from sandbox.output.document import figure, pairs, prose
 from sandbox.output.vector import Line, lines_svg
 from sandbox.replay.replay import Residual
 
-Array = NDArray[np.float64]
 POINTS = 1200  # drawn of a line
 WINDOW = 0.04  # s of currents shown sample by sample
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.location.decompose import MECHANICAL, ORDERS, Decomposition, decompose
 from sandbox.gap.pages.listed import waterfall
@@ -21,7 +22,6 @@ from sandbox.output.trace import write_series
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Prediction, Residual, replay, residuals
 
-Array = NDArray[np.float64]
 BEFORE, AFTER = COLOURS["linear"], COLOURS["saturated"]
 RECORDED = GREY
 FINEST = 1e-3  # noise floors: 0 dB of a spectrum's bars

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.frames import phases
 from model.parameters import Drive, Limits
 from sandbox.gap.planning.bench_plan import DIGITS
@@ -26,7 +26,6 @@ from sandbox.gap.planning.within import largest_current, within
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 
-Array = NDArray[np.float64]
 NAME = "next_recording.csv"
 
 

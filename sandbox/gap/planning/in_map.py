@@ -4,12 +4,11 @@ would have to."""
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.energy import SOLVED, AnyEnergy, flux_newton
 from model.spline import SplineEnergy, currents
 
-Array = NDArray[np.float64]
 PLACES = 101  # along an edge of the map
 INSIDE = 0.02  # of the map's flux on each axis: as near to its edge a current is not asked for
 HALVINGS = 30

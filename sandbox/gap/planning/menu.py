@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.energy import flux_from_current
 from model.parameters import Drive
 from sandbox.gap.planning.in_map import furthest_d, held
@@ -23,7 +23,6 @@ from sandbox.plant.mechanics import turned_by
 from sandbox.plant.sets import batch_of, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 
-Array = NDArray[np.float64]
 DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record shorter, as many samples
 STEPS = 4  # a period, of a free rotor whose friction changes within it
 SETTLE = 0.1  # s at the start, until open-loop currents stand

@@ -22,8 +22,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects import library
 from model.errors import BadInput, PhysicsError
 from sandbox.gap.diagnose import CREDIBLE
@@ -37,7 +37,6 @@ from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import readings_off, with_columns
 from sandbox.replay.replay import Prepared, prepare, replay
 
-Array = NDArray[np.float64]
 Rivals = Sequence[tuple[float, EvaluatedModel]]
 LEAST_POWER, SURE = 0.5, 0.95
 # What a simulator may miss of a recording that is not there yet: of its readings' squares, and of

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects.library import effect_names, load_effect
 from sandbox.gap.evidence.fit import coordinates_of
 from sandbox.gap.evidence.normal import ParameterPoint, normal
@@ -26,7 +26,6 @@ from sandbox.plant.sets import ANGLE_OFFSET, complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare
 
-Array = NDArray[np.float64]
 EXCERPT = 500  # samples of a recording
 CLEAR, FAINT = 6.0, 2.0  # standard deviations of a typical size
 ALIKE = 0.98  # cosine from which two effects look the same here

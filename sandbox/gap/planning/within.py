@@ -12,7 +12,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from model.energy import currents, flux_from_current
 from model.errors import PhysicsError
@@ -20,7 +19,6 @@ from model.parameters import Drive, Limits
 from sandbox.gap.planning.menu import HALF_WAVE, LARGEST_SHARE, Entry, demand, menu, shaft
 from sandbox.plant.sets import complete
 
-Array = NDArray[np.float64]
 # of rated speed: what a free rotor may reach where no limit is stated, as the menu's driven ones do
 FASTEST = 1.2
 LEAST = 0.05  # of an experiment's own currents; with less there is nothing to see

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.confidence import Z95
 from model.effects import library
 from model.effects.card import Effect
@@ -26,7 +27,6 @@ from sandbox.gap.evidence.priors import REACHED, Coordinate, ordinary
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.plant.sets import BENCH
 
-Array = NDArray[np.float64]
 SPREAD = 1.15  # of standard deviations: what the largest of three estimates still falls short of
 TRACES = 0.5  # of the move that traces of other effects bring, taken as one standard deviation
 

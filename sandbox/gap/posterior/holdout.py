@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.posterior.linear_model import LinearModel
 
-Array = NDArray[np.float64]
 CHANNELS = ("current", "motion", "angle")
 # at most, each costs some milliseconds: of many recordings of a kind some, spread evenly, are tried
 CHOICES = 500

@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects import library
 from model.parameters import Drive
 from sandbox.gap.evidence.algebra import Algebra, Prior, prior_of
@@ -31,7 +32,6 @@ from sandbox.gap.evidence.priors import STEPS, Coordinate, of_effect, ordinary
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.settings import USUAL, Settings
 
-Array = NDArray[np.float64]
 # steps to the most probable point; promised gain of the objective that ends them
 ROUNDS, SETTLED = 8, 0.5
 TRACE = 4.0  # deviations that a trace may have, to either side

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from model.array_types import Array
 from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.normal import NormalEquations, block_length, normal, simulated
@@ -33,7 +34,6 @@ from sandbox.replay.replay import replay, residuals
 from sandbox.replay.segments import colour_of, whiten
 from sandbox.replay.stretches import Stretch
 
-Array = NDArray[np.float64]
 Label = tuple[str, str, int]  # channel, what a regressor acts as, its kind
 FOLDS = 12  # times that recordings are left out: with more of them, several at a time
 NESTED = 6  # folds that what is chosen is judged on: more of them cost by their square

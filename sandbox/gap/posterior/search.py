@@ -15,9 +15,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from model.array_types import Array
 from model.effects import library
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import (
@@ -48,7 +46,6 @@ from sandbox.gap.settings import USUAL, Settings
 from sandbox.gap.unstated.unstated import NOTHING, Unstated, unstated
 from sandbox.replay.map_error import same_map
 
-Array = NDArray[np.float64]
 Parts = tuple[tuple[str, int], ...]
 Report = Callable[[str], None]
 # times at most that sets are weighed anew by what the best of them leaves; chosen, to end circles

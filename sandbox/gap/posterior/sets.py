@@ -24,15 +24,14 @@ from functools import cache
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.effects import library
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.gap.settings import USUAL, Settings
 
-Array = NDArray[np.float64]
 Set = tuple[str, ...]  # of effects
 Chosen = tuple[int, ...]  # places of candidates
 # nats behind the best set within which sets are enumerated: beyond, a thousand of them make 1 %

@@ -19,15 +19,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
+from model.array_types import Array
 from model.spline_correction import MapError
 from sandbox.gap.evidence.fit import Fit, stray
 from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.settings import USUAL, Settings
 
-Array = NDArray[np.float64]
 DECADES = 1e3  # times the mean miss: as far as the grid goes to either side of it at least
 GRID = 400  # values of an excess, evenly in its logarithm: a tenth of a decade and less
 # of recordings in which an outside cause shows: Jeffreys

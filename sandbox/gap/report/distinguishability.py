@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Algebra, Prior
@@ -33,7 +34,6 @@ from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.replay.map_error import with_map_error
 from sandbox.replay.replay import Prepared
 
-Array = NDArray[np.float64]
 WAY = np.linspace(0.0, 1.0, 9)  # shares of the way from the second fit to the first
 
 

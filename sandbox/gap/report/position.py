@@ -15,9 +15,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.registry import load_estimator
+from model.array_types import Array
 from model.effects.library import true_motor
 from model.errors import BadInput, PhysicsError
 from model.frames import wrapped
@@ -31,7 +31,6 @@ from sandbox.recordings.injection import carrier
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Prepared, replay
 
-Array = NDArray[np.float64]
 ESTIMATOR = "ekf"
 SETTLE = 0.1  # s left out at the start
 TURNS = 2.0  # electrical, at least, before a rotor counts as turning

@@ -29,8 +29,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
@@ -44,7 +44,6 @@ from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.settings import USUAL
 
-Array = NDArray[np.float64]
 DRAWS = 400  # of the bootstrap
 
 

@@ -20,7 +20,6 @@ from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.report.distinguishability import left_by
 
-Array = NDArray[np.float64]
 ALIKE = math.sqrt(0.5)  # cosine: a rival takes up half of what the effect does
 KINDS = {"turn": "encoder_counts", "map": "flux_map"}  # names of coordinates that are no parameters
 SURE = math.log(0.95 / 0.05)  # log evidence that makes even odds 95 %

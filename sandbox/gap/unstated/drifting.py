@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects.said import quantity
 from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import whole_turns
@@ -32,7 +32,6 @@ from sandbox.plant.sets import BENCH, ORDINARY
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import Residual
 
-Array = NDArray[np.float64]
 FEWEST = 4  # whole turns of a recording
 PER_TURN = 12  # samples a turn needs
 SURE = 5.0  # standard errors

@@ -12,16 +12,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects import library
 from sandbox.gap.evidence.priors import WIDE
 from sandbox.gap.posterior.sets import log_prior
 from sandbox.gap.settings import USUAL, Settings
 from sandbox.gap.unstated.drifting import Drifting
 from sandbox.recordings.campaign import Campaign
-
-Array = NDArray[np.float64]
 
 
 def chance_of_effect(found: Drifting, campaign: Campaign, settings: Settings = USUAL) -> float:

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import inlined, kernel
 from model.parameters import Drive
 from sandbox.gap.evidence.misfit import met
@@ -29,7 +30,6 @@ from sandbox.gap.evidence.spectrum import shown
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.transitions import SHARE, displaced, transitions
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 FEWEST_COUNTS, MOST_COUNTS = 16, 20_000  # counts: what [drive] pwm_counts may be; 200 MHz at 5 kHz
 SURE = 0.95  # posterior probability of some number of counts

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, PchipInterpolator, make_smoothing_spline
 
+from model.array_types import Array
 from model.errors import BadInput
 
-Array = NDArray[np.float64]
 STEP = math.pi / 3.0
 # rad from a sixth's middle: an angle on its edge would be in the next one
 WITHIN = 0.5 * STEP * (1.0 - 1e-9)

@@ -14,12 +14,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from sandbox.recordings.angle.commutation import state_names, states_angle
 from sandbox.recordings.campaign import Made
 from sandbox.recordings.findings import Doubt, Finding
 
-Array = NDArray[np.float64]
 WRAP = 1.01  # turns within which a wrapped angle stays
 FOLLOWED = 1.0 / 3.0  # of a turn: the longest step between two rows whose sense is told
 NEAR = 0.25  # of a turn: a step that speed and angle can be compared on

@@ -16,15 +16,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Drive
 from sandbox.recordings.angle.commutation import STEP
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.readings import ZEROS, Products
 from sandbox.recordings.findings import Doubt, Finding
 
-Array = NDArray[np.float64]
 PARTS, FEWEST = 8, 64  # of a recording whose zero may drift; rows of one
 # of the sharpest part: one below says nothing (chosen: its zero is 4 to 5 times as uncertain)
 SHARP = 0.05

@@ -22,12 +22,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.energy import AnyEnergy, flux_or_nan
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.rows.commands import mean_command
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
 Columns = Mapping[str, Array]
 PHASES = ("i_a", "i_b", "i_c")

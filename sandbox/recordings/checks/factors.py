@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Drive, Motor
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import Balance, balance, percent, with_saturation
@@ -31,7 +31,6 @@ from sandbox.recordings.checks.readings import BETTER, FALLS, Products, Reading,
 from sandbox.recordings.checks.search import ALIKE, bases, likeliest, readings_of, single, together
 from sandbox.recordings.findings import Finding
 
-Array = NDArray[np.float64]
 UNIT = 10.0  # a factor that no gap is: of a unit, however near to it the best one is
 # relative, that the balance is off by on any drive: it leaves its square of the voltage open
 OFF = 0.03

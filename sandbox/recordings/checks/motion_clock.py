@@ -12,11 +12,11 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from sandbox.recordings.findings import Doubt, Finding
 from sandbox.recordings.stamps import SHORTEST
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 PAUSE = 8.0  # times the usual step: a gap at which the motion is cut
 ALONE = 3  # rows: fewer between two jumps of the clock are stamped wrong

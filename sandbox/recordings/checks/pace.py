@@ -13,8 +13,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import Complex
@@ -22,7 +22,6 @@ from sandbox.recordings.checks.changes import ANGLE, Change
 from sandbox.recordings.checks.readings import Products
 from sandbox.recordings.findings import Finding, Refused
 
-Array = NDArray[np.float64]
 TURNING = 0.03  # of the link: a voltage whose direction is no noise
 # turns by which a load that changes its sign, and back, may move the voltage against the magnet
 LOAD_TURNS = 1.2

@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import PHASES
@@ -24,7 +24,6 @@ from sandbox.recordings.findings import Finding, Refused
 from sandbox.recordings.rows.held import held
 from sandbox.recordings.staircase import LARGEST_TURN, check_sensors, rest_of_sum
 
-Array = NDArray[np.float64]
 LONG = 32  # samples without any change, of a signal that should move
 FINEST, WHOLE = 3e-3, 0.95  # of the largest change; of the rows: steps of an angle
 BEFORE = 16  # samples over which it is seen moving

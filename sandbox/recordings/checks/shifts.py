@@ -17,9 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
+from model.array_types import Array
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import (
@@ -32,7 +32,6 @@ from sandbox.recordings.checks.balance import (
 from sandbox.recordings.findings import Finding, Refused
 from sandbox.recordings.rows.commands import mean_command
 
-Array = NDArray[np.float64]
 Terms = tuple[Sequence[Complex], Sequence[Complex]]
 MOVED = (VOLTAGES, PHASES, ("theta",))  # columns that are logged together
 ROWS = 8192  # of a recording, those with most voltage

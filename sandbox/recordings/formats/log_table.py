@@ -10,9 +10,9 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 
-Array = NDArray[np.float64]
 # of one file, all columns together: 10 minutes of 16 columns at 10 kHz, 0.8 GB
 MOST_VALUES = 100_000_000
 

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.errors import BadInput
 from sandbox.recordings.formats.log_table import MOST_VALUES, too_many
 
-Array = NDArray[np.float64]
 ROWS = 1 << 18  # read at a time: what is decoded besides the columns themselves
 BUFFER = 1 << 20  # bytes of the file held at a time
 INDEX = re.compile(r"__index_level_\d+__")  # an unnamed index as pandas saves it

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Converter
 from sandbox.recordings.campaign import CampaignRecording
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
 HELD, INTERPOLATED = "held", "interpolated"
 

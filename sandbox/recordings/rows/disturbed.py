@@ -16,13 +16,13 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES
 from sandbox.recordings.findings import Doubt, Finding, Refused
 from sandbox.recordings.rows.held import held_over
 
-Array = NDArray[np.float64]
 # times what a current does in most rows: of Gaussian readings one in 1e14 goes forth and back so
 BEYOND = 8.0
 LEAST = 0.02  # of the largest usual current: smaller disturbances are left to the noise

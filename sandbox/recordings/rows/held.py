@@ -11,14 +11,13 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES, balance
 from sandbox.recordings.findings import Finding, Refused
 
-Array = NDArray[np.float64]
 LEAST = 16  # changes that tell
 COUNTS = 3.0  # times the smallest step: more than readings of counts move by at once
 OFTEN, RARELY = 0.8, 0.1  # of the changes: an even distance, one row apart

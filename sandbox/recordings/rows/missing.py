@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.number_table import Table
 from sandbox.recordings.findings import Doubt, Finding
 
-Array = NDArray[np.float64]
 NOTHING = (
     "",
     "-",

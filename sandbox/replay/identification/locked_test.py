@@ -12,15 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.frames import phases
 from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.injection import carrier
 from sandbox.replay.replay import prepare, replay
 
-Array = NDArray[np.float64]
 STEPS = 2  # the least that resolves the current's way to 1e-6 of it (tests)
 TESTS = (("locked_d", "d", "d"), ("locked_q_inject_d", "d", "q"), ("locked_q_inject_q", "q", "q"))
 

@@ -22,8 +22,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.confidence import Z95
 from model.effects.library import title, true_motor
 from model.errors import BadInput
@@ -47,7 +47,6 @@ from sandbox.replay.identification.places import (
 from sandbox.replay.identification.search import Search
 from sandbox.replay.replay import prepare
 
-Array = NDArray[np.float64]
 # relative standard deviation: beyond it an interval holds a half and twice the value
 MAX_DEVIATION = 0.3
 ALIKE = 0.7  # correlation: half of what is open of a parameter is another one's

@@ -9,16 +9,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from model.array_types import Array
 from model.confidence import Z95
 from model.errors import BadInput, PhysicsError
 from sandbox.replay.identification.places import ANGLE, NAMES, OF_EFFECT, OFFSET_OF, Place
 from sandbox.replay.inputs import Inputs
 from sandbox.replay.replay import Prepared, replay, residuals
 
-Array = NDArray[np.float64]
 BLOCKS = 40  # blocks of time that all recordings are cut into, for the scatter of what they say
 STEPS, ENOUGH = 40, 1e-3  # of Gauss and Newton; in standard deviations
 SHARE = 1e-3  # of a parameter: the step of its slope

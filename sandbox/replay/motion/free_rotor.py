@@ -25,9 +25,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import inlined, kernel
 
-Array = NDArray[np.float64]
 ANYWHERE = 100.0  # variance of the first angle in variances of a reading
 # rad/s^2 electrical: standard deviation of what is unexplained from the first sample on
 CONSTANT = 1e3

@@ -22,9 +22,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from model.array_types import Array
+
 CORNERS = 8
 # means on which corners are sought: ten in each of PLACES at least; all readings refine them
 FEW = 2000

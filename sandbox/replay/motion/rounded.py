@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from model.array_types import Array
 from sandbox.replay.motion.free_rotor import on_counts
 from sandbox.replay.motion.ramps import Ramps, inside
 
-Array = NDArray[np.float64]
 HALF = 0.5 * (1.0 + 1e-3)  # count; a thousandth for what corners that still move leave
 MOVES = 8  # of the corners: Newton's steps, each a linear program
 # of what the largest error lies beyond HALF: a step that leaves more leads nowhere, Newton's are

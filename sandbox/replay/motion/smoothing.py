@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from sandbox.replay.motion.free_rotor import STEP, KnownMotion, filtered, within_readings
 from sandbox.replay.motion.ramps import are_ramps, ramps_of, straightened
 from sandbox.replay.motion.rounded import within_counts
 
-Array = NDArray[np.float64]
 # (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
 UNEXPLAINED = tuple(10.0**k for k in range(9))
 # driven recordings whose motion is kept: those of a large campaign, and their excerpts

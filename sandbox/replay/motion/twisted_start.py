@@ -17,9 +17,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from model.array_types import Array
 
 
 def without_start(moved: Array, start: Any, rated: float, turn: Callable[[Any], Array]) -> None:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from model.array_types import Array
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, simulated
 from sandbox.gap.evidence.regression import in_rotor_frame
@@ -31,7 +32,6 @@ from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import replay, residuals
 from sandbox.replay.segments import channel
 
-Array = NDArray[np.float64]
 # random ones, a cosine and a sine each: they miss the kernel by at most 1/sqrt(2 64) = 0.09 (rms)
 FREQUENCIES = 64
 CURRENTS = ("d", "q")  # components whose discrepancy has the amplitude of currents

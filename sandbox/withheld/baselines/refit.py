@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects import library
 from model.errors import BadInput, PhysicsError
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
@@ -28,7 +28,6 @@ from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare
 
-Array = NDArray[np.float64]
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step, tried in turn
 # of the cost, and of its excess over noise: a step that gains less ends a fit
 LITTLE, SHARE = 0.5, 1e-3

@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import softmax
 
+from model.array_types import Array
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.normal import NormalEquations, counted, normal
 from sandbox.gap.evidence.priors import Coordinate
@@ -35,7 +35,6 @@ from sandbox.withheld.baselines import refit as fit
 from sandbox.withheld.baselines.answer import Answer, answer
 from sandbox.withheld.baselines.screening import columns
 
-Array = NDArray[np.float64]
 SUM = 10  # single effects at most: as many as the largest sets that are drawn
 ROUNDS = 100
 STILL = 1e-4  # change of a chance that ends them

@@ -10,12 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Drive
 from sandbox.gap.planning.menu import FULL_RATE
 
-Array = NDArray[np.float64]
 KIND, FIRST, SECOND, LOAD = range(4)  # columns of `plan`
 # what `plan` asks for: u_d, u_q; i_d, i_q; electrical speed, -
 VOLTAGE, CURRENT, SPEED = 0.0, 1.0, 2.0

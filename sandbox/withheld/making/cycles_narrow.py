@@ -13,8 +13,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.random import Generator
 
+from model.array_types import Array
 from model.errors import unknown
-from sandbox.withheld.making.cycles import CURRENT, Array, Cycle, Scale, cycle, held
+from sandbox.withheld.making.cycles import CURRENT, Cycle, Scale, cycle, held
 
 SECONDS = 0.6
 Maker = Callable[[Scale, Generator], list[Cycle]]

@@ -23,8 +23,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.datasets import VARIABLE, locate
 from model.energy import currents, flux_from_current, hessian
 from model.mapped import ALPHAS, MappedMotor, hash_of
@@ -43,8 +43,6 @@ POINTS_A_CELL = 2
 SMOOTH = 1e-6
 POWERS = dict(zip(ALPHAS, ((3, 0), (1, 2), (4, 0), (2, 2), (0, 4)), strict=True))  # of d and q
 OF_ALPHAS = ("saturation", "cross_saturation")
-
-Array = NDArray[np.float64]
 
 
 def map_families() -> tuple[str, ...]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.errors import PhysicsError
 from model.parameters import Drive, Motor, Rotor
@@ -24,7 +25,6 @@ from sandbox.switched.bench_state import Slot
 from sandbox.switched.inverter import advance
 from sandbox.withheld.making.cycles import FIRST, KIND, SECOND, SPEED, VOLTAGE, Cycle
 
-Array = NDArray[np.float64]
 WINDOW = 0.002  # s over which the encoder's difference gives speed
 ROOM = 64  # samples a window may have
 SPEED_LAG = 2.5e-3  # s

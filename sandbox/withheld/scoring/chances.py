@@ -6,8 +6,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from model.array_types import Array
 from model.effects.library import causes
 from sandbox.withheld.scoring.judge import UNKNOWN, Judgement
 from sandbox.withheld.scoring.limits import (
@@ -20,7 +21,6 @@ from sandbox.withheld.scoring.limits import (
     widened,
 )
 
-Array = NDArray[np.float64]
 MANY = 4  # effects from which a campaign asks for the whole list rather than for a cause
 NAMED = 0.5  # chance from which an effect counts as named
 BINS = 10  # of stated chances, for their calibration
