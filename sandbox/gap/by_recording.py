@@ -15,7 +15,6 @@ from operator import add
 
 import numpy as np
 
-from model.array_types import Array
 from model.confidence import Z95
 from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, Drift, misstated, sized
@@ -126,7 +125,7 @@ def with_offset(effects: Set) -> Set:
 def share_of(with_it: NormalEquations, without: NormalEquations) -> Share:
     """Return the share of the gap that offsets by recording have, with its interval over
     recordings."""
-    (a, n), (b, _) = _squares(with_it), _squares(without)
+    (a, n), (b, _) = with_it.by_recording(), without.by_recording()
     pick = np.random.default_rng(1).integers(len(n), size=(DRAWS, len(n)))
     gap = float(a.sum() - n.sum())
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -134,14 +133,6 @@ def share_of(with_it: NormalEquations, without: NormalEquations) -> Share:
     low, high = interval_of(np.minimum(drawn, 1.0)[None])[:, 0] if len(n) > 1 else (math.nan,) * 2
     value = min(1.0, float(a.sum() - b.sum()) / gap)
     return Share(value, float(low), float(high), value)
-
-
-def _squares(n: NormalEquations) -> tuple[Array, Array]:
-    """Return the squares that each recording leaves, and how many readings it has (r,)."""
-    left = np.zeros((2, 1 + max(s.recording for s in n.segments)))
-    for s in n.segments:
-        left[:, s.recording] += float(s.ssr.sum()), float(s.n.sum())
-    return left[0], left[1]
 
 
 def by_recording(d: Diagnosis) -> dict[str, dict[str, Estimate]]:

@@ -185,13 +185,9 @@ def rms_of(f: Fit) -> float:
 def keeps_more(f: Fit, most: float) -> bool:
     """Return whether a recording keeps a larger normalised rms than that, all its channels
     together, and more than chance makes of noise."""
-    squares: dict[int, float] = {}
-    count: dict[int, float] = {}
-    for s in f.normal.segments:
-        squares[s.recording] = squares.get(s.recording, 0.0) + float(s.ssr.sum())
-        count[s.recording] = count.get(s.recording, 0.0) + float(s.n.sum())
-    chance = {k: 1.0 + SCATTER * math.sqrt(2.0 / n) for k, n in count.items()}
-    return any(squares[k] / count[k] > max(most**2, chance[k]) for k in squares)
+    squares, count = f.normal.by_recording()
+    chance = 1.0 + SCATTER * np.sqrt(2.0 / count)
+    return bool(np.any(squares / count > np.maximum(most**2, chance)))
 
 
 def excess_of(n: NormalEquations, weights: Weights) -> float:

@@ -213,6 +213,14 @@ class NormalEquations:
                 ssr += w * float(s.ssr.sum())
         return Sums(a, g, ssr)
 
+    def by_recording(self) -> tuple[Array, Array]:
+        """Return the squares that each recording leaves (r,), all its channels together, and how
+        many readings it has (r,)."""
+        out = np.zeros((2, 1 + max(s.recording for s in self.segments)))
+        for s in self.segments:
+            out[:, s.recording] += float(s.ssr.sum()), float(s.n.sum())
+        return out[0], out[1]
+
 
 def equations_of(
     n: NormalEquations, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array

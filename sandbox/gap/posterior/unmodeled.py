@@ -87,11 +87,7 @@ def log_bayes_factor(
 def excess(n: NormalEquations) -> tuple[Array, Array]:
     """Return J^2 - 1 of every recording (r,), all its channels together, and how many readings that
     is."""
-    size = 1 + max(s.recording for s in n.segments)
-    squares, count = np.zeros(size), np.zeros(size)
-    for s in n.segments:
-        squares[s.recording] += float(s.ssr.sum())
-        count[s.recording] += float(s.n.sum())
+    squares, count = n.by_recording()
     return squares / count - 1.0, count
 
 

@@ -36,7 +36,7 @@ from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.gap_size import UNDEFINED, rms
-from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, normal
+from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.evidence.priors import STEPS, Coordinate, of_effect, ordinary
 from sandbox.gap.location.where import held_at_neutral
 from sandbox.gap.posterior.evaluated import EvaluatedModel
@@ -98,10 +98,10 @@ def of_set(j: EvaluatedModel, explained: float | None = None) -> dict[str, Share
         missing, of two the other one added last."""
         if (key := frozenset(gone)) not in kept:
             fitted = explained is not None and not gone
-            kept[key] = _left(j.fit.normal) if fitted else _replayed(j, gone)
+            kept[key] = j.fit.normal.by_recording()[0] if fitted else _replayed(j, gone)
         return kept[key]
 
-    return shares_of(j.effects, left, _counts(j.fit.normal), explained)
+    return shares_of(j.effects, left, j.fit.normal.by_recording()[1], explained)
 
 
 def shares_of(
@@ -169,27 +169,11 @@ def only_ordinary(j: EvaluatedModel, gone: Sequence[str], best: Array) -> Prior:
     return prior
 
 
-def _left(n: NormalEquations) -> Array:
-    """Return the squares that each recording leaves (r,)."""
-    out = np.zeros(1 + max(s.recording for s in n.segments))
-    for s in n.segments:
-        out[s.recording] += float(s.ssr.sum())
-    return out
-
-
-def _counts(n: NormalEquations) -> Array:
-    """Return how many readings each recording has (r,): the squares of noise."""
-    out = np.zeros(1 + max(s.recording for s in n.segments))
-    for s in n.segments:
-        out[s.recording] += float(s.n.sum())
-    return out
-
-
 def _replayed(j: EvaluatedModel, gone: Sequence[str]) -> Array:
     """Return the squares that each recording leaves (r,) where effects are missing; by algebra
     where that point is none that a drive can have."""
     try:
-        found = _left(normal(without(j, gone), ()))
+        found = normal(without(j, gone), ()).by_recording()[0]
     except BadInput:
         found = np.array([math.nan])
     return found if np.isfinite(found).all() else _predicted(j, gone)
@@ -197,7 +181,7 @@ def _replayed(j: EvaluatedModel, gone: Sequence[str]) -> Array:
 
 def _predicted(j: EvaluatedModel, gone: Sequence[str]) -> Array:
     """Return the same by the equations at the best point."""
-    out, shift = _left(j.normal), _values(j, gone) - j.normal.x
+    out, shift = j.normal.by_recording()[0], _values(j, gone) - j.normal.x
     for s in j.normal.segments:
         x = shift[s.places]
         out[s.recording] += x @ s.a.sum(0) @ x - 2.0 * x @ s.g.sum(0)
