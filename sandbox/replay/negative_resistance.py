@@ -7,15 +7,17 @@ resistance.  Where it exceeds the winding's, the current does not stay at zero: 
 or the other, on what is too small to be known.  A replay with voltages prescribed then leaves the
 recording whatever its parameters are, and a fit bends other numbers to bring it back.
 
-So the readings hold such a replay, as an observer does.  In the current, x' = A x with A = M G: M
-(ohm) the part of the net resistance that is negative, G the inverse inductance.  Of a state that
-starts unknown and is driven by nothing unknown the Kalman filter's gain goes to the one that
-mirrors each unstable pole: 1 - exp(-2 A T) a reading, nothing for stable ones.  In the flux that is
-2 M T volt-seconds for each ampere by which a reading differs from what is predicted: a resistance
-of twice the excess, whatever the inductance.  A leg counts that is near zero by the reading or by
-the prediction: one of both has left first.  Predictions are then those of the next reading; their
-errors are those of readings times exp(A T) while a leg is near zero, which nobody takes into
-account.
+So the readings hold such a replay, as an observer does.  In the current, x' = (S - R) G x: S (ohm)
+what legs give back, R the winding, G the inverse inductance.  Of a state that starts unknown and is
+driven by nothing unknown the Kalman filter's gain goes to the one that mirrors each unstable pole,
+1 - exp(-2 (S - R) G T) a reading, and to none for stable ones.  In the flux that is 2 (S - R) T
+volt-seconds for each ampere by which a reading differs from what is predicted: a resistance of
+twice the excess, whatever the inductance.  Near S = R, where neither holds the current, what little
+is unknown of the voltage (the angle's noise in a turning rotor) adds up without end; so what legs
+give back is taken at least, and nothing is remembered longer than the winding does by itself:
+max(S, 2 (S - R)).  A leg counts that is near zero by the reading or by the prediction: one of both
+has left first.  Predictions are then those of the next reading; their errors are those of readings
+times exp((S - R) G T) while a leg is near zero, which nobody takes into account.
 Checked: tests/sandbox/replay/test_negative_resistance.py.
 """
 
@@ -55,7 +57,7 @@ def given_back(batch: Any, period: float, inverse: float) -> Given:
     drop = batch["device_drop_threshold"] * batch["soft"]
     ohms = -late * batch["supply"] / (period * np.where(within > 0.0, within, np.inf)) - drop
     ohms = np.where(late < 0.0, ohms, 0.0)
-    return Given(ohms, within, inverse, bool(np.any(ohms > batch["resistance"])))
+    return Given(ohms, within, inverse, bool(np.any(ohms > 0.0)))
 
 
 def none_given(lanes: int) -> Given:
@@ -65,45 +67,46 @@ def none_given(lanes: int) -> Given:
 
 @kernel
 def held_by_readings(w, given, row, seconds, early):
-    """Correct the flux of lanes whose current is unstable by what a row's readings (A) differ from
+    """Correct the flux of lanes whose legs give volts back by what a row's readings (A) differ from
     theirs; seconds: from reading to reading; early: of lanes that sample before the pattern's
     start, or of the others."""
     for j in range(w.psi_alpha.size):
-        if given.ohms[j] <= w.resistance[j] or (w.sample[j] < 0.0) != early:
+        if given.ohms[j] <= 0.0 or (w.sample[j] < 0.0) != early:
             continue
         half, side = -0.5 * w.held_alpha[j], HALF_ROOT * w.held_beta[j]
         phases, seen = (w.held_alpha[j], half + side, half - side), (row.i_a, row.i_b, row.i_c)
-        aa = bb = -w.resistance[j]
-        ab = 0.0
+        aa = ab = bb = 0.0
         for m in range(3):
             if min(abs(phases[m]), abs(seen[m])) < given.within[j]:
                 v = TWO_THIRDS * given.ohms[j]
                 aa, bb = aa + v * LEG_X[m] * LEG_X[m], bb + v * LEG_Y[m] * LEG_Y[m]
                 ab += v * LEG_X[m] * LEG_Y[m]
         x, y = stationary(row.i_a - w.read_a[j], row.i_b - w.read_b[j], row.i_c - w.read_c[j])
-        a, b = mirrored(aa, ab, bb, x, y, seconds, given.inverse)
+        a, b = taken_back((aa, ab, bb), w.resistance[j], (x, y), seconds, given.inverse)
         w.psi_alpha[j], w.psi_beta[j] = w.psi_alpha[j] + a, w.psi_beta[j] + b
         w.eddy_alpha[j], w.eddy_beta[j] = w.eddy_alpha[j] + a, w.eddy_beta[j] + b
 
 
 @kernel
-def mirrored(aa, ab, bb, x, y, seconds, inverse):
-    """Return the volt-seconds that mirror what is unstable of a symmetric matrix (ohm) for a
-    difference (x, y) in A."""
+def taken_back(given, winding, miss, seconds, inverse):
+    """Return the volt-seconds that take back what legs give (aa, ab, bb of a symmetric matrix, ohm)
+    beside a winding (ohm), for a difference (x, y) in A."""
+    aa, ab, bb = given
+    x, y = miss
     mean, apart = 0.5 * (aa + bb), math.hypot(0.5 * (aa - bb), ab)
-    most, least = mean + apart, mean - apart
-    first, second = gain(most, seconds, inverse), gain(least, seconds, inverse)
-    if first == 0.0:
+    if mean + apart <= 0.0:
         return 0.0, 0.0
-    # along the eigenvector of the larger one: (1 + matrix / |matrix|) / 2 projects on it
+    first = gain(mean + apart, winding, seconds, inverse)
+    second = gain(mean - apart, winding, seconds, inverse)
+    # along the eigenvector of the larger one: (1 + (matrix - mean) / apart) / 2 projects on it
     c, s = ((aa - mean) / apart, ab / apart) if apart > 0.0 else (0.0, 0.0)
     even, odd = 0.5 * (first + second), 0.5 * (first - second)
     return even * x + odd * (c * x + s * y), even * y + odd * (s * x - c * y)
 
 
 @kernel
-def gain(ohms, seconds, inverse):
-    """Return the volt-seconds an ampere that mirror one pole; none of a stable one.  Where it grows
+def gain(ohms, winding, seconds, inverse):
+    """Return the volt-seconds an ampere for one eigenvalue of what legs give back.  Where it grows
     much from reading to reading, no more than leaves the corrected state stable."""
-    twice = 2.0 * max(ohms, 0.0) * seconds
-    return twice / (1.0 + twice * inverse)
+    own = max(ohms, 2.0 * (ohms - winding)) * seconds
+    return own / (1.0 + own * inverse)
