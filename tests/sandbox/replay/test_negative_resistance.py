@@ -106,7 +106,7 @@ def test_what_is_off_grows_alone_and_decays_when_held_by_readings():
     k, g, x = np.arange(n), TIMES * r, (TIMES - 1.0) * r
     alone = math.exp(-r) * (1.0 + 0.5 * g) ** 2
     np.testing.assert_allclose(decay(by_voltages(p), size), size * alone**k, rtol=1e-4 * n)
-    held = alone - 2.0 * x / (1.0 + 2.0 * x)
+    held = alone - 2.0 * x / (1.0 + 2.0 * x)  # s = 4 R: the mirrored pole is the larger
     np.testing.assert_allclose(decay(p, size), size * held**k, rtol=1e-4 * n)
 
 
