@@ -34,6 +34,7 @@ from sandbox.recordings.checks.search import (
 )
 from sandbox.recordings.checks.shifts import Shift, is_turn, moved_back, shifts
 from sandbox.recordings.findings import Finding, Refused, Unanswered
+from sandbox.recordings.rows.aliased import or_injected
 
 # of what is open: less a voltage of six steps does not leave of a sine (1 - 9 / pi^2 = 0.088),
 # which any other mistake makes
@@ -51,11 +52,11 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
     if _is_shift(recordings, doubtful, found, drive):
         return []  # `shifted` says so
     if found and not found[0].gentle:
-        raise Refused(_finding(found, doubtful))
+        raise Refused(or_injected(_finding(found, doubtful), drive))
     off_axis(recordings, drive)
     if found:
-        return conventions_off(recordings, drive) or [_finding(found, doubtful)]
-    return [
+        return conventions_off(recordings, drive) or [or_injected(_finding(found, doubtful), drive)]
+    own = [
         Unanswered(
             r.file,
             "u_alpha",
@@ -68,6 +69,7 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
         for r, b in doubtful
         if b.share > 0.7
     ]
+    return [or_injected(f, drive) for f in own]
 
 
 def _legs_explain(

@@ -30,6 +30,7 @@ from sandbox.recordings.checks.balance import (
     with_saturation,
 )
 from sandbox.recordings.findings import Finding, Refused
+from sandbox.recordings.rows.aliased import or_injected
 from sandbox.recordings.rows.commands import mean_command
 
 Terms = tuple[Sequence[Complex], Sequence[Complex]]
@@ -101,8 +102,8 @@ def shifted(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Findi
     found = shifts(recordings, drive)
     for s in found:
         if s.refused:
-            raise Refused(s.finding)
-    return [s.finding for s in found]
+            raise Refused(or_injected(s.finding, drive))
+    return [or_injected(s.finding, drive) for s in found]
 
 
 def shifts(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Shift]:

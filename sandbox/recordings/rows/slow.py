@@ -31,6 +31,7 @@ from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import Complex, balance
 from sandbox.recordings.findings import Doubt, Finding
+from sandbox.recordings.rows.aliased import refuse_aliased
 from sandbox.recordings.rows.commands import HELD, INTERPOLATED
 from sandbox.recordings.stamps import MOST_SEGMENTS, SHORTEST, segment_name
 
@@ -48,6 +49,7 @@ def with_slow_rows(campaign: Campaign) -> Campaign:
     """Return a campaign of a slow log that says what commands do between rows, and what such a log
     cannot show."""
     c = campaign.drive.converter
+    refuse_aliased(campaign.recordings, campaign.drive)
     if c.periods_a_row == 1 or not campaign.recordings:
         return campaign
     way, reason = c.between_rows, "as [drive] between_rows says"
