@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model.effects.library import true_motor
 from model.errors import BadInput
@@ -19,17 +20,21 @@ from sandbox.plant.sets import ANGLE_OFFSET
 from sandbox.replay.map_error import gradients, rotor_currents
 from sandbox.replay.replay import replay
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class MapFound:
     """By how much the current at a flux is off where recordings are, A rms and at most; normalised
     rms of all residuals with the map as found, and with it as stated, all else fitted anew (as the
-    equations at the fit's point say)."""
+    equations at the fit's point say); reached: i_d from and to, i_q from and to, A, and the largest
+    current."""
 
     rms: float
     largest: float
     residual: float
     as_stated: float
+    reached: tuple[float, float, float, float, float]
 
     def text(self, rated: float) -> str:
         """Return one sentence; rated: current, A."""
@@ -38,7 +43,18 @@ class MapFound:
             f"{self.rms:.3g} A rms off ({100.0 * self.rms / rated:.2g} % of rated_current), at "
             f"most {self.largest:.3g} A. With the map as stated residuals would be "
             f"{self.as_stated:.2f} times the noise floor, with the one found they are "
-            f"{self.residual:.2f}. The map beside motor.toml is the one found."
+            f"{self.residual:.2f}. The map beside motor.toml is the one found. {self.limits}"
+        )
+
+    @property
+    def limits(self) -> str:
+        """How far the map found is told, in one sentence."""
+        d, to_d, q, to_q, most = self.reached
+        return (
+            f"It is told as far as recordings reach, {most:.3g} A (i_d {d:.3g} to {to_d:.3g} A, "
+            f"i_q {q:.3g} to {to_q:.3g} A): beyond, it only goes on smoothly, and its inductances "
+            "and saliency there may be wrong, so that an estimator may lose lock on it; record "
+            "larger currents to have it told there."
         )
 
 
@@ -51,15 +67,23 @@ def map_found(found: Fit) -> MapFound | None:
     drive = p.campaign.drive
     motor = true_motor(drive.motor, dict(values), keep_map=True)
     mode = error.modes @ error.x
-    off = []
+    off, paths = [], []
     turned = found.point.turned()
     for r, read in zip(turned.recordings, replay(turned, [values]).currents, strict=True):
         lock = values[LOCK] if r.rotor == "locked" else 0.0
         path = rotor_currents(read[:, :, 0], r.motion.angle - values[ANGLE_OFFSET] + lock)
+        paths.append(path)
         off.append(gradients(motor.energy, mode, error.cells, path))
     size = np.sum(np.concatenate(off) ** 2, axis=1)
     largest = math.sqrt(float(np.max(size)))
-    return MapFound(math.sqrt(float(np.mean(size))), largest, rms_of(found), as_stated(found))
+    d, q = np.concatenate(paths).T
+    reached = (*_ends(d), *_ends(q), float(np.max(np.hypot(d, q))))
+    mean = math.sqrt(float(np.mean(size)))
+    return MapFound(mean, largest, rms_of(found), as_stated(found), reached)
+
+
+def _ends(x: Array) -> tuple[float, float]:
+    return float(np.min(x)), float(np.max(x))
 
 
 def as_stated(found: Fit) -> float:

@@ -52,6 +52,9 @@ def refitted(d: Diagnosis) -> Refitted:
     )
     if UNKNOWN in d.best.effects:
         said += ", beside something outside the library (believe residuals, not names)"
+    if flux_map is not None:
+        most = max(float(np.max(np.hypot(*r.current))) for r in d.campaign.recordings)
+        said += f"; its flux map is told up to {most:.3g} A, which is what these reach"
     origins = dict(own.provenance)
     untold = _untold(judged)
     for key in of_values:

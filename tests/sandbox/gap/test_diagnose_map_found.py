@@ -15,6 +15,7 @@ import sandbox
 from model.effects.library import effect_names
 from model.spline import currents
 from sandbox import Scenario, Segment
+from sandbox.recordings.campaign import read_folder
 from tests.data import real_data
 
 SCENE = Scenario(
@@ -65,7 +66,21 @@ def test_what_the_map_misses_is_no_effect(diagnosed):
     of_map = found["flux_map"]
     assert of_map["residual"] ** 2 - 1.0 < 0.25 * (of_map["as_stated"] ** 2 - 1.0)
     assert 0.0 < of_map["rms"] < of_map["largest"]
-    assert json.loads(json.dumps(of_map)) == of_map
+    assert json.loads(json.dumps(of_map)) == {**of_map, "reached": [*of_map["reached"]]}
+
+
+def test_it_is_said_how_far_the_map_is_told(diagnosed, tmp_path):
+    """As far as the campaign's currents, within their noise and the replay's misfit."""
+    folder, found, got = diagnosed
+    most = max(np.max(np.hypot(*r.current)) for r in read_folder(folder).recordings)
+    reached = got["flux_map"]["reached"]
+    assert reached[4] == pytest.approx(most, rel=0.02)
+    assert reached[0] < reached[1]
+    assert reached[2] < 0.0 < reached[3]  # 0.7 and -0.5 of rated current
+    found.save(tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert f"as far as recordings reach, {reached[4]:.3g} A" in page
+    assert f"its flux map is told up to {most:.3g} A" in (tmp_path / "out/motor.toml").read_text()
 
 
 def test_the_motor_that_is_written_leaves_what_is_said(diagnosed, tmp_path):
