@@ -108,6 +108,18 @@ class OrdinaryIdentification:
         }
 
 
+def _tied(fit: OrdinaryFit) -> list[str]:
+    """Return what looks alike beside each parameter, where it moves it by half of its interval or
+    more."""
+    return [
+        f"{n} and {other} look alike in these recordings: with {other} as usual {n} would be "
+        f"{value:.5g} {UNIT[n]}, and its interval reaches that far; currents of both signs at "
+        "several speeds tell them apart"
+        for n, (other, value) in fit.tied.items()
+        if abs(value - fit.values[n]) > fit.deviations[n]
+    ]
+
+
 def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentification:
     """Return what a campaign's recordings say of R, L_d, L_q and magnet flux, whatever was
     commanded; BadInput where they say nothing of any of them, PhysicsError where no values of these
@@ -132,6 +144,7 @@ def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentificati
                 "(`sensorless diagnose` says where it lies)"
             )
         remarks.append(f"{said}; intervals take as much to be hidden in each value as is missed")
+    remarks += _tied(fit)
     if said := common_scale(fit, campaign):
         remarks.append(said)
     if fit.samples < fit.of_samples:

@@ -49,6 +49,7 @@ from sandbox.replay.replay import prepare
 
 # relative standard deviation: beyond it an interval holds a half and twice the value
 MAX_DEVIATION = 0.3
+TIED = 0.9  # correlation: four fifths of what is open of a parameter are another one's
 ALIKE = 0.7  # correlation: half of what is open of a parameter is another one's
 MAX_SAMPLES = 60_000  # samples used: at 10 kHz six seconds of motion
 EXPLAINED = 1.5  # of the noise's square: what is left of a fit that needs no other start
@@ -64,8 +65,8 @@ class OrdinaryFit:
     effects, and angles.FILE (rad) of a zero that was made; apart: of it, what stands more than an
     interval from where it usually is; residual_rms: A; missed_share: that over the current's rms;
     misfit: the residual's square over the noise's; rough: value and relative deviation of what the
-    recordings hold and do not tell; files: of the recordings used; samples: used, of
-    `of_samples`.
+    recordings hold and do not tell; tied: of a parameter, what looks alike beside it, and the value
+    if that is as usual; files: of the recordings used; samples: used, of `of_samples`.
     """
 
     motor: Motor
@@ -82,6 +83,7 @@ class OrdinaryFit:
     samples: int
     of_samples: int
     rough: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    tied: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     def ci95(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval of a parameter that is told."""
@@ -112,6 +114,9 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
     x = _best_of(sorted(starts, key=lambda s: s.square_at_start()))
     names = x.names
     size, covariance = x.deviations()
+    moved = tied(x, covariance)
+    for k, (_, move) in moved.items():
+        size[k] = math.hypot(size[k], move / Z95)
     deviation = x.relative(size)
     estimated, untold = [], {}
     for k, name in enumerate(NAMES):
@@ -144,7 +149,30 @@ def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
         count,
         sum(len(r.t) for r in campaign.recordings),
         {n: (values[n], float(deviation[NAMES.index(n)])) for n in untold if n not in why},
+        {
+            NAMES[k]: (other, x.places[NAMES[k]].value(float(x.x[k] + move)))
+            for k, (other, move) in moved.items()
+            if NAMES[k] in estimated
+        },
     )
+
+
+def tied(x: Search, covariance: Array) -> dict[int, tuple[str, float]]:
+    """Return of each parameter what looks alike beside the motor (a correlation above TIED), and by
+    how much the parameter moves where that is as usual.
+
+    What stands beside may stand in for something that the model lacks: then it takes with it what
+    looks alike.  The 95 % interval reaches to the value that is found without it.
+    """
+    size, out = np.sqrt(np.diag(covariance)), {}
+    for k in range(len(NAMES)):
+        alike = np.abs(covariance[k]) / (size[k] * size)
+        alike[: len(NAMES)] = 0.0
+        m = int(np.argmax(alike))
+        if alike[m] > TIED:
+            move = covariance[k, m] / covariance[m, m] * (x.centre[m] - x.x[m])
+            out[k] = (x.names[m], float(move))
+    return out
 
 
 def _best_of(starts: Sequence[Search]) -> Search:

@@ -5,6 +5,7 @@ import csv
 import dataclasses
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ from sandbox import Scenario, Segment, load_motor, read_campaign
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.identification import ordinary
 from sandbox.replay.identification.identified import answered, identify_ordinary, missed
-from sandbox.replay.identification.ordinary import fit_ordinary, linear
+from sandbox.replay.identification.ordinary import fit_ordinary, linear, tied
+from sandbox.replay.identification.places import NAMES
 from tests.data import real_data
 from tests.schemas import misfits
 
@@ -356,3 +358,19 @@ def test_commands_that_answer_the_noise_of_slow_rows_are_told(gain, inductance, 
     assert bool(text) == said
     if said:
         assert "(correlation -1.00)" in text
+
+
+def test_an_interval_reaches_to_the_value_without_what_looks_alike():
+    """A delay of three deviations that goes with the flux (correlation 0.98) takes 2.94 deviations
+    of the flux with it (the mean of a normal distribution, given the other); one of 0.8 takes
+    none."""
+    names = [*NAMES, "pwm_delay.delay"]
+    size = np.array([0.1, 0.1, 0.1, 2e-3, 3e-6])
+    for alike, expected in ((0.98, {3: ("pwm_delay.delay", -0.98 * 2e-3 * 3.0)}), (0.8, {})):
+        correlation = np.eye(5)
+        correlation[3, 4] = correlation[4, 3] = alike
+        search = SimpleNamespace(names=names, x=np.append(np.ones(4), 9e-6), centre=np.zeros(5))
+        found = tied(search, correlation * np.outer(size, size))
+        assert found.keys() == expected.keys()
+        for k, (other, move) in expected.items():
+            assert found[k] == (other, pytest.approx(move))
