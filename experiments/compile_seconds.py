@@ -26,7 +26,7 @@ COMMANDS = (
     ("audit", "ipm"),
     ("maps", "ipm"),
     ("check", LOG),
-    ("identify", "log"),
+    ("identify", "log"),  # of simulate
     ("replay", LOG),
     ("plan", "--can", "locked"),
     ("diagnose", "--example"),
@@ -58,8 +58,8 @@ def main() -> None:
             if done.returncode:
                 print(done.stderr[-500:])
     usual = Memory.read(USUAL.read_text(encoding="utf-8"))
-    for command, *_ in asked:
-        usual.courses[command] = memory.courses.get(command, [])[-1:]
+    for command in {c for c, *_ in asked} & memory.courses.keys():
+        usual.courses[command] = memory.courses[command][-1:]
     usual.took |= memory.took
     usual.inside |= memory.inside
     USUAL.write_text(usual.text(), encoding="utf-8")

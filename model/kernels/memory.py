@@ -76,6 +76,31 @@ class Memory:
                 left.extend(self.inside.get(name, ())[::-1])
         return found
 
+    def left(self, course: Iterable[Name], took: Mapping[Name, float], known: Memory) -> float:
+        """Return the processor's time (s) that a course still takes; took: of what was compiled
+        already; known: what this machine knows."""
+        held = self.held_here(known)
+        names = self.all_of(course, lambda n: n in took or held(n))
+        return self.pace(took) * sum(self.took.get(n, 0.0) for n in names)
+
+    def held_here(self, known: Memory) -> Callable[[Name], bool]:
+        """Return what tells whether the cache holds a kernel; known: what this machine knows.
+
+        Where it knows a function by other arguments' types alone, these have changed since this was
+        written, and the function is held if those are.
+        """
+        here: dict[tuple[str, ...], list[Name]] = {}
+        for n in known.took:
+            here.setdefault(n[:3], []).append(n)
+        changed = {f: own for f, own in here.items() if not any(n in self.took for n in own)}
+
+        def held(name: Name) -> bool:
+            """Tell it of one kernel."""
+            own = changed.get(name[:3], [])
+            return name.held or (bool(own) and all(n.held for n in own))
+
+        return held
+
     def course_of(self, command: str, asked: Iterable[Name]) -> tuple[Name, ...]:
         """Return what a command asks for, by the earlier one that has most of what was asked for so
         far, the last of several."""

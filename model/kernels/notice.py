@@ -103,11 +103,10 @@ class Watch(event.Listener):
         what those take that are left."""
         with self.lock:
             took, asked = dict(self.took), list(self.asked)
-        for memory in (self.known(), Memory.read(USUAL.read_text(encoding="utf-8"))):
+        known = self.known()
+        for memory in (known, Memory.read(USUAL.read_text(encoding="utf-8"))):
             if course := memory.course_of(self.command, asked):
-                left = memory.all_of([*course, *asked], lambda n: n in took or n.held)
-                more = sum(memory.took.get(n, 0.0) for n in left)
-                return sum(took.values()) + memory.pace(took) * more
+                return sum(took.values()) + memory.left([*course, *asked], took, known)
         return 0.0
 
     def on_end(self, event: Any) -> None:

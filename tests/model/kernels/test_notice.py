@@ -150,6 +150,18 @@ def test_the_call_that_is_most_alike_tells():
     assert len(memory.courses["check"]) == COURSES
 
 
+def test_a_function_whose_types_have_changed_is_held_where_the_others_are(monkeypatch):
+    """Its signatures here are none of those that come with the package: a later state of its
+    source.  Where one is the same, another one is yet to be compiled."""
+    new, old, more = (OUTER._replace(signature=x) for x in "123")
+    monkeypatch.setattr(Name, "held", property(lambda n: n == new))
+    assert Memory({old: 9.0}).held_here(Memory({new: 8.0}))(old)
+    assert not Memory({new: 8.0, more: 9.0}).held_here(Memory({new: 8.0}))(more)
+    assert not Memory({old: 9.0}).held_here(Memory())(old)
+    monkeypatch.setattr(Name, "held", False)
+    assert not Memory({old: 9.0}).held_here(Memory({new: 8.0}))(old)
+
+
 def test_a_slower_machine_takes_longer_by_as_much_as_its_first_kernels():
     memory = Memory({OUTER: 2.0, INNER: 0.1})
     assert memory.pace({OUTER: 5.0, OTHER: 9.0}) == pytest.approx(2.5)
