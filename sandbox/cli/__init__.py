@@ -160,6 +160,11 @@ def attempt(call: Call) -> int:
 
             for file in files:
                 adopt(file)
+        if cluster := call.given("dask"):
+            from sandbox.engine.processes import client_of
+
+            with client_of(cluster):  # it answers, before any work
+                pass
         code = call.run(*call.bound.args, **call.bound.kwargs) or 0
         sys.stdout.flush()
     except (BadInput, PhysicsError) as error:

@@ -61,8 +61,8 @@ def compare(
     """
     folder = output.checked("compare")
     percent = percents(tolerances, draws, estimator_library)
-    if dask is not None:
-        check_cluster(dask, percent is not None)
+    if dask is not None and percent is None:
+        raise BadInput(f"--dask {dask} belongs to --tolerances, which is not given; add it")
     named = asked_for(estimators, estimator, () if estimator_library else USUAL_ESTIMATORS)
     with progress_bar("comparing", output.quiet) as progress:
         result = sandbox.compare(
@@ -104,16 +104,6 @@ def asked_for(
     return list(
         usual if estimators is None and not one_by_one else (*(estimators or ()), *one_by_one)
     )
-
-
-def check_cluster(address: str, tolerances: bool) -> None:
-    """Refuse a cluster that does nothing, or does not answer."""
-    from sandbox.engine.processes import client_of
-
-    if not tolerances:
-        raise BadInput(f"--dask {address} belongs to --tolerances, which is not given; add it")
-    with client_of(address):
-        pass
 
 
 def library(path: Path) -> Any:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
+from contextlib import redirect_stderr
 from pathlib import Path
 
 import pytest
@@ -246,3 +248,32 @@ def test_any_arguments_parse_or_are_refused(arguments):
 def test_simulate_refuses_wrong_effects(capsys, tmp_path):
     assert main(["simulate", "--effects", "dead_time.time=1", "--out", str(tmp_path)]) == 2
     assert "give a number in [-5e-06, 5e-05] s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["plan", "--can", "flying"],
+        ["plan", "--current", "nan"],
+        ["protocol", "--dask", "nonsense"],
+        ["withheld", "make", "check", "--count", "1", "--dask", "nonsense"],
+        ["compare", "--dask", "nonsense", "--tolerances", "5"],
+        ["protocol", "--peer", "--anchors", "nowhere"],
+        ["bench", "--peer", "--anchors", "nowhere"],
+        ["diagnose", "--example", "--exclude", "nonsense"],
+        ["diagnose", "--example", "--memory", "nan"],
+    ],
+)
+def test_what_is_wrong_in_a_call_is_refused_before_any_bar(words, tmp_path, monkeypatch):
+    """Nothing is compiled, simulated or read for it: a bar's first report would be seen."""
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TERM", "xterm")
+    with redirect_stderr(Terminal()) as seen:
+        assert main(words) == 2
+    assert seen.getvalue().startswith("sensorless ")
+    assert "\x1b[" not in seen.getvalue()

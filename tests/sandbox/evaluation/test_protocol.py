@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import nullcontext
 from importlib import import_module
 
 import numpy as np
@@ -18,6 +19,7 @@ from model.errors import BadInput
 from sandbox.cli import main
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
+from sandbox.engine import processes
 from sandbox.engine.processes import ALONE
 from sandbox.evaluation import protocol_tests as t
 from sandbox.evaluation.starts import starts
@@ -269,6 +271,7 @@ def test_a_cluster_is_handed_names_and_full_paths(tmp_path, monkeypatch):
         return map(task, work)
 
     monkeypatch.setattr(p, "spread", spread)
+    monkeypatch.setattr(processes, "client_of", nullcontext)  # nobody has to answer
     monkeypatch.setitem(
         p.TESTS, "creep", lambda drive, which, belief, seed: t.verdict([point()], belief)
     )
