@@ -11,9 +11,9 @@ first half of the cross test:
 1. as filed: R of `synrm_standstill`, commanded voltages, currents as they stand;
 2. currents earlier by the delay that `synrm_standstill` finds;
 3. R and voltage offsets of the authors;
-4. the cross test turned by the angle that `model.map_points.quality` proposes for the points of its
-   first half (the single-axis tests are filed with exactly no current across, so nothing is known
-   of their angle).
+4. the cross test turned by the angle that `model.map_quality.quality` proposes for the points of
+   its first half (the single-axis tests are filed with exactly no current across, so nothing is
+   known of their angle).
 
 Each is simulated from its voltages alone.  Run: python -m experiments.synrm_as_integrated   (20 s)
 """

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("model", "estimators", "sandbox", "experiments", "docs", "tests")
 
 
 def test_example_in_ten_lines():
@@ -34,6 +35,18 @@ def test_links_lead_somewhere():
                 assert (path.parent / target).exists(), f"{path}: {target}"
 
 
+def test_files_that_pages_name_exist():
+    """Names in backquotes with a folder, of Python files of ours, and tests by their name alone;
+    results and the changelog speak of their own day."""
+    ours = [str(p.relative_to(ROOT)) for room in ROOMS for p in (ROOT / room).rglob("*.py")]
+    pages = [p for room in ROOMS for p in (ROOT / room).rglob("*.md") if "results" not in p.parts]
+    assert len(pages) > 15
+    for path in [ROOT / "README.md", *pages]:
+        text = re.sub(r"^```.*?^```$", "", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+        for name in re.findall(r"`((?:[\w.]+/)+\w+\.py|test_\w+\.py)`", text):
+            assert any(f"/{own}".endswith(f"/{name}") for own in ours), f"{path}: {name}"
+
+
 def test_a_newcomer_finds_the_core_in_two_steps():
     """The README leads to the page of rooms; its table names files, and functions that are defined
     in them."""
@@ -46,12 +59,15 @@ def test_a_newcomer_finds_the_core_in_two_steps():
     wanted = {
         "late",
         "halfway",
+        "plain_step",
         "hessian",
+        "inductances",
         "_voltages",
         "in_volts",
         "noise_std_of",
         "evaluate",
         "_evidence",
+        "log_evidence",
         "hypotheses",
     }
     assert wanted | {"hypotheses", "unmodeled", "share_closed", "which"} == {

@@ -32,16 +32,11 @@ def waves(
     width = max(1, r.samples // POINTS)
     t = ((r.first + np.arange(r.samples // width) * width) * period).tolist()
 
-    def peaks(x: Array) -> list[float]:
-        """Return the largest value of each interval drawn, with its sign."""
-        own = np.asarray(x)[: len(t) * width].reshape(len(t), width)
-        return list(own[np.arange(len(t)), np.argmax(np.abs(own), axis=1)].tolist())
-
     both = {"before": before[k], "after": after[k]}
     noise_std = a.diagnosis.start.prepared.noise_std
     current = {name: noise_std * x.current[:, :, 0] for name, x in both.items()}  # A
     panels = [
-        (f"i_{p} (A)", {name: (t, peaks(x[:, j])) for name, x in current.items()})
+        (f"i_{p} (A)", {name: (t, peaks(x[:, j], width)) for name, x in current.items()})
         for j, p in enumerate("abc")
     ]
     own, rest = before[k].motion, after[k].motion
@@ -49,7 +44,7 @@ def waves(
         panels.append(
             (
                 "motion\n(noise floors)",
-                {"before": (t, peaks(own[:, 0])), "after": (t, peaks(rest[:, 0]))},
+                {"before": (t, peaks(own[:, 0], width)), "after": (t, peaks(rest[:, 0], width))},
             )
         )
     yield f"<h2>Residuals in {prose(r.file)}</h2>"
@@ -89,6 +84,13 @@ def phases_of(d: Diagnosis, k: int) -> tuple[Array, Array, Array]:
     taken = d.drifting.differs(own.origin) if d.drifting and d.offsets_named else (0.0, 0.0, 0.0)
     a, b, c = (own.columns[f"i_{p}"] + x for p, x in zip("abc", taken, strict=True))
     return a, b, c
+
+
+def peaks(x: Array, width: int) -> list[float]:
+    """Return of each interval (width samples) of x (n,) the largest value, with its sign; what is
+    left at the end is no interval."""
+    own = np.asarray(x)[: len(x) // width * width].reshape(-1, width)
+    return list(own[np.arange(len(own)), np.argmax(np.abs(own), axis=1)].tolist())
 
 
 def worst_stretch(residual: Array, width: int) -> tuple[int, int]:

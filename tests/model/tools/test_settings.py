@@ -55,6 +55,8 @@ def test_settings_as_they_should_be():
         ("magnet_flux", 3**0.5, "terminals"),
         ("resistance", 0.85, "warmer"),
         ("resistance", 1.15, "colder"),
+        ("resistance", 0.6, "no usual factor"),  # two thirds more: no winding is 170 K warmer
+        ("resistance", 1.4, "no usual factor"),
         ("magnet_flux", 2.0 / 3.0, "left out"),
         ("magnet_flux", 1.2, "no usual factor"),
     ],

@@ -26,3 +26,10 @@ def test_one_job_and_a_single_item_survive_it_too():
     assert sorted(spread(die_on_three, [2, 3, 4], ALONE, lambda x: -x)) == [-3, 4, 16]
     assert list(spread(die_on_three, [3], Workers(2), lambda x: -x)) == [-3]
     assert list(spread(lambda x: os.getpid(), [1, 2])) == [os.getpid()] * 2
+
+
+def test_all_cores_work_where_no_number_is_asked_for(monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 7)
+    assert Workers.asked(None).jobs == 7
+    assert Workers.asked(3) == Workers(3)
+    assert not Workers.asked(1, "tcp://10.0.0.1:8786").alone

@@ -5,9 +5,9 @@ import dataclasses
 import math
 
 import numpy as np
-import pytest
 
 from model.effects.dead_time import leg_loss
+from model.effects.device_drop import leg_loss as dropped
 from model.parameters import Motor
 from sandbox.plant.sets import complete, soft_current
 from sandbox.recordings.campaign import Campaign, CampaignRecording
@@ -65,19 +65,22 @@ def test_what_legs_give_is_taken_back_along_its_own_axes():
 
 
 def test_what_is_given_back_is_the_slope_of_what_legs_lose():
-    """The card's own loss curve of a leg, by differences at zero; it is positive where dead time
-    is."""
-    values = [complete(ROUND.motor, ROUND.converter, {"dead_time.time": t}) for t in (TIME, -TIME)]
+    """The cards' own loss curves of a leg, by differences at zero: of a dead time with a zone, with
+    a drop beside it that takes one winding's ohms, and with a capacitance, whose line ends where
+    the leg just slews over in the dead time.  Nothing where the dead time is positive."""
+    drop = {"device_drop.threshold": ROUND.motor.resistance * ZONE}
+    sets = [LATE, LATE | drop, LATE | {"dead_time.capacitance": 1e-9}, {"dead_time.time": -TIME}]
+    values = [complete(ROUND.motor, ROUND.converter, v) for v in sets]
     p = campaign_of(record({}, "locked", n=20, drive=ROUND))
-    block = block_of(p, [0, 1], values)
+    block = block_of(p, range(len(sets)), values)
     given = given_back(block.batch, PERIOD, 1.0 / ROUND.motor.inductance_d)
-    i = 1e-3 * ZONE
-    slope = -leg_loss(values[0], ROUND.converter, np.array([i]))[0] / i
-    assert given.ohms[0] == pytest.approx(slope, rel=1e-9)
-    assert given.ohms[0] == pytest.approx(TIMES * ROUND.motor.resistance, rel=1e-9)
-    assert given.within[0] == pytest.approx(ZONE)
+    i = np.array([1e-3 * ZONE])
+    lost = [leg_loss(v, ROUND.converter, i)[0] + dropped(v, i)[0] for v in values[:3]]
+    np.testing.assert_allclose(given.ohms[:3], [-u / i[0] for u in lost], rtol=1e-9)
+    np.testing.assert_allclose(given.ohms[:2] / ROUND.motor.resistance, [TIMES, TIMES - 1.0])
+    np.testing.assert_allclose(given.within[:3], [ZONE, ZONE, 4.0 * 1e-9 * LINK / -TIME])
     assert given.acts
-    assert given.ohms[1] == 0.0
+    assert given.ohms[3] == 0.0
 
 
 def decay(p, size):

@@ -12,6 +12,7 @@ from model.parameters import Motor
 from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import prepare
 from sandbox.replay.unread_start import OF_VECTOR, answers, with_starts
 from tests.sandbox.replay.benches import DRIVE, record
@@ -40,6 +41,12 @@ def from_row(recorded, first):
 def prepared_of(recorded, drive=LINEAR):
     """Return one recording, ready for replay."""
     return prepare(Campaign("own", drive, (recorded,), {}, {}, False), steps=1)
+
+
+def test_noise_of_a_component_is_that_of_the_transformations_row():
+    """Three independent readings of one variance: x_alpha = 2/3 (a - b/2 - c/2)."""
+    rows = 2.0 / 3.0 * LEGS
+    np.testing.assert_allclose(np.sqrt(np.sum(rows**2, axis=0)), OF_VECTOR, rtol=1e-12)
 
 
 def test_answers_of_a_linear_motor_decay_with_its_time_constants():

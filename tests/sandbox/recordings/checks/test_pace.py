@@ -3,6 +3,7 @@ its sign."""
 
 import dataclasses
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from model.errors import BadInput
 from sandbox.recordings.campaign import read_folder
 from sandbox.recordings.checks.factors import conventions_off
 from sandbox.recordings.checks.mistakes import contradictions
+from sandbox.recordings.checks.pace import off_pace
 from tests.data import recordings_folder
 from tests.sandbox.recordings.made_angles import read, turning
 
@@ -57,6 +59,21 @@ def test_a_gear_of_no_whole_number():
     text = told("run_fast", 1.0 / 3.71)
     assert "(a gear of 3.71 : 1)" in text
     assert float(text.rpartition("scale = ")[2]) == pytest.approx(3.71, rel=1e-3)
+
+
+def test_the_pairs_that_a_pace_asks_for():
+    """An angle read with 3 of 6 pairs turns half as fast as the voltage."""
+    r, drive = bench("run_fast")
+    r = dataclasses.replace(r, columns={**r.columns, "theta": 0.5 * r.theta})
+    drive = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, pole_pairs=3))
+    (found,) = off_pace([r], drive)
+    ratio, stated, asked = (
+        float(x)
+        for x in re.search(r"([\d.]+) times .* = (\d+) .* be ([\d.]+)", found.text).groups()
+    )
+    assert ratio == pytest.approx(2.0, abs=0.1)
+    assert stated == 3.0
+    assert asked == pytest.approx(6.0, abs=0.3)
 
 
 @pytest.mark.parametrize("file", ["run_fast", "driven_grid", "run_slow"])
