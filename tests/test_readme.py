@@ -24,7 +24,7 @@ def test_example_in_ten_lines():
 
 def test_links_lead_somewhere():
     """On every page of the repository; `made/` and `gallery/` are there once the documentation is
-    built."""
+    built, which has pages of its own folder alone."""
     hidden = {".venv", "_build", "gallery", "made", "node_modules", "sensorless-out"}
     pages = [p for p in ROOT.rglob("*.md") if not {*p.relative_to(ROOT).parts} & hidden]
     assert len(pages) > 30
@@ -33,6 +33,9 @@ def test_links_lead_somewhere():
         for target in re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", text):
             if not {"made", "gallery"} & {*Path(target).parts}:
                 assert (path.parent / target).exists(), f"{path}: {target}"
+                page = target.endswith(".md") and ROOT / "docs" in path.parents
+                inside = (path.parent / target).resolve().is_relative_to(ROOT / "docs")
+                assert inside or not page, f"{path}: {target} is no page of the documentation"
 
 
 def test_files_that_pages_name_exist():
