@@ -35,6 +35,9 @@ def test_a_file_says_what_a_mapping_says(tmp_path):
     assert effects_and_angles(path).offsets == {"locked d.parquet": (1e-3, -2e-3, 1e-3)}
     assert effects_of("dead_time.time=2e-6") == {"dead_time.time": 2e-6}
     assert effects_of(None) == effects_of("") == {}
+    other = tmp_path / "MINE.TOML"  # as Windows may write it
+    other.write_text(FILE)
+    assert effects_of(f" {other} ") == found
 
 
 @pytest.mark.parametrize(

@@ -271,3 +271,14 @@ def test_names_outside_the_library_are_checked():
         BadInput, match=r"least_pulse = 0\.0002 s is out of range; give less than half"
     ):
         unlisted(BENCH, {"least_pulse": 2e-4})
+
+
+@pytest.mark.parametrize(
+    ("name", "share"), [("least_pulse", 0.5), ("least_vector", 0.5), ("channel_lag", 0.1)]
+)
+def test_times_stay_below_their_share_of_the_period(name, share):
+    """Just below is taken, the share itself is not."""
+    least = share * BENCH.period
+    assert getattr(unlisted(BENCH, {name: 0.99 * least}), name) == 0.99 * least
+    with pytest.raises(BadInput, match=f"{name} = .* out of range; give less than"):
+        unlisted(BENCH, {name: least})
