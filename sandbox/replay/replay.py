@@ -1,12 +1,13 @@
 """Replay: a recorded campaign drives the plant, many parameter sets side by side.
 
-In: commanded voltages, the link voltage as read, and the rotor's motion behind the encoder
-(`smoothing`).
+In: commanded voltages, the link voltage as read, the rotor's motion behind the encoder
+(`smoothing`), and the current as read at the first sample (`unread_start`).
 Out: what the three current sensors would read at each sample and, for a free rotor, the innovations
 of the encoder's reading: predicted torque through the shaft's equations against the measured angle,
-one sample
-ahead.  All 27 effects act (`sandbox.plant`).  With the angle prescribed nothing feeds back, so
-predictions stay stable however wrong a set is, and each set costs the same.
+one sample ahead.  All effects of the library act (`sandbox.plant`).  With the angle prescribed
+nothing feeds back, so predictions stay stable however wrong a set is, and each set costs the same.
+Only legs that give volts back are unstable; there readings hold the current
+(`negative_resistance`).
 
     prepared = prepare(read_campaign(folder))
     prediction = replay(prepared, [{}, {"dead_time.time": 2e-6}])

@@ -49,6 +49,14 @@ def motor(request, tmp_path_factory):
     return sandbox.convert_motor([*([folder / "config"] if text else []), *words]).save(folder)
 
 
+def test_a_motor_without_magnets_says_so_in_its_file(tmp_path):
+    """A file without magnet_flux is refused, so a flux of zero is written."""
+    words = ["pole_pairs=3", "resistance=0.5 ohm", "inductance_d=50 mH", "inductance_q=10 mH"]
+    words += ["magnet_flux=0 Wb", "current=10 A", "voltage=400", "torque=2 Nm", "speed=3000"]
+    file = sandbox.convert_motor(words).save(tmp_path / "synrm") / "motor.toml"
+    assert sandbox.load_motor(file).motor.magnet_flux == 0.0
+
+
 def test_a_converted_motor_goes_the_whole_way(motor, tmp_path):
     file = motor / "motor.toml"
     drive = sandbox.load_motor(file)
