@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from estimators.registry import MODULES
+from model.effects.library import effect_names
+
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("model", "estimators", "sandbox", "experiments", "docs", "tests")
 
@@ -36,6 +39,15 @@ def test_links_lead_somewhere():
                 page = target.endswith(".md") and ROOT / "docs" in path.parents
                 inside = (path.parent / target).resolve().is_relative_to(ROOT / "docs")
                 assert inside or not page, f"{path}: {target} is no page of the documentation"
+
+
+def test_pages_count_effects_and_estimators_right():
+    """Effects by a number, estimators by a word."""
+    for page in ("README.md", "docs/start/reading.md"):
+        (count,) = re.findall(r"\b(\d+) effects\b", (ROOT / page).read_text())
+        assert int(count) == len(effect_names()), page
+    assert len(MODULES) == 20
+    assert "[twenty estimators" in (ROOT / "README.md").read_text()
 
 
 def test_files_that_pages_name_exist():
