@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
 
+from model.array_types import Array
 from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.posterior.linear_model import LinearModel
 
@@ -64,30 +67,56 @@ def held_out(model: LinearModel) -> tuple[int, ...]:
     own = [
         (k,) for k, c in enumerate(model.coordinates) if not model.of_effects[k] and not c.of_point
     ]
-    groups: list[tuple[int, ...]] = [*own, *model.members.values()]
-    labels = [[model.coordinates[k].label for k in g] for g in groups]
-    return max(options, key=lambda left: worst_share(model.normal, left, labels))
+    known = Information.of(model.normal)
+    labels = [model.coordinates[k].label for g in (*own, *model.members.values()) for k in g]
+    places = known.felt(labels)
+    return max(options, key=lambda left: known.kept(left, places))
 
 
-def worst_share(n: NormalEquations, left: Sequence[int], groups: Sequence[Sequence[str]]) -> float:
-    """Return the smallest share of information about any group of coordinates that fit and check
-    keep.
+@dataclass(frozen=True)
+class Information:
+    """What each recording says about coordinates, A (r, p, p), their prior deviations (p,) and
+    labels (p,); whole (p, p): of all recordings."""
 
-    Fit: variance with all recordings over variance without those left out; check: A of those left
-    out over all A.
-    """
-    count = 1 + max(s.recording for s in n.segments)
-    whole, kept = n.summed().a, n.summed(weights_of(count, left)).a
-    prior = np.diag([c.deviation**-2 for c in n.coordinates])
-    narrow, wide = np.diag(np.linalg.inv(whole + prior)), np.diag(np.linalg.inv(kept + prior))
-    place = {c.label: k for k, c in enumerate(n.coordinates)}
-    shares = []
-    for group in groups:
-        own = [
-            place[g]
-            for g in group
-            if whole[place[g], place[g]] * n.coordinates[place[g]].deviation ** 2 > 1.0
-        ]
-        for k in own:
-            shares.append(min(narrow[k] / wide[k], FELT * (1.0 - kept[k, k] / whole[k, k])))
-    return float(min(shares, default=0.0))
+    by_recording: Array
+    deviation: Array
+    labels: Sequence[str]
+    whole: Array
+
+    @classmethod
+    def of(cls, n: NormalEquations) -> Information:
+        """Return that of normal equations."""
+        p = len(n.coordinates)
+        out = np.zeros((1 + max(s.recording for s in n.segments), p, p))
+        for s in n.segments:
+            out[s.recording][np.ix_(s.places, s.places)] += s.a.sum(0)
+        deviation = np.array([c.deviation for c in n.coordinates])
+        return cls(out, deviation, [c.label for c in n.coordinates], out.sum(axis=0))
+
+    def felt(self, labels: Sequence[str]) -> list[int]:
+        """Return the places of coordinates that all recordings together tell better than their
+        priors do."""
+        place = {label: k for k, label in enumerate(self.labels)}
+        tells = np.diag(self.whole) * self.deviation**2 > 1.0
+        return sorted({place[label] for label in labels if tells[place[label]]})
+
+    def kept(self, left: Sequence[int], places: Sequence[int]) -> float:
+        """Return the smallest share of information about any coordinate at `places` that fit and
+        check keep where recordings `left` are held out.
+
+        Fit: variance with all recordings over variance without those left out; check: A of those
+        left out over all A.
+        """
+        if not places:
+            return 0.0
+        kept = np.delete(self.by_recording, left, axis=0).sum(axis=0)
+        prior = np.diag(self.deviation**-2.0)
+        narrow = np.diag(self._covariance)[places]
+        wide = np.diag(np.linalg.inv(kept + prior))[places]
+        felt = FELT * (1.0 - np.diag(kept)[places] / np.diag(self.whole)[places])
+        return float(np.minimum(narrow / wide, felt).min())
+
+    @cached_property
+    def _covariance(self) -> Array:
+        """Covariance with all recordings."""
+        return np.asarray(np.linalg.inv(self.whole + np.diag(self.deviation**-2.0)))
