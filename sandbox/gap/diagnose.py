@@ -357,16 +357,16 @@ def _without(whole: Fit, start: ParameterPoint, left: Sequence[int], workers: in
     """Return a fit to all recordings made again without those that are held out; start: the nominal
     model.
 
-    With effects it begins where the whole fit ended, a few steps away: near the noise its end is
-    the same (a test spoils the recording held out).  Far from the noise it could keep some of what
-    the whole fit saw: there the best of two counts, the other begins at the nominal model with the
-    effects alone, as one without effects does.  Where neither can be made (no motor has the flux
-    that a recording begins with), the whole fit stands.
+    It begins where the whole fit ended, a few steps away: near the noise its end is the same (a
+    test spoils the recording held out).  Far from the noise it could keep some of what the whole
+    fit saw: there the best of two counts, the other begins at the nominal model with the effects
+    alone; without effects that one alone.  Where neither can be made (no motor has the flux that a
+    recording begins with), the whole fit stands.
     """
     if not left:
         return whole
     weights = weights_of(len(start.prepared.recordings), left)
-    if not whole.effects:
+    if not whole.effects and normalised(whole.normal, weights) > NEAR:
         return fit(start, (), weights, workers=workers)
     near = attempted(whole.point, whole.effects, weights, workers=workers)
     if near is not None and normalised(near.normal, weights) <= NEAR:
