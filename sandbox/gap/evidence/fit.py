@@ -253,7 +253,7 @@ def _within_bounds(task: Task, at: ParameterPoint) -> tuple[Fit, float]:
         d.down(free, confirm=not task.enough(d.n))
     smoother = 0.0
     if (
-        task.effects
+        prior is free
         and not task.enough(d.n)
         and any(r.rotor == "free" for r in d.point.prepared.recordings)
     ):

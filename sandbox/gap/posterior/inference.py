@@ -64,11 +64,13 @@ def infer(problem: Problem) -> Inference:
 
 
 class _Weighing:
-    """The sets near the most probable one, fitted and weighed; stand_ins: by set."""
+    """The sets near the most probable one, fitted and weighed; stand_ins, known (what the equations
+    at its point say of others): by set."""
 
     def __init__(self, search: Search) -> None:
         self.search = search
         self.stand_ins: dict[Set, list[Set]] = {}
+        self.known: dict[Set, SetPosterior] = {}
 
     @property
     def problem(self) -> Problem:
@@ -109,9 +111,13 @@ class _Weighing:
         return rms_of(old) > self.problem.settings.gap and left < 0.5 * before
 
     def around(self, first: EvaluatedModel, variance: Mapping[tuple[int, str], float]) -> Inference:
-        """Return the sets near the most probable one, weighed by the variance that it meets."""
-        fitted, self.stand_ins = {first.effects: first}, {}
+        """Return the sets near the most probable one, weighed by the variance that it meets; with
+        them ordinary deviations alone, which were fitted already: slopes at another set's point say
+        little of how far they would go without it."""
+        fitted, self.stand_ins, self.known = {first.effects: first}, {}, {}
         behind: dict[Set, float] = {}
+        if first.effects:
+            self.weigh((), self.search.null, first, variance, fitted, behind)
         asked = [tuple(sorted(k)) for k in self.problem.rivals]
         while True:
             levels, near = self.posterior(fitted, behind)
@@ -125,11 +131,7 @@ class _Weighing:
             new = self.search.fit_of(key, leader.fit, None, leader=ahead)
             if set(key) < set(leader.effects):
                 new = self.search.begun_anew(key, leader.fit, new)
-            lead = self.lead(leader.fit, new, variance)
-            if new is None or (lead > BEHIND and not asked):
-                behind[key] = self.level(leader) - lead
-            else:
-                fitted[key] = self.evaluated(new, variance)
+            self.weigh(key, new, leader, variance, fitted, behind, asked=bool(asked))
         total = sum(math.exp(v) for v in levels.values())
         sets = {
             k: math.exp(v) / total for k, v in sorted(levels.items(), key=lambda x: (-x[1], x[0]))
@@ -140,6 +142,49 @@ class _Weighing:
         return Inference(
             self.problem.start, self.problem.known, null, fitted, kept, variance, self.search.linear
         )
+
+    def sets_of(self, key: Set, e: EvaluatedModel) -> SetPosterior:
+        """Return the sets that are weighed by the equations at a fitted set's point."""
+        if key not in self.known:
+            sets = SetPosterior(e.model)
+            sets.enumerate([k for k, c in enumerate(sets.model.candidates) if c.effect in key])
+            self.known[key] = sets
+        return self.known[key]
+
+    def from_nearest(
+        self,
+        fitted: Mapping[Set, EvaluatedModel],
+        own: Mapping[Set, float],
+        behind: Mapping[Set, float],
+    ) -> dict[Set, float]:
+        """Return the log posterior of sets that were not fitted, the best fitted one's 0, each by
+        the equations at the point of the fitted set that is nearest to it; own: of fitted sets."""
+        by_name = {f: self.sets_of(f, e).by_name() for f, e in fitted.items()}
+        top, out = max(own.values()), {}
+        for key in {k for names in by_name.values() for k in names} - {*fitted, *behind}:
+            seen_by = [f for f in by_name if key in by_name[f]]
+            f = min(seen_by, key=lambda f: (len(set(f) ^ set(key)), -own[f], f))
+            out[key] = own[f] - top + by_name[f][key] - by_name[f][f]
+        return out
+
+    def weigh(
+        self,
+        key: Set,
+        new: Fit | None,
+        leader: EvaluatedModel,
+        variance: Mapping[tuple[int, str], float],
+        fitted: dict[Set, EvaluatedModel],
+        behind: dict[Set, float],
+        *,
+        asked: bool = False,
+    ) -> None:
+        """Enter a fit among those that are weighed at their own points, or, where it is far behind
+        the best one, among those that are not; who is asked for is weighed in any case."""
+        lead = self.lead(leader.fit, new, variance)
+        if new is None or (lead > BEHIND and not asked):
+            behind[key] = self.level(leader) - lead
+        else:
+            fitted[key] = self.evaluated(new, variance)
 
     def lead(self, one: Fit, other: Fit | None, variance: Mapping[tuple[int, str], float]) -> float:
         """Return by how much the log posterior of one fit is above another's, both weighed at their
@@ -179,24 +224,19 @@ class _Weighing:
         be fitted, the most probable first.
 
         behind: log posterior of sets whose fit ended far behind the best one's.  Fitted sets have
-        the evidence of their own points; any other one stands to the best of them
-        as the equations at its point say.  It ought to be fitted where that is more than the best
-        one's, where it is near and parameters would move by more than slopes hold for, and where it
-        only lacks an effect that others stand in for, or exchanges it for one that does.  So it
-        ought where it lacks one effect and is within reach at all: that the best set has an effect
-        too many shows at the other one's own point.  None ought where the best one leaves several
-        times the noise: something outside the library decides then, not one set or another.
+        the evidence of their own points; any other one stands to the nearest of them, the one that
+        differs from it in the fewest effects, as the equations at its point say.  It ought to be
+        fitted where that is more than the best one's, where it is near and parameters would move by
+        more than slopes hold for, and where it only lacks an effect that others stand in for, or
+        exchanges it for one that does.  So it ought where it lacks one effect and is within reach
+        at all: that the best set has an effect too many shows at the other one's own point.  None
+        ought where the best one leaves several times the noise: something outside the library
+        decides then, not one set or another.
         """
         own = {k: self.level(e) for k, e in fitted.items()}
         leader = max(own, key=lambda k: (own[k], k))
-        sets = SetPosterior(fitted[leader].model)
-        sets.enumerate([k for k, c in enumerate(sets.model.candidates) if c.effect in leader])
-        by_name, top = sets.by_name(), own[leader]
-        relative = {
-            k: v - by_name[leader]
-            for k, v in by_name.items()
-            if k not in fitted and k not in behind
-        }
+        sets, top = self.sets_of(leader, fitted[leader]), own[leader]
+        relative = self.from_nearest(fitted, own, behind)
         far = rms_of(self.search.null) > NEAR
         near = [
             k
