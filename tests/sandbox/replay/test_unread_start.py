@@ -104,7 +104,7 @@ def test_a_recording_that_begins_in_a_turn_keeps_noise_alone():
     noise, sum s^2 (2 a^4 + 2 b^4 the variance); whitened residuals keep noise alone."""
     motor = dataclasses.replace(LINEAR.motor, inductance_q=6.0 * LINEAR.motor.inductance_d)
     drive = dataclasses.replace(LINEAR, motor=motor)
-    whole, rng, draws = record({}, "driven", 100.0, drive=drive), np.random.default_rng(5), 16
+    whole, rng, draws = record({}, "driven", 100.0, drive=drive), np.random.default_rng(5), 200
     first = 150 + int(np.argmax(np.abs(whole.columns["i_a"][150:250])))
     values, known, unread = complete(motor, drive.converter), [], []
     for _ in range(draws):
@@ -123,5 +123,6 @@ def test_a_recording_that_begins_in_a_turn_keeps_noise_alone():
     count = 3.0 * (700 - first)
     expected, scatter = s.sum(), math.sqrt((2.0 * count + 2.0 * s @ s) / draws)
     assert expected > 0.2 * count  # J of 1.1 where the start counts as known
+    assert expected > 2.0 * 3.0 * scatter  # so many draws tell its size
     assert abs(np.mean(known) - expected) < 3.0 * scatter
     assert abs(np.mean(unread)) < 3.0 * math.sqrt(2.0 * count / draws)
