@@ -88,8 +88,8 @@ def summed(sets: Mapping[Set, float], names: Sequence[str]) -> Inclusion:
             continue
         group: tuple[str, ...] = (e,)
         for f in open_:
-            # each stands for each other one: of {a} and {b, c} both b and c are rivals of a, no
-            # group
+            # each stands for each other one: {a} and {b, c} give the groups (a, b) and (c, a), as b
+            # and c come together
             both = [sum(p for s, p in sets.items() if f in s and g in s) / total for g in group]
             if f != e and all(
                 p < APART * min(chance[f], chance[g]) for p, g in zip(both, group, strict=True)
