@@ -9,7 +9,7 @@ import pytest
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.planning import bench_plan, visible
 from sandbox.gap.planning.visible import CLEAR, FAINT, Visible
-from sandbox.recordings.campaign import CampaignRecording
+from sandbox.recordings.campaign import NO_LIMITS, CampaignRecording
 from tests.sandbox.gap.conftest import DRIVE
 from tests.sandbox.gap.entries import named
 
@@ -180,5 +180,7 @@ def test_an_eccentric_disc_is_no_more_than_a_misaligned_one_where_the_angle_stay
 
 def test_what_all_experiments_tell_together_is_listed():
     alone, whole = Visible({"a": 7.0, "b": 5.0}, ()), Visible({"a": 9.0, "b": 7.0, "c": 1.0}, ())
-    planned = bench_plan.Plan(DRIVE, (bench_plan.Planned(named(), "", alone, ("a",)),), whole)
+    planned = bench_plan.Plan(
+        DRIVE, (bench_plan.Planned(named(), "", alone, ("a",)),), whole, NO_LIMITS
+    )
     assert planned.adds == ("b",)
