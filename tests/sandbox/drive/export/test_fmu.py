@@ -1,12 +1,15 @@
 """The FMUs beside the Python plant, driven by FMPy as any master would."""
 
+import hashlib
 import shutil
+import zipfile
 
 import numpy as np
 import pytest
 
 from estimators.c.build import compiler
 from sandbox import load_motor
+from sandbox.drive.export.fmu import SOURCE
 from sandbox.public.exports.drive import export_drive
 from tests.sandbox.drive.export.driven import (
     ANGLE,
@@ -115,6 +118,16 @@ def test_against_the_python_plant(drive, effects, folder, version):
         found.append(unit.get(OUTPUTS))
     unit.end()
     assert max(differences(drive, np.array(found), recording)) < GOAL
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_units_token_is_the_digest_of_its_source(folder, version):
+    """So a master never takes the binary of one drive for that of another."""
+    file = folder / f"ipm_exchanged_fmi{version}.fmu"
+    with zipfile.ZipFile(file) as packed:
+        source = packed.read(f"sources/{SOURCE}")
+    token = hashlib.sha256(source).hexdigest()
+    assert fmpy.read_model_description(str(file)).guid == token[:32]
 
 
 @pytest.mark.parametrize("version", [2, 3])
