@@ -39,8 +39,7 @@ TWO_THIRDS = 2.0 / 3.0
 
 class Given(NamedTuple):
     """What legs give back around zero current: ohms (lanes,) of each leg, within so many A (lanes,)
-    of zero; inverse: the largest 1/L of the motor (1/H); acts: whether in any lane more than the
-    winding takes."""
+    of zero; inverse: the largest 1/L of the motor (1/H); acts: whether legs of any lane do."""
 
     ohms: Array
     within: Array

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import Inputs
 from sandbox.replay.map_error import Answers
@@ -30,7 +31,6 @@ from sandbox.replay.replay import Prepared, Residual, residual_of
 from sandbox.replay.sensitivity import Moves, Slopes, slopes
 from sandbox.replay.stretches import Stretch, blocks, stretches, whole_blocks
 
-Array = NDArray[np.float64]
 Colour = tuple[float, ...]  # autocorrelations over 1, 2, ... readings; () of white noise
 Rows = Array | Kept  # slopes (n c, q) of a segment, in memory or in a file
 

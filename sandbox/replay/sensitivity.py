@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import kernel
 from model.effects import library
 from model.errors import BadInput, unknown
@@ -39,7 +39,6 @@ from sandbox.replay.replay import (
 )
 from sandbox.replay.stretches import Stretch, stretches
 
-Array = NDArray[np.float64]
 SHARE = 1e-4
 
 

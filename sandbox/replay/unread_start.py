@@ -20,8 +20,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects.library import true_motor
 from model.energy import flux_newton, hessian
 from sandbox.plant.sets import complete
@@ -29,7 +29,6 @@ from sandbox.replay.inputs import Inputs, Start
 from sandbox.replay.replay import Prepared, block_of
 from sandbox.replay.walking import Running
 
-Array = NDArray[np.float64]
 LASTING = 5.0  # time constants L/R of the slowest axis that are looked at: 0.7 % is left then
 OF_VECTOR = math.sqrt(2.0 / 3.0)  # noise of a vector's component over that of one phase
 

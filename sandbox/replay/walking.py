@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.compiled import inlined, kernel
 from model.energy import OUTSIDE, SOLVED, Energy, flux_newton
 from model.errors import BadInput
@@ -25,7 +25,6 @@ from sandbox.replay.kernel import Fixed, Rows, run, turn
 from sandbox.replay.motion.twisted_start import without_start
 from sandbox.replay.negative_resistance import Given, given_back, none_given
 
-Array = NDArray[np.float64]
 NEWTON_STEPS = 60
 # of 1 A and the current's size: below it rounding may end the search for its flux
 CURRENT_TOLERANCE = 1e-11

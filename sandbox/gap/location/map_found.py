@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.effects.library import true_motor
 from model.errors import BadInput
 from model.mapped import MappedMotor, corrected
@@ -19,8 +19,6 @@ from sandbox.gap.evidence.normal import LOCK
 from sandbox.plant.sets import ANGLE_OFFSET
 from sandbox.replay.map_error import gradients, rotor_currents
 from sandbox.replay.replay import replay
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

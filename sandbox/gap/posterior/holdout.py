@@ -64,12 +64,10 @@ def held_out(model: LinearModel) -> tuple[int, ...]:
     options = choices([r.rotor for r in model.point.prepared.recordings])
     if options == [()]:
         return ()
-    own = [
-        (k,) for k, c in enumerate(model.coordinates) if not model.of_effects[k] and not c.of_point
-    ]
+    own = [k for k, c in enumerate(model.coordinates) if not model.of_effects[k] and not c.of_point]
+    own += [k for members in model.members.values() for k in members]
     known = Information.of(model.normal)
-    labels = [model.coordinates[k].label for g in (*own, *model.members.values()) for k in g]
-    places = known.felt(labels)
+    places = known.felt([model.coordinates[k].label for k in own])
     return max(options, key=lambda left: known.kept(left, places))
 
 

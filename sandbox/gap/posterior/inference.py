@@ -161,7 +161,8 @@ class _Weighing:
         the equations at the point of the fitted set that is nearest to it; own: of fitted sets."""
         by_name = {f: self.sets_of(f, e).by_name() for f, e in fitted.items()}
         top, out = max(own.values()), {}
-        for key in {k for names in by_name.values() for k in names} - {*fitted, *behind}:
+        # sorted: sums over sets come to the same digits whatever the seed of hashes is
+        for key in sorted({k for names in by_name.values() for k in names} - {*fitted, *behind}):
             seen_by = [f for f in by_name if key in by_name[f]]
             f = min(seen_by, key=lambda f: (len(set(f) ^ set(key)), -own[f], f))
             out[key] = own[f] - top + by_name[f][key] - by_name[f][f]

@@ -100,7 +100,7 @@ def test_what_is_off_grows_alone_and_decays_when_held_by_readings():
     period: alone, a period multiplies by e^-r (1 + g/2)^2, r = R T/L and g = s T/L.  Held, it takes
     besides y/(1 + y) of what is read at its start, y = 2 (g - r).
     Tolerance: the midpoint step's r^3/24 and what the current changes while an edge is late (some
-    ns of a period), below 1e-5 a period; of n periods 1e-4 each."""
+    ns of a period), below 1e-5 a period."""
     n = 40
     recorded = record({}, "locked", n=n, drive=ROUND)
     still = {k: np.zeros(n) for k in ("u_alpha", "u_beta", "i_a", "i_b", "i_c")}
@@ -108,9 +108,9 @@ def test_what_is_off_grows_alone_and_decays_when_held_by_readings():
     size, r = 0.01 * ZONE, ROUND.motor.resistance * PERIOD / ROUND.motor.inductance_d
     k, g, x = np.arange(n), TIMES * r, (TIMES - 1.0) * r
     alone = math.exp(-r) * (1.0 + 0.5 * g) ** 2
-    np.testing.assert_allclose(decay(by_voltages(p), size), size * alone**k, rtol=1e-4 * n)
+    np.testing.assert_allclose(decay(by_voltages(p), size), size * alone**k, rtol=1e-5 * n)
     held = alone - 2.0 * x / (1.0 + 2.0 * x)  # s = 4 R: the mirrored pole is the larger
-    np.testing.assert_allclose(decay(p, size), size * held**k, rtol=1e-4 * n)
+    np.testing.assert_allclose(decay(p, size), size * held**k, rtol=1e-5 * n)
 
 
 def latching():

@@ -42,6 +42,7 @@ def test_a_set_that_was_not_fitted_is_weighed_from_the_nearest_one():
     a with b is what a's own equations make of it, -2 - 3; b is one effect away from none."""
     found = Weighing().from_nearest({(): AT_NONE, ("a",): AT_A}, {(): 10.0, ("a",): 8.0}, {})
     assert found == pytest.approx({("b",): -1.0, ("a", "b"): -5.0})
+    assert list(found) == sorted(found)  # no digit hangs on the seed of hashes
 
 
 def test_of_two_that_are_as_near_the_more_probable_one_counts():
