@@ -320,15 +320,13 @@ def test_the_diagnosis_names_no_effect():
 
 
 def test_diagnosis_and_replay_read_no_row_of_one_effect():
-    """Rows of the plant's batch bear the names of effects, too.  A replay in which legs give volts
-    back reads those of dead time and device drop (`model/effects/README.md` says so)."""
+    """Rows of the plant's batch bear the names of effects, too."""
     rows = {f"{name}_{p.name}" for name in effect_names() for p in load_effect(name).parameters} - {
         "magnet_flux_magnet_flux"
     }
-    exempt = ROOT / "sandbox" / "replay" / "negative_resistance.py"
     paths = [p for room in ("gap", "replay") for p in (ROOT / "sandbox" / room).rglob("*.py")]
     for path in sorted(paths):
-        for node in nodes(tree_of(path)) if path != exempt else ():
+        for node in nodes(tree_of(path)):
             own = getattr(node, "value", None) if isinstance(node, ast.Constant) else None
             own = node.attr if isinstance(node, ast.Attribute) else own
             assert own not in rows, f"{path}:{node.lineno}: {own}"

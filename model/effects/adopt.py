@@ -20,7 +20,16 @@ from numba.core import types
 
 from model.drive_files import load_drive
 from model.effects import library
-from model.effects.card import PORTS, REPEATED, At, Effect, EffectPart, Parameter
+from model.effects.card import (
+    PORTS,
+    REPEATED,
+    At,
+    Effect,
+    EffectPart,
+    Legs,
+    LegSlope,
+    Parameter,
+)
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
 from model.errors import BadInput, brief, raised
 from model.given import given_bytes
@@ -33,6 +42,7 @@ MOST_PARTS = 12
 WHOLE = ("side", "shape")  # quantities of ports that are whole numbers
 LONGEST_TEXT = 1000  # characters of a card's line
 TRIED_ON = "ipm"  # the motor with which a card's functions are tried
+ZONE = 0.1  # A: half the width in which a current's sign goes through zero there
 
 
 def adopt(path: str | Path) -> tuple[Effect, ...]:
@@ -255,6 +265,20 @@ def _ask(card: Effect, values: dict[str, float], neutral: dict[str, float], driv
         step = card.longest(values, drive.motor, drive.motor.rated_omega)
         if not step > 0.0:
             raise ValueError(f"longest gives {step}; give s, more than 0")
+    if card.leg_slope:
+        period, link = drive.converter.sampling_period, drive.converter.dc_bus_voltage
+        _check_slope(card.leg_slope(values, drive.motor, Legs(link, period, ZONE)))
+
+
+def _check_slope(slope: LegSlope) -> None:
+    """Raise ValueError unless ohms and the zone in which they hold are numbers, the zone one that
+    has a width where volts are given back."""
+    ohms, within = slope
+    if not (math.isfinite(ohms) and math.isfinite(within)) or (ohms < 0.0 and within <= 0.0):
+        raise ValueError(
+            f"leg_slope gives {ohms} ohm within {within} A; give finite ones, where volts are "
+            "given back within more than 0 A"
+        )
 
 
 def _ask_once(card: Effect, at: At, values: dict[str, float], drive: Drive, *, off: bool) -> None:

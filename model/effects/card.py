@@ -303,6 +303,23 @@ class Limit(NamedTuple):
         return self.size > 0.0 and not self.size < self.bound
 
 
+class Legs(NamedTuple):
+    """Of an inverter's legs, what an effect's own numbers do not say: the link's voltage (V), the
+    PWM's period (s), half the width (A) in which the sign of a current goes through zero."""
+
+    link: float
+    period: float
+    zone: float
+
+
+class LegSlope(NamedTuple):
+    """What an effect takes from a leg around zero current: volts that grow with the current by so
+    many ohms (below 0: it gives them back), within so many A of zero."""
+
+    ohms: float
+    within: float
+
+
 class Curve(NamedTuple):
     """What an effect that is a curve draws: names and units of its axes, by completed values and
     the motor the places (n,) where it is shown, with the converter its value (n,) there and one
@@ -346,6 +363,10 @@ class Effect:
     it only where the other effects leave more than noise.  curve: how it is drawn.
 
     drifts: whether each recording may have a size of its own, which a diagnosis measures first.
+
+    leg_slope: what it takes from a leg around zero current, by completed values and the motor; an
+    effect that says nothing takes nothing there.  Where all effects together give volts back, the
+    current is unstable, and a replay lets readings hold it.
 
     do: what a person should do about it, one sentence from completed values, the nominal motor and
     the converter; asked for where the effect is on (`model.effects.advice`).
@@ -391,6 +412,7 @@ class Effect:
     free: bool = False
     curve: Curve | None = None
     drifts: bool = False
+    leg_slope: Callable[[Mapping[str, float], Motor, Legs], LegSlope] | None = None
 
     def part(self, k: int) -> EffectPart:
         """Return the k-th part (1 ... repeats)."""

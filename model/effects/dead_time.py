@@ -9,7 +9,7 @@ import numpy as np
 from model.array_types import Array
 from model.commutation import clip, crossing, lateness, quick, static_sign
 from model.compiled import inlined
-from model.effects.card import At, Effect, Limit, Ordinary, Parameter
+from model.effects.card import At, Effect, Legs, LegSlope, Limit, Ordinary, Parameter
 from model.effects.device_drop import sign
 from model.effects.said import quantity
 from model.lanes import soft_sign
@@ -127,6 +127,15 @@ def zoned(v: Mapping[str, float], current: Array) -> Array:
         center = v["dead_time.zone_center"]
     shift = center * zone.get("bench.soft_current", 0.0)
     return np.asarray(0.5 * (sign(zone, current - shift) + sign(zone, current + shift)))
+
+
+def leg_slope(v: Mapping[str, float], motor: Motor, legs: Legs) -> LegSlope:
+    """Return what a leg loses by it around zero current, by completed values: all of it within the
+    zone of a sign, or of currents that just slew a leg over in the dead time."""
+    late = v["dead_time.time"] + v["dead_time.residual"]
+    slews = 4.0 * v["dead_time.capacitance"] * legs.link / max(abs(late), SHARP)
+    within = max(v["dead_time.zone_width"] or legs.zone, slews)
+    return LegSlope(late * legs.link / (legs.period * within), within)
 
 
 def ordinarily(v: Mapping[str, float]) -> tuple[str, ...]:
@@ -270,4 +279,5 @@ CARD = Effect(
     do=do,
     otherwise=otherwise,
     ordinarily=ordinarily,
+    leg_slope=leg_slope,
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from model.array_types import Array
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Legs, LegSlope, Parameter
 from model.effects.said import quantity
 from model.parameters import Converter, Motor
 
@@ -82,6 +82,12 @@ def sign(v: Mapping[str, float], current: Array) -> Array:
     return (1.0 - shape) * np.clip(x, -1.0, 1.0) + shape * np.tanh(x)
 
 
+def leg_slope(v: Mapping[str, float], motor: Motor, legs: Legs) -> LegSlope:
+    """Return what a leg loses by the threshold around zero current, by completed values; the
+    on-resistance is one of the winding's circuit (`slope`)."""
+    return LegSlope(v["device_drop.threshold"] * (1.0 / legs.zone), legs.zone)
+
+
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     threshold, ohm = v["device_drop.threshold"], v["device_drop.on_resistance"]
@@ -123,4 +129,5 @@ CARD = Effect(
     ),
     at=(At("leg", lost, ("threshold",)), At("resistance", slope, ("on_resistance",))),
     do=do,
+    leg_slope=leg_slope,
 )

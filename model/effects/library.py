@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from model.effects import own
-from model.effects.card import PORTS, SUBSYSTEMS, Effect, Parameter
+from model.effects.card import PORTS, SUBSYSTEMS, Effect, Legs, LegSlope, Parameter
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor, finite
 from model.remedies import remedy
@@ -217,6 +217,7 @@ def forget() -> None:
         drifting,
         _neutral,
         _limited,
+        _sloped,
     ):
         function.cache_clear()
 
@@ -322,6 +323,19 @@ def longest_step(motor: Motor, values: Mapping[str, float], omega: float) -> flo
                 f"effect '{name}' asks for steps of {step:g} s; its card must give more than 0"
             )
     return min(found.values(), default=math.inf)
+
+
+def leg_slope(values: Mapping[str, float], motor: Motor, legs: Legs) -> LegSlope:
+    """Return what all effects of completed values take from a leg around zero current; where any
+    gives volts back, within the widest of their zones, else within none."""
+    found = [card.leg_slope(values, motor, legs) for card in _sloped() if card.leg_slope]
+    ohms = sum(slope.ohms for slope in found)
+    return LegSlope(ohms, max((x.within for x in found if x.ohms < 0.0), default=0.0))
+
+
+@cache
+def _sloped() -> tuple[Effect, ...]:
+    return tuple(card for card in map(load_effect, effect_names()) if card.leg_slope)
 
 
 def true_motor(motor: Motor, values: Mapping[str, float], *, keep_map: bool = False) -> Motor:

@@ -24,17 +24,23 @@ Checked: tests/sandbox/replay/test_negative_resistance.py.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from model.array_types import Array
 from model.compiled import kernel
+from model.effects import library
+from model.effects.card import Legs
 from model.frames import stationary
+from model.parameters import Converter, Motor
 from sandbox.plant.edges import LEG_X, LEG_Y
 from sandbox.plant.electrical import HALF_ROOT
 
 TWO_THIRDS = 2.0 / 3.0
+
+Set = Mapping[str, float]
 
 
 class Given(NamedTuple):
@@ -47,16 +53,18 @@ class Given(NamedTuple):
     acts: bool
 
 
-def given_back(batch: Any, period: float, inverse: float) -> Given:
-    """Return what legs of a batch give back around zero current; period: s of the PWM; inverse: the
-    largest 1/L of the motor (1/H)."""
-    late = batch["dead_time_time"] + batch["dead_time_residual"]
-    slews = 4.0 * batch["dead_time_capacitance"] * batch["supply"] / np.maximum(-late, 1e-30)
-    within = np.where(late < 0.0, np.maximum(batch["dead_time_zone_width"], slews), 0.0)
-    drop = batch["device_drop_threshold"] * batch["soft"]
-    ohms = -late * batch["supply"] / (period * np.where(within > 0.0, within, np.inf)) - drop
-    ohms = np.where(late < 0.0, ohms, 0.0)
-    return Given(ohms, within, inverse, bool(np.any(ohms > 0.0)))
+def given_back(motor: Motor, converter: Converter, sets: Sequence[Set], links: Array) -> Given:
+    """Return what legs of completed sets, a lane each, give back around zero current, as the
+    effects' cards say (`leg_slope`); links: (lanes,) their DC links' voltages, V."""
+    period = converter.sampling_period * converter.samples_a_period
+    zones = [v["bench.soft_current"] for v in sets]
+    slopes = [
+        library.leg_slope(v, motor, Legs(float(link), period, zone))
+        for v, link, zone in zip(sets, links, zones, strict=True)
+    ]
+    ohms = np.array([max(0.0, -slope.ohms) for slope in slopes])
+    inverse = 1.0 / min(motor.inductance_d, motor.inductance_q)
+    return Given(ohms, np.array([s.within for s in slopes]), inverse, bool(np.any(ohms > 0.0)))
 
 
 def none_given(lanes: int) -> Given:

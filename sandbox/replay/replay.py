@@ -35,6 +35,7 @@ from sandbox.plant.sets import batch_of, complete, features_of, readings_at, sam
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.grouping import SAMPLED, grouped, room_of
 from sandbox.replay.inputs import Inputs, inputs_of, stated_noise_std
+from sandbox.replay.negative_resistance import given_back
 from sandbox.replay.stretches import Stretch
 from sandbox.replay.walking import Block, Running
 
@@ -291,7 +292,8 @@ def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence
         batch["delay"] -= delay_periods * converter.update_period
         batch["sample"] += delay_periods * converter.update_period
         batch["when"] = readings_at(batch["sample"], converter.update_period)
-    return Block(tuple(members), batch, lock, features, delay_periods)
+    given = given_back(motor, converter, own, batch["supply"])
+    return Block(tuple(members), batch, lock, features, given, delay_periods)
 
 
 def run_block(

@@ -23,7 +23,7 @@ from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
 from sandbox.replay.kernel import Fixed, Rows, run, turn
 from sandbox.replay.motion.twisted_start import without_start
-from sandbox.replay.negative_resistance import Given, given_back, none_given
+from sandbox.replay.negative_resistance import Given, none_given
 
 NEWTON_STEPS = 60
 # of 1 A and the current's size: below it rounding may end the search for its flux
@@ -32,13 +32,14 @@ CURRENT_TOLERANCE = 1e-11
 
 @dataclass(frozen=True)
 class Block:
-    """Sets that run together: their places, the batch, lock angles, common features; delay_periods:
-    whole periods by which the voltage of all of them comes later."""
+    """Sets that run together: their places, the batch, lock angles, common features, what legs give
+    back; delay_periods: whole periods by which the voltage of all of them comes later."""
 
     members: tuple[int, ...]
     batch: Any
     lock: Array
     features: int
+    given: Given
     delay_periods: int = 0
 
     @property
@@ -91,6 +92,8 @@ class Running:
         whole = r.track if r.settling is None else np.concatenate([r.settling.track, r.track])
         track = later(whole, block.delay_periods)
         torque = np.empty(len(track) if r.rotor == "free" else 0)
+        # states that are known by readings only are held by them
+        given = none_given(block.lanes) if r.start is None else block.given
         own = cls(
             r,
             w,
@@ -99,7 +102,7 @@ class Running:
             features,
             blank_room(block.lanes),
             track,
-            Fixed(r.motion.eccentric, np.array(w["supply"]), given_by(drive, r, w)),
+            Fixed(r.motion.eccentric, np.array(w["supply"]), given),
             torque,
         )
         if features & additions.TWIST and turns_at_first(r):
@@ -194,16 +197,6 @@ class Running:
             self.torque,
             first,
         )
-
-
-def given_by(drive: Drive, r: Inputs, batch: Any) -> Given:
-    """Return what legs of a batch give back where readings are to hold a current: of a recording
-    whose states are known by its readings only."""
-    if r.start is None:
-        return none_given(len(batch["supply"]))
-    least = min(drive.motor.inductance_d, drive.motor.inductance_q)
-    converter = drive.converter
-    return given_back(batch, converter.sampling_period * converter.samples_a_period, 1.0 / least)
 
 
 def later(track: Any, periods: int) -> Any:

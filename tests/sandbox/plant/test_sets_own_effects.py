@@ -13,13 +13,14 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import sandbox.plant.electrical as electrical  # from here on an effect comes too late
 from model.compiled import inlined
 from model.drive_files import load_drive
 from model.effects import adopt, library, own
-from model.effects.card import At, Effect, Limit, Parameter
+from model.effects.card import At, Effect, LegSlope, Limit, Parameter
 from model.effects.library import load_effect
 from model.effects.own import EQUATIONS
 from model.errors import BadInput
@@ -27,6 +28,7 @@ from model.kernels.sources import depends_on
 from sandbox.drive.closed import longest_step
 from sandbox.plant import additions as add
 from sandbox.plant import sets
+from sandbox.replay.negative_resistance import given_back
 from sandbox.switched import inverter
 
 ROOT = Path(__file__).parents[3]
@@ -337,6 +339,29 @@ def test_cards_of_the_library_are_taken_from_users_too(name):
         adopt.check_card(replace(mine, at=()), Path("mine.py"))
 
 
+def test_legs_that_give_volts_back_by_an_effect_of_ones_own(own_card):
+    """Its ohms add up with the library's, each over a zone of 0.2 A: a drop of 0.1 V takes 0.5 of
+    the 0.8 ohm given back.  Held is the widest zone of those that give: the own one is twice 0.2 A,
+    that of a negative dead time 0.8 A."""
+    drive = load_drive("ipm")
+    motor, converter = drive.motor, drive.converter
+    card = replace(SOUND, leg_slope=lambda v, _, legs: LegSlope(-v["mine.size"], 2.0 * legs.zone))
+    adopt.check_card(card, Path("mine.py"))
+    own_card(card)
+    early = {"dead_time.time": -0.2 * converter.sampling_period / converter.dc_bus_voltage}
+    given = [
+        {"mine.size": 0.8},
+        {"mine.size": 0.8, "device_drop.threshold": 0.1},
+        {"mine.size": 0.8, **early},
+        {"mine.size": 0.8, **early, "dead_time.zone_width": 0.8},
+        {"mine.size": -0.8},
+    ]
+    values = [sets.complete(motor, converter, v | {"bench.soft_current": 0.2}) for v in given]
+    found = given_back(motor, converter, values, np.full(5, converter.dc_bus_voltage))
+    assert found.ohms == pytest.approx([0.8, 0.3, 1.8, 1.05, 0.0])
+    assert found.within == pytest.approx([0.4, 0.4, 0.4, 0.8, 0.0])
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
@@ -371,6 +396,14 @@ def test_cards_of_the_library_are_taken_from_users_too(name):
         (
             replace(SOUND, longest=lambda v, motor, omega: 0.0),
             "longest gives 0.0; give s, more than 0",
+        ),
+        (
+            replace(SOUND, leg_slope=lambda v, motor, legs: LegSlope(v["mine.size"], 0.0)),
+            "fails with mine.size = -1: .*leg_slope gives -1.0 ohm within 0.0 A; give finite",
+        ),
+        (
+            replace(SOUND, leg_slope=lambda v, motor, legs: LegSlope(math.inf, legs.zone)),
+            "leg_slope gives inf ohm",
         ),
     ],
 )

@@ -11,7 +11,7 @@ from model.effects.device_drop import leg_loss as dropped
 from model.parameters import Motor
 from sandbox.plant.sets import complete, soft_current
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.replay.negative_resistance import given_back, taken_back
+from sandbox.replay.negative_resistance import taken_back
 from sandbox.replay.replay import block_of, prepare, replay, residuals
 from sandbox.replay.unread_start import with_starts
 from sandbox.replay.walking import Running
@@ -72,8 +72,7 @@ def test_what_is_given_back_is_the_slope_of_what_legs_lose():
     sets = [LATE, LATE | drop, LATE | {"dead_time.capacitance": 1e-9}, {"dead_time.time": -TIME}]
     values = [complete(ROUND.motor, ROUND.converter, v) for v in sets]
     p = campaign_of(record({}, "locked", n=20, drive=ROUND))
-    block = block_of(p, range(len(sets)), values)
-    given = given_back(block.batch, PERIOD, 1.0 / ROUND.motor.inductance_d)
+    given = block_of(p, range(len(sets)), values).given
     i = np.array([1e-3 * ZONE])
     lost = [leg_loss(v, ROUND.converter, i)[0] + dropped(v, i)[0] for v in values[:3]]
     np.testing.assert_allclose(given.ohms[:3], [-u / i[0] for u in lost], rtol=1e-9)
