@@ -16,7 +16,7 @@ import numpy as np
 from model.array_types import Array
 from model.compiled import inlined
 from model.effects import dead_time, device_drop
-from model.effects.card import At, Curve, Effect, Parameter
+from model.effects.card import At, Curve, Effect, Legs, LegSlope, Parameter
 from model.effects.said import quantity
 from model.parameters import Converter, Motor
 
@@ -90,6 +90,18 @@ def curve(v: Mapping[str, float], motor: Motor, current: Array) -> Array:
     return np.asarray(
         sum(u * np.clip(x / c, -1.0, 1.0) for u, c in zip(volts, corners(v, motor), strict=True))
     )
+
+
+def leg_slope(v: Mapping[str, float], motor: Motor, legs: Legs) -> LegSlope:
+    """Return what the curve takes from a leg around zero current, by completed values: its slope
+    there, up to the corner beyond which it gives nothing back."""
+    volts = [v[f"leg_voltage.{n}"] for n in VOLTS]
+    if not any(volts):
+        return LegSlope(0.0, 0.0)
+    amps = corners(v, motor)
+    slopes = np.cumsum((volts / amps)[::-1])[::-1]  # of the stretch that ends at each corner
+    back = np.append(slopes < 0.0, False)
+    return LegSlope(float(slopes[0]), float(np.append(0.0, amps)[np.argmin(back)]))
 
 
 def places(v: Mapping[str, float], motor: Motor) -> Array:
@@ -191,6 +203,7 @@ CARD = Effect(
     at=(At("leg_curve", lost, (*VOLTS, "reference")),),
     switches=VOLTS,
     do=do,
+    leg_slope=leg_slope,
     free=True,
     curve=Curve("current", "A", "voltage a leg loses", "V", places, whole, said, SIMPLER),
 )

@@ -8,7 +8,8 @@ import pytest
 
 from model.drive_files import load_drive
 from model.effects import dead_time, device_drop, library
-from model.effects.leg_voltage import CARD, CORNERS, VOLTS, curve, lost, said, whole
+from model.effects.card import Legs
+from model.effects.leg_voltage import CARD, CORNERS, VOLTS, curve, leg_slope, lost, said, whole
 
 DRIVE = load_drive("ipm_exchanged")
 
@@ -73,6 +74,21 @@ def test_the_table_that_it_proposes_is_the_curve():
     i = np.linspace(0.0, 3.0, 301) * DRIVE.motor.rated_current
     # three digits are given
     assert np.allclose(np.interp(i, *points.T), curve(v, DRIVE.motor, i), atol=5e-3 * 1.8)
+
+
+@pytest.mark.parametrize(
+    "terms", [{"v_1": -0.4}, {"v_1": 0.1, "v_3": -0.4, "v_4": -0.1, "v_6": 0.3}]
+)
+def test_what_it_gives_back_ends_where_the_curve_turns(terms):
+    """The curve falls from zero on, by its slope there, to its least value, at a corner."""
+    v, legs = completed(**terms), Legs(400.0, 1e-4, 0.1)
+    i = DRIVE.motor.rated_current * np.append(0.0, CORNERS)
+    falls = curve(v, DRIVE.motor, i)
+    ohms, within = leg_slope(v, DRIVE.motor, legs)
+    assert ohms == pytest.approx(falls[1] / i[1])
+    assert within == pytest.approx(i[np.argmin(falls)])
+    assert leg_slope(completed(v_2=0.3), DRIVE.motor, legs).within == 0.0
+    assert leg_slope(completed(), DRIVE.motor, legs) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(("capacitance", "center"), [(0.0, 0.0), (0.0, 0.8), (2e-10, -0.5)])
