@@ -13,6 +13,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -166,7 +167,8 @@ def _diagnosed(
         start = drifts.at(start)
     hidden, count = out_of_sight(own), len(own.recordings)
     asked = tuple(s for s in rivals if not set(s) & set(hidden))
-    start, short = _with_map(start, _excerpts(start))
+    start = with_modes(start, missed(start.prepared.campaign))
+    short = _excerpts(start)
     fitted, barred = weights_of(count), (*exclude, *hidden)
     found = infer(
         Problem(start, fitted, barred, asked, USUAL_SETTINGS, workers, report, short, drifts)
@@ -302,29 +304,23 @@ def _nominal(
     return start, nominal
 
 
-def _excerpts(start: ParameterPoint) -> ParameterPoint | None:
-    """Return the nominal point of a campaign cut to excerpts, on which the search for effects
-    begins; None where that would save little."""
+def _excerpts(start: ParameterPoint) -> Callable[[], ParameterPoint] | None:
+    """Return what makes the nominal point of a campaign cut to excerpts, on which the search for
+    effects begins; None where that would save little."""
     if start.prepared.samples <= 2 * USUAL_SETTINGS.samples:
         return None
-    own = start.prepared.campaign
-    short = prepare(
-        in_order(begun(excerpted(own, USUAL_SETTINGS.samples))), steps=start.prepared.steps
-    )
-    known = {k: getattr(start.prepared, k) for k in ("noise_std", "colour", "spare")}
-    return replace(start, prepared=with_starts(replace(short, **known)))
 
+    @cache
+    def made() -> ParameterPoint:
+        """Return that point, with what the motor's flux map may be off by."""
+        own = start.prepared.campaign
+        parts = begun(excerpted(own, USUAL_SETTINGS.samples))
+        short = prepare(in_order(parts), steps=start.prepared.steps)
+        known = {k: getattr(start.prepared, k) for k in ("noise_std", "colour", "spare")}
+        short = same_map(with_starts(replace(short, **known)), start.prepared)
+        return replace(start, prepared=short)
 
-def _with_map(
-    start: ParameterPoint, short: ParameterPoint | None
-) -> tuple[ParameterPoint, ParameterPoint | None]:
-    """Return a campaign's nominal point, and that of its excerpts, with what the motor's flux map
-    may be off by."""
-    campaign = start.prepared.campaign
-    seen = with_modes(start, missed(campaign))
-    if short is not None:
-        short = replace(short, prepared=same_map(short.prepared, seen.prepared))
-    return seen, short
+    return made
 
 
 def in_order(campaign: Campaign) -> Campaign:

@@ -17,20 +17,24 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.array_types import Array
+from model.compiled import kernel
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import Inputs
 from sandbox.replay.map_error import Answers
-from sandbox.replay.memory import SHARE, Kept, Spill, compacted
+from sandbox.replay.memory import SHARE, Kept, Spill, compact
 from sandbox.replay.replay import Prepared, Residual, residual_of
 from sandbox.replay.sensitivity import Moves, Slopes, slopes
-from sandbox.replay.stretches import Stretch, blocks, stretches, whole_blocks
+from sandbox.replay.stretches import Stretch, blocks, side_by_side, whole_blocks
 
+# Bytes of slopes that are worked on at once: they stay in a processor's second cache (1 to 2 MB
+# today) from the plant's difference to their squares, and are written to memory once
+AT_ONCE = 2e6
 Colour = tuple[float, ...]  # autocorrelations over 1, 2, ... readings; () of white noise
 Rows = Array | Kept  # slopes (n c, q) of a segment, in memory or in a file
 
@@ -61,12 +65,11 @@ def squared_slopes(
         SHARE * prepared.spare,
         8.0 * width * sum(_readings(r) for r in prepared.recordings),
     )
-    most = room / (32.0 * (width + ROOMS[-1] * workers))
-    groups = stretches(n, most, whole_blocks(prepared.longest_start, cut))
-    small = size <= room and all(s.whole for group in groups for s in group)
-    spill, at = None if small else Spill(size), 0
-    out: list[tuple[Segment, Rows]] = []
-    gathering: list[Gathering] = []
+    most = min(room / (32.0 * (width + ROOMS[-1] * workers)), AT_ONCE / (32.0 * width))
+    groups = side_by_side(n, most, whole_blocks(prepared.longest_start, cut), workers)
+    spill, at = None if size <= room else Spill(size), 0
+    out: list[list[tuple[Segment, Rows]]] = [[] for _ in n]
+    gathering: dict[int, list[Gathering]] = {}
     for s, found in slopes(prepared, moves, groups, workers=workers):
         if map_modes:
             found.current[:, :, len(moves.to) :] = answers.over(s)
@@ -75,16 +78,16 @@ def squared_slopes(
             start.taken_off(found.current)
         parts = channels_of(prepared, s, found, len(moves.to) - 2)
         if not s.first:
-            gathering = []
+            gathering[s.recording] = own = []
             for part in parts:
                 colour = colour_of(prepared, part.channel)
-                gathering.append(Gathering(at, part.j.shape[2], s.n * part.j.shape[1], colour))
-                at += 8 * gathering[-1].width * gathering[-1].rows
-        for part, own in zip(parts, gathering, strict=True):
-            own.add(part, spill, s, cut)
+                own.append(Gathering(at, part.j.shape[2], s.n * part.j.shape[1], colour))
+                at += 8 * own[-1].width * own[-1].rows
+        for part, channel in zip(parts, gathering[s.recording], strict=True):
+            channel.add(part, spill, s, cut)
             if s.last == s.n:
-                out.append(own.squared(s.recording, part, spill, cut))
-    return out
+                out[s.recording].append(channel.squared(s.recording, part, spill, cut))
+    return [x for own in out for x in own]
 
 
 def _readings(r: Inputs) -> int:
@@ -133,7 +136,8 @@ def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[C
 @dataclass
 class Gathering:
     """A channel of one recording as its stretches come in: its place in the file, columns and rows
-    of slopes; colour of errors; which columns are not zero; residuals."""
+    of slopes; colour of errors; which columns are not zero; residuals; slopes (rows, q) of the
+    columns that are not zero so far, where they stay in memory."""
 
     at: int
     width: int
@@ -141,17 +145,32 @@ class Gathering:
     colour: Colour
     acts: NDArray[np.bool_] | None = None
     residuals: list[Array] = field(default_factory=list)
+    kept: Array | None = None
 
     def add(self, part: ChannelSlopes, spill: Spill | None, s: Stretch, cut: int) -> None:
         """Take in a stretch."""
         whiten(part.j, self.colour, s, cut)
         whiten(part.r, self.colour, s, cut)
-        flat = part.j.reshape(-1, self.width)
-        acts = np.asarray(flat.any(axis=0))
-        self.acts = acts if self.acts is None else self.acts | acts
+        flat, wide = part.j.reshape(-1, self.width), part.j.shape[1]
+        before, here = self.acts, np.asarray(flat.any(axis=0))[part.columns]
+        self.acts = here if before is None else before | here
         self.residuals.append(part.r)
         if spill is not None:
-            spill.write(self.at + 8 * self.width * s.first * part.j.shape[1], flat)
+            spill.write(self.at + 8 * self.width * s.first * wide, flat)
+            return
+        if before is None or np.any(self.acts != before):
+            self._widen(before, s.first * wide)
+        acts = np.flatnonzero(self.acts)
+        own = self.kept[s.first * wide : s.last * wide]
+        compact(flat, part.columns[acts], part.scale[acts], own)
+
+    def _widen(self, before: NDArray[np.bool_] | None, done: int) -> None:
+        """Make room for all columns that act so far; rows before these were 0 in the new ones."""
+        out = np.empty((self.rows, int(np.count_nonzero(self.acts))))
+        if before is not None:
+            out[:done] = 0.0
+            out[:done, before[self.acts]] = self.kept[:done]
+        self.kept = out
 
     def squared(
         self, recording: int, part: ChannelSlopes, spill: Spill | None, cut: int
@@ -159,11 +178,12 @@ class Gathering:
         """Return the segment and the slopes (n c, q) of those coordinates that act on it; part: the
         last stretch."""
         assert self.acts is not None
-        acts = np.flatnonzero(self.acts[part.columns])
+        acts = np.flatnonzero(self.acts)
         columns, scale = part.columns[acts], part.scale[acts]
         rows: Rows
         if spill is None:
-            rows = compacted(part.j.reshape(-1, self.width), columns, scale)
+            assert self.kept is not None
+            rows = self.kept
         else:
             rows = Kept(spill, self.at, (self.rows, self.width), columns, scale)
         r = self.residuals[0] if len(self.residuals) == 1 else np.concatenate(self.residuals)
@@ -180,16 +200,29 @@ def whiten(x: Array, colour: Colour, s: Stretch, cut: int) -> None:
     a block."""
     if not colour:
         return
+    known = predictors(colour)
+    weights = np.array([[*w, *np.zeros(len(known) - 1 - len(w))] for w, _ in known])
+    deviations = np.array([deviation for _, deviation in known])
+    wide = x.reshape(len(x), -1)
     for first, last in blocks(s.n, cut):
         if s.first <= first and last <= s.last:
-            own = x[first - s.first : last - s.first]
-            read, known = own.copy(), predictors(colour)
-            for k, (weights, deviation) in enumerate(known):
-                # the last one predicts all readings that have so many before them
-                end = k + 1 if k + 1 < len(known) else len(own)
-                for j, weight in enumerate(weights, 1):
-                    own[k:end] -= weight * read[k - j : end - j]
-                own[k:end] /= deviation
+            take_predicted(wide[first - s.first : last - s.first], weights, deviations)
+    if not np.shares_memory(wide, x):
+        x[:] = wide.reshape(x.shape)
+
+
+@kernel
+def take_predicted(x, weights, deviations):
+    """Whiten a block (m, k) in place, the last reading first, as those before are still as read;
+    weights (o, o - 1), deviations (o,): of `predictors`, the last of which serve all readings that
+    have so many before them."""
+    for k in range(len(x) - 1, -1, -1):
+        order = min(k, len(deviations) - 1)
+        for j in range(order):
+            for i in range(x.shape[1]):
+                x[k, i] -= weights[order, j] * x[k - 1 - j, i]
+        for i in range(x.shape[1]):
+            x[k, i] /= deviations[order]
 
 
 @cache
@@ -229,12 +262,19 @@ def squared(
     for b, (first, last) in enumerate(blocks(s.n, cut)):
         if first < s.first or last > s.last:
             continue
-        jb = rows[first * wide : last * wide]
+        part = slice(first * wide, last * wide)
         for r, own in each:
             rb = r[first - s.first : last - s.first].ravel()
             with np.errstate(over="ignore", invalid="ignore"):
                 # of an absurd set: nothing is probable there
-                own.g[b], own.ssr[b] = rb @ jb, rb @ rb
+                own.g[b], own.ssr[b] = _products(rb, rows, part), rb @ rb
+
+
+def _products(r: Array, rows: Any, part: slice) -> Array:
+    """Return the products (q,) of residuals (n,) with slopes of some rows."""
+    if isinstance(rows, np.ndarray | Kept):
+        return np.asarray(r @ rows[part])
+    return np.asarray(rows.products(r, part))
 
 
 def _segment(

@@ -41,6 +41,18 @@ def stretches(samples: Sequence[int], most: float, cut: int = 1) -> list[list[St
     return [group for group in out if group]
 
 
+def side_by_side(samples: Sequence[int], most: float, cut: int, count: int) -> list[list[Stretch]]:
+    """Return all samples of recordings in stretches of at most so many (no shorter than `cut`, at
+    multiples of it), those of `count` recordings side by side."""
+    each = [[s for (s,) in stretches([n], most, cut)] for n in samples]
+    own = [[Stretch(r, s.first, s.last, s.n) for s in parts] for r, parts in enumerate(each)]
+    return [
+        [parts[k] for parts in own[first : first + count] if k < len(parts)]
+        for first in range(0, len(own), count)
+        for k in range(max(map(len, own[first : first + count])))
+    ]
+
+
 def whole_blocks(least: int, cut: int) -> int:
     """Return the samples of the fewest whole blocks that hold so many: one at least."""
     return cut * max(1, math.ceil(least / cut))

@@ -34,6 +34,12 @@ class Joined:
         own = [slopes[rows][:, columns] for slopes, columns in self.parts]
         return np.concatenate(own, axis=1)[:, self.order]
 
+    def products(self, r: Array, rows: slice) -> Array:
+        """Return the products (q,) of residuals (n,) with the slopes of some rows: no copy is made
+        of these."""
+        own = [(r @ slopes[rows])[columns] for slopes, columns in self.parts]
+        return np.asarray(np.concatenate(own)[self.order])
+
     def __array__(self, dtype: object = None, copy: bool | None = None) -> Array:
         """Return all of them."""
         return self[:]
@@ -62,7 +68,9 @@ def extended(
         return same
     own = [k for k, c in enumerate(known.coordinates) if c.of_point]
     places = {known.move(c): k for k, c in enumerate(known.coordinates) if not c.of_point}
-    more = normal(point, [c for c in coordinates if known.move(c) not in places], workers=workers)
+    # the same plant, whose map's modes have columns already
+    bare = replace(point, prepared=replace(point.prepared, map_error=None))
+    more = normal(bare, [c for c in coordinates if known.move(c) not in places], workers=workers)
     new = {more.move(c): k for k, c in enumerate(more.coordinates) if not c.of_point}
     moves = [known.move(c) for c in coordinates]
     old = {places[m]: j for j, m in enumerate(moves) if m in places}

@@ -116,7 +116,8 @@ def best_values(
         chosen = tuple(r for r in chosen if r.rotor == "free")
     if not chosen:
         return []
-    part = ParameterPoint(replace(prepared, recordings=chosen), point.values)
+    # what a map may be off by has no say here
+    part = ParameterPoint(replace(prepared, recordings=chosen, map_error=None), point.values)
     coordinates = [
         Coordinate(f"{value} {form}", 0.0, 1.0, form, pair, ((parameter, float(value)),))
         for value in values

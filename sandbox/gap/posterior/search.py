@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 from model.array_types import Array
 from model.effects import library
@@ -56,7 +57,7 @@ REWEIGHTED = 8
 class Problem:
     """What is asked: a campaign at its nominal point, recordings that count, effects that are no
     candidates, sets that are fitted whatever else is, settings, threads, and whom to tell;
-    excerpts: the same of parts of a long campaign;
+    excerpts: what returns the same of parts of a long campaign, made where it is looked at;
     known: what the campaign does not state and was found already."""
 
     start: ParameterPoint
@@ -66,12 +67,13 @@ class Problem:
     settings: Settings = USUAL
     workers: int = 1
     report: Report = lambda _: None
-    excerpts: ParameterPoint | None = None
+    excerpts: Callable[[], ParameterPoint] | None = None
     known: Unstated = NOTHING
 
     def stating(self, new: Unstated) -> Problem:
         """Return the same of a campaign that states what was found."""
-        short = None if self.excerpts is None else new.at(self.excerpts)
+        parts = self.excerpts
+        short = None if parts is None else cache(lambda: new.at(parts()))
         return replace(
             self, start=new.at(self.start), excerpts=short, known=self.known.and_then(new)
         )
@@ -107,11 +109,10 @@ class Search:
         p, alone = self.problem, (self.null, rms_of(self.null) > self.rough)
         if p.excerpts is None or rms_of(self.null) <= p.settings.gap:
             return (self.at_nominal(), True) if nominal else alone
-        parts = p.excerpts.prepared.recordings
-        short = replace(
-            p, start=p.excerpts, fitted=weights_of(len(parts)), excerpts=None, report=lambda _: None
-        )
-        with part_of(p.excerpts.prepared.samples / p.start.prepared.samples):
+        part = p.excerpts()
+        fitted = weights_of(len(part.prepared.recordings))
+        short = replace(p, start=part, fitted=fitted, excerpts=None, report=lambda _: None)
+        with part_of(part.prepared.samples / p.start.prepared.samples):
             first = Search(short, rough=0.0)
             begun = first.at_nominal() if nominal else first.null
             found, _ = first.grown(begun, True, whole=False)

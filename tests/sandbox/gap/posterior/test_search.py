@@ -213,7 +213,9 @@ def test_a_set_that_excerpts_name_near_the_floor_is_fitted_whole(small_folder):
         point_of(dataclasses.replace(campaign, recordings=campaign.recordings[::2])),
     )
     run = Search(
-        Problem(whole, weights_of(len(campaign.recordings)), ("device_drop",), excerpts=part)
+        Problem(
+            whole, weights_of(len(campaign.recordings)), ("device_drop",), excerpts=lambda: part
+        )
     )
     here, rough = run.begun()
     assert here.effects == ("dead_time",)
@@ -246,7 +248,7 @@ def test_excerpts_only_say_where_the_search_begins(small_folder):
     )
     first = infer(problem)
     told.clear()
-    second = infer(dataclasses.replace(problem, excerpts=part))
+    second = infer(dataclasses.replace(problem, excerpts=lambda: part))
     assert told.index("fitting dead_time") < told.index("weighing all sets of effects")
     assert second.best.effects == first.best.effects == ("dead_time",)
     assert second.sets["dead_time",] == pytest.approx(first.sets["dead_time",], abs=0.01)
