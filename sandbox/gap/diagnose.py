@@ -36,6 +36,7 @@ from sandbox.gap.posterior.remainder import Remainder, remainder
 from sandbox.gap.posterior.search import Problem
 from sandbox.gap.settings import USUAL as USUAL_SETTINGS
 from sandbox.gap.unstated.drifting import Drifting, drifting
+from sandbox.gap.unstated.first_look import first_look
 from sandbox.gap.unstated.more_than_ordinary import chance_of_effect
 from sandbox.gap.unstated.pwm_counts import Counted
 from sandbox.gap.unstated.unstated import Unstated
@@ -168,12 +169,25 @@ def _diagnosed(
     hidden, count = out_of_sight(own), len(own.recordings)
     asked = tuple(s for s in rivals if not set(s) & set(hidden))
     start = with_modes(start, missed(start.prepared.campaign))
-    short = _excerpts(start)
+    report("fitting ordinary deviations")
+    left = normalised(nominal, weights_of(count))
+    look = first_look(start, _excerpts(start), left, workers=workers)
     fitted, barred = weights_of(count), (*exclude, *hidden)
     found = infer(
-        Problem(start, fitted, barred, asked, USUAL_SETTINGS, workers, report, short, drifts)
+        Problem(
+            look.start,
+            fitted,
+            barred,
+            asked,
+            USUAL_SETTINGS,
+            workers,
+            report,
+            look.excerpts,
+            drifts.and_then(look.known),
+            look.values,
+        )
     )
-    if found.known:
+    if found.known or look.start is not start:
         own, start = found.known.in_campaign(own), found.start
         nominal = normal(start, (), workers=workers)
     report("measuring the gap")

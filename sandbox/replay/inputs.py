@@ -79,6 +79,7 @@ class Inputs:
     settling: Inputs | None = None
     zero: float = 0.0  # rad: standard deviation of the angle's zero, of one that was made
     start: Start | None = None  # None: the flux at the first sample counts as known
+    hold: float = 0.0  # ohm: readings hold the replay as so large a resistance would (`held`)
 
     @property
     def samples(self) -> int:

@@ -45,12 +45,14 @@ Set = Mapping[str, float]
 
 class Given(NamedTuple):
     """What legs give back around zero current: ohms (lanes,) of each leg, within so many A (lanes,)
-    of zero; inverse: the largest 1/L of the motor (1/H); acts: whether legs of any lane do."""
+    of zero; inverse: the largest 1/L of the motor (1/H); acts: whether readings hold any lane;
+    hold: ohms that they hold any current by (`held`)."""
 
     ohms: Array
     within: Array
     inverse: float
     acts: bool
+    hold: float
 
 
 def given_back(motor: Motor, converter: Converter, sets: Sequence[Set], links: Array) -> Given:
@@ -64,12 +66,18 @@ def given_back(motor: Motor, converter: Converter, sets: Sequence[Set], links: A
     ]
     ohms = np.array([max(0.0, -slope.ohms) for slope in slopes])
     inverse = 1.0 / min(motor.inductance_d, motor.inductance_q)
-    return Given(ohms, np.array([s.within for s in slopes]), inverse, bool(np.any(ohms > 0.0)))
+    return Given(ohms, np.array([s.within for s in slopes]), inverse, bool(np.any(ohms > 0.0)), 0.0)
 
 
 def none_given(lanes: int) -> Given:
     """Return that of a replay that goes by its voltages alone."""
-    return Given(np.zeros(lanes), np.zeros(lanes), 0.0, False)
+    return Given(np.zeros(lanes), np.zeros(lanes), 0.0, False, 0.0)
+
+
+def held_everywhere(given: Given, ohms: float) -> Given:
+    """Return that of a replay that readings hold at any current, as a resistance of so many ohms
+    does."""
+    return Given(given.ohms, given.within, given.inverse, True, ohms)
 
 
 @kernel
@@ -78,7 +86,7 @@ def held_by_readings(w, given, row, seconds, early):
     theirs; seconds: from reading to reading; early: of lanes that sample before the pattern's
     start, or of the others."""
     for j in range(w.psi_alpha.size):
-        if given.ohms[j] <= 0.0 or (w.sample[j] < 0.0) != early:
+        if given.ohms[j] + given.hold <= 0.0 or (w.sample[j] < 0.0) != early:
             continue
         half, side = -0.5 * w.held_alpha[j], HALF_ROOT * w.held_beta[j]
         phases, seen = (w.held_alpha[j], half + side, half - side), (row.i_a, row.i_b, row.i_c)
@@ -89,22 +97,23 @@ def held_by_readings(w, given, row, seconds, early):
                 aa, bb = aa + v * LEG_X[m] * LEG_X[m], bb + v * LEG_Y[m] * LEG_Y[m]
                 ab += v * LEG_X[m] * LEG_Y[m]
         x, y = stationary(row.i_a - w.read_a[j], row.i_b - w.read_b[j], row.i_c - w.read_c[j])
-        a, b = taken_back((aa, ab, bb), w.resistance[j], (x, y), seconds, given.inverse)
+        legs = (aa, ab, bb, w.resistance[j], given.hold)
+        a, b = taken_back(legs, (x, y), seconds, given.inverse)
         w.psi_alpha[j], w.psi_beta[j] = w.psi_alpha[j] + a, w.psi_beta[j] + b
         w.eddy_alpha[j], w.eddy_beta[j] = w.eddy_alpha[j] + a, w.eddy_beta[j] + b
 
 
 @kernel
-def taken_back(given, winding, miss, seconds, inverse):
+def taken_back(legs, miss, seconds, inverse):
     """Return the volt-seconds that take back what legs give (aa, ab, bb of a symmetric matrix, ohm)
-    beside a winding (ohm), for a difference (x, y) in A."""
-    aa, ab, bb = given
+    beside a winding (ohm), at least what `hold` ohms take, for a difference (x, y) in A."""
+    aa, ab, bb, winding, hold = legs
     x, y = miss
     mean, apart = 0.5 * (aa + bb), math.hypot(0.5 * (aa - bb), ab)
+    first = gain(mean + apart, winding, hold, seconds, inverse)
     if mean + apart <= 0.0:
-        return 0.0, 0.0
-    first = gain(mean + apart, winding, seconds, inverse)
-    second = gain(mean - apart, winding, seconds, inverse)
+        return first * x, first * y
+    second = gain(mean - apart, winding, hold, seconds, inverse)
     # along the eigenvector of the larger one: (1 + (matrix - mean) / apart) / 2 projects on it
     c, s = ((aa - mean) / apart, ab / apart) if apart > 0.0 else (0.0, 0.0)
     even, odd = 0.5 * (first + second), 0.5 * (first - second)
@@ -112,8 +121,8 @@ def taken_back(given, winding, miss, seconds, inverse):
 
 
 @kernel
-def gain(ohms, winding, seconds, inverse):
+def gain(ohms, winding, hold, seconds, inverse):
     """Return the volt-seconds an ampere for one eigenvalue of what legs give back.  Where it grows
     much from reading to reading, no more than leaves the corrected state stable."""
-    own = max(ohms, 2.0 * (ohms - winding)) * seconds
+    own = max(ohms, 2.0 * (ohms - winding), hold) * seconds
     return own / (1.0 + own * inverse)

@@ -45,7 +45,8 @@ def with_starts(prepared: Prepared, values: Mapping[str, float] | None = None) -
 def with_starts_of(prepared: Prepared, other: Prepared) -> Prepared:
     """Return a campaign that knows the starts of another one, recording by recording."""
     pairs = zip(prepared.recordings, other.recordings, strict=True)
-    return replace(prepared, recordings=tuple(replace(r, start=o.start) for r, o in pairs))
+    own = tuple(replace(r, start=o.start, hold=o.hold) for r, o in pairs)
+    return replace(prepared, recordings=own)
 
 
 def start_of(prepared: Prepared, r: Inputs, values: Mapping[str, float]) -> Start | None:

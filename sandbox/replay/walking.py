@@ -23,7 +23,7 @@ from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
 from sandbox.replay.kernel import Fixed, Rows, run, turn
 from sandbox.replay.motion.twisted_start import without_start
-from sandbox.replay.negative_resistance import Given, none_given
+from sandbox.replay.negative_resistance import Given, held_everywhere, none_given
 
 NEWTON_STEPS = 60
 # of 1 A and the current's size: below it rounding may end the search for its flux
@@ -94,6 +94,8 @@ class Running:
         torque = np.empty(len(track) if r.rotor == "free" else 0)
         # states that are known by readings only are held by them
         given = none_given(block.lanes) if r.start is None else block.given
+        if r.hold:
+            given = held_everywhere(block.given, r.hold)
         own = cls(
             r,
             w,

@@ -294,7 +294,7 @@ class ParameterPoint:
         p = self.prepared
         base = {k: v for k, v in self.values.items() if v == v}
         recordings = tuple(
-            replace(inputs_of(p.campaign, p.campaign[r.file], base), start=r.start)
+            replace(inputs_of(p.campaign, p.campaign[r.file], base), start=r.start, hold=r.hold)
             if r.rotor == "free"
             else r
             for r in p.recordings

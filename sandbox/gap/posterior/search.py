@@ -58,7 +58,8 @@ class Problem:
     """What is asked: a campaign at its nominal point, recordings that count, effects that are no
     candidates, sets that are fitted whatever else is, settings, threads, and whom to tell;
     excerpts: what returns the same of parts of a long campaign, made where it is looked at;
-    known: what the campaign does not state and was found already."""
+    known: what the campaign does not state and was found already; begun: values that ordinary
+    deviations alone begin at, None for the nominal ones."""
 
     start: ParameterPoint
     fitted: Weights
@@ -69,6 +70,7 @@ class Problem:
     report: Report = lambda _: None
     excerpts: Callable[[], ParameterPoint] | None = None
     known: Unstated = NOTHING
+    begun: Mapping[str, float] | None = None
 
     def stating(self, new: Unstated) -> Problem:
         """Return the same of a campaign that states what was found."""
@@ -88,7 +90,8 @@ class Search:
         of a fit."""
         self.problem, self.rough = problem, rough
         problem.report("fitting ordinary deviations")
-        self.null = fit(problem.start, (), problem.fitted, rough=rough, workers=problem.workers)
+        begun = replace(problem.start, values=problem.begun or problem.start.values)
+        self.null = fit(begun, (), problem.fitted, rough=rough, workers=problem.workers)
         self.trace = problem.settings.trace_at(rms_of(self.null))
         self.linear: LinearModel | None = None
         self.met: Weights = {}  # of segments, at their point

@@ -29,6 +29,7 @@ from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report.bounds import at_bound
 from sandbox.output.refitted import Refitted
 from sandbox.plant.sets import BENCH, complete
+from sandbox.replay.held import released
 
 # of the standard deviation that a value had before: recordings that leave so much say nothing of it
 UNTOLD = 0.9
@@ -134,10 +135,9 @@ def not_in_motor(
 def residual_of(found: Fit, parts: Mapping[str, str]) -> dict[str, float]:
     """Return the rms of each recording's currents over the noise at a fit, as a replay has
     it: the flux at a first sample counts as known; parts: of which they are parts."""
-    prepared = found.point.prepared
+    prepared = released(found.point.prepared)
     files = [parts.get(r.file, r.file) for r in prepared.recordings]
-    known = tuple(dataclasses.replace(r, start=None) for r in prepared.recordings)
-    at = dataclasses.replace(found.point, prepared=dataclasses.replace(prepared, recordings=known))
+    at = dataclasses.replace(found.point, prepared=prepared)
     sums: dict[str, tuple[float, int]] = {}
     for file, left in zip(files, shown(at), strict=True):
         square, n = sums.get(file, (0.0, 0))

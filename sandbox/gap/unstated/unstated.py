@@ -62,6 +62,8 @@ def unstated(
     counts, as rounding shifts the means of turns, but not in excerpts, as the whole recordings have
     more turns."""
     point = found.point
-    drifts = None if excerpts else drifting(point, shown(point), known.drifting)
+    own = point.prepared.recordings
+    told = not excerpts and not any(r.hold for r in own)  # readings that hold take offsets along
+    drifts = drifting(point, shown(point), known.drifting) if told else None
     looked = known.counts is None and drifts is None and keeps_more(found, settings.gap)
     return Unstated(pwm_counts(point) if looked else None, drifts)

@@ -104,15 +104,13 @@ def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
         independent(theta, count),
         n * max(count, 1e-6) ** 2 / 1200.0,
     )
-    rough = reading.thinned()
-    best = fitted = refined(reading, np.empty(0))
-    worse = 0
     enough = most_squares(n, float(n), count)
-    while fitted.squares > enough and len(fitted.corners) < CORNERS and worse < 2:
-        corners = np.sort(np.append(fitted.corners, _next(rough, fitted.corners)))
-        fitted = refined(reading, refined(rough, corners).corners)
-        better = reading.criterion(fitted) < reading.criterion(best)
-        best, worse = (fitted, 0) if better else (best, worse + 1)
+    best = _sought(reading, enough)
+    if turns and best.squares > enough:
+        # a sine as large as a whole turn looks like a reversal, where corners are missing
+        plain = _sought(replace(reading, mechanical=None), enough)
+        best = min(best, refined(reading, plain.corners), key=reading.criterion)
+    rough = reading.thinned()
     while len(best.corners):
         fewer = [
             _shown(reading, rough, np.delete(best.corners, k)) for k in range(len(best.corners))
@@ -125,6 +123,20 @@ def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
         # the sine is one of the motion itself, not of its reading
         reading = replace(reading, mechanical=(theta - best.sine) / pole_pairs)
         best = refined(reading, best.corners)
+    return best
+
+
+def _sought(reading: Reading, enough: float) -> Ramps:
+    """Return the best ramps with corners added one by one, until no more are needed or two more
+    gain nothing; enough: sum of squares that rounding leaves."""
+    rough = reading.thinned()
+    best = fitted = refined(reading, np.empty(0))
+    worse = 0
+    while fitted.squares > enough and len(fitted.corners) < CORNERS and worse < 2:
+        corners = np.sort(np.append(fitted.corners, _next(rough, fitted.corners)))
+        fitted = refined(reading, refined(rough, corners).corners)
+        better = reading.criterion(fitted) < reading.criterion(best)
+        best, worse = (fitted, 0) if better else (best, worse + 1)
     return best
 
 

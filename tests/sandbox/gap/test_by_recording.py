@@ -7,7 +7,7 @@ import pytest
 from model.effect_files import effects_and_angles
 from sandbox.gap.by_recording import parting, with_offset, with_offsets
 from sandbox.gap.diagnose import diagnosis_of, verdict
-from sandbox.gap.location.where import LEAST, parts, where
+from sandbox.gap.location.where import where
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.report.answers import Answers, where_text, which_text
 from sandbox.gap.report.diagnosis_json import document
@@ -30,13 +30,9 @@ def told():
         for r in plain.recordings
     )
     d = diagnosis_of(dataclasses.replace(plain, recordings=moved), exclude=DELAYS)
-    return d, with_offsets(answers(d, parts(d)))
-
-
-def answers(d, parts):
-    """Return answers with parts of the gap by subsystem."""
-    ranked = ranking(d, position=False)
-    return Answers(d, where(d, parts), None, None, None, parts=parts, ranking=ranked)
+    return d, with_offsets(
+        Answers(d, where(d), None, None, None, ranking=ranking(d, position=False))
+    )
 
 
 def test_both_are_named(told):
@@ -65,20 +61,6 @@ def test_shares_are_of_the_gap_as_recorded(told):
     steps = [j for _, j in a.ranking.shares.waterfall]
     assert a.diagnosis.size.before > steps[0] > steps[1]
     assert steps[1] == pytest.approx(a.diagnosis.size.after)
-
-
-def test_a_part_that_is_small_beside_the_offsets_is_not_spoken_of(told):
-    """The least share of the rest of the gap is less than that of the whole."""
-    d, a = told
-    (inverter,) = a.parts
-    rest = 1.0 - a.ranking.shares.of["current_offset"].value
-    assert 0.0 < rest < 1.0
-    (before,) = parts(d)
-    assert inverter.share == pytest.approx(rest * before.share)
-    small = dataclasses.replace(before, share=LEAST)
-    found = with_offsets(answers(d, (small,)))
-    assert found.parts == ()
-    assert {f.subsystem for f in found.where} == {"sensor"}
 
 
 def test_json_holds_each_recording(told):

@@ -53,19 +53,19 @@ def by_voltages(p):
     return dataclasses.replace(p, recordings=recordings)
 
 
-def test_what_legs_give_is_taken_back_along_its_own_axes():
-    """numpy's eigenvalues of random symmetric matrices, each with max(s, 2 (s - R)) T, g, as g/(1 +
-    g/L)."""
+@pytest.mark.parametrize("hold", [0.0, 2.0])
+def test_what_legs_give_is_taken_back_along_its_own_axes(hold):
+    """numpy's eigenvalues of random symmetric matrices, each with max(s, 2 (s - R), hold) T, g, as
+    g/(1 + g/L)."""
     rng, seconds, inverse, winding = np.random.default_rng(3), 1e-4, 200.0, 1.3
     for root in rng.normal(0.0, 1.5, (50, 2, 2)):
         matrix = root @ root.T
         m, v = np.linalg.eigh(matrix)
-        own = np.maximum(m, 2.0 * (m - winding)) * seconds
+        own = np.maximum(np.maximum(m, 2.0 * (m - winding)), hold) * seconds
         x = rng.normal(size=2)
         expected = v @ np.diag(own / (1.0 + own * inverse)) @ v.T @ x
-        found = taken_back(
-            (matrix[0, 0], matrix[0, 1], matrix[1, 1]), winding, tuple(x), seconds, inverse
-        )
+        legs = (matrix[0, 0], matrix[0, 1], matrix[1, 1], winding, hold)
+        found = taken_back(legs, tuple(x), seconds, inverse)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
 
 
