@@ -167,27 +167,14 @@ def _diagnosed(
     if drifts:
         start = drifts.at(start)
     hidden, count = out_of_sight(own), len(own.recordings)
-    asked = tuple(s for s in rivals if not set(s) & set(hidden))
     start = with_modes(start, missed(start.prepared.campaign))
-    report("fitting ordinary deviations")
-    left = normalised(nominal, weights_of(count))
-    look = first_look(start, _excerpts(start), left, workers=workers)
-    fitted, barred = weights_of(count), (*exclude, *hidden)
-    found = infer(
-        Problem(
-            look.start,
-            fitted,
-            barred,
-            asked,
-            USUAL_SETTINGS,
-            workers,
-            report,
-            look.excerpts,
-            drifts.and_then(look.known),
-            look.values,
-        )
+    asked = tuple(s for s in rivals if not set(s) & set(hidden))
+    problem = Problem(
+        start, weights_of(count), (*exclude, *hidden), asked, USUAL_SETTINGS, workers, report
     )
-    if found.known or look.start is not start:
+    problem = _looked_at(replace(problem, known=drifts), normalised(nominal, problem.fitted))
+    found = infer(problem)
+    if found.known or problem.start is not start:
         own, start = found.known.in_campaign(own), found.start
         nominal = normal(start, (), workers=workers)
     report("measuring the gap")
@@ -361,6 +348,20 @@ def out_of_sight(campaign: Campaign) -> tuple[str, ...]:
         cards = {e: library.load_effect(e) for e in library.effect_names()}
         own += [e for e, card in cards.items() if {a.port for a in card.at} & OF_ENCODER]
     return tuple(own)
+
+
+def _looked_at(problem: Problem, left: float) -> Problem:
+    """Return what is asked of a campaign with what a first look found; left: times the noise that
+    the nominal model leaves."""
+    problem.report("fitting ordinary deviations")
+    look = first_look(problem.start, _excerpts(problem.start), left, workers=problem.workers)
+    return replace(
+        problem,
+        start=look.start,
+        excerpts=look.excerpts,
+        known=problem.known.and_then(look.known),
+        begun=look.values,
+    )
 
 
 def _without(whole: Fit, start: ParameterPoint, left: Sequence[int], workers: int) -> Fit:

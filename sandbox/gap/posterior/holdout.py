@@ -24,6 +24,7 @@ CHANNELS = ("current", "motion", "angle")
 CHOICES = 500
 # a held-out recording needs to feel an effect only so many times less than the fitted ones
 FELT = 4.0
+SAME = 9  # digits to which two shares are the same: sums of other order round the last ones
 
 
 def weights_of(recordings: int, left_out: Sequence[int] = ()) -> dict[tuple[int, str], float]:
@@ -98,21 +99,22 @@ class Information:
         tells = np.diag(self.whole) * self.deviation**2 > 1.0
         return sorted({place[label] for label in labels if tells[place[label]]})
 
-    def kept(self, left: Sequence[int], places: Sequence[int]) -> float:
-        """Return the smallest share of information about any coordinate at `places` that fit and
-        check keep where recordings `left` are held out.
+    def kept(self, left: Sequence[int], places: Sequence[int]) -> tuple[float, ...]:
+        """Return the shares of information about coordinates at `places` that fit and check keep
+        where recordings `left` are held out, the smallest first: of two choices with the same
+        smallest share the next one decides, not the order of recordings.
 
         Fit: variance with all recordings over variance without those left out; check: A of those
         left out over all A.
         """
         if not places:
-            return 0.0
+            return ()
         kept = np.delete(self.by_recording, left, axis=0).sum(axis=0)
         prior = np.diag(self.deviation**-2.0)
         narrow = np.diag(self._covariance)[places]
         wide = np.diag(np.linalg.inv(kept + prior))[places]
         felt = FELT * (1.0 - np.diag(kept)[places] / np.diag(self.whole)[places])
-        return float(np.minimum(narrow / wide, felt).min())
+        return tuple(np.sort(np.round(np.minimum(narrow / wide, felt), SAME)).tolist())
 
     @cached_property
     def _covariance(self) -> Array:

@@ -63,7 +63,8 @@ def unstated(
     more turns."""
     point = found.point
     own = point.prepared.recordings
-    told = not excerpts and not any(r.hold for r in own)  # readings that hold take offsets along
-    drifts = drifting(point, shown(point), known.drifting) if told else None
+    # readings that hold a replay take their offsets along
+    seen = not excerpts and not any(r.hold for r in own)
+    drifts = drifting(point, shown(point), known.drifting) if seen else None
     looked = known.counts is None and drifts is None and keeps_more(found, settings.gap)
     return Unstated(pwm_counts(point) if looked else None, drifts)

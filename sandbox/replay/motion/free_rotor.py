@@ -29,8 +29,6 @@ from model.array_types import Array
 from model.compiled import inlined, kernel
 
 ANYWHERE = 100.0  # variance of the first angle in variances of a reading
-# rad/s^2 electrical: standard deviation of what is unexplained from the first sample on
-CONSTANT = 1e3
 SWEEPS = 12  # over all readings
 DAMPED = 0.7  # share of a change that is made: whole ones swing
 SETTLED = 0.01  # count, rms, that a sweep moves the angle
@@ -61,7 +59,8 @@ STEP = np.dtype([(name, np.float64) for name in (*STATES, *COVARIANCES, *INNOVAT
 class KnownMotion(NamedTuple):
     """What is known beside the readings: acceleration (n,) rad/s^2 electrical, mean over the
     interval from each sample on, variance (n,) of its white part; period, s; first angle (rad), its
-    scale of variance, variance of the first speed."""
+    scale of variance, variance of the first speed, which that of what is unexplained from the first
+    sample on follows: as much in one period."""
 
     acceleration: Array
     white: Array
@@ -93,7 +92,7 @@ def filtered(read, variance, known, q, work):
         0.0,
         known.start,
         0.0,
-        CONSTANT**2,
+        known.start / t**2,
     )
     total = 0.0
     for k in range(n):

@@ -8,6 +8,7 @@ beforehand: its strength q is the one under which the readings are most likely.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -19,8 +20,6 @@ from sandbox.replay.motion.free_rotor import STEP, KnownMotion, filtered, within
 from sandbox.replay.motion.ramps import are_ramps, ramps_of, straightened
 from sandbox.replay.motion.rounded import within_counts
 
-# (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
-UNEXPLAINED = tuple(10.0**k for k in range(9))
 # driven recordings whose motion is kept: those of a large campaign, and their excerpts
 KEPT_MOTIONS = 64
 LONGEST_KEPT = 100_000  # readings: all that is kept takes 150 MB at most
@@ -134,9 +133,24 @@ def free_motion(
         (count / period) ** 2,
     )
     alike = np.full(len(base), variance)
-    likely = [filtered(base, alike, known, q, np.empty(0, STEP)) for q in UNEXPLAINED]
-    work = within_readings(base, count, known, UNEXPLAINED[int(np.argmax(likely))])
+    q = likeliest(lambda q: filtered(base, alike, known, q, np.empty(0, STEP)), len(base), known)
+    work = within_readings(base, count, known, q)
     return Motion(theta[0] + work["x_0"], work["x_1"].copy())
+
+
+def likeliest(likelihood: Callable[[float], float], n: int, known: KnownMotion) -> float:
+    """Return the strength q, (rad/s^2)^2/s, of what is unexplained under which n readings are most
+    likely, to a decade: the smoother's bandwidth goes as its sixth root.
+
+    From one that moves the angle by a reading's deviation within a sample down to one that does so
+    in all of them: the angle's variance grows with the fifth power of time.
+    """
+    most = known.variance / known.period**5
+    decades = range(0, math.ceil(5.0 * math.log10(n)) + 1)
+    found = {k: likelihood(most * 10.0**-k) for k in decades[::2]}
+    best = max(found, key=found.__getitem__)
+    found |= {k: likelihood(most * 10.0**-k) for k in (best - 1, best + 1) if k in decades}
+    return most * 10.0 ** -max(found, key=found.__getitem__)
 
 
 @kernel

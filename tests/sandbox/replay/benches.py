@@ -6,6 +6,7 @@ import numpy as np
 
 from model.drive_files import load_drive
 from model.effects import library
+from model.parameters import Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
@@ -13,6 +14,17 @@ from sandbox.switched.bench_numbers import bench, quiet
 DRIVE = load_drive("ipm")
 DRIVE = dataclasses.replace(
     DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=1 << 16)
+)
+NOISE = 0.02  # A rms of one reading of the round motor's drive
+# a motor of equal inductances that does not saturate
+ROUND = dataclasses.replace(
+    DRIVE,
+    motor=dataclasses.replace(
+        DRIVE.motor,
+        inductance_q=DRIVE.motor.inductance_d,
+        **{n: 0.0 for n in Motor.__dataclass_fields__ if n.startswith("alpha_")},
+    ),
+    converter=dataclasses.replace(DRIVE.converter, current_noise=NOISE, current_resolution=0.0),
 )
 CASES = (("locked", 0.0), ("driven", 20.0), ("driven", 100.0), ("free", 0.0))
 MOTION = 0.03  # standard deviations: what may be left of a free rotor's innovations without noise

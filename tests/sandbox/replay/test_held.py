@@ -11,9 +11,9 @@ from sandbox.recordings.campaign import Campaign
 from sandbox.replay.held import held, released, remembering, wider
 from sandbox.replay.replay import block_of, prepare, replay, residuals
 from sandbox.replay.walking import Running
-from tests.sandbox.replay.benches import record
-from tests.sandbox.replay.test_negative_resistance import NOISE, PERIOD, ROUND
+from tests.sandbox.replay.benches import NOISE, ROUND, record
 
+PERIOD = ROUND.converter.sampling_period
 SAMPLES = 10.0
 N = 4000
 

@@ -10,7 +10,6 @@ import pytest
 from model.effects.dead_time import leg_loss
 from model.effects.device_drop import leg_loss as dropped
 from model.effects.leg_voltage import CORNERS
-from model.parameters import Motor
 from sandbox.plant.sets import complete, soft_current
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.negative_resistance import taken_back
@@ -19,19 +18,10 @@ from sandbox.replay.unread_start import with_starts
 from sandbox.replay.walking import Running
 from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
-from tests.sandbox.replay.benches import DRIVE, record
+from tests.sandbox.replay.benches import DRIVE, NOISE, ROUND, record
 
-NOISE, LINK = 0.02, 400.0  # A rms of one reading; V
+LINK = 400.0  # V
 PERIOD = DRIVE.converter.sampling_period
-ROUND = dataclasses.replace(
-    DRIVE,
-    motor=dataclasses.replace(
-        DRIVE.motor,
-        inductance_q=DRIVE.motor.inductance_d,
-        **{n: 0.0 for n in Motor.__dataclass_fields__ if n.startswith("alpha_")},
-    ),
-    converter=dataclasses.replace(DRIVE.converter, current_noise=NOISE, current_resolution=0.0),
-)
 ZONE = soft_current(ROUND.motor)
 # a leg gives back as many ohms as this many windings take
 TIMES = 4.0

@@ -10,7 +10,6 @@ from model.compiled import kernel
 from sandbox.replay.motion.free_rotor import (
     ANYWHERE,
     AROUND,
-    CONSTANT,
     STATES,
     STEP,
     KnownMotion,
@@ -52,7 +51,7 @@ def test_the_smoother_solves_the_least_squares_problem_it_stands_for():
 
     told(unit[0], read[0], np.sqrt(ANYWHERE * variance))
     told(unit[1], 0.0, np.sqrt(start))
-    told(unit[2], 0.0, CONSTANT)
+    told(unit[2], 0.0, np.sqrt(start) / period)
     for k in range(n):
         told(unit[3 * k], read[k], np.sqrt(variance))
     for k in range(1, n):
@@ -84,7 +83,7 @@ def test_likelihood_is_that_of_the_readings_distribution():
     found = filtered(read, np.full(2, variance), known, q, np.empty(0, STEP))
     first = -0.5 * np.log((ANYWHERE + 1.0) * variance)
     first_known = variance * ANYWHERE / (ANYWHERE + 1.0)  # of the first angle, once read
-    second = first_known + period**2 * start + (0.5 * period**2 * CONSTANT) ** 2 + variance
+    second = first_known + period**2 * start + 0.25 * period**2 * start + variance
     assert found == pytest.approx(first - 0.5 * (0.05**2 / second + np.log(second)), rel=1e-12)
 
 
