@@ -15,6 +15,7 @@ import tempfile
 import weakref
 from dataclasses import dataclass, replace
 from threading import Lock
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,16 +125,44 @@ def compact(rows, columns, scale, out):
             out[k, j] = rows[k, columns[j]] * scale[j]
 
 
+@kernel
+def take_off(rows, answer, moved):
+    """Take off rows (n, q) in place what answers (n, 2) to two unknowns explain that columns move
+    by `moved` (2, q)."""
+    for k in range(len(rows)):
+        for i in range(rows.shape[1]):
+            rows[k, i] -= answer[k, 0] * moved[0, i] + answer[k, 1] * moved[1, i]
+
+
+class StartTaken(NamedTuple):
+    """What an unread start explains of slopes (`sandbox.replay.unread_start`): answers (rows, 2),
+    whitened, and by how much of them each column (2, q) goes along with it."""
+
+    answer: Array
+    moved: Array
+
+    def off(self, rows: Array, first: int) -> None:
+        """Take it off some rows (n, q), from one on, in place."""
+        own = self.answer[first : first + len(rows)]
+        if own.any():
+            take_off(rows, own, self.moved)
+
+    def of(self, columns: NDArray[np.int64]) -> StartTaken:
+        """Return that of some of the columns."""
+        return StartTaken(self.answer, self.moved[:, columns])
+
+
 @dataclass(frozen=True)
 class Kept:
-    """Slopes (rows, columns) in a file, of which some columns count, scaled: sliced like an array
-    (rows, q)."""
+    """Slopes (rows, columns) in a file, of which some columns count, scaled, less what an unread
+    start explains: sliced like an array (rows, q)."""
 
     spill: Spill
     at: int
     shape: tuple[int, int]
     columns: NDArray[np.int64]
     scale: Array
+    start: StartTaken | None = None
 
     nbytes = 0  # of memory
 
@@ -141,11 +170,15 @@ class Kept:
         """Return some rows (stop - start, q)."""
         first, last, _ = rows.indices(self.shape[0])
         own = self.spill.read(self.at + 8 * first * self.shape[1], (last - first, self.shape[1]))
-        return compacted(own, self.columns, self.scale)
+        out = compacted(own, self.columns, self.scale)
+        if self.start is not None:
+            self.start.off(out, first)
+        return out
 
     def of(self, columns: NDArray[np.int64]) -> Kept:
         """Return some of the columns."""
-        return replace(self, columns=self.columns[columns], scale=self.scale[columns])
+        start = None if self.start is None else self.start.of(columns)
+        return replace(self, columns=self.columns[columns], scale=self.scale[columns], start=start)
 
     def __array__(self, dtype: object = None, copy: bool | None = None) -> Array:
         """Return all of them, in memory."""

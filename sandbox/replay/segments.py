@@ -24,13 +24,14 @@ from numpy.typing import NDArray
 
 from model.array_types import Array
 from model.compiled import kernel
+from sandbox.plant import additions
 from sandbox.replay.grouping import ROOMS
-from sandbox.replay.inputs import Inputs
+from sandbox.replay.inputs import Inputs, Start
 from sandbox.replay.map_error import Answers
-from sandbox.replay.memory import SHARE, Kept, Spill, compact
-from sandbox.replay.replay import Prepared, Residual, residual_of
+from sandbox.replay.memory import SHARE, Kept, Spill, StartTaken, compact
+from sandbox.replay.replay import Prepared, Residual, needs_of, residual_of
 from sandbox.replay.sensitivity import Moves, Slopes, slopes
-from sandbox.replay.stretches import Stretch, blocks, side_by_side, whole_blocks
+from sandbox.replay.stretches import Stretch, blocks, side_by_side
 
 # Bytes of slopes that are worked on at once: they stay in a processor's second cache (1 to 2 MB
 # today) from the plant's difference to their squares, and are written to memory once
@@ -60,34 +61,55 @@ def squared_slopes(
     block."""
     map_modes = 0 if prepared.map_error is None else len(prepared.map_error.x)
     answers, moves = Answers(prepared, moves.at), replace(moves, map_modes=map_modes)
-    width, n = len(moves.to) + map_modes, [r.samples for r in prepared.recordings]
+    width = len(moves.to) + map_modes
     room, size = (
         SHARE * prepared.spare,
         8.0 * width * sum(_readings(r) for r in prepared.recordings),
     )
-    most = min(room / (32.0 * (width + ROOMS[-1] * workers)), AT_ONCE / (32.0 * width))
-    groups = side_by_side(n, most, whole_blocks(prepared.longest_start, cut), workers)
     spill, at = None if size <= room else Spill(size), 0
-    out: list[list[tuple[Segment, Rows]]] = [[] for _ in n]
+    out: list[list[tuple[Segment, Rows]]] = [[] for _ in prepared.recordings]
     gathering: dict[int, list[Gathering]] = {}
+    # a start that nobody has read is taken off once a recording is in
+    known = tuple(replace(r, start=None) for r in prepared.recordings)
+    bare = replace(prepared, recordings=known)
+    groups = _groups(prepared, moves, room / (32.0 * (width + ROOMS[-1] * workers)), cut, workers)
     for s, found in slopes(prepared, moves, groups, workers=workers):
         if map_modes:
             found.current[:, :, len(moves.to) :] = answers.over(s)
-        start = prepared.recordings[s.recording].start
-        if start is not None and not s.first:
-            start.taken_off(found.current)
-        parts = channels_of(prepared, s, found, len(moves.to) - 2)
+        parts = channels_of(bare, s, found, len(moves.to) - 2)
         if not s.first:
             gathering[s.recording] = own = []
+            start = prepared.recordings[s.recording].start
             for part in parts:
-                colour = colour_of(prepared, part.channel)
-                own.append(Gathering(at, part.j.shape[2], s.n * part.j.shape[1], colour))
+                own.append(
+                    Gathering(
+                        at,
+                        part.j.shape[2],
+                        s.n * part.j.shape[1],
+                        colour_of(prepared, part.channel),
+                        start if part.channel == "current" else None,
+                    )
+                )
                 at += 8 * own[-1].width * own[-1].rows
-        for part, channel in zip(parts, gathering[s.recording], strict=True):
-            channel.add(part, spill, s, cut)
+        for part, each in zip(parts, gathering[s.recording], strict=True):
+            each.add(part, spill, s, cut)
             if s.last == s.n:
-                out[s.recording].append(channel.squared(s.recording, part, spill, cut))
+                out[s.recording].append(each.squared(s.recording, part, spill, cut))
     return [x for own in out for x in own]
+
+
+def _groups(
+    prepared: Prepared, moves: Moves, room: float, cut: int, workers: int
+) -> list[list[Stretch]]:
+    """Return what is worked on at once: stretches of so many samples (room) at most, as short as
+    caches want them (AT_ONCE); free rotors with a compliant shaft whole, whose start is taken off
+    all of their first stretch."""
+    drive, width = prepared.campaign.drive, len(moves.to) + moves.map_modes
+    needs = (needs_of(drive.motor, drive.converter, v) for v in (moves.at, *moves.to))
+    twists = any(need & additions.TWIST for need in needs)
+    short = min(room, AT_ONCE / (32.0 * width))
+    most = [room if twists and r.rotor == "free" else short for r in prepared.recordings]
+    return side_by_side([r.samples for r in prepared.recordings], most, cut, workers)
 
 
 def _readings(r: Inputs) -> int:
@@ -136,22 +158,30 @@ def channels_of(prepared: Prepared, s: Stretch, found: Slopes, p: int) -> list[C
 @dataclass
 class Gathering:
     """A channel of one recording as its stretches come in: its place in the file, columns and rows
-    of slopes; colour of errors; which columns are not zero; residuals; slopes (rows, q) of the
-    columns that are not zero so far, where they stay in memory."""
+    of slopes; colour of errors; start of currents that nobody has read; which columns are not zero;
+    residuals; slopes (rows, q) of the columns that are not zero so far, where they stay in memory;
+    moved: how much of the start (2, width) each column goes along with."""
 
     at: int
     width: int
     rows: int
     colour: Colour
+    start: Start | None = None
     acts: NDArray[np.bool_] | None = None
     residuals: list[Array] = field(default_factory=list)
     kept: Array | None = None
+    moved: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.moved = np.zeros((2, self.width))
 
     def add(self, part: ChannelSlopes, spill: Spill | None, s: Stretch, cut: int) -> None:
         """Take in a stretch."""
-        whiten(part.j, self.colour, s, cut)
-        whiten(part.r, self.colour, s, cut)
         flat, wide = part.j.reshape(-1, self.width), part.j.shape[1]
+        if self.start is not None:
+            shape = self.start.shape.reshape(-1, 2)[s.first * wide : s.last * wide]
+            add_products(shape, flat[: len(shape)], self.moved)
+        whiten(part.j, self.colour, s, cut)
         before, here = self.acts, np.asarray(flat.any(axis=0))[part.columns]
         self.acts = here if before is None else before | here
         self.residuals.append(part.r)
@@ -160,14 +190,17 @@ class Gathering:
             return
         if before is None or np.any(self.acts != before):
             self._widen(before, s.first * wide)
+        assert self.kept is not None
         acts = np.flatnonzero(self.acts)
         own = self.kept[s.first * wide : s.last * wide]
         compact(flat, part.columns[acts], part.scale[acts], own)
 
     def _widen(self, before: NDArray[np.bool_] | None, done: int) -> None:
         """Make room for all columns that act so far; rows before these were 0 in the new ones."""
+        assert self.acts is not None
         out = np.empty((self.rows, int(np.count_nonzero(self.acts))))
         if before is not None:
+            assert self.kept is not None
             out[:done] = 0.0
             out[:done, before[self.acts]] = self.kept[:done]
         self.kept = out
@@ -180,14 +213,38 @@ class Gathering:
         assert self.acts is not None
         acts = np.flatnonzero(self.acts)
         columns, scale = part.columns[acts], part.scale[acts]
+        r = np.concatenate(self.residuals)
+        whole = Stretch(recording, 0, len(r), len(r))
+        taken = None if self.start is None else self._taken(self.start, whole, cut, columns, scale)
+        if self.start is not None:
+            self.start.taken_off(r[:, :, None])
+        whiten(r, self.colour, whole, cut)
         rows: Rows
         if spill is None:
             assert self.kept is not None
             rows = self.kept
         else:
-            rows = Kept(spill, self.at, (self.rows, self.width), columns, scale)
-        r = self.residuals[0] if len(self.residuals) == 1 else np.concatenate(self.residuals)
-        return _segment(recording, part.channel, rows, part.places[acts], r, cut), rows
+            rows = Kept(spill, self.at, (self.rows, self.width), columns, scale, taken)
+        own = taken if spill is None else None
+        return _segment(recording, part.channel, rows, part.places[acts], r, cut, own), rows
+
+    def _taken(
+        self, start: Start, whole: Stretch, cut: int, columns: NDArray[np.int64], scale: Array
+    ) -> StartTaken:
+        """Return what the start explains of columns (q,), each times its scale."""
+        answer = np.zeros((whole.n, *start.shape.shape[1:]))
+        answer[: len(start.shape)] = start.share * start.shape
+        whiten(answer, self.colour, whole, cut)
+        return StartTaken(answer.reshape(-1, 2), self.moved[:, columns] * scale)
+
+
+@kernel
+def add_products(shape, rows, out):
+    """Add the products of two shapes (n, 2) with rows (n, p) to out (2, p)."""
+    for k in range(len(rows)):
+        for j in range(2):
+            for i in range(rows.shape[1]):
+                out[j, i] += shape[k, j] * rows[k, i]
 
 
 def colour_of(prepared: Prepared, channel: str) -> Colour:
@@ -278,15 +335,24 @@ def _products(r: Array, rows: Any, part: slice) -> Array:
 
 
 def _segment(
-    k: int, channel: str, j: Rows, places: NDArray[np.int64], r: Array, cut: int
+    k: int,
+    channel: str,
+    j: Rows,
+    places: NDArray[np.int64],
+    r: Array,
+    cut: int,
+    start: StartTaken | None,
 ) -> Segment:
-    """Cut residuals r (n, c) and slopes j (n c, q) into blocks and square them."""
+    """Cut residuals r (n, c) and slopes j (n c, q) into blocks and square them; start: what is
+    still to be taken off these."""
     wide, q = r.shape[1], len(places)
     cuts = blocks(len(r), cut)
     a, g = np.empty((len(cuts), q, q)), np.empty((len(cuts), q))
     ssr, count = np.empty(len(cuts)), np.empty(len(cuts))
     for b, (first, last) in enumerate(cuts):
         jb, rb = j[first * wide : last * wide], r[first:last].ravel()
+        if start is not None:
+            start.off(jb, first * wide)
         with np.errstate(over="ignore", invalid="ignore"):
             a[b], g[b] = jb.T @ jb, rb @ jb
             ssr[b], count[b] = rb @ rb, rb.size

@@ -41,11 +41,15 @@ def stretches(samples: Sequence[int], most: float, cut: int = 1) -> list[list[St
     return [group for group in out if group]
 
 
-def side_by_side(samples: Sequence[int], most: float, cut: int, count: int) -> list[list[Stretch]]:
-    """Return all samples of recordings in stretches of at most so many (no shorter than `cut`, at
-    multiples of it), those of `count` recordings side by side."""
-    each = [[s for (s,) in stretches([n], most, cut)] for n in samples]
-    own = [[Stretch(r, s.first, s.last, s.n) for s in parts] for r, parts in enumerate(each)]
+def side_by_side(
+    samples: Sequence[int], most: Sequence[float], cut: int, count: int
+) -> list[list[Stretch]]:
+    """Return all samples of recordings, each in stretches of at most so many (no shorter than
+    `cut`, at multiples of it), those of `count` recordings side by side."""
+    own = [
+        [Stretch(r, s.first, s.last, n) for (s,) in stretches([n], m, cut)]
+        for r, (n, m) in enumerate(zip(samples, most, strict=True))
+    ]
     return [
         [parts[k] for parts in own[first : first + count] if k < len(parts)]
         for first in range(0, len(own), count)

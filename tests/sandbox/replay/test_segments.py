@@ -1,11 +1,14 @@
-"""Whitened residuals against the covariance that they are of."""
+"""Whitened residuals against the covariance that they are of; slopes that come in stretch by
+stretch."""
 
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from sandbox.replay.segments import predictors, whiten
-from sandbox.replay.stretches import Stretch, blocks
+from sandbox.replay.inputs import Start
+from sandbox.replay.memory import Spill
+from sandbox.replay.segments import ChannelSlopes, Gathering, predictors, whiten
+from sandbox.replay.stretches import Stretch, blocks, side_by_side
 
 MIXED = tuple(0.5 * 0.8**h for h in range(1, 7))  # half white, half behind a filter
 
@@ -42,3 +45,49 @@ def test_what_no_noise_can_have_counts_up_to_where_some_can():
     (-0.9 - 0.81)/0.19 = -9."""
     assert len(predictors((0.5, -0.45))) == 3
     assert len(predictors((0.9, -0.9, 0.1))) == 2
+
+
+def test_stretches_side_by_side_by_hand():
+    """Two recordings at a time, the shorter one is done first; one that is to stay whole does."""
+    found = side_by_side([25, 40, 10], [10.0, np.inf, 10.0], 10, 2)
+    assert found == [
+        [(0, 0, 10, 25), (1, 0, 40, 40)],
+        [(0, 10, 25, 25)],
+        [(2, 0, 10, 10)],
+    ]
+
+
+@pytest.mark.parametrize("colour", [(), (0.5, 0.1)])
+@pytest.mark.parametrize("waits", [False, True])
+def test_an_unread_start_is_taken_off_whatever_the_stretches_are(colour, waits):
+    """Slopes and residuals of one recording in three stretches, the start's answers longer than the
+    first: squares as of all at once, where a dense projection takes off the answers first."""
+    draw, n, cut, p, m = np.random.default_rng(2), 40, 10, 3, 17
+    j, r = draw.standard_normal((n, 3, p)), draw.standard_normal((n, 3))
+    shape = np.linalg.qr(draw.standard_normal((3 * m, 2)))[0].reshape(m, 3, 2)
+    start = Start(shape, np.array([0.9, 0.4]))
+    spill = Spill(8.0 * n * 3 * p) if waits else None
+    own = Gathering(0, p, 3 * n, colour, start)
+    scale = np.array([2.0, 1.0, -1.0])
+    for first, last in ((0, 10), (10, 30), (30, 40)):
+        part = ChannelSlopes(
+            "current",
+            j[first:last].copy(),
+            r[first:last].copy(),
+            np.arange(p),
+            scale,
+            np.arange(p),
+        )
+        own.add(part, spill, Stretch(0, first, last, n), cut)
+    segment, rows = own.squared(0, part, spill, cut)
+    whole = np.concatenate([j * scale, r[:, :, None]], axis=2)
+    along = shape.reshape(-1, 2)
+    flat = whole[:m].reshape(3 * m, -1)
+    whole[:m] -= (along * start.share @ (along.T @ flat)).reshape(m, 3, -1)
+    whiten(whole, colour, Stretch(0, 0, n, n), cut)
+    blockwise = whole.reshape(4, 30, p + 1)
+    squares = np.einsum("bki,bkj->bij", blockwise, blockwise)
+    np.testing.assert_allclose(segment.a, squares[:, :p, :p], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(segment.g, squares[:, :p, p], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(segment.ssr, squares[:, p, p], rtol=1e-12)
+    np.testing.assert_allclose(np.asarray(rows), whole[:, :, :p].reshape(-1, p), atol=1e-12)
