@@ -289,8 +289,12 @@ class Products:
         whose values `at` are."""
         form = products[:, :5, :5] * np.outer(read.factors, read.factors)
         step = self.turns - self.turns[:, None]
-        none, once, twice = (form[:, step == k].sum(axis=1)[:, None] for k in range(3))
-        rest = none.real + 2.0 * (once * at + twice * at**2).real
+        none, once, twice = (form[:, step == k].sum(axis=1) for k in range(3))
+        # real parts of c z and c z^2, as one product of matrices
+        parts = np.stack([none.real, once.real, once.imag, twice.real, twice.imag], axis=1)
+        square_at = at**2
+        waves = [2.0 * at.real, -2.0 * at.imag, 2.0 * square_at.real, -2.0 * square_at.imag]
+        rest = parts @ np.stack([np.ones(len(at)), *waves])
         square = np.maximum(read.scale**2 * products[:, :1, 0].real, 1e-300)
         return np.maximum(rest, 0.0) / square
 

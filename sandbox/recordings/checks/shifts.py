@@ -232,7 +232,7 @@ def curves(r: CampaignRecording, drive: Drive) -> dict[tuple[str, ...], Array]:
     noise = (
         4.0 / 3.0 * (drive.motor.inductance_d**2 + drive.motor.inductance_q**2) * (sensor / h) ** 2
     )
-    power = _correlated(inner, np.abs(u) ** 2, most)  # of the voltage where it then stands
+    power = _correlated([(inner, np.abs(u) ** 2)], most)  # of the voltage where it then stands
     out = {}
     for moved, (stay, move) in zip(MOVED, _terms(u, i, theta, drive), strict=True):
         left = _energy([inner * f for f in stay], move, most)
@@ -260,16 +260,18 @@ def _terms(u: Complex, i: Complex, theta: Array, drive: Drive) -> tuple[Terms, T
 
 def _energy(stay: Sequence[Complex], move: Sequence[Complex], most: int) -> Array:
     """Return sum over k of |sum over terms of stay_k move_(k - s)|^2 for s from -most to most."""
-    total = np.zeros(2 * most + 1)
+    pairs = []
     for j, (a, b) in enumerate(zip(stay, move, strict=True)):
-        total += _correlated(np.abs(a) ** 2, np.abs(b) ** 2, most)
+        pairs.append((np.abs(a) ** 2, np.abs(b) ** 2))
         for c, d in zip(stay[j + 1 :], move[j + 1 :], strict=True):
-            total += 2.0 * _correlated(np.conj(a) * c, np.conj(b) * d, most)
-    return total
+            pairs.append((2.0 * np.conj(a) * c, np.conj(b) * d))
+    return _correlated(pairs, most)
 
 
-def _correlated(a: Complex | Array, b: Complex | Array, most: int) -> Array:
-    """Return the real part of sum over k of a_k b_(k - s) for s from -most to most."""
-    size = next_fast_len(len(a) + most)
-    full = np.fft.ifft(np.fft.fft(a, size) * np.conj(np.fft.fft(np.conj(b), size)))
+def _correlated(pairs: Sequence[tuple[Complex | Array, Complex | Array]], most: int) -> Array:
+    """Return the real part of the sum over pairs a, b and over k of a_k b_(k - s) for s from -most
+    to most."""
+    size = next_fast_len(len(pairs[0][0]) + most)
+    both = sum(np.fft.fft(a, size) * np.conj(np.fft.fft(np.conj(b), size)) for a, b in pairs)
+    full = np.fft.ifft(both)
     return np.concatenate([full[-most:], full[: most + 1]]).real

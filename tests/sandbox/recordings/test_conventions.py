@@ -154,8 +154,17 @@ def test_the_energy_of_every_shift_is_that_of_the_balance(names, rows):
     assert curve[most + rows] == pytest.approx(max(b.share - b.noise, 0.0), rel=1e-9)
 
 
-@pytest.mark.parametrize("rows", [-200, -30, 5, 12, 90])
-@pytest.mark.parametrize("names", [("u_alpha", "u_beta"), ("i_a", "i_b", "i_c"), ("theta",)])
+@pytest.mark.parametrize(
+    ("names", "rows"),
+    [
+        (("u_alpha", "u_beta"), -200),
+        (("u_alpha", "u_beta"), 12),
+        (("i_a", "i_b", "i_c"), -30),
+        (("i_a", "i_b", "i_c"), 90),
+        (("theta",), 5),
+        (("theta",), -30),
+    ],
+)
 def test_columns_that_stand_many_rows_off_are_named(names, rows):
     """Further than any drive is late; told before any other cause, with the direction."""
     campaign = read_folder(recordings_folder() / "practice" / "p06")
