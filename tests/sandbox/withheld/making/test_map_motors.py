@@ -112,21 +112,23 @@ def test_terms_added_to_a_map_are_what_they_say():
     the cells, 1e-9 A)."""
     motor = family_drive("mapped").motor
     new = {
+        "inductance_d": 0.9 * motor.inductance_d,
         "inductance_q": 0.8 * motor.inductance_q,
         "alpha_30": 2.0,
         "alpha_12": -3.0,
         "alpha_40": 5.0,
     }
     other = changed(motor, new | {"alpha_22": 7.0, "alpha_04": 0.5, "magnet_flux": 0.4})
-    assert (other.magnet_flux, other.inductance_q) == (
+    assert (other.magnet_flux, other.inductance_d, other.inductance_q) == (
         0.4,
+        pytest.approx(0.9 * motor.inductance_d, rel=1e-12),
         pytest.approx(0.8 * motor.inductance_q, rel=1e-12),
     )
     assert other != motor
     d, q = np.array([-0.3, -0.05, 0.1, 0.42]), np.array([0.9, -0.4, 1.1, 0.0])
     own, found = (currents_at(m, d, q) for m in (motor, other))
-    more_q = (1.0 / 0.8 - 1.0) / motor.inductance_q
-    i_d = 3.0 * 2.0 * d**2 - 3.0 * q**2 + 4.0 * 5.0 * d**3 + 2.0 * 7.0 * d * q**2
+    more_d, more_q = (1.0 / 0.9 - 1.0) / motor.inductance_d, (1.0 / 0.8 - 1.0) / motor.inductance_q
+    i_d = more_d * d + 3.0 * 2.0 * d**2 - 3.0 * q**2 + 4.0 * 5.0 * d**3 + 2.0 * 7.0 * d * q**2
     i_q = more_q * q - 2.0 * 3.0 * d * q + 2.0 * 7.0 * d**2 * q + 4.0 * 0.5 * q**3
     assert found[0] - own[0] == pytest.approx(i_d, abs=1e-9)
     assert found[1] - own[1] == pytest.approx(i_q, abs=1e-9)
