@@ -36,6 +36,9 @@ ITERATIONS = 30
 HALVINGS = 8
 CONVERGED = 1e-6  # of the sum of squares: far below what a corner has to gain
 RANK = 1e-12  # of singular values
+# least distance of a column of unit length from those before it: of normal equations its square,
+# 1e-10, is far above rounding
+SOLID = 1e-5
 WOBBLES = 2  # fits of the sine: each takes off its amplitude (rad mechanical) times what is left
 PENALTY = 3.0
 # deviations of the mean square of n uniform errors, sqrt(0.8 / n) of its mean: no corner is sought
@@ -196,10 +199,7 @@ def _linear(reading: Reading, corners: Array) -> tuple[Ramps, Array]:
     columns += reading.sine()
     own = len(columns)
     a = np.column_stack([*columns, -h])
-    q, r = np.linalg.qr(a)
-    b = q.T @ reading.theta
-    x = np.linalg.lstsq(r[:own, :own], b[:own], rcond=RANK)[0]
-    left = reading.theta - a[:, :own] @ x
+    x, left, moved = _least_squares(a, reading.theta, own)
     steps, n = x[3:m], len(reading.tau)
     squares, sine = float(left @ left), a[:, m:own] @ x[m:]
     fitted = Ramps(
@@ -207,8 +207,39 @@ def _linear(reading: Reading, corners: Array) -> tuple[Ramps, Array]:
     )
     if not len(corners):
         return fitted, np.empty(0)
-    moved = np.linalg.lstsq(r, b, rcond=RANK)[0][own:]
     return fitted, np.divide(moved, steps, out=np.zeros_like(moved), where=np.abs(steps) > 0.0)
+
+
+def _least_squares(a: Array, y: Array, own: int) -> tuple[Array, Array, Array]:
+    """Return the coefficients (own,) of the first columns of a (n, k) beside values y (n,), what
+    they leave (n,), and the coefficients of the others where all of them are fitted.
+
+    By normal equations, whose root is the triangular factor of `a`, and a correction by what they
+    leave: that takes their error, at most SOLID^-2 times rounding, to its square.  Where columns
+    are closer to each other than that, by the factor itself.
+    """
+    size = np.sqrt(np.einsum("nk,nk->k", a, a))
+    size[size == 0.0] = 1.0
+    try:
+        root = np.linalg.cholesky((a.T @ a) / np.outer(size, size))
+    except np.linalg.LinAlgError:
+        root = np.zeros((1, 1))
+    if np.diag(root).min() < SOLID:
+        q, r = np.linalg.qr(a)
+        b = q.T @ y
+        x = np.linalg.lstsq(r[:own, :own], b[:own], rcond=RANK)[0]
+        return x, y - a[:, :own] @ x, np.linalg.lstsq(r, b, rcond=RANK)[0][own:]
+
+    def explained(left: Array, k: int) -> Array:
+        """Return the coefficients of the first k columns beside what is left (n,)."""
+        first = root[:k, :k]
+        right = (a[:, :k].T @ left) / size[:k]
+        return np.asarray(np.linalg.solve(first.T, np.linalg.solve(first, right)) / size[:k])
+
+    x = explained(y, own)
+    x = x + explained(y - a[:, :own] @ x, own)
+    left = y - a[:, :own] @ x
+    return x, left, explained(left, a.shape[1])[own:]
 
 
 def inside(tau: Array, corners: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sandbox.replay.motion import ramps, rounded
-from sandbox.replay.motion.ramps import ramps_of
+from sandbox.replay.motion.ramps import _least_squares, ramps_of
 from sandbox.replay.motion.rounded import HALF, within_counts
 from sandbox.replay.motion.smoothing import driven_motion
 
@@ -183,3 +183,24 @@ def test_an_uneven_speed_that_is_reversed_in_a_hurry_is_smoothed_about_its_ramps
     assert np.abs(motion.angle - angle).max() < 0.5 * COUNT
     # one sample off a corner is 33 rad/s
     assert np.abs(motion.speed - speed - uneven).max() < 33.0
+
+
+@pytest.mark.parametrize("corners", [(), (0.3,), (0.2, 0.25, 0.7, 0.9), (0.5, 0.5 + 1e-7)])
+def test_least_squares_are_those_of_the_columns_themselves(corners):
+    """Coefficients that make an angle of 1e4 rad, what they leave, and the places of corners,
+    against a decomposition of the columns (LAPACK); corners in one place by that alone.  Rounding
+    of 1e4 rad is 1e-12 rad."""
+    n, draw = 3000, np.random.default_rng(3)
+    tau = np.arange(n) / n
+    h = np.maximum(0.0, tau[:, None] - np.array(corners))
+    a = np.column_stack([np.ones(n), tau, tau**2, *(h**2).T, np.sin(9e3 * tau), *(-h).T])
+    own = 4 + len(corners)
+    angle = a[:, :own] @ (1e4 * draw.standard_normal(own)) + 1e-3 * draw.uniform(-1.0, 1.0, n)
+    x, left, moved = _least_squares(a, angle, own)
+    exact = np.linalg.lstsq(a[:, :own], angle, rcond=1e-12)[0]
+    np.testing.assert_allclose(left, angle - a[:, :own] @ exact, atol=1e-9)
+    assert np.sum(left**2) == pytest.approx(np.sum((angle - a[:, :own] @ exact) ** 2), rel=1e-9)
+    if len(set(np.round(corners, 3))) == len(corners):
+        np.testing.assert_allclose(x, exact, rtol=1e-8, atol=1e-8)
+        whole = np.linalg.lstsq(a, angle, rcond=1e-12)[0]
+        np.testing.assert_allclose(moved, whole[own:], rtol=1e-6, atol=1e-7)
