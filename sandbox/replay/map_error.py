@@ -69,19 +69,27 @@ class Answers:
 
     def over(self, s: Stretch) -> Array:
         """Return slopes (m, 3, k) in A of a stretch, the one after that asked for before."""
-        error, motor = self.prepared.map_error, self.prepared.campaign.drive.motor
+        error, r = self.prepared.map_error, self.prepared.recordings[s.recording]
         assert error is not None
-        own = self.states.pop(s.recording, None)
+        own, begun = self.states.pop(s.recording, None), True
         if own is None:
-            start = np.zeros((2, len(error.x) + 4))
-            own = displaced(self.prepared, self.values, s.recording), start
-        moves = transitions(own[0], s.last, SHARE * motor.inductance_q * motor.rated_current)
+            state = np.zeros((2, len(error.x) + 4))
+            own = displaced(self.prepared, self.values, s.recording, settled=False), state
+            begun = r.settling is not None
+            if r.settling is not None:
+                self._on(own, 0, (False, r.settling.loaded))
+        out = self._on(own, s.last, (begun, r.loaded))
         if s.last < s.n:
             self.states[s.recording] = own
+        return out
+
+    def _on(self, own: tuple[Running, Array], stop: int, how: tuple[bool, bool]) -> Array:
+        """Return slopes (m, 3, k) in A up to a sample, how: as `answered` has it."""
+        error, motor = self.prepared.map_error, self.prepared.campaign.drive.motor
+        assert error is not None
+        moves = transitions(own[0], stop, SHARE * motor.inductance_q * motor.rated_current)
         energy = true_motor(motor, dict(self.values), keep_map=True).energy
-        r = self.prepared.recordings[s.recording]
-        rests = r.loaded if r.settling is None else r.rotor == "locked"
-        return answered(energy, error.modes, error.cells, moves, (s.first > 0, rests), own[1])
+        return answered(energy, error.modes, error.cells, moves, how, own[1])
 
 
 @kernel

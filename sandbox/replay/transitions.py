@@ -36,13 +36,18 @@ class Transitions(NamedTuple):
     theta: Array
 
 
-def displaced(prepared: Prepared, values: Mapping[str, float], recording: int) -> Running:
-    """Return a set and its two displaced twins before the first sample of a recording."""
+def displaced(
+    prepared: Prepared, values: Mapping[str, float], recording: int, *, settled: bool = True
+) -> Running:
+    """Return a set and its two displaced twins before the first sample of a recording; settled:
+    they went through the samples before, else stand at the first of these."""
     drive = prepared.campaign.drive
     own = complete(drive.motor, drive.converter, dict(values))
-    return Running.begun(
-        drive, prepared.steps, prepared.recordings[recording], block_of(prepared, [0, 0, 0], [own])
-    )
+    r, block = prepared.recordings[recording], block_of(prepared, [0, 0, 0], [own])
+    running = Running.begun(drive, prepared.steps, r, block, settled=settled)
+    if not settled and r.settling is not None:
+        running.done = -r.settling.samples
+    return running
 
 
 def transitions(running: Running, stop: int, size: float) -> Transitions:
@@ -51,7 +56,10 @@ def transitions(running: Running, stop: int, size: float) -> Transitions:
     r = running.r
     n, held = stop - running.done, r.held
     before = len(running.track) // held - r.samples
-    theta = r.motion.angle[running.done : stop] - running.batch["offset"][0]
+    angle = r.motion.angle
+    if r.settling is not None:
+        angle = np.concatenate([r.settling.motion.angle, angle])
+    theta = angle[before + running.done : before + stop] - running.batch["offset"][0]
     out = Transitions(np.empty((n, 2, 2)), np.empty((n, 3, 2)), np.empty((n, 2)), theta)
     running.span = one_by_one(
         running.batch,
