@@ -14,11 +14,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from numpy.typing import ArrayLike
-
 from model.errors import BadInput, unknown
-from sandbox.switched.bench_numbers import STEPS_WITH_CORNERS, SwitchedBench
-from sandbox.switched.leg import SHAPES, leg_table
+from sandbox.switched.bench_numbers import SwitchedBench
+from sandbox.switched.leg import SHAPES
 
 
 @dataclass(frozen=True)
@@ -154,19 +152,3 @@ def with_sign(b: SwitchedBench, shape: str, half_width: float) -> SwitchedBench:
             "'hard' for no width)"
         )
     return b._replace(sign_shape=SHAPES[shape], soft_current=float(half_width))
-
-
-def with_leg_table(b: SwitchedBench, current: ArrayLike, volts: ArrayLike) -> SwitchedBench:
-    """Return the bench with a measured voltage error of its legs (V lost at A, odd) in place of
-    dead time and drop.
-
-    BadInput for a table that is none (`leg.leg_table`), and for a bench that has either of those
-    effects beside it.
-    """
-    if b.dead_time != 0.0 or b.threshold != 0.0 or b.on_resistance != 0.0:
-        raise BadInput(
-            "an inverter table holds what dead time and devices lose; leave dead_time "
-            "and device_drop away beside it"
-        )
-    step = min(b.step, b.period / STEPS_WITH_CORNERS)
-    return b._replace(leg_table=leg_table(current, volts), step=step)

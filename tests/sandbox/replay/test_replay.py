@@ -430,9 +430,18 @@ ORDINARY |= {"bench.load_torque_offset": 1e-3, "bench.common_offset": 1e-3}
 
 
 def practice(name):
-    """Return a practice campaign, its true set, and the names of its effects."""
+    """Return a practice campaign, of each recording the first half, its true set, and the names of
+    its effects."""
     folder = recordings_folder() / "practice"
     recorded = read_folder(folder / name)
+    halves = [{k: x[: len(x) // 2] for k, x in r.columns.items()} for r in recorded.recordings]
+    recorded = dataclasses.replace(
+        recorded,
+        recordings=tuple(
+            dataclasses.replace(r, columns=c)
+            for r, c in zip(recorded.recordings, halves, strict=True)
+        ),
+    )
     truth = tomllib.loads((folder / f"{name}.truth.toml").read_text())
     motor, true = recorded.drive.motor, truth["true_motor"]
     values = {TRUE[k]: v for k, v in true.items() if k in TRUE} | {

@@ -13,15 +13,21 @@ from sandbox.switched.advance import MODES, replay, start
 from sandbox.switched.bench_numbers import bench, quiet
 from sandbox.switched.bench_state import Slot
 from sandbox.switched.inverter import advance
-from sandbox.switched.leg import soft_sign, table_volts
+from sandbox.switched.leg import leg_table, soft_sign, table_volts
 from sandbox.switched.phase_machine import phase_currents, reservoir
-from sandbox.switched.unlisted import unlisted, with_leg_table, with_sign
+from sandbox.switched.unlisted import unlisted, with_sign
 from tests.sandbox.plant.closed_forms import pulsed, settled
 from tests.sandbox.plant.effect_motors import CONVERTER, NO_MAGNET, TS, L, R, U, vector
 
 PLAIN = quiet(bench(NO_MAGNET, CONVERTER))
 # hardly any ripple
 SMOOTH = dataclasses.replace(NO_MAGNET, inductance_d=0.5, inductance_q=0.5, resistance=200.0)
+
+
+def with_table(current, volts):
+    """Return the bench with a measured table of what its legs lose (V at A)."""
+    table = tuple(zip(map(float, current), map(float, volts), strict=True))
+    return quiet(bench(NO_MAGNET, dataclasses.replace(CONVERTER, inverter_table=table)))
 
 
 @pytest.mark.parametrize(
@@ -71,7 +77,7 @@ def test_a_table_of_a_device_drop_is_that_drop():
     effects = {"device_drop.threshold": 0.9, "device_drop.on_resistance": 0.4}
     drop = quiet(bench(NO_MAGNET, CONVERTER, effects))
     w = drop.soft_current
-    table = with_leg_table(PLAIN, [0.0, w, 1.0, 50.0], [0.0, 0.9 + 0.4 * w, 1.3, 20.9])
+    table = with_table([0.0, w, 1.0, 50.0], [0.0, 0.9 + 0.4 * w, 1.3, 20.9])
     k = np.arange(600)
     u = 25.0 * np.exp(0.02j * k)
     a, b = (vector(replay(x, "locked", u.real, u.imag, U)) for x in (drop, table))
@@ -81,7 +87,7 @@ def test_a_table_of_a_device_drop_is_that_drop():
 
 def test_a_table_is_odd_straight_between_its_points_and_constant_beyond():
     i, v = np.array([0.0, 0.1, 0.45, 2.0]), np.array([0.0, 1.5, 4.0, 4.4])
-    table = with_leg_table(PLAIN, i, v).leg_table
+    table = with_table(i, v).leg_table
     at = np.array([-9.0, -2.0, -0.3, -0.05, 0.0, 0.05, 0.1, 0.44, 0.45, 1.0, 1.999, 2.0, 7.0])
     assert [table_volts(table, x) for x in at] == pytest.approx(
         np.sign(at) * np.interp(np.abs(at), i, v), abs=1e-15
@@ -95,7 +101,7 @@ def test_a_table_s_loss_is_the_devices_and_the_balance_closes():
     The balance: in = lost + stored, the table's corners inside a step leave 1e-5 of what is lost.
     """
     i, v = np.array([0.0, 0.1, 0.45, 2.0]), np.array([0.0, 1.5, 4.0, 4.4])
-    b = with_leg_table(PLAIN, i, v)._replace(audit=1.0)
+    b = with_table(i, v)._replace(audit=1.0)
     state, lost, old = start(b), 0.0, np.zeros(3)
     for k in range(600):
         u = 25.0 * np.exp(0.02j * k)
@@ -215,13 +221,10 @@ def test_active_vectors_below_the_least_are_dropped():
 )
 def test_a_table_that_is_none_is_refused(current, volts, told):
     with pytest.raises(BadInput, match=told):
-        with_leg_table(PLAIN, current, volts)
+        leg_table(current, volts)
 
 
-def test_a_table_beside_dead_time_and_other_signs_are_refused():
-    late = bench(NO_MAGNET, CONVERTER, {"dead_time.time": 1e-6})
-    with pytest.raises(BadInput, match="leave dead_time and device_drop away"):
-        with_leg_table(late, [0.0, 1.0], [0.0, 1.0])
+def test_other_signs_are_refused():
     with pytest.raises(BadInput, match="unknown shape of the sign 'tan'; did you mean 'tanh'"):
         with_sign(PLAIN, "tan", 1.0)
     with pytest.raises(BadInput, match=r"half_width = 0\.0 A is out of range"):
