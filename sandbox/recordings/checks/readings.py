@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.array_types import Array
 from model.parameters import Drive, Motor
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.balance import UNDISTURBED, Columns, Complex, window_of
@@ -64,9 +65,9 @@ class Reading:
 
     changes: tuple[Change, ...]
     zero: float
-    shares: NDArray[np.float64]
-    before: NDArray[np.float64]
-    noise: NDArray[np.float64]
+    shares: Array
+    before: Array
+    noise: Array
 
     @property
     def does(self) -> tuple[Hashable, ...]:
@@ -139,7 +140,7 @@ class Terms(NamedTuple):
     voltage: Change | None
     turn: float
     scale: float
-    factors: NDArray[np.float64]
+    factors: Array
 
 
 def terms_of(change: Sequence[Change], motor: Motor) -> Terms:
@@ -263,13 +264,14 @@ class Products:
         signal = voltage_of if change is None or change.signal is None else change.signal
         return float(np.quantile(np.abs(signal(self.columns)), GIVEN))
 
-    def shares(self, change: Sequence[Change], zeros: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shares(self, change: Sequence[Change], zeros: Array) -> Array:
         """Return what stays unexplained at each zero of the angle (rad), of the voltage as it is
         then read."""
         read = terms_of(change, self.drive.motor)
-        return self._by_zero(self.products(read)[None], read, np.exp(1j * zeros))[0]
+        rest, square = self._by_zero(self.products(read)[None], read, np.exp(1j * zeros))
+        return np.asarray(np.maximum(rest[0], 0.0) / square[0])
 
-    def least(self, turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def least(self, turns: Array) -> Array:
         """Return what stays unexplained at the best of ZEROS, of angles that turn so many times as
         fast."""
         at, few = np.exp(1j * ZEROS), max(1, VALUES // len(self.at))
@@ -281,22 +283,23 @@ class Products:
             ]
             together = [np.array(x) for x in zip(*signals, strict=True)]
             products = self._together(together, own[:, None])
-            out.append(self._by_zero(products, read, at).min(axis=1))
+            rest, square = self._by_zero(products, read, at)
+            out.append(np.maximum(rest.min(axis=1), 0.0) / square)
         return np.concatenate(out)
 
-    def _by_zero(self, products: Any, read: Terms, at: Complex) -> Any:
-        """Return the unexplained shares (matrices of products, zeros): polynomials in exp(j zero),
-        whose values `at` are."""
+    def _by_zero(self, products: Any, read: Terms, at: Complex) -> tuple[Array, Array]:
+        """Return what stays unexplained (matrices of products, zeros), which rounding may put below
+        zero, and what there is to explain (matrices): polynomials in exp(j zero), whose values `at`
+        are."""
         form = products[:, :5, :5] * np.outer(read.factors, read.factors)
         step = self.turns - self.turns[:, None]
         none, once, twice = (form[:, step == k].sum(axis=1) for k in range(3))
         # real parts of c z and c z^2, as one product of matrices
         parts = np.stack([none.real, once.real, once.imag, twice.real, twice.imag], axis=1)
-        square_at = at**2
-        waves = [2.0 * at.real, -2.0 * at.imag, 2.0 * square_at.real, -2.0 * square_at.imag]
-        rest = parts @ np.stack([np.ones(len(at)), *waves])
-        square = np.maximum(read.scale**2 * products[:, :1, 0].real, 1e-300)
-        return np.maximum(rest, 0.0) / square
+        more = at**2
+        waves = [2.0 * at.real, -2.0 * at.imag, 2.0 * more.real, -2.0 * more.imag]
+        square = np.maximum(read.scale**2 * products[:, 0, 0].real, 1e-300)
+        return parts @ np.stack([np.ones(len(at)), *waves]), square
 
     def share(self, read: Terms, zero: float) -> float:
         """Return the same at one zero: of many changes one after the other, whose products are the
@@ -307,7 +310,7 @@ class Products:
 
     def _form(
         self, current: Change | None, voltage: Change | None, turn: float, zero: float
-    ) -> tuple[NDArray[np.float64], float]:
+    ) -> tuple[Array, float]:
         """Return what the terms' factors are weighed by, and what the voltage's is alone."""
         products = self.of(current, voltage, turn)[:5, :5]
         at = np.exp(1j * zero * self.turns)
