@@ -1,21 +1,21 @@
-"""The electrical plant between two events: one explicit step of second order, exact in the applied
-voltage.
+"""The electrical plant between two events: one explicit step, exact in the applied voltage.
 
 Stationary frame, psi the whole flux linkage, z what currents make of it in the rotor's frame:
 
-    dpsi/dt = u - drop(i),  i = exp(j theta) dH/dz(z, theta) + i_c,  z = exp(-j theta)
-    psi - magnets' flux
+    dpsi/dt = u - drop(i),  i = exp(j theta) dH/dz(z, theta) + i_c
+    z = exp(-j theta) psi - magnets' flux
 
 A segment is the time between two edges.  Over it u is constant but for edges that act late, so its
 volt-seconds and their mean are known exactly; the drop is taken in the middle of the segment, at
-the mean flux.  Two terms make the step one of third order or nearly so, e the current's change from
-start to middle, omega the rotor's speed, G the inverse inductance at the period's start: the drop
-on the way to the middle (the flux there is off by R S/4 e), and the current's curvature, of whose
-S^2/24 the middle knows nothing.  From i = exp(j theta) dH/dz, psi'' = -R i' and z' = exp(-j theta)
-(psi' - j omega psi):
+the mean flux.  That is a step of second order.  Two terms make it one of third order where inverse
+inductances are constant, nearly so elsewhere: the drop on the way to the middle (the flux there is
+off by R S/4 e), and the current's curvature, of whose S^2/24 the middle knows nothing.  Here e is
+the current's change from start to middle, omega the rotor's speed, G the inverse inductance at the
+period's start.  From i = exp(j theta) dH/dz, psi'' = -R i' and z' = exp(-j theta) (psi' - j omega
+psi):
 
-    i'' = -R G i' + omega^2 i + 2 j omega i' - G (omega^2 psi + 2 j omega psi') + exp(j theta)
-    H'''[z', z']
+    i'' = -R G i' + omega^2 i + 2 j omega i' - G (omega^2 psi + 2 j omega psi')
+          + exp(j theta) H'''[z', z']
 
 An edge that acts the share rho of the segment late bends the current there: its change is no line,
 but has come about sooner.  With v (x, y) what the edge changes and K = v (x, y) rho (1 - rho)^2
