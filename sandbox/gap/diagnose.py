@@ -109,6 +109,12 @@ class Diagnosis:
         return self.hypotheses[0]
 
     @property
+    def held_by(self) -> float:
+        """Resistance (ohm) by which readings hold all replays, 0 where they go by their voltages
+        (`first_look`)."""
+        return max(r.hold for r in self.start.prepared.recordings)
+
+    @property
     def offsets_named(self) -> bool:
         """Whether offsets that differ between recordings are named as an effect."""
         return self.drift is not None and library.drifting().name in self.best.effects

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from model.effects import library
+from model.effects.said import quantity
 from model.errors import BadInput
 from model.mapped import ALPHAS, MappedMotor
 from sandbox.gap.diagnose import Diagnosis, diagnosis_of, verdict
@@ -155,7 +156,8 @@ def where_text(a: Answers) -> str:
     drifts, counts = a.diagnosis.drifting, a.diagnosis.counted
     named = a.diagnosis.offsets_named
     known = "" if drifts is None else drifts.text_of_sum if named else drifts.text
-    found = [x for x in (known, "" if counts is None else counts.text) if x]
+    found = [known, "" if counts is None else counts.text, held_text(a.diagnosis)]
+    found = [x for x in found if x]
     if (every := _unpredicted(a)) is not None:
         text = (
             "Nowhere that these recordings show: fitted to all of them, ordinary deviations leave "
@@ -166,6 +168,22 @@ def where_text(a: Answers) -> str:
     if found:
         text = f"{' '.join(found)} What is left: {text}"
     return text if a.verdict == "no_gap" or a.odd_phase is None else f"{text} {a.odd_phase.text}"
+
+
+def held_text(d: Diagnosis) -> str:
+    """Return that readings hold all replays and why, as a sentence; empty where they do not."""
+    if not d.held_by:
+        return ""
+    motor, converter = d.campaign.drive.motor, d.campaign.drive.converter
+    longest = max(motor.inductance_d, motor.inductance_q) / d.held_by
+    samples = max(1, round(longest / converter.sampling_period))
+    return (
+        "Around zero current the legs give back more volts than the winding's "
+        f"{quantity(motor.resistance, 'ohm')} takes, as where a dead time is compensated too much: "
+        "there the current runs to one side or the other on what is too small to be known. So "
+        "readings hold all predictions, which forget within some "
+        f"{samples} samples what they missed."
+    )
 
 
 def which_text(a: Answers) -> str:

@@ -75,6 +75,7 @@ class DiagnosisResult(Result):
         content["recording_offsets"] = None if drifts is None else drifts.as_json()
         rounds = a.diagnosis.counted
         content["pwm_counts"] = None if rounds is None else rounds.as_json()
+        content["held_by_readings"] = a.diagnosis.held_by or None
         content["flux_map"] = None if a.map_found is None else asdict(a.map_found)
         content["curves"] = [asdict(c) for c in a.curves]
         content["odd_phase"] = None if a.odd_phase is None else asdict(a.odd_phase)

@@ -5,9 +5,11 @@ import math
 
 import pytest
 
+from sandbox.gap.diagnose import diagnosis_of
 from sandbox.gap.evidence.fit import NEAR, fit, normalised, rms_of
 from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.posterior.holdout import weights_of
+from sandbox.gap.report.answers import held_text
 from sandbox.gap.unstated.first_look import first_look
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
@@ -18,6 +20,7 @@ LOW = dataclasses.replace(
     DRIVE, motor=dataclasses.replace(DRIVE.motor, resistance=DRIVE.motor.resistance / 40.0)
 )
 WEAK = tuple((name, rotor, speed, 0.1 * size) for name, rotor, speed, size in CASES)
+DELAYS = ("pwm_delay", "current_sampling", "current_filter")
 ORDINARY = {"dead_time": 1e-7}  # s: what is known of a compensated dead time
 LATE = -2e-7  # two deviations
 
@@ -66,3 +69,16 @@ def test_near_the_noise_there_is_nothing_to_look_for():
     assert look.start is at
     assert look.values is at.values
     assert not look.known
+
+
+def test_the_answer_says_that_readings_hold():
+    """Only where legs give volts back; the longest memory is L over the resistance that holds, in
+    samples of the drive."""
+    held, free = (
+        diagnosis_of(campaign(late, None), exclude=DELAYS, workers=1) for late in (LATE, -LATE)
+    )
+    assert free.held_by == 0.0
+    assert held_text(free) == ""
+    longest = max(LOW.motor.inductance_d, LOW.motor.inductance_q) / held.held_by
+    samples = max(1, round(longest / LOW.converter.sampling_period))
+    assert f"forget within some {samples} samples" in held_text(held)
