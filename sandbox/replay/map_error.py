@@ -23,7 +23,6 @@ import numpy as np
 
 from model.array_types import Array
 from model.compiled import inlined, kernel
-from model.effects.library import true_motor
 from model.energy import flux_newton, hessian
 from model.mapped import MappedMotor
 from model.spline import DEGREE
@@ -88,8 +87,7 @@ class Answers:
         error, motor = self.prepared.map_error, self.prepared.campaign.drive.motor
         assert error is not None
         moves = transitions(own[0], stop, SHARE * motor.inductance_q * motor.rated_current)
-        energy = true_motor(motor, dict(self.values), keep_map=True).energy
-        return answered(energy, error.modes, error.cells, moves, how, own[1])
+        return answered(motor.energy, error.modes, error.cells, moves, how, own[1])
 
 
 @kernel
