@@ -36,7 +36,7 @@ from sandbox.gap.evidence.fit import fit, rms_of
 from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.posterior.candidates import candidates
 from sandbox.gap.posterior.holdout import weights_of
-from sandbox.gap.posterior.linear_model import LinearModel, linear_model
+from sandbox.gap.posterior.linear_model import Linearisation, LinearModel, linear_model
 from sandbox.gap.settings import USUAL
 from sandbox.output.files import write_json
 from sandbox.plant.sets import complete
@@ -73,7 +73,9 @@ def traces(
     first = {
         c.effect: c for c in reversed(candidates(null.point, out_of_sight(campaign), left=0.0))
     }
-    at = linear_model(found.point, list(first.values()), tuple(effects), 1.0, weights)
+    at = linear_model(
+        found.point, list(first.values()), tuple(effects), Linearisation(1.0), weights
+    )
     for effect in sorted(set(first) - set(effects)):
         prior = alone(at, effects, effect)
         x, free, _ = at.equations.most_probable(prior)

@@ -20,7 +20,7 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
+from sandbox.gap.evidence.fit import NEAR, Fit, Task, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.map_modes import missed, with_modes
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, noise_caution, noise_of
@@ -385,13 +385,14 @@ def _without(whole: Fit, start: ParameterPoint, left: Sequence[int], workers: in
     weights = weights_of(len(start.prepared.recordings), left)
     if not whole.effects and normalised(whole.normal, weights) > NEAR:
         return fit(start, (), weights, workers=workers)
-    near = attempted(whole.point, whole.effects, weights, workers=workers)
+    near = attempted(Task(whole.point, whole.effects, weights, workers))
     if near is not None and normalised(near.normal, weights) <= NEAR:
         return near
     own = {k: v for k, v in whole.point.values.items() if k.partition(".")[0] in whole.effects}
     begun = replace(start, values={**start.values, **own})
     leader = math.inf if near is None else near.objective
-    other = attempted(begun, whole.effects, weights, smooth=True, leader=leader, workers=workers)
+    task = Task(begun, whole.effects, weights, workers, leader=leader)
+    other = attempted(task, smooth=True)
     found = [f for f in (near, other) if f is not None]
     return min(found, key=lambda f: f.objective, default=whole)
 

@@ -120,14 +120,18 @@ def fit(
     Where an effect's value ends at the bound of the search, the bound widens and the fit goes on;
     so it does where free rotors' motion, smoothed again at the point that was found, fits better.
     """
-    task = Task(start, effects, weights, workers, rough, near, leader)
+    return _fitted(Task(start, effects, weights, workers, rough, near, leader))
+
+
+def _fitted(task: Task) -> Fit:
+    """Return the most probable point of a task (`fit`)."""
+    start = task.start
     found, smoother = _within_bounds(task, start)
-    if normalised(found.normal, weights) > rough:
+    if normalised(found.normal, task.weights) > task.rough:
         return found
+    drive = start.prepared.campaign.drive
     for _ in range(WIDENED):
-        claimed = [
-            c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)
-        ]
+        claimed = [c for e in task.effects for c in of_effect(e, drive, start.values)]
         if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
             break
         at = found.point.resmoothed() if smoother >= SMOOTHER else found.point
@@ -139,23 +143,11 @@ def fit(
     return found
 
 
-def attempted(
-    start: ParameterPoint,
-    effects: Sequence[str],
-    weights: Weights,
-    *,
-    smooth: bool = False,
-    rough: float = math.inf,
-    near: NormalEquations | None = None,
-    leader: float = math.inf,
-    workers: int = 1,
-) -> Fit | None:
-    """Return the fit of a set, None where no drive can have it or it predicts nothing finite;
-    smooth: free rotors' motion is smoothed at the start; rough, near, leader: as in
-    `fit`."""
+def attempted(task: Task, *, smooth: bool = False) -> Fit | None:
+    """Return the fit of a task, None where no drive can have its set or it predicts nothing finite;
+    smooth: free rotors' motion is smoothed at the start."""
     try:
-        at = start.resmoothed() if smooth else start
-        found = fit(at, effects, weights, rough=rough, near=near, leader=leader, workers=workers)
+        found = _fitted(task._replace(start=task.start.resmoothed()) if smooth else task)
     except BadInput:
         return None
     return found if math.isfinite(found.objective) else None
@@ -198,13 +190,13 @@ def excess_of(n: NormalEquations, weights: Weights) -> float:
 
 
 class Task(NamedTuple):
-    """What is fitted: where it begins, effects, recordings that count, threads, times the noise
-    above which its first part is enough, equations near the start, and a rival's objective."""
+    """What is fitted: where it begins, effects, recordings that count, threads; rough, near,
+    leader: as in `fit`."""
 
     start: ParameterPoint
     effects: Sequence[str]
     weights: Weights
-    workers: int
+    workers: int = 1
     rough: float = math.inf
     near: NormalEquations | None = None
     leader: float = math.inf

@@ -10,8 +10,7 @@ from sandbox.gap.evidence.fit import Fit, Weights
 from sandbox.gap.evidence.normal import NormalEquations, equations_of
 from sandbox.gap.evidence.priors import STEPS
 from sandbox.gap.posterior.candidates import Candidate
-from sandbox.gap.posterior.linear_model import LinearModel, linear_model
-from sandbox.gap.settings import USUAL, Settings
+from sandbox.gap.posterior.linear_model import Linearisation, LinearModel, linear_model
 
 
 @dataclass(frozen=True)
@@ -43,27 +42,15 @@ class EvaluatedModel:
 def evaluate(
     found: Fit,
     candidates: Sequence[Candidate],
-    trace: float,
+    how: Linearisation,
     weights: Weights,
     known: NormalEquations | None = None,
-    *,
-    settings: Settings = USUAL,
-    workers: int = 1,
 ) -> EvaluatedModel:
     """Return a fitted set weighed at its own point, traces of all other effects (one candidate
     each) beside it; known: equations that were taken there."""
-    model = linear_model(
-        found.point,
-        candidates,
-        found.effects,
-        trace,
-        weights,
-        known,
-        settings=settings,
-        workers=workers,
-    )
+    model = linear_model(found.point, candidates, found.effects, how, weights, known)
     prior = model.prior(found.effects)
-    settled = model.settled(prior, weights, workers)
+    settled = model.settled(prior, weights, how.workers)
     return EvaluatedModel(found, settled, prior, settled.log_evidence(found.effects))
 
 

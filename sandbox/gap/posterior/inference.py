@@ -207,16 +207,8 @@ class _Weighing:
     ) -> EvaluatedModel:
         """Return a fitted set weighed at its own point, traces of all other effects beside it;
         known: equations that were taken there."""
-        p, own = self.problem, self.search.candidates()
-        return evaluate(
-            found,
-            own,
-            self.search.trace,
-            weights(variance),
-            known,
-            settings=p.settings,
-            workers=p.workers,
-        )
+        own = self.search.candidates()
+        return evaluate(found, own, self.search.how, weights(variance), known)
 
     def posterior(
         self, fitted: Mapping[Set, EvaluatedModel], behind: Mapping[Set, float]

@@ -17,6 +17,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,22 +146,26 @@ def equations(n: NormalEquations, weights: Weights) -> Algebra:
     return Algebra(a, g, ssr, n.x)
 
 
+class Linearisation(NamedTuple):
+    """How equations are taken: share of the wide prior that a trace has, settings, threads."""
+
+    trace: float
+    settings: Settings = USUAL
+    workers: int = 1
+
+
 def linear_model(
     point: ParameterPoint,
     candidates: Sequence[Candidate],
     active: Sequence[str],
-    trace: float,
+    how: Linearisation,
     weights: Weights,
     known: NormalEquations | None = None,
-    *,
-    settings: Settings = USUAL,
-    workers: int = 1,
 ) -> LinearModel:
     """Return the equations of all candidates at a point.
 
     active: effects that are on there, of which no other candidate counts (but further parts);
-    trace: share of the wide prior that a trace has; weights: of segments; known: equations that
-    were taken at this very point.
+    weights: of segments; known: equations that were taken at this very point.
     """
     usual = ordinary(point.prepared.campaign, point.values)
     columns = _Columns({c.label: c for c in usual}, {c.label: c for c in usual}, [], [])
@@ -172,12 +177,13 @@ def linear_model(
             (c for c in candidates if c.effect == effect and c.part == 1), Candidate(effect)
         )
         drive = point.prepared.campaign.drive
-        columns.add(first, _active(first, drive, point.values), trace)
+        columns.add(first, _active(first, drive, point.values), how.trace)
     for k, c in enumerate(candidates):
         if c.effect not in active or c.part > 1:
             label = f"@{k}" if columns.has(c) else ""
-            columns.add(c, c.coordinates(point, label), trace / math.sqrt(max(1, count[c.effect])))
-    return columns.model(point, weights, settings, known, workers)
+            share = how.trace / math.sqrt(max(1, count[c.effect]))
+            columns.add(c, c.coordinates(point, label), share)
+    return columns.model(point, weights, how.settings, known, how.workers)
 
 
 def _active(known: Candidate, drive: Drive, values: Mapping[str, float]) -> list[Coordinate]:

@@ -22,6 +22,7 @@ from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import (
     NEAR,
     Fit,
+    Task,
     Weights,
     attempted,
     coordinates_of,
@@ -41,7 +42,12 @@ from sandbox.gap.posterior.candidates import (
     further,
 )
 from sandbox.gap.posterior.holdout import weights_of
-from sandbox.gap.posterior.linear_model import LinearModel, equations, linear_model
+from sandbox.gap.posterior.linear_model import (
+    Linearisation,
+    LinearModel,
+    equations,
+    linear_model,
+)
 from sandbox.gap.posterior.sets import Chosen, Set, SetPosterior, log_prior
 from sandbox.gap.settings import USUAL, Settings
 from sandbox.gap.unstated.unstated import NOTHING, Unstated, unstated
@@ -135,7 +141,7 @@ class Search:
             values=found.point.values,
             prepared=same_map(p.start.prepared, found.point.prepared),
         )
-        new = attempted(at, found.effects, p.fitted, smooth=True, rough=NEAR, workers=p.workers)
+        new = attempted(Task(at, found.effects, p.fitted, p.workers, NEAR), smooth=True)
         if new is None:
             return alone
         rough = rms_of(new) > NEAR
@@ -198,6 +204,11 @@ class Search:
             return self.fit_of(here.effects, here, known) or here, None
         return here, known
 
+    @property
+    def how(self) -> Linearisation:
+        """How equations of all candidates are taken."""
+        return Linearisation(self.trace, self.problem.settings, self.problem.workers)
+
     def restated(self, here: Fit, *, excerpts: bool) -> Fit | None:
         """Return a set fitted again to the campaign that states what its fit's residual tells; None
         where that tells nothing, or stating it leaves more: then nothing is looked for again, as
@@ -208,14 +219,8 @@ class Search:
         new, again = unstated(here, p.known, p.settings, excerpts=excerpts), None
         if new:
             p.report("fitting what the campaign does not state")
-            again = attempted(
-                new.at(here.point),
-                here.effects,
-                p.fitted,
-                smooth=True,
-                rough=0.0 if excerpts else math.inf,
-                workers=p.workers,
-            )
+            at, rough = new.at(here.point), 0.0 if excerpts else math.inf
+            again = attempted(Task(at, here.effects, p.fitted, p.workers, rough), smooth=True)
         if again is None or rms_of(again) >= rms_of(here):
             self.looked = True
             return None
@@ -307,11 +312,9 @@ class Search:
             here.point,
             [*found, *more],
             here.effects,
-            self.trace,
+            self.how,
             weights(variance),
             known,
-            settings=p.settings,
-            workers=p.workers,
         )
         own = tuple(
             k for k, c in enumerate(model.candidates) if c.effect in here.effects and c.part == 1
@@ -374,16 +377,9 @@ class Search:
         if sets is not None:
             at = self.moved(at, near, sets, best)
         rough = sets is not None
-        found = attempted(
-            at,
-            key,
-            p.fitted,
-            smooth=True,
-            rough=0.0 if rough else math.inf,
-            near=known,
-            leader=leader,
-            workers=p.workers,
-        )
+        enough = 0.0 if rough else math.inf
+        task = Task(at, key, p.fitted, p.workers, enough, known, leader)
+        found = attempted(task, smooth=True)
         new = set(key) - set(near.effects)
         if found is None or (rough and not new):
             return found
@@ -399,7 +395,7 @@ class Search:
         own = {k: v for k, v in near.point.values.items() if k.partition(".")[0] in key}
         begun = replace(p.start, values={**p.start.values, **own})
         leader = math.inf if found is None else found.objective
-        new = attempted(begun, key, p.fitted, smooth=True, leader=leader, workers=p.workers)
+        new = attempted(Task(begun, key, p.fitted, p.workers, leader=leader), smooth=True)
         return found if new is None or not new.objective < leader else new
 
     def best_form(self, found: Fit, effects: Sequence[str], rough: bool) -> Fit:
@@ -415,15 +411,9 @@ class Search:
             other = card.otherwise(point.values, width, drive.motor, drive.converter)
             usual = with_usual_sign({**point.values, **other}, drive.motor)
             at = replace(point, values=usual)
-            new = attempted(
-                at,
-                found.effects,
-                p.fitted,
-                smooth=not rough,
-                rough=0.0 if rough else math.inf,
-                leader=found.objective,
-                workers=p.workers,
-            )
+            enough, leader = 0.0 if rough else math.inf, found.objective
+            task = Task(at, found.effects, p.fitted, p.workers, enough, leader=leader)
+            new = attempted(task, smooth=not rough)
             if new is not None and new.objective < found.objective:
                 found = new
         return found

@@ -16,7 +16,7 @@ from sandbox.gap.evidence.normal import NormalEquations, Segment, normal, possib
 from sandbox.gap.evidence.priors import Coordinate, of_effect
 from sandbox.gap.posterior.candidates import at_typical
 from sandbox.gap.posterior.holdout import choices, held_out, weights_of
-from sandbox.gap.posterior.linear_model import linear_model
+from sandbox.gap.posterior.linear_model import Linearisation, linear_model
 from sandbox.plant.sets import complete
 from tests.sandbox.gap.conftest import DEAD_TIME, start
 
@@ -205,7 +205,13 @@ def test_split_does_not_look_at_readings(small_folder):
     def split(point):
         """Return the split by the slopes of all effects at a point."""
         return held_out(
-            linear_model(point, at_typical(point), (), 1.0, weights_of(len(at.prepared.recordings)))
+            linear_model(
+                point,
+                at_typical(point),
+                (),
+                Linearisation(1.0),
+                weights_of(len(at.prepared.recordings)),
+            )
         )
 
     left = split(at)

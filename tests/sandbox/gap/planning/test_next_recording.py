@@ -35,6 +35,7 @@ from sandbox.gap.planning.within import FASTEST, allowed, within
 from sandbox.gap.posterior.candidates import at_typical
 from sandbox.gap.posterior.evaluated import evaluate
 from sandbox.gap.posterior.holdout import weights_of
+from sandbox.gap.posterior.linear_model import Linearisation
 from sandbox.gap.settings import USUAL
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording, read_folder
@@ -53,7 +54,7 @@ def pair(small_folder):
         p for p in at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")
     ]
     return [
-        evaluate(fit(at, effects, weights), chosen, USUAL.trace_at(1.0), weights)
+        evaluate(fit(at, effects, weights), chosen, Linearisation(USUAL.trace_at(1.0)), weights)
         for effects in (("dead_time",), ("device_drop",))
     ]
 
@@ -91,7 +92,10 @@ def test_an_eccentric_encoder_is_the_same_for_both(small_folder):
     weights = weights_of(len(at.prepared.recordings))
     chosen = [p for p in at_typical(at) if p.effect == "encoder_eccentricity"]
     own = evaluate(
-        fit(at, ("encoder_eccentricity",), weights), chosen, USUAL.trace_at(1.0), weights
+        fit(at, ("encoder_eccentricity",), weights),
+        chosen,
+        Linearisation(USUAL.trace_at(1.0)),
+        weights,
     )
     entries = {e.name: e for e in menu(at.prepared.campaign.drive)}
     for entry in (entries["driven_fast_q"], entries["driven_slow_dq"]):

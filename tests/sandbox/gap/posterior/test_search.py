@@ -26,7 +26,7 @@ from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.gap.posterior.estimates import estimates
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.inference import infer
-from sandbox.gap.posterior.linear_model import linear_model
+from sandbox.gap.posterior.linear_model import Linearisation, linear_model
 from sandbox.gap.posterior.search import Problem, Search, left_by, log_posterior, towards
 from sandbox.gap.settings import USUAL
 from sandbox.plant.sets import complete
@@ -52,7 +52,7 @@ def test_what_a_set_leaves_as_its_replay_says(small_folder):
     an offset of phase a that equations give is the one that a replay with this offset leaves (1e-6:
     rounding of slopes over 1e-4)."""
     here = start(small_folder)
-    model = linear_model(here, [Candidate("current_offset")], (), 0.01, {})
+    model = linear_model(here, [Candidate("current_offset")], (), Linearisation(0.01), {})
     n = model.normal
     (place,) = (k for k, c in enumerate(n.coordinates) if c.label == "current_offset.offset_a")
     x = n.x.copy()
@@ -74,7 +74,7 @@ def test_a_set_finds_its_slopes_among_those_of_all_candidates(small_folder):
     other steps: 1e-3 of each column's size."""
     here = start(small_folder)
     wide = linear_model(
-        here, [Candidate("dead_time", {"dead_time.capacitance": 0.0})], (), 0.01, {}
+        here, [Candidate("dead_time", {"dead_time.capacitance": 0.0})], (), Linearisation(0.01), {}
     ).normal
     own = coordinates_of(here, ("dead_time",))
     known = wide.of(own)
@@ -96,7 +96,7 @@ def test_orders_that_a_further_part_may_have_are_columns_of_their_own(small_fold
     here = dataclasses.replace(here, values={**here.values, "flux_harmonics.psi_d6": 1e-4})
     first = Candidate("flux_harmonics")
     more = [Candidate("flux_harmonics", {"flux_harmonics.2.order": x}, part=2) for x in (12, 18)]
-    model = linear_model(here, [first, *more], ("flux_harmonics",), 0.01, {})
+    model = linear_model(here, [first, *more], ("flux_harmonics",), Linearisation(0.01), {})
     own = [set(places) for places in model.places[1:]]
     assert not own[0] & own[1]
     a = model.normal.summed().a
@@ -117,7 +117,9 @@ def test_other_forms_are_candidates_where_a_size_is_to_be_told(small_folder):
 
 
 def test_nothing_moved_leaves_what_there_is_and_noise_counts_whole(small_folder):
-    model = linear_model(start(small_folder), [Candidate("current_offset")], (), 0.01, {})
+    model = linear_model(
+        start(small_folder), [Candidate("current_offset")], (), Linearisation(0.01), {}
+    )
     variance = dict.fromkeys(segments_of(model.normal), 3.0)
     assert left_by(model, model.normal.x, variance) == pytest.approx(variance)
 

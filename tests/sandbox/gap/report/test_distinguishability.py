@@ -12,6 +12,7 @@ from sandbox.gap.posterior.candidates import at_typical
 from sandbox.gap.posterior.evaluated import evaluate
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.hypotheses import Hypothesis
+from sandbox.gap.posterior.linear_model import Linearisation
 from sandbox.gap.report.distinguishability import alike
 from sandbox.gap.settings import USUAL
 from tests.sandbox.gap.conftest import start
@@ -27,7 +28,7 @@ def pair(small_folder):
         p for p in at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")
     ]
     return [
-        evaluate(fit(at, effects, weights), chosen, USUAL.trace_at(1.0), weights)
+        evaluate(fit(at, effects, weights), chosen, Linearisation(USUAL.trace_at(1.0)), weights)
         for effects in SETS
     ]
 
