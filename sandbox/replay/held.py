@@ -11,7 +11,8 @@ of the difference to it, T from reading to reading: as a resistance h would, wer
 the one that flows.  What is missed for long then shows as it stands, in proportion, and is
 forgotten after L/(h T) samples.  The reading's noise n comes back: differences are (1 - z)/(1 - (1
 - g) z) n, z one sample back, whose variance is 2/(2 - g) of the noise's (Parseval's theorem, white
-noise; coloured noise is whitened alike before and after).
+noise; coloured noise is whitened alike before and after).  What all three phases have in common, a
+third of the square of three sensors' noise, is no current and does not come back.
 In the literature: prediction errors in place of simulation errors (Ljung, System Identification,
 2nd ed., 1999, section 3.2), and observers that make an objective smooth (Vyasarayani et al.,
 Nonlinear Dynamics 67 (2012) 455).  Checked: tests/sandbox/replay/test_held.py.
@@ -51,11 +52,11 @@ def remembering(drive: Drive, samples: float) -> float:
 
 def wider(drive: Drive, ohms: float) -> float:
     """Return the differences' standard deviation over that of the readings' noise, mean square of
-    both axes at no current."""
+    both axes at no current and of what three phases have in common."""
     taken = ohms * drive.converter.sampling_period
     correction = taken / (1.0 + taken / _least_inductance(drive))
     own = [correction / x for x in (drive.motor.inductance_d, drive.motor.inductance_q)]
-    return math.sqrt(sum(2.0 / (2.0 - g) for g in own) / len(own))
+    return math.sqrt((1.0 + sum(2.0 / (2.0 - g) for g in own)) / 3.0)
 
 
 def _released_noise(prepared: Prepared) -> float:

@@ -45,15 +45,18 @@ def test_what_is_missed_is_forgotten_in_so_many_samples():
 
 @pytest.mark.parametrize("samples", [4.0, 10.0, 50.0])
 def test_noise_that_comes_back_is_counted(samples):
-    """White noise of readings alone: the residual is one.  Of 3 x 4000 readings the rms scatters by
-    1/sqrt(2 x 8000), two of three being independent; neighbours are a little alike."""
-    p = at_rest(NOISE)
+    """White noise of readings alone: the residual is that of a replay by voltages, over `wider`.
+    What is predicted, p, follows readings before, of variance g/(2 - g) in both components of the
+    current, and so does the excess p^2 - 2 n p, n the noise: over 2 x 4000 of them, which hold two
+    thirds of the square of three phases, its mean scatters by 2 sqrt(g/(2 - g)/8000).  Were the
+    third that is common counted as coming back, J would be off by more than four of these."""
+    p, g = at_rest(NOISE), 1.0 / (1.0 + samples)
     ohms = remembering(ROUND, samples)
     own = held(p, ohms)
     (found,) = residuals(own, replay(own, [{}]))
-    assert found.rms()[0] == pytest.approx(residual_alone(p), abs=4.0 / math.sqrt(16_000))
-    g = 1.0 / (1.0 + samples)
-    assert wider(ROUND, ohms) == pytest.approx(math.sqrt(2.0 / (2.0 - g)))
+    scatter = 2.0 / 3.0 * math.sqrt(g / (2.0 - g) / 8000.0)
+    assert found.rms()[0] == pytest.approx(residual_alone(p), abs=4.0 * scatter)
+    assert wider(ROUND, ohms) ** 2 == pytest.approx(1.0 / 3.0 + 2.0 / 3.0 * 2.0 / (2.0 - g))
 
 
 def residual_alone(p):

@@ -48,13 +48,13 @@ def looked(own):
 @pytest.mark.parametrize("late", [LATE, -LATE])
 def test_counts_and_ordinary_deviations_are_found_from_far(late):
     """The nominal model leaves a hundred times the noise.  The number of counts itself; the dead
-    time far within what is ordinary of it (a twentieth); J of 14 400 readings scatters by
-    1/sqrt(2 x 9600).  Only legs that give volts back are held, by twice what they give beyond the
-    winding: late link / (period zone) as the card of dead_time has it."""
+    time far within what is ordinary of it (a twentieth); J of 14 400 independent readings scatters
+    by 1/sqrt(2 x 14 400).  Only legs that give volts back are held, by twice what they give beyond
+    the winding: late link / (period zone) as the card of dead_time has it."""
     look, found = looked(campaign(late, 1000))
     assert look.known.counts.value == 1000
     assert look.values["dead_time.time"] == pytest.approx(late, abs=5e-9)
-    assert rms_of(found) == pytest.approx(1.0, abs=3.0 / math.sqrt(2.0 * 9600.0))
+    assert rms_of(found) == pytest.approx(1.0, abs=3.0 / math.sqrt(2.0 * 14_400.0))
     c, zone = LOW.converter, look.values["bench.soft_current"]
     given = -look.values["dead_time.time"] * c.dc_bus_voltage / (c.sampling_period * zone)
     excess = max(0.0, given - LOW.motor.resistance)
