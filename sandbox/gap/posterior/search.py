@@ -50,7 +50,7 @@ from sandbox.gap.posterior.linear_model import (
 )
 from sandbox.gap.posterior.sets import Chosen, Set, SetPosterior, log_prior
 from sandbox.gap.settings import USUAL, Settings
-from sandbox.gap.unstated.unstated import NOTHING, Unstated, unstated
+from sandbox.gap.unstated.unstated import NOTHING, Unstated, confirmed, unstated
 from sandbox.replay.map_error import same_map
 
 Parts = tuple[tuple[str, int], ...]
@@ -221,7 +221,7 @@ class Search:
             p.report("fitting what the campaign does not state")
             at, rough = new.at(here.point), 0.0 if excerpts else math.inf
             again = attempted(Task(at, here.effects, p.fitted, p.workers, rough), smooth=True)
-        if again is None or rms_of(again) >= rms_of(here):
+        if again is None or not confirmed(here, again, new):
             self.looked = True
             return None
         self.state(new, again)

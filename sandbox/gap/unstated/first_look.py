@@ -22,7 +22,7 @@ from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.settings import USUAL
 from sandbox.gap.unstated.pwm_counts import pwm_counts
-from sandbox.gap.unstated.unstated import NOTHING, Unstated
+from sandbox.gap.unstated.unstated import NOTHING, Unstated, confirmed
 from sandbox.replay.held import held, remembering
 
 # Samples after which a replay has forgotten what it missed.  Less of them leaves less of what is
@@ -57,7 +57,11 @@ def first_look(
     found = _alone(_held(seen, remembering(drive, MEMORY)), workers)
     known = Unstated(pwm_counts(found.point) if keeps_more(found, USUAL.gap) else None)
     if known:
-        found = _alone(known.at(found.point), workers)
+        stated = _alone(known.at(found.point), workers)
+        if confirmed(found, stated, known):
+            found = stated
+        else:
+            known = NOTHING
     ohms = _to_hold(found)
     if known or ohms:
         start, seen = (_restated(x, known, ohms) for x in (start, seen))

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from sandbox.gap.evidence.fit import Fit, keeps_more
+import numpy as np
+
+from sandbox.gap.evidence.fit import Fit, keeps_more, rms_of
+from sandbox.gap.evidence.misfit import misfit
 from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.settings import Settings
 from sandbox.gap.unstated.drifting import Drifting, drifting, steadied
-from sandbox.gap.unstated.pwm_counts import Counted, pwm_counts, with_counts
+from sandbox.gap.unstated.pwm_counts import Counted, log_prior, pwm_counts, sure, with_counts
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.map_error import same_map
 from sandbox.replay.replay import prepare
@@ -68,3 +71,22 @@ def unstated(
     drifts = drifting(point, shown(point), known.drifting) if seen else None
     looked = known.counts is None and drifts is None and keeps_more(found, settings.gap)
     return Unstated(pwm_counts(point) if looked else None, drifts)
+
+
+def confirmed(before: Fit, after: Fit, new: Unstated) -> bool:
+    """Return whether what was found holds for a fit, made again to the campaign that states it:
+    less is left, and with counts so much less that they are still sure.
+
+    Far from the noise a number of counts may resemble what something else leaves, of which other
+    parameters then take nothing back.
+    """
+    if rms_of(after) >= rms_of(before):
+        return False
+    if new.counts is None:
+        return True
+    variance = misfit(after.point)
+    gained = sum(
+        (float(old.ssr.sum()) - float(own.ssr.sum())) / variance[own.recording, own.channel]
+        for old, own in zip(before.normal.segments, after.normal.segments, strict=True)
+    )
+    return sure(log_prior(np.array([new.counts.value])) + 0.5 * gained)
