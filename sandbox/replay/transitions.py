@@ -16,9 +16,10 @@ import numpy as np
 
 from model.array_types import Array
 from model.compiled import kernel
+from sandbox.plant import additions as add
 from sandbox.plant.electrical import finished, seen
 from sandbox.plant.sets import complete
-from sandbox.replay.kernel import Rows, run
+from sandbox.replay.kernel import Rows, deviate_at_start, run
 from sandbox.replay.replay import Prepared, block_of
 from sandbox.replay.walking import Running
 
@@ -28,7 +29,7 @@ SHARE = 1e-6  # of the flux of rated current: the displacement
 class Transitions(NamedTuple):
     """Of n samples: how a change of the flux (Wb, stationary frame) stands one sample later, a (n,
     2, 2), and how the three readings show it, c (n, 3, 2) in A/Wb; flux due to currents (n, 2) in
-    Wb, rotor's frame, whose angle is theta (n,)."""
+    Wb, rotor's frame, whose true angle is theta (n,)."""
 
     a: Array
     c: Array
@@ -59,7 +60,7 @@ def transitions(running: Running, stop: int, size: float) -> Transitions:
     angle = r.motion.angle
     if r.settling is not None:
         angle = np.concatenate([r.settling.motion.angle, angle])
-    theta = angle[before + running.done : before + stop] - running.batch["offset"][0]
+    theta = angle[before + running.done : before + stop].copy()
     out = Transitions(np.empty((n, 2, 2)), np.empty((n, 3, 2)), np.empty((n, 2)), theta)
     running.span = one_by_one(
         running.batch,
@@ -81,13 +82,18 @@ def transitions(running: Running, stop: int, size: float) -> Transitions:
 @kernel
 def one_by_one(w, flux_map, timing, features, room, track, samples, fixed, span, size, out):
     """Write the transitions of samples (periods each, periods before the track, first, last) in the
-    first three lanes; return what `span` is to be afterwards."""
+    first three lanes; return what `span` is to be afterwards.  out: angles are as they are read."""
     held, begins, start, stop = samples
-    lanes = w.psi_alpha.size
+    lanes, wobbling = w.psi_alpha.size, features & add.WOBBLE != 0 and fixed.eccentric
+    if start == 0 and wobbling:
+        deviate_at_start(w, track)
     read, moved, torque = np.zeros((2, 3, lanes)), np.zeros((1, lanes)), np.empty(len(track))
     for k in range(start, stop):
         base_a, base_b = finished(w, 0, span)
-        angle = out.theta[k - start]
+        # what the encoder reads too much there
+        angle = out.theta[k - start] - w.offset[0] - w.deviation[0]
+        angle += w.latency[0] * track[held * k].speed
+        out.theta[k - start] = angle
         out.flux[k - start] = seen(w, 0, math.cos(angle), math.sin(angle), base_a, base_b)
         for j in range(2):
             x, y = finished(w, 1 + j, span)
