@@ -3,9 +3,9 @@
     residual and slopes of all candidates at a point -> posterior over sets by algebra -> fit of the
     most probable set
 
-until no other set is more probable. Far from the noise the misfit (`misfit`) makes the data count
-for less, each set's own: sets are weighed by what the best of them leaves, and one is taken only
-where its own fit proves better. Of a long campaign the first rounds look at excerpts; what these
+until no other set is more probable.  Far from the noise the misfit (`misfit`) makes the data count
+for less, each set's own: sets are weighed by what the best of them leaves.  One is taken only where
+its own fit proves better. Of a long campaign the first rounds look at excerpts; what these
 name is only where the rounds on all of it begin.
 """
 
@@ -260,9 +260,9 @@ class Search:
         None where there is none.  seen: sets that were fitted here before; tried: those that were
         none better since the last one was.
 
-        Near the noise slopes are right, and the most probable set is taken.  Far from it they say
-        little of sets far from here: the most probable ones are tried, and the first whose own
-        residual makes it more probable, weighed as the one here is, is taken.
+        A set is taken only where its own residual makes it more probable than the one here, weighed
+        alike.  Near the noise slopes are right, and the most probable set is tried.  Far from it
+        they say little of sets far from here, and the most probable ones are tried in turn.
         """
         settings, far = self.problem.settings, rms_of(here) > NEAR
         own = max(
@@ -275,12 +275,11 @@ class Search:
             (k for k, v in sets.known.items() if v >= least), key=lambda k: (-sets.known[k], k)
         ):
             near.setdefault(sets.parts(k), k)
-        barred = seen | tried if far else seen
-        level = self.weighed(here, sets, own) if far else -math.inf
-        for parts in [x for x in near if x not in barred][: settings.tries if far else 1]:
+        level = self.weighed(here, sets, own)
+        for parts in [x for x in near if x not in seen | tried][: settings.tries if far else 1]:
             self.choose(sets, near[parts])
             new = self.fit_of(sets.names(near[parts]), here, known, sets, near[parts])
-            if new is not None and (not far or self.weighed(new, sets, near[parts]) > level):
+            if new is not None and self.weighed(new, sets, near[parts]) > level:
                 seen.add(parts)
                 tried.clear()
                 return new
