@@ -1,5 +1,6 @@
 """Fit of a set: what it does at the end of what a drive can have."""
 
+import dataclasses
 import math
 
 import pytest
@@ -32,3 +33,30 @@ def test_slopes_stay_where_no_drive_stands_beside_a_point(small_folder, monkeypa
     assert math.isfinite(found.objective)
     time = "dead_time.time"
     assert found.point.values[time] == pytest.approx(whole.point.values[time], rel=0.1)
+
+
+def test_a_step_moves_a_signs_width_and_shape_no_further_than_their_slopes_hold(
+    small_folder, monkeypatch
+):
+    """From a zone four times as wide as usual: every point that is tried lies within `STRAIGHT` of
+    the one before, and the zone gets there."""
+    here, moves, of = start(small_folder), [], fitted.tried
+    width = here.values["bench.soft_current"]
+
+    def spied(n, trial, *rest):
+        own = [k for k, c in enumerate(n.coordinates) if c.label in fitted.STRAIGHT]
+        moves.append(
+            {
+                n.coordinates[k].label: abs(n.coordinates[k].value(trial.values) - n.x[k])
+                for k in own
+            }
+        )
+        return of(n, trial, *rest)
+
+    monkeypatch.setattr(fitted, "tried", spied)
+    wide = dataclasses.replace(here, values={**here.values, "bench.soft_current": 4.0 * width})
+    found = fitted.fit(wide, ("dead_time",), weights_of(len(here.prepared.recordings)))
+    for label, most in fitted.STRAIGHT.items():
+        assert max(m[label] for m in moves) <= most + 1e-9, label
+    assert max(m["bench.soft_current"] for m in moves) == pytest.approx(0.5)
+    assert found.point.values["bench.soft_current"] < 2.0 * width
