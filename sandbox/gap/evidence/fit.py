@@ -54,9 +54,9 @@ HOPE, BEHIND = 0.5, 12.0
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
 # How a current's sign goes through zero, and how far slopes of it hold in one step: readings bend
-# within the zone's width.  Chosen, of eight drives at rest: without it fits of ordinary deviations
-# end up to 190 nats of 421 800 higher, nowhere lower; a center bound to a quarter, too, left an
-# iron loss 870 higher.
+# within the zone's width.  Chosen: of eight drives without a fault fits of ordinary deviations end
+# up to 190 nats (of 421 800) higher without it, one nat lower at most; of one with a fault (J 2.5)
+# 320 of 2.2 million lower.  A center bound to a quarter, too, left an iron loss 870 higher.
 STRAIGHT = {"bench.soft_current": 0.5, "bench.soft_shape": 0.25, "bench.soft_center": math.inf}
 # Times the noise.  A wrong shape of the sign left 1.02 beside a usual dead time; the excess J^2 - 1
 # grows as its square, so 1.9 beside one eight times as large.
