@@ -206,6 +206,23 @@ def test_far_from_the_floor_a_set_whose_fit_is_worse_is_not_taken(far):
     assert tuple((e, 1) for e in last) in seen
 
 
+@pytest.mark.parametrize(("more", "taken"), [(1.5, False), (0.5, True)])
+def test_near_the_floor_too_a_set_is_taken_where_its_own_fit_proves_better(far, more, taken):
+    """Twice the noise here, every reading counting whole, with the posterior of the far point: the
+    most probable set alone is tried, and what its fit leaves decides, half as much again or half of
+    it (thousands of nats either way), whatever slopes promise."""
+    run, sets = far
+    run.met = {(s.recording, s.channel): 1.0 for s in run.null.normal.segments}
+    count = float(sum(s.n.sum() for s in run.null.normal.segments))
+    here = Fits(run, {(): 4.0 * count}).fit_of((), run.null, None)
+    assert rms_of(here) == pytest.approx(2.0)
+    best = sets.names(sets.best())
+    fits, seen, tried = Fits(run, {best: 4.0 * more * count}), {()}, set()
+    assert (run.better(here, None, sets, seen, tried) is not None) is taken
+    assert fits.asked == [best]
+    assert tuple((e, 1) for e in best) in (seen if taken else tried)
+
+
 def test_a_set_that_excerpts_name_near_the_floor_is_fitted_whole(small_folder):
     """Before all candidates are linearised at its point, once: a whole fit from there gains less
     than a step's end."""

@@ -10,7 +10,9 @@ from sandbox.gap.evidence.fit import NEAR, fit, normalised, rms_of
 from sandbox.gap.evidence.normal import ParameterPoint, normal
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.report.answers import held_text
+from sandbox.gap.unstated import first_look as looking
 from sandbox.gap.unstated.first_look import first_look
+from sandbox.gap.unstated.pwm_counts import Counted
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
@@ -60,6 +62,22 @@ def test_counts_and_ordinary_deviations_are_found_from_far(late):
     excess = max(0.0, given - LOW.motor.resistance)
     for r in look.start.prepared.recordings:
         assert r.hold == pytest.approx(2.0 * excess)
+
+
+def test_counts_that_a_fit_does_not_confirm_are_not_stated(monkeypatch):
+    """Nothing is rounded here, and whoever looks for counts names 1000 of them."""
+    own, asked = campaign(LATE, None), []
+
+    def named(point):
+        asked.append(point)
+        return Counted(1000, 1000, 1000, 8e6, 1.0, 20.0)
+
+    monkeypatch.setattr(looking, "keeps_more", lambda *_: True)
+    monkeypatch.setattr(looking, "pwm_counts", named)
+    look, found = looked(own)
+    assert asked
+    assert not look.known
+    assert rms_of(found) == pytest.approx(1.0, abs=3.0 / math.sqrt(2.0 * 14_400.0))
 
 
 def test_near_the_noise_there_is_nothing_to_look_for():
