@@ -403,10 +403,11 @@ def map_left_out(motor: MappedMotor) -> tuple[MapPoints, NDArray[np.float64]]:
 
 
 def held_by_data(
-    motor: Motor, i_d: NDArray[np.float64], i_q: NDArray[np.float64]
+    motor: Motor, i_d: NDArray[np.float64], i_q: NDArray[np.float64], *, beyond: float = 0.0
 ) -> NDArray[np.bool_]:
     """Tell which currents (A) lie inside the points of a motor's map, mirrored in i_q as its fit
-    is; all of them where the motor has no map, or its points lie on one line."""
+    is, or so far (A) beyond them; all of them where the motor has no map, or its points lie on one
+    line."""
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         return np.ones(np.shape(i_d), dtype=bool)
     points = motor_points(motor)
@@ -419,7 +420,7 @@ def held_by_data(
     except (QhullError, ValueError):
         return np.ones(np.shape(i_d), dtype=bool)
     place = np.column_stack([np.ravel(i_d), np.ravel(i_q)]) / scale
-    inside = np.max(place @ edges[:, :2].T + edges[:, 2], axis=1) <= 1e-9
+    inside = np.max(place @ edges[:, :2].T + edges[:, 2], axis=1) <= 1e-9 + beyond / scale
     return np.asarray(inside.reshape(np.shape(i_d)))
 
 

@@ -1,9 +1,13 @@
-"""Parts chosen from long recordings: a diagnosis needs what differs in them, not minutes of the
-same.
+"""Parts chosen from recordings: those in which currents stay within the motor's flux map, and of
+long ones what differs, not minutes of the same.
 
-Each recording is cut into blocks of equal length.  A block is described by what its commands,
-currents and encoder say: mean and scatter of currents, speed, voltage, link voltage and load, and
-where a locked rotor stands.  Nothing simulated is looked at, so the choice favours no effect.
+Beyond a map nothing is known of the motor (`map_range`): a recording is cut where it goes there,
+and a part begins with what a current between the map's points tells of the flux.
+
+Each recording of a long campaign is cut into blocks of equal length.  A block is described by what
+its commands, currents and encoder say: mean and scatter of currents, speed, voltage, link voltage
+and load, and where a locked rotor stands.  Nothing simulated is looked at, so the choice favours no
+effect.
 Taken are, in this order:
 
 1. of every recording (where there are many, of every kind of them: rotor, injection, link voltage)
@@ -25,6 +29,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +38,7 @@ from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Excerpt, Excerpts
+from sandbox.recordings.checks.map_range import stretches_within
 from sandbox.replay.inputs import AT_REST, stated_noise_std
 
 # samples that are all used: the largest campaign of the blind checks holds 169 920
@@ -56,36 +62,81 @@ KINDS = 10.0
 
 
 def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
-    """Return a campaign of blocks of its recordings, of at most so many samples in all
-    (`Campaign.excerpts`).
+    """Return a campaign of parts of its recordings, within the motor's flux map and of at most so
+    many samples in all (`Campaign.excerpts`).
 
-    One that is not longer is returned as it is.  most: samples, math.inf for all; by default
-    campaigns longer than MAX_SAMPLES are cut to CUT_TO.  BadInput below LEAST.
+    One that stays within the map and is not longer is returned as it is.  most: samples, math.inf
+    for all; by default campaigns longer than MAX_SAMPLES are cut to CUT_TO.  BadInput below LEAST,
+    and where nothing lies within the map.
     """
     check_samples(most)
     n = [len(r.t) for r in campaign.recordings]
+    stretches = _stretches(campaign)
+    within = sum(s.end - s.first for s in stretches)
     if most is None:
-        most = CUT_TO if sum(n) > MAX_SAMPLES else math.inf
-    if sum(n) <= most:
+        most = CUT_TO if within > MAX_SAMPLES else math.inf
+    if sum(n) == within <= most:
         return campaign
-    period = campaign.drive.converter.sampling_period
-    settling = rows_to_settle(campaign.drive.motor, period)
-    length = even(min(max(most / PARTS, settling), most / FEWEST))
-    blocks = [(k, a, b) for k, rows in enumerate(n) for a, b in _blocks(rows, length)]
-    marks = np.concatenate([marks_of(campaign, k, length) for k in range(len(n))])
-    chosen = _chosen(
-        marks, [b - a for _, a, b in blocks], _groups(campaign, [k for k, _, _ in blocks]), most
-    )
+    blocks = stretches if within <= most else _chosen(campaign, stretches, most)
     recordings, taken = [], []
-    for k, first, last in (blocks[place] for place in chosen):
-        whole = campaign.recordings[k]
-        own = (
-            whole if last - first == n[k] else excerpt(whole, slice(first, last), settling, period)
-        )
+    for b in blocks:
+        whole = campaign.recordings[b.recording]
+        own = _part(campaign, b)
         recordings.append(own)
-        taken.append(Excerpt(own.file, whole.file, first, last - first, n[k]))
-    found = Excerpts(tuple(taken), sum(n), tuple(r.file for r in campaign.recordings))
+        taken.append(Excerpt(own.file, whole.file, b.first, b.end - b.first, len(whole.t)))
+    files = tuple(r.file for r in campaign.recordings)
+    found = Excerpts(tuple(taken), sum(n), files, within)
     return replace(campaign, recordings=tuple(recordings), excerpts=found)
+
+
+class Stretch(NamedTuple):
+    """Rows of a recording, first and end, and the row before which its states are not to settle."""
+
+    recording: int
+    first: int
+    end: int
+    since: int
+
+
+def _stretches(campaign: Campaign) -> list[Stretch]:
+    """Return the stretches of all recordings within the motor's flux map, of at least L/R each: of
+    a shorter one the flux at its start, which one reading tells, takes most; BadInput for none."""
+    motor, period = campaign.drive.motor, campaign.drive.converter.sampling_period
+    least = even(rows_to_settle(motor, period) / SETTLED)
+    found = [
+        Stretch(k, first, end, first)
+        for k, r in enumerate(campaign.recordings)
+        for first, end in stretches_within(motor, r, least)
+    ]
+    if not found:
+        raise BadInput(
+            f"[flux_map]: currents of every recording leave the map within {least} rows (L/R); "
+            "give a map as far as the currents go, or alphas in [motor] in its place"
+        )
+    return found
+
+
+def _part(campaign: Campaign, s: Stretch) -> CampaignRecording:
+    """Return a stretch of a recording as a recording of its own, or all of it as it is."""
+    whole, period = campaign.recordings[s.recording], campaign.drive.converter.sampling_period
+    if s.end - s.first == len(whole.t):
+        return whole
+    settling = rows_to_settle(campaign.drive.motor, period)
+    return excerpt(whole, slice(s.first, s.end), settling, period, since=s.since)
+
+
+def _chosen(campaign: Campaign, stretches: Sequence[Stretch], most: float) -> list[Stretch]:
+    """Return blocks of stretches, of at most so many samples in all."""
+    settling = rows_to_settle(campaign.drive.motor, campaign.drive.converter.sampling_period)
+    length = even(min(max(most / PARTS, settling), most / FEWEST))
+    blocks = [
+        Stretch(s.recording, s.first + first, s.first + end, s.first)
+        for s in stretches
+        for first, end in _blocks(s.end - s.first, length)
+    ]
+    marks = np.array([mark_of(campaign, b) for b in blocks])
+    groups = _groups(campaign, [b.recording for b in blocks])
+    return [blocks[k] for k in _places(marks, [b.end - b.first for b in blocks], groups, most)]
 
 
 def check_samples(most: float | None) -> None:
@@ -103,7 +154,7 @@ def even(rows: float) -> int:
     return 2 * int(rows // 2.0)
 
 
-def _chosen(
+def _places(
     marks: Array, sizes: Sequence[int], groups: Sequence[Sequence[int]], most: float
 ) -> list[int]:
     """Return the places of the blocks that are taken, in their order; groups: places of which one
@@ -157,18 +208,14 @@ def _blocks(rows: int, length: int) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in itertools.pairwise(bounds)]
 
 
-def marks_of(campaign: Campaign, place: int, length: int) -> Array:
-    """Return what a recording's blocks are described by (blocks, features), in shares of rated
-    values."""
-    r, count = campaign.recordings[place], len(campaign.recordings)
+def mark_of(campaign: Campaign, b: Stretch) -> Array:
+    """Return what a block is described by (features,), in shares of rated values."""
+    r, count = campaign.recordings[b.recording], len(campaign.recordings)
+    signals = _signals(campaign, r, slice(b.first, b.end))
+    own = np.concatenate([signals.mean(axis=1), signals.std(axis=1)])
     kind = KINDS * ("locked", "driven", "free").index(r.rotor)
-    out = []
-    for first, last in _blocks(len(r.t), length):  # one by one: a recording may be long
-        signals = _signals(campaign, r, slice(first, last))
-        when = APART * (place + 0.5 * (first + last) / len(r.t)) / count
-        own = np.concatenate([signals.mean(axis=1), signals.std(axis=1)])
-        out.append([*np.clip(own, -FARTHEST, FARTHEST), kind, when])
-    return np.array(out)
+    when = APART * (b.recording + 0.5 * (b.first + b.end) / len(r.t)) / count
+    return np.array([*np.clip(own, -FARTHEST, FARTHEST), kind, when])
 
 
 def _signals(campaign: Campaign, r: CampaignRecording, own: slice) -> Array:
@@ -275,14 +322,16 @@ def rows_to_settle(motor: Motor, period: float) -> int:
     )
 
 
-def excerpt(r: CampaignRecording, rows: slice, settling: int, period: float) -> CampaignRecording:
+def excerpt(
+    r: CampaignRecording, rows: slice, settling: int, period: float, *, since: int = 0
+) -> CampaignRecording:
     """Return some rows of a recording, after those in which states settle; its name tells its time.
 
-    These are `settling` rows, of a free rotor as many as the excerpt has, never more than that, and
-    an even number where the first row is even.
+    These are `settling` rows, of a free rotor as many as the excerpt has, never more than that,
+    none before the row `since`, and an even number where both rows are even.
     """
     first, length = rows.start, even(rows.stop - rows.start)
-    before = min(first, length if r.rotor == "free" else min(settling, length))
+    before = min(first - since, length if r.rotor == "free" else min(settling, length))
     stem, dot, suffix = r.file.rpartition(".")
     name = f"{stem or suffix}-{first * period:.3f}s{dot if stem else ''}{suffix if stem else ''}"
     # the long ones can go

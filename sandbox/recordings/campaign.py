@@ -249,12 +249,14 @@ class Excerpt:
 
 @dataclass(frozen=True)
 class Excerpts:
-    """The parts of a long campaign that are used (`sandbox.gap.excerpts`); the whole campaign's
-    samples and files."""
+    """The parts of a campaign that are used (`sandbox.gap.excerpts`); the whole campaign's samples
+    and files, and of how many samples the currents lie within the motor's flux map (all of them
+    where it has none)."""
 
     parts: tuple[Excerpt, ...]
     samples_recorded: int
     files: tuple[str, ...]
+    samples_within_map: int
 
     @property
     def samples_used(self) -> int:

@@ -23,6 +23,7 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES
 from sandbox.recordings.checks.changes import ANGLE, CURRENT, MOTOR, VOLTAGE
 from sandbox.recordings.checks.factors import conventions_off
+from sandbox.recordings.checks.map_range import beyond_map
 from sandbox.recordings.checks.mistakes import contradictions
 from sandbox.recordings.checks.pace import off_pace, without_sign
 from sandbox.recordings.checks.plausibility import (
@@ -194,7 +195,7 @@ def ratings(campaign: Campaign) -> list[Finding]:
 def further(campaign: Campaign) -> list[Finding]:
     """Return what is suspicious in a campaign that has been read and checked, beyond what reading
     checks."""
-    each = (twice, silent, clipped, steps, ripple)
+    each = (twice, silent, clipped, steps, ripple, beyond_map)
     found = [f for r in campaign.recordings for one in each for f in one(r, campaign.drive)]
     own = (campaign.recordings, campaign.drive)
     off = [f for f in campaign.findings if f.rereads] or conventions_off(*own)

@@ -26,10 +26,11 @@ from scipy.fft import dct
 from scipy.stats import chi2
 
 from model.array_types import Array
-from sandbox.gap.evidence.normal import ParameterPoint
+from sandbox.gap.evidence.normal import ParameterPoint, block_length
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.settings import USUAL
-from sandbox.replay.segments import channel
+from sandbox.replay.segments import channel, colour_of, whiten
+from sandbox.replay.stretches import Stretch
 
 # of a band that white noise alone has more: one in 20 campaigns has one such band of 500
 CHANCE = 1e-4
@@ -38,12 +39,16 @@ BANDS = 3  # an octave
 
 def misfit(point: ParameterPoint) -> dict[tuple[int, str], float]:
     """Return the variance that estimates meet in every (recording, channel), in units of the
-    noise's; 1 is noise."""
-    out = {}
+    noise's; 1 is noise.  Coloured noise is none less: residuals are whitened as they are where
+    they are squared."""
+    prepared, out = point.prepared, {}
+    cut = block_length(prepared)
     for k, r in enumerate(shown(point)):
         for name in ("current", "motion", "angle"):
             if name == "current" or getattr(r, name) is not None:
-                out[k, name] = met(channel(r, name))
+                own = channel(r, name).copy()
+                whiten(own, colour_of(prepared, name), Stretch(k, 0, len(own), len(own)), cut)
+                out[k, name] = met(own)
     return out
 
 

@@ -139,7 +139,7 @@ def page_body(a: Answers, title: str) -> Iterator[str]:
         period = d.campaign.drive.converter.sampling_period
         columns = ["part", "of the recording", "from s", "to s", "of s"]
         yield fold(
-            "Parts of long recordings that were used",
+            "Parts of recordings that were used",
             table(columns, part_rows(d.campaign.excerpts, period)),
         )
     if a.where:

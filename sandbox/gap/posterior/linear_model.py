@@ -167,8 +167,8 @@ def linear_model(
     active: effects that are on there, of which no other candidate counts (but further parts);
     weights: of segments; known: equations that were taken at this very point.
     """
-    usual = ordinary(point.prepared.campaign, point.values)
-    columns = _Columns({c.label: c for c in usual}, {c.label: c for c in usual}, [], [])
+    usual = {c.label: c for c in ordinary(point.prepared.campaign, point.values)}
+    columns = _Columns(point.values, usual, dict(usual), dict(usual), [], [])
     count = {
         e: sum(c.effect == e and c.part == 1 for c in candidates) for e in library.effect_names()
     }
@@ -201,9 +201,11 @@ def _active(known: Candidate, drive: Drive, values: Mapping[str, float]) -> list
 
 @dataclass
 class _Columns:
-    """Columns as they come in: by label with their narrow and wide priors; candidates with their
-    labels."""
+    """Columns as they come in: values at the point, ordinary coordinates; by label with their
+    narrow and wide priors; candidates with their labels."""
 
+    values: Mapping[str, float]
+    usual: Mapping[str, Coordinate]
     narrow: dict[str, Coordinate]
     wide: dict[str, Coordinate]
     candidates: list[Candidate]
@@ -216,15 +218,18 @@ class _Columns:
         )
 
     def add(self, candidate: Candidate, own: Sequence[Coordinate], trace: float) -> None:
-        """Add a candidate's columns; those that are ordinary deviations are there already."""
+        """Add a candidate's columns; those that are ordinary deviations are there already.
+
+        Another column of such a parameter (a finite change of it) is a trace beside it, and none at
+        the point: what the parameter has there the ordinary one has.
+        """
         share = trace * library.load_effect(candidate.effect).trace
         for c in own:
             shape = c.form == "log" or (c.form not in STEPS and c.names[0] in candidate.start)
-            narrow = (
-                c
-                if shape
-                else replace(c, deviation=(HELD if c.form in STEPS else share) * c.deviation)
-            )
+            held = HELD if c.form in STEPS else share
+            narrow = c if shape else replace(c, deviation=held * c.deviation)
+            if c.label not in self.usual and c.names[0] in self.usual:
+                narrow = replace(narrow, mean=c.value(self.values))
             self.narrow.setdefault(c.label, narrow)
             if c.deviation >= self.wide.get(c.label, c).deviation:
                 self.wide[c.label] = c
@@ -240,13 +245,10 @@ class _Columns:
         workers: int,
     ) -> LinearModel:
         """Return the equations of all columns: of those that are known, else taken at the point."""
-        usual, own = (
-            {c.label for c in ordinary(point.prepared.campaign, point.values)},
-            [self.wide[label] for label in self.narrow],
-        )
+        own = [self.wide[label] for label in self.narrow]
         n = extended(known, point, own, workers=workers)
         place = {c.label: k for k, c in enumerate(n.coordinates)}
-        other = np.array([c.label not in usual and not c.of_point for c in n.coordinates])
+        other = np.array([c.label not in self.usual and not c.of_point for c in n.coordinates])
         return LinearModel(
             point,
             n,

@@ -466,11 +466,20 @@ def _of_excerpts(d: Diagnosis) -> list[str]:
     """Return which part of the samples was used, where it was not all of them."""
     out: list[str] = []
     if (cut := d.campaign.excerpts) is not None:
+        why = []
+        if cut.samples_within_map < cut.samples_recorded:
+            why.append(
+                "those in which currents stay within the motor's flux map, beyond which nothing is "
+                "known of it"
+            )
+        if cut.samples_used < cut.samples_within_map:
+            why.append(
+                "those that differ most, and some spread evenly (--samples inf uses all samples)"
+            )
         out.append(
             f"Of {cut.samples_recorded:,} samples {cut.samples_used:,} were used, in "
-            f"{len(cut.parts)} parts of the recordings: those that differ most, and some spread "
-            "evenly. Parts held out may be of the same recordings as parts that were fitted. "
-            "--samples inf uses all samples."
+            f"{len(cut.parts)} parts of the recordings: {'; of them '.join(why)}. Parts held out "
+            "may be of the same recordings as parts that were fitted."
         )
         if cut.unused:
             out.append(f"No part was used of {', '.join(cut.unused)}.")

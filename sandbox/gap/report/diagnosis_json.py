@@ -107,6 +107,7 @@ def excerpts(found: Excerpts | None) -> dict[str, Any] | None:
         return None
     return {
         "samples_recorded": found.samples_recorded,
+        "samples_within_map": found.samples_within_map,
         "samples_used": found.samples_used,
         "parts": [asdict(e) for e in found.parts],
         "unused": found.unused,

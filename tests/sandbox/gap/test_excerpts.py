@@ -23,8 +23,10 @@ from sandbox.gap.excerpts import (
     MAX_SAMPLES,
     PARTS,
     SETTLED,
+    Stretch,
     excerpted,
     farthest_first,
+    mark_of,
     rows_to_settle,
 )
 from sandbox.gap.pages.page import part_rows
@@ -108,14 +110,16 @@ def test_blocks_are_described_in_shares_of_rated_values():
     run.columns["load_torque"] = np.full(400, DRIVE.motor.rated_torque)
     for phase in ("i_a", "i_b", "i_c"):
         run.columns[phase] = 10.0 * run.columns[phase]
-    marks = cutting.marks_of(campaign(run), 0, 100)
+    marks = np.array(
+        [mark_of(campaign(run), Stretch(0, k, k + 100, 0)) for k in range(0, 400, 100)]
+    )
     assert marks.shape == (4, 18)  # mean and scatter of eight signals, rotor, time
     assert marks[:, 1] == pytest.approx(3.0)  # i_q
     assert marks[:, 2] == pytest.approx(0.5, rel=1e-6)  # speed, as `recording` turns
     assert marks[:, 5] == pytest.approx(1.0)  # load
     assert np.ptp(marks[:, 17]) == pytest.approx(0.075)
     kinds = [
-        cutting.marks_of(campaign(recording(100, rotor=r)), 0, 100)[0, 16]
+        mark_of(campaign(recording(100, rotor=r)), Stretch(0, 0, 100, 0))[16]
         for r in ("locked", "driven", "free")
     ]
     assert kinds == [0.0, 10.0, 20.0]
@@ -221,6 +225,42 @@ def test_where_states_settle_slowly_parts_are_longer_and_fewer():
     assert 8 <= len(cut) <= LEAST // 2000
 
 
+MAP = [(0, 20_000), (24_000, 60_000)]  # rows of a recording within its map, as told
+
+
+def within_map(monkeypatch, stretches):
+    """Let the stretches of every recording within the motor's map be these."""
+    monkeypatch.setattr(cutting, "stretches_within", lambda motor, r, least: stretches)
+
+
+def test_a_recording_is_cut_where_it_leaves_the_map(monkeypatch):
+    within_map(monkeypatch, MAP)
+    cut = excerpted(campaign(recording(60_000, rotor="free")))
+    assert [(e.first, e.rows) for e in cut.excerpts.parts] == [(0, 20_000), (24_000, 36_000)]
+    assert (cut.excerpts.samples_recorded, cut.excerpts.samples_within_map) == (60_000, 56_000)
+    assert cut.excerpts.samples_used == 56_000
+    # the rows before the second part lie beyond the map: states cannot settle there
+    assert [len(r.settling) for r in cut] == [0, 0]
+    assert [r.of for r in cut] == ["run.parquet"] * 2
+
+
+def test_blocks_of_a_long_one_keep_within_the_map(monkeypatch):
+    within_map(monkeypatch, MAP)
+    cut = excerpted(campaign(recording(60_000)), LEAST)
+    assert 0.8 * LEAST < cut.excerpts.samples_used <= LEAST
+    for e, r in zip(cut.excerpts.parts, cut, strict=True):
+        (since,) = [a for a, b in MAP if a <= e.first and e.first + e.rows <= b]
+        assert len(r.settling.get("t", ())) == min(
+            e.first - since, rows_to_settle(DRIVE.motor, PERIOD)
+        )
+
+
+def test_nothing_within_the_map_is_said(monkeypatch):
+    within_map(monkeypatch, [])
+    with pytest.raises(BadInput, match=r"\[flux_map\]: currents of every recording leave the map"):
+        excerpted(campaign(recording(100)))
+
+
 def test_contract_and_page_list_the_parts():
     cut = excerpted(campaign(recording(3 * LEAST)), LEAST)
     found = excerpts(cut.excerpts)
@@ -253,7 +293,9 @@ def test_a_long_campaign_is_diagnosed_in_parts_and_its_files_replay_it_whole(tmp
     )
     assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **got}) == []
     assert got["excerpts"]["samples_recorded"] == 28_000
-    assert any(text.startswith("Of 28,000 samples") for text in caveats(found.answers))
+    (said,) = [text for text in caveats(found.answers) if text.startswith("Of 28,000 samples")]
+    assert "those that differ most" in said
+    assert "flux map" not in said
     found.refitted.write(tmp_path)
     again = sandbox.replay(folder, tmp_path / "effects.toml", motor=tmp_path / "motor.toml")
     assert set(again.rms) == {r.file for r in long}

@@ -1,9 +1,16 @@
 """What a residual has beside noise, and the variance that a cause meets."""
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from sandbox.gap.evidence.misfit import met, octaves
+from sandbox.gap.evidence import misfit as misfits
+from sandbox.gap.evidence.misfit import met, misfit, octaves
+from sandbox.replay.replay import Residual
+from tests.sandbox.gap.conftest import start
 
 RNG = np.random.default_rng
 
@@ -51,3 +58,21 @@ def test_random_shapes_meet_what_the_variance_says():
         told.append(met(residual[:, None], shapes=d))
     assert np.mean(told) == pytest.approx(np.mean(z2), rel=4.0 * np.sqrt(2.0 / 60))
     assert np.mean(told) == pytest.approx(901.0, rel=0.15)  # 1 + 30^2
+
+
+def test_coloured_noise_is_no_misfit(quiet_folder, monkeypatch):
+    """Noise half of which is behind a filter that forgets 0.8 from reading to reading has five
+    times its mean power at low frequencies.  Nothing of that is the model's: the variance is 1,
+    within what six autocorrelations leave of it (0.8^7 / 2, 0.1) and chance in 20 000 readings of
+    three phases (0.02).  With white noise in its place a quarter of all power is an excess, over 60
+    shapes: 20 000 x 3 / 4 / 60 and more."""
+    rng, rho, n = RNG(4), 0.8, 20_000
+    own = math.sqrt(0.5) * rng.standard_normal((2, n + 100, 3))
+    slow = lfilter([math.sqrt(1.0 - rho**2)], [1.0, -rho], own[1], axis=0)
+    left = Residual("run", "driven", (own[0] + slow)[100:, :, None], None, None)
+    monkeypatch.setattr(misfits, "shown", lambda point: [left])
+    point = start(quiet_folder)
+    colour = tuple(0.5 * rho**h for h in range(1, 7))
+    own = dataclasses.replace(point, prepared=dataclasses.replace(point.prepared, colour=colour))
+    assert misfit(own)[0, "current"] == pytest.approx(1.0, abs=0.15)
+    assert misfit(point)[0, "current"] > 250.0

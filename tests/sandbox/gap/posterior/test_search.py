@@ -22,6 +22,7 @@ from sandbox.gap.evidence.fit import (
     variance_at,
 )
 from sandbox.gap.evidence.normal import ParameterPoint, normal, turns
+from sandbox.gap.evidence.priors import ordinary
 from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.gap.posterior.estimates import estimates
 from sandbox.gap.posterior.holdout import weights_of
@@ -87,6 +88,22 @@ def test_a_set_finds_its_slopes_among_those_of_all_candidates(small_folder):
     )
     (time,) = (c for c in wide.coordinates if c.names == ("dead_time.time",))
     assert normal(on, [time]).of([dataclasses.replace(time, along=())]) is None
+
+
+def test_an_ordinary_value_is_weighed_once(small_folder):
+    """Dead time of two and a half ordinary deviations, of which the slope and a finite change both
+    stand among the candidates: the change is a trace beside the ordinary column, and none at the
+    point.  Without effects the prior holds 2.5^2 against the point, however small traces are (the
+    error that this test is for: the same once more for the trace's deviation, 24 000)."""
+    here = start(small_folder)
+    (usual,) = (c for c in ordinary(here.prepared.campaign) if c.label == "dead_time.time")
+    at = dataclasses.replace(here, values={**here.values, "dead_time.time": 2.5 * usual.deviation})
+    own = [Candidate("dead_time", {"dead_time.capacitance": 0.0}, chord) for chord in (0.0, 4e-6)]
+    model = linear_model(at, own, (), Linearisation(0.01), {})
+    assert sum(c.names == ("dead_time.time",) for c in model.coordinates) == 2
+    prior = model.prior(())
+    away = (model.normal.x - prior.mean) / np.where(prior.deviation > 0.0, prior.deviation, 1.0)
+    assert float(away @ away) == pytest.approx(2.5**2, rel=1e-9)
 
 
 def test_orders_that_a_further_part_may_have_are_columns_of_their_own(small_folder):
