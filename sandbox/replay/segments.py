@@ -36,6 +36,7 @@ from sandbox.replay.stretches import Stretch, blocks, side_by_side
 # Bytes of slopes that are worked on at once: they stay in a processor's second cache (1 to 2 MB
 # today) from the plant's difference to their squares, and are written to memory once
 AT_ONCE = 2e6
+FREQUENCIES = 1024  # at which a colour's power is looked at: far more than its six readings bend
 Colour = tuple[float, ...]  # autocorrelations over 1, 2, ... readings; () of white noise
 Rows = Array | Kept  # slopes (n c, q) of a segment, in memory or in a file
 
@@ -297,6 +298,14 @@ def predictors(colour: Colour) -> list[tuple[Array, float]]:
         square *= 1.0 - more * more
         out.append((weights, math.sqrt(square)))
     return out
+
+
+def loudest(colour: Colour) -> float:
+    """Return how much more power errors of a colour have than white ones at the frequency where
+    they have most: of the autoregression that whitens them."""
+    weights, deviation = predictors(colour)[-1]
+    answer = np.fft.rfft(np.concatenate([[1.0], -weights]), FREQUENCIES)
+    return float(np.max(deviation**2 / np.abs(answer) ** 2))
 
 
 def channel(r: Residual, channel: str, k: int = 0) -> Array:

@@ -26,10 +26,10 @@ from scipy.fft import dct
 from scipy.stats import chi2
 
 from model.array_types import Array
-from sandbox.gap.evidence.normal import ParameterPoint, block_length
+from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.settings import USUAL
-from sandbox.replay.segments import channel, colour_of, whiten
+from sandbox.replay.segments import Colour, channel, colour_of, whiten
 from sandbox.replay.stretches import Stretch
 
 # of a band that white noise alone has more: one in 20 campaigns has one such band of 500
@@ -42,13 +42,17 @@ def misfit(point: ParameterPoint) -> dict[tuple[int, str], float]:
     noise's; 1 is noise.  Coloured noise is none less: residuals are whitened as they are where
     they are squared."""
     prepared, out = point.prepared, {}
-    cut = block_length(prepared)
     for k, r in enumerate(shown(point)):
         for name in ("current", "motion", "angle"):
             if name == "current" or getattr(r, name) is not None:
-                own = channel(r, name).copy()
-                whiten(own, colour_of(prepared, name), Stretch(k, 0, len(own), len(own)), cut)
-                out[k, name] = met(own)
+                out[k, name] = met(whitened(channel(r, name), colour_of(prepared, name)))
+    return out
+
+
+def whitened(residual: Array, colour: Colour) -> Array:
+    """Return residuals (n, c) without what their errors' colour makes alike in neighbours."""
+    out, n = residual.copy(), len(residual)
+    whiten(out, colour, Stretch(0, 0, n, n), n)
     return out
 
 

@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 from model.array_types import Array
 from model.compiled import inlined, kernel
 from model.parameters import Drive
-from sandbox.gap.evidence.misfit import met
+from sandbox.gap.evidence.misfit import met, whitened
 from sandbox.gap.evidence.normal import ParameterPoint
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.replay.inputs import LEGS
+from sandbox.replay.segments import Colour, loudest
 from sandbox.replay.transitions import SHARE, displaced, transitions
 
 Counts = NDArray[np.int64]
@@ -108,7 +109,7 @@ def pwm_counts(point: ParameterPoint) -> Counted | None:
     converter = point.prepared.campaign.drive.converter
     if converter.pwm_counts is not None or converter.periods_a_row > 1:
         return None
-    likely = settled(parts_of(point))
+    likely = settled(parts_of(point), point.prepared.colour)
     if likely is None or not sure(likely.log_posterior):
         return None
     best, own = int(np.argmax(likely.log_posterior)), likely.counts[credible(likely.log_posterior)]
@@ -133,16 +134,19 @@ class Likely(NamedTuple):
     share: Array
 
 
-def settled(parts: Sequence[RecordingSlopes]) -> Likely | None:
+def settled(parts: Sequence[RecordingSlopes], colour: Colour = ()) -> Likely | None:
     """Return the likeliest numbers of counts, where data count as far as what the best of them
     leaves says: a residual that rounding makes is no misfit of a model that has it.  None where
     recordings cannot show any, and where they would not even if what is left was noise.
+
+    colour: of the readings' errors, which count as much everywhere as where they have most power.
     """
     first, left, before = first_look(parts), list(parts), 0
+    most = loudest(colour)
     if first is None:
         return None
     for _ in range(ROUNDS):
-        variance = [met(p.y) for p in left]
+        variance = [most * met(whitened(p.y, colour)) for p in left]
         counts = first.finalists(variance)
         along, square = weighed(parts, variance, counts)
         factor = along - 0.5 * square

@@ -7,7 +7,7 @@ from scipy.linalg import toeplitz
 
 from sandbox.replay.inputs import Start
 from sandbox.replay.memory import Spill
-from sandbox.replay.segments import ChannelSlopes, Gathering, predictors, whiten
+from sandbox.replay.segments import ChannelSlopes, Gathering, loudest, predictors, whiten
 from sandbox.replay.stretches import Stretch, blocks, side_by_side
 
 MIXED = tuple(0.5 * 0.8**h for h in range(1, 7))  # half white, half behind a filter
@@ -91,3 +91,12 @@ def test_an_unread_start_is_taken_off_whatever_the_stretches_are(colour, waits):
     np.testing.assert_allclose(segment.g, squares[:, :p, p], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(segment.ssr, squares[:, p, p], rtol=1e-12)
     np.testing.assert_allclose(np.asarray(rows), whole[:, :, :p].reshape(-1, p), atol=1e-12)
+
+
+@pytest.mark.parametrize("rho", [0.8, -0.3])
+def test_errors_are_loudest_where_their_autoregression_has_most_power(rho):
+    """x_k = rho x_k-1 + e has the power (1 - rho^2)/|1 - rho exp(-j w)|^2, at most (1 + |rho|)/(1 -
+    |rho|): at w = 0, for a negative one at pi."""
+    most = (1.0 + abs(rho)) / (1.0 - abs(rho))
+    assert loudest(tuple(rho**h for h in range(1, 7))) == pytest.approx(most, rel=1e-9)
+    assert loudest(()) == 1.0
