@@ -49,8 +49,11 @@ class Agreement:
         )
 
     def on(self, effect: str, settings: Settings) -> float:
-        """Return the log evidence that an effect is there, as far as recordings agree on it;
-        infinite of one that is nothing but shapes, and nothing at all of a size at its bound."""
+        """Return the log evidence that an effect is there, as far as recordings agree on it.
+
+        Infinite where they scatter no more than noise makes them, and of one that is nothing but
+        shapes; minus infinite of a size at its bound, which is none.
+        """
         sizes = [
             k
             for k, c in enumerate(self.n.coordinates)
@@ -62,9 +65,15 @@ class Agreement:
         if not own:
             return -math.inf if sizes else math.inf
         at = np.ix_(own, own)
-        covariance = self.plain[at]
+        covariance, agreed = self.plain[at], True
         for scatter, scores in self.scatters:
-            covariance = widened(covariance, scatter[at], scores)
+            share, vector = eigh(scatter[at], covariance)
+            excess = share / (1.0 + CHANCE * math.sqrt(2.0 / max(1, scores - 1)))
+            turned = covariance @ vector
+            covariance = (turned * np.maximum(1.0, excess)) @ turned.T
+            agreed = agreed and bool(np.all(excess <= 1.0))
+        if agreed:
+            return math.inf
         narrow = np.array([self.usual.get(self.n.coordinates[k].label, 0.0) for k in own])
         away = (self.x - self.prior.mean)[own]
         wide = [size * self.prior.deviation[own] for size in settings.sizes]
@@ -79,12 +88,3 @@ def level(away: Array, covariance: Array, deviation: Array, freedom: int) -> flo
     whole, freedom = covariance + np.diag(deviation**2), max(1, freedom)
     square = float(away @ np.linalg.solve(whole, away))
     return -0.5 * freedom * math.log1p(square / freedom) - 0.5 * float(np.linalg.slogdet(whole)[1])
-
-
-def widened(plain: Array, scatter: Array, scores: int) -> Array:
-    """Return a covariance (k, k), along each direction as large as scores scatter where that is
-    more than the plain one and chance in so many scores."""
-    chance = 1.0 + CHANCE * math.sqrt(2.0 / max(1, scores - 1))
-    share, vector = eigh(scatter, plain)
-    turned = plain @ vector
-    return np.asarray((turned * np.maximum(1.0, share / chance)) @ turned.T)
