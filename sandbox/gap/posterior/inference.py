@@ -153,14 +153,16 @@ class _Weighing:
         )
 
     def without_unsure(self, e: EvaluatedModel) -> list[Set]:
-        """Return the sets that lack one effect of a fitted set on which recordings do not agree,
-        the least sure one's first."""
-        found = {effect: self.agreement(e, e.effects, effect) for effect in e.effects}
-        return [
-            tuple(x for x in e.effects if x != effect)
-            for effect in sorted(found, key=lambda x: (found[x], x))
-            if found[effect] < REACH
-        ]
+        """Return the sets that lack one effect of a fitted set and are more probable by what
+        recordings agree on, the most probable first."""
+        less = {x: tuple(y for y in e.effects if y != x) for x in e.effects}
+        found = {x: self.agreement(e, e.effects, x) + self.odds(e.effects, less[x]) for x in less}
+        return [less[x] for x in sorted(found, key=lambda x: (found[x], x)) if found[x] < 0.0]
+
+    def odds(self, key: Set, other: Set) -> float:
+        """Return the log prior odds of a set against another one."""
+        settings = self.problem.settings
+        return log_prior(key, settings) - log_prior(other, settings)
 
     def agreement(self, e: EvaluatedModel, key: Set, effect: str) -> float:
         """Return the log evidence of an effect in a set, as far as recordings agree on it by the
@@ -203,8 +205,7 @@ class _Weighing:
         agreed = self.agreement(by or fitted[less], key, effect)
         if agreed >= REACH:
             return math.inf
-        settings = self.problem.settings
-        return levels[less] + agreed + log_prior(key, settings) - log_prior(less, settings)
+        return levels[less] + agreed + self.odds(key, less)
 
     def sets_of(self, key: Set, e: EvaluatedModel) -> SetPosterior:
         """Return the sets that are weighed by the equations at a fitted set's point."""
