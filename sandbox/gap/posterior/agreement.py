@@ -5,11 +5,11 @@ another.  A fit then gives it a size that is many times what noise alone would, 
 contradict each other.  So a size is measured by how recordings scatter about it, where they scatter
 more than noise and chance make them: each of them pulls it by its own score (Liang, Zeger,
 Biometrika 73 (1986) 13), and blocks of time do.  With few recordings the scatter itself is
-uncertain, so the evidence is that of Student's distribution: of a size x with the covariance V,
-told by n recordings, against the prior deviations D of the effect or of what is ordinary (D_0; 0
-where nothing is),
+uncertain, so the evidence is that of Student's distribution: of a size x of k numbers with the
+covariance V, told by n recordings, against the prior deviations D of the effect or of what is
+ordinary (D_0; 0 where nothing is),
 
-    L(D) - L(D_0),  L(D) = -1/2 log |V + D^2| - (n - 1)/2 log(1 + x' (V + D^2)^-1 x / (n - 1)),
+    L(D) - L(D_0),  L(D) = -1/2 log |V + D^2| - (n - 1 + k)/2 log(1 + x' (V + D^2)^-1 x / (n - 1)),
 
 the effect's averaged over sizes.  It only says that an effect is *not* sure: one that all
 recordings agree on has its whole evidence (`inference`).
@@ -87,4 +87,5 @@ def level(away: Array, covariance: Array, deviation: Array, freedom: int) -> flo
     and a prior's deviations (k,), by Student's distribution with so many degrees of freedom."""
     whole, freedom = covariance + np.diag(deviation**2), max(1, freedom)
     square = float(away @ np.linalg.solve(whole, away))
-    return -0.5 * freedom * math.log1p(square / freedom) - 0.5 * float(np.linalg.slogdet(whole)[1])
+    tail = 0.5 * (freedom + len(away)) * math.log1p(square / freedom)
+    return -tail - 0.5 * float(np.linalg.slogdet(whole)[1])

@@ -74,6 +74,7 @@ class _Weighing:
         self.search = search
         self.stand_ins: dict[Set, list[Set]] = {}
         self.agreed: dict[tuple[Set, Set], Agreement] = {}
+        self.sure: dict[tuple[Set, str], float] = {}
         self.known: dict[Set, SetPosterior] = {}
 
     @property
@@ -118,7 +119,8 @@ class _Weighing:
         """Return the sets near the most probable one, weighed by the variance that it meets; with
         them ordinary deviations alone, which were fitted already: slopes at another set's point say
         little of how far they would go without it."""
-        fitted, self.stand_ins, self.known, self.agreed = {first.effects: first}, {}, {}, {}
+        fitted, self.stand_ins, self.known = {first.effects: first}, {}, {}
+        self.agreed, self.sure = {}, {}
         behind: dict[Set, float] = {}
         if first.effects:
             self.weigh((), self.search.null, first, variance, fitted, behind)
@@ -156,13 +158,21 @@ class _Weighing:
         """Return the sets that lack one effect of a fitted set and are more probable by what
         recordings agree on, the most probable first."""
         less = {x: tuple(y for y in e.effects if y != x) for x in e.effects}
-        found = {x: self.agreement(e, e.effects, x) + self.odds(e.effects, less[x]) for x in less}
+        found = {x: self.agreed_on(e, x) + self.odds(e.effects, less[x]) for x in less}
         return [less[x] for x in sorted(found, key=lambda x: (found[x], x)) if found[x] < 0.0]
 
     def odds(self, key: Set, other: Set) -> float:
         """Return the log prior odds of a set against another one."""
         settings = self.problem.settings
         return log_prior(key, settings) - log_prior(other, settings)
+
+    def agreed_on(self, e: EvaluatedModel, effect: str) -> float:
+        """Return the log evidence of an effect of a fitted set, as far as recordings agree on it,
+        there or in a larger set that was weighed: what a smaller set lacks makes them scatter."""
+        own = self.agreement(e, e.effects, effect)
+        larger = [v for (f, x), v in self.sure.items() if x == effect and set(f) > set(e.effects)]
+        self.sure[e.effects, effect] = max(own, *larger) if larger else own
+        return self.sure[e.effects, effect]
 
     def agreement(self, e: EvaluatedModel, key: Set, effect: str) -> float:
         """Return the log evidence of an effect in a set, as far as recordings agree on it by the
@@ -183,6 +193,9 @@ class _Weighing:
         """Return the log posterior of fitted sets, up to one constant: one is no more probable than
         another that lacks an effect than recordings agree that it is there."""
         out = {k: self.level(e) for k, e in fitted.items()}
+        for k in sorted(out, key=len, reverse=True):
+            for effect in k:
+                self.agreed_on(fitted[k], effect)
         for k in sorted(out, key=lambda k: (len(k), k)):
             for effect in k:
                 out[k] = min(out[k], self.bound(out, fitted, k, effect, fitted[k]))
@@ -197,12 +210,15 @@ class _Weighing:
         by: EvaluatedModel | None = None,
     ) -> float:
         """Return the largest log posterior that a set may have for an effect of it, where the set
-        without the effect is fitted and recordings do not agree on it; by: whose equations tell
-        (default: those of the set without it)."""
+        without the effect is fitted and recordings do not agree on it; by: the set's own fit, where
+        it has one, whose equations tell (default: those of the set without it).  An effect that
+        takes more than half of what is left has no such bound."""
         less = tuple(x for x in key if x != effect)
-        if less not in fitted:
+        if less not in fitted or (by is not None and self.far_less(by.fit, fitted[less].fit)):
             return math.inf
-        agreed = self.agreement(by or fitted[less], key, effect)
+        agreed = (
+            self.agreement(fitted[less], key, effect) if by is None else self.agreed_on(by, effect)
+        )
         if agreed >= REACH:
             return math.inf
         return levels[less] + agreed + self.odds(key, less)

@@ -47,7 +47,8 @@ def agreement(sizes, usual=0.0, wide=1.0, blocks=4):
 
 def student(x, variance, freedom):
     """Return the log density of x, up to a constant of the degrees of freedom."""
-    return -0.5 * math.log(variance) - 0.5 * freedom * math.log1p(x * x / variance / freedom)
+    tail = 0.5 * (freedom + 1) * math.log1p(x * x / variance / freedom)
+    return -0.5 * math.log(variance) - tail
 
 
 def test_recordings_that_contradict_each_other_say_as_much_as_their_scatter():
@@ -100,7 +101,12 @@ def test_a_set_is_no_more_probable_than_recordings_agree_on_its_effects(agreed, 
         lambda e, key, effect: agreed if effect == "cogging_torque" else math.inf,
         raising=False,
     )
-    fitted = {k: SimpleNamespace(effects=k) for k in (one, two)}
+    own.sure = {}
+    monkeypatch.setattr(own, "far_less", lambda new, old: False, raising=False)
+    fitted = {k: SimpleNamespace(effects=k, fit=k) for k in (one, two)}
     assert own.levels(fitted) == pytest.approx({one: 7.0, two: 7.0 + most + odds})
     doubted = own.without_unsure(fitted[two])
+    # one that takes more than half of what is left is needed, whatever they say
+    monkeypatch.setattr(own, "far_less", lambda new, old: (new, old) == (two, one), raising=False)
+    assert own.levels(fitted) == pytest.approx(plain)
     assert doubted == ([one] if agreed + odds < 0.0 else [])  # 3 - 5 nats
