@@ -42,11 +42,10 @@ class Agreement:
         self.n, self.prior, self.usual = n, prior, usual
         self.x, self.free, _ = equations.most_probable(prior)
         self.plain = equations.covariance(prior)
-        self.count = len({s.recording for s in n.segments})
-        self.scatters = (
-            (between_segments(n, self.x, self.plain), len(n.segments)),
-            (sandwich(n, self.x, self.plain), sum(len(s.n) for s in n.segments)),
-        )
+        self.freedom = max(1, len({s.recording for s in n.segments}) - 1)
+        own = (n, self.x, self.plain)
+        self.scatter = (between_segments(*own), sandwich(*own))
+        self.scores = (len(n.segments), sum(len(s.n) for s in n.segments))
 
     def on(self, effect: str, settings: Settings) -> float:
         """Return the log evidence that an effect is there, as far as recordings agree on it.
@@ -64,28 +63,31 @@ class Agreement:
         own = [k for k in sizes if self.free[k]]
         if not own:
             return -math.inf if sizes else math.inf
-        at = np.ix_(own, own)
-        covariance, agreed = self.plain[at], True
-        for scatter, scores in self.scatters:
-            share, vector = eigh(scatter[at], covariance)
+        # in prior deviations: parameters may be of any size
+        at, unit = np.ix_(own, own), self.prior.deviation[own]
+        covariance, *scatters = (c[at] / np.outer(unit, unit) for c in (self.plain, *self.scatter))
+        if not all(np.isfinite(c).all() for c in (covariance, *scatters)):
+            return math.inf  # a prediction that overflowed: nothing is told of it
+        agreed = True
+        for scatter, scores in zip(scatters, self.scores, strict=True):
+            share, vector = eigh(scatter, covariance)
             excess = share / (1.0 + CHANCE * math.sqrt(2.0 / max(1, scores - 1)))
             turned = covariance @ vector
             covariance = (turned * np.maximum(1.0, excess)) @ turned.T
             agreed = agreed and bool(np.all(excess <= 1.0))
         if agreed:
             return math.inf
-        narrow = np.array([self.usual.get(self.n.coordinates[k].label, 0.0) for k in own])
-        away = (self.x - self.prior.mean)[own]
-        wide = [size * self.prior.deviation[own] for size in settings.sizes]
-        each = [level(away, covariance, np.hypot(narrow, w), self.count - 1) for w in wide]
+        usual = np.array([self.usual.get(self.n.coordinates[k].label, 0.0) for k in own]) / unit
+        away = (self.x - self.prior.mean)[own] / unit
+        each = [level(away, covariance, np.hypot(usual, w), self.freedom) for w in settings.sizes]
         there = float(np.logaddexp.reduce(each)) - math.log(len(each))
-        return there - level(away, covariance, narrow, self.count - 1)
+        return there - level(away, covariance, usual, self.freedom)
 
 
 def level(away: Array, covariance: Array, deviation: Array, freedom: int) -> float:
     """Return the log density (up to a constant) of a size (k,) off its mean, under its covariance
     and a prior's deviations (k,), by Student's distribution with so many degrees of freedom."""
-    whole, freedom = covariance + np.diag(deviation**2), max(1, freedom)
+    whole = covariance + np.diag(deviation**2)
     square = float(away @ np.linalg.solve(whole, away))
     tail = 0.5 * (freedom + len(away)) * math.log1p(square / freedom)
     return -tail - 0.5 * float(np.linalg.slogdet(whole)[1])
