@@ -4,15 +4,16 @@ What a wrong model leaves can look like an effect in one recording, and like its
 another.  A fit then gives it a size that is many times what noise alone would, and recordings that
 contradict each other.  So a size is measured by how recordings scatter about it, where they scatter
 more than noise and chance make them: each of them pulls it by its own score (Liang, Zeger,
-Biometrika 73 (1986) 13), and blocks of time do.  With few recordings the scatter itself is
+Biometrika 73 (1986) 13).  With few recordings the scatter itself is
 uncertain, so the evidence is that of Student's distribution: of a size x of k numbers with the
 covariance V, told by n recordings, against the prior deviations D of the effect or of what is
 ordinary (D_0; 0 where nothing is),
 
     L(D) - L(D_0),  L(D) = -1/2 log |V + D^2| - (n - 1 + k)/2 log(1 + x' (V + D^2)^-1 x / (n - 1)),
 
-the effect's averaged over sizes.  It only says that an effect is *not* sure: one that all
-recordings agree on has its whole evidence (`inference`).
+the effect's averaged over sizes, and n - 1 larger where a part of V is the noise, which is known.
+It only says that an effect is *not* sure: one that all recordings agree on has its whole evidence
+(`inference`).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from model.array_types import Array
-from sandbox.gap.evidence.algebra import Prior, algebra, between_segments, sandwich
+from sandbox.gap.evidence.algebra import Prior, algebra, between_segments
 from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.evidence.priors import STEPS
 from sandbox.gap.settings import Settings
@@ -43,9 +44,8 @@ class Agreement:
         self.x, self.free, _ = equations.most_probable(prior)
         self.plain = equations.covariance(prior)
         self.freedom = max(1, len({s.recording for s in n.segments}) - 1)
-        own = (n, self.x, self.plain)
-        self.scatter = (between_segments(*own), sandwich(*own))
-        self.scores = (len(n.segments), sum(len(s.n) for s in n.segments))
+        self.scatter = between_segments(n, self.x, self.plain)
+        self.scores = max(1, len(n.segments) - 1)
 
     def on(self, effect: str, settings: Settings) -> float:
         """Return the log evidence that an effect is there, as far as recordings agree on it.
@@ -65,26 +65,32 @@ class Agreement:
             return -math.inf if sizes else math.inf
         # in prior deviations: parameters may be of any size
         at, unit = np.ix_(own, own), self.prior.deviation[own]
-        covariance, *scatters = (c[at] / np.outer(unit, unit) for c in (self.plain, *self.scatter))
-        if not all(np.isfinite(c).all() for c in (covariance, *scatters)):
+        covariance, scatter = (c[at] / np.outer(unit, unit) for c in (self.plain, self.scatter))
+        if not (np.isfinite(covariance).all() and np.isfinite(scatter).all()):
             return math.inf  # a prediction that overflowed: nothing is told of it
-        agreed = True
-        for scatter, scores in zip(scatters, self.scores, strict=True):
-            share, vector = eigh(scatter, covariance)
-            excess = share / (1.0 + CHANCE * math.sqrt(2.0 / max(1, scores - 1)))
-            turned = covariance @ vector
-            covariance = (turned * np.maximum(1.0, excess)) @ turned.T
-            agreed = agreed and bool(np.all(excess <= 1.0))
-        if agreed:
+        share, vector = eigh(scatter, covariance)
+        wider = np.maximum(1.0, share / chance(len(own), self.scores))
+        if np.all(wider == 1.0):
             return math.inf
+        turned = covariance @ vector
+        covariance = (turned * wider) @ turned.T
+        # of the part that recordings told (Welch, Satterthwaite); noise is known
+        freedom = self.freedom / (1.0 - 1.0 / float(wider.max())) ** 2
         usual = np.array([self.usual.get(self.n.coordinates[k].label, 0.0) for k in own]) / unit
         away = (self.x - self.prior.mean)[own] / unit
-        each = [level(away, covariance, np.hypot(usual, w), self.freedom) for w in settings.sizes]
+        each = [level(away, covariance, np.hypot(usual, w), freedom) for w in settings.sizes]
         there = float(np.logaddexp.reduce(each)) - math.log(len(each))
-        return there - level(away, covariance, usual, self.freedom)
+        return there - level(away, covariance, usual, freedom)
 
 
-def level(away: Array, covariance: Array, deviation: Array, freedom: int) -> float:
+def chance(numbers: int, scores: int) -> float:
+    """Return how much wider than the plain one a covariance of so many numbers is by chance along
+    its widest direction, told by so many scores: the edge of the spectrum (Marchenko, Pastur, Math.
+    USSR Sb. 1 (1967) 457), and CHANCE standard deviations of a variance."""
+    return (1.0 + math.sqrt(numbers / scores)) ** 2 + CHANCE * math.sqrt(2.0 / scores)
+
+
+def level(away: Array, covariance: Array, deviation: Array, freedom: float) -> float:
     """Return the log density (up to a constant) of a size (k,) off its mean, under its covariance
     and a prior's deviations (k,), by Student's distribution with so many degrees of freedom."""
     whole = covariance + np.diag(deviation**2)

@@ -77,12 +77,14 @@ class SetPosterior:
         self.narrow = np.maximum(m.narrow.deviation, 1e-12 * wide)
         shift = eq.x - m.narrow.mean
         scaled = self.narrow[:, None] * eq.a * self.narrow + np.eye(len(shift))
-        factor = np.linalg.inv(np.linalg.cholesky(scaled))
-        self.c = factor.T @ factor  # covariance in narrow deviations
+        # no direction is told less than by the prior alone (1), whatever rounding leaves
+        value, vector = np.linalg.eigh(scaled)
+        value = np.maximum(value, 1.0)
+        self.c = (vector / value) @ vector.T  # covariance in narrow deviations
         pull = self.narrow * (eq.g + eq.a @ shift)
         self.mean = self.c @ pull
         level = eq.ssr + 2.0 * shift @ eq.g + shift @ eq.a @ shift
-        self.none = float(-0.5 * level + 0.5 * pull @ self.mean + np.sum(np.log(np.diag(factor))))
+        self.none = float(-0.5 * level + 0.5 * pull @ self.mean - 0.5 * np.sum(np.log(value)))
         self.ratio = np.maximum(wide / self.narrow, 1.0)
         one_sided = (m.wide.low == m.wide.mean) | (m.wide.high == m.wide.mean)
         self.sign = np.where(

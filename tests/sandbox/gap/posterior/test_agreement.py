@@ -13,7 +13,7 @@ import pytest
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.normal import NormalEquations
 from sandbox.gap.evidence.priors import Coordinate
-from sandbox.gap.posterior.agreement import CHANCE, Agreement
+from sandbox.gap.posterior.agreement import CHANCE, Agreement, chance
 from sandbox.gap.posterior.inference import _Weighing
 from sandbox.gap.posterior.sets import log_prior
 from sandbox.gap.settings import USUAL, Settings
@@ -56,11 +56,11 @@ def test_recordings_that_contradict_each_other_say_as_much_as_their_scatter():
     the root of six, less what is chance in six scores; the fit's own says 0.01 / root of six."""
     sizes = 0.9 + np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     told = agreement(sizes)
-    scatter = np.var(sizes, ddof=1) / 6.0 / (1.0 + CHANCE * math.sqrt(2.0 / 5.0))
-    # of 24 blocks, each with a quarter of its recording's score: smaller
+    wider = np.var(sizes, ddof=1) * INFORMATION / chance(1, 5)
+    scatter, freedom = wider / INFORMATION / 6.0, 5.0 / (1.0 - 1.0 / wider) ** 2
     assert told.x[0] == pytest.approx(0.9, rel=1e-3)
     assert told.on("current_gain", ONE_SIZE) == pytest.approx(
-        student(0.9, scatter + 1.0, 5) - student(0.9, scatter, 5), abs=0.01
+        student(0.9, scatter + 1.0, freedom) - student(0.9, scatter, freedom), abs=0.01
     )
     assert told.on("current_gain", ONE_SIZE) < 3.0
 
@@ -75,10 +75,23 @@ def test_an_ordinary_size_is_evidence_against_an_effect():
     """Sizes of 1 +- 10 by twelve recordings, of which 10 is an ordinary deviation and 1000 an
     effect's: Student's densities at 1."""
     sizes = 1.0 + 10.0 * np.array([1.0, -1.0] * 6)
-    scatter = np.var(sizes, ddof=1) / 12.0 / (1.0 + CHANCE * math.sqrt(2.0 / 11.0))
+    wider = np.var(sizes, ddof=1) * INFORMATION / chance(1, 11)
+    scatter, freedom = wider / INFORMATION / 12.0, 11.0 / (1.0 - 1.0 / wider) ** 2
     found = agreement(sizes, usual=10.0, wide=1e3).on("current_gain", ONE_SIZE)
     ordinary, effect = (scatter + 10.0**2, scatter + 10.0**2 + 1e3**2)
-    assert found == pytest.approx(student(1.0, effect, 11) - student(1.0, ordinary, 11), abs=0.01)
+    assert found == pytest.approx(
+        student(1.0, effect, freedom) - student(1.0, ordinary, freedom), abs=0.01
+    )
+
+
+def test_what_scores_scatter_by_chance():
+    """Covariances of three numbers from 17 drawn scores: of 400 one in fifty at most is wider along
+    some direction than chance says, and a tenth and more than two standard deviations below."""
+    rng = np.random.default_rng(7)
+    drawn = rng.standard_normal((400, 17, 3))
+    widest = np.linalg.eigvalsh(np.einsum("mki,mkj->mij", drawn, drawn) / 17.0)[:, -1]
+    assert np.mean(widest > chance(3, 17)) < 0.02
+    assert np.mean(widest > chance(3, 17) - 2.0 * CHANCE * math.sqrt(2.0 / 17.0)) > 0.1
 
 
 def test_nothing_is_said_of_effects_that_have_no_size():
