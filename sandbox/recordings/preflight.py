@@ -72,16 +72,7 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     for r in recordings:
         sensors += tried(r.file, lambda r=r: current_sensors(r, drive))  # type: ignore[misc]
         out += tried(r.file, lambda r=r: link_voltage(r, drive, campaign.uncertainty))  # type: ignore[misc]
-        for one in (
-            _limit,
-            angle,
-            other_columns,
-            twice,
-            silent,
-            clipped,
-            steps,
-            ripple,
-        ):
+        for one in (_limit, angle, other_columns, *FURTHER):
             out += tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
     old = [n for r in recordings for n in tried(r.file, lambda r=r: held(r, drive))]  # type: ignore[misc]
     if old:  # what currents and angle contradict would be its consequence
@@ -195,8 +186,7 @@ def ratings(campaign: Campaign) -> list[Finding]:
 def further(campaign: Campaign) -> list[Finding]:
     """Return what is suspicious in a campaign that has been read and checked, beyond what reading
     checks."""
-    each = (twice, silent, clipped, steps, ripple, beyond_map)
-    found = [f for r in campaign.recordings for one in each for f in one(r, campaign.drive)]
+    found = [f for r in campaign.recordings for one in FURTHER for f in one(r, campaign.drive)]
     own = (campaign.recordings, campaign.drive)
     off = [f for f in campaign.findings if f.rereads] or conventions_off(*own)
     found += [f for f in off if f not in campaign.findings]
@@ -380,3 +370,7 @@ def ripple(r: CampaignRecording, drive: Drive) -> list[Finding]:
         f'{spectrum[k]:.3g} V at {at[k]:.4g} Hz: correct [injection], or injection_axis = "none"'
     )
     return [Finding(r.file, "u_alpha", None, text)]
+
+
+# what is looked for in each recording beyond what reading it checks
+FURTHER = (twice, silent, clipped, steps, ripple, beyond_map)

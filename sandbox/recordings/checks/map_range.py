@@ -30,12 +30,15 @@ def beyond_map(r: CampaignRecording, drive: Drive) -> list[Finding]:
     if inside.all():
         return []
     assert isinstance(drive.motor, MappedMotor)
-    size, point = np.hypot(*r.current), motor_points(drive.motor)
+    point = motor_points(drive.motor)
+    d, q = _rotor_frame(*r.current, r.theta)
+    far = int(np.argmax(np.where(inside, 0.0, np.hypot(d, q))))
     text = (
-        f"{r.file}: currents reach {size[~inside].max():.4g} A where the flux map's points end at "
-        f"{np.hypot(point.i_d, point.i_q).max():.4g} A; a diagnosis leaves out the "
-        f"{np.sum(~inside)} of {len(inside)} rows that lie beyond it; give a map as far as the "
-        "currents go to have them count"
+        f"{r.file}: currents reach i_d = {d[far]:.4g} A, i_q = {q[far]:.4g} A, beyond the flux "
+        f"map's points (i_d {np.min(point.i_d):.4g} to {np.max(point.i_d):.4g} A, i_q up to "
+        f"{np.max(np.abs(point.i_q)):.4g} A); a diagnosis leaves out the {np.sum(~inside)} of "
+        f"{len(inside)} rows that lie there; give a map as far as the currents go to have them "
+        "count"
     )
     return [Finding(r.file, "i_a", int(np.argmin(inside)), text)]
 

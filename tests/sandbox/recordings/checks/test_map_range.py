@@ -13,6 +13,7 @@ from model.energy import flux_from_current
 from model.fluxmap import FluxMap, write_map
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.checks.map_range import beyond_map, spacing, stretches_within, within
+from sandbox.recordings.preflight import FURTHER
 
 TEXT = """
 [motor]
@@ -81,8 +82,10 @@ def test_stretches_begin_between_the_points_at_an_even_row(drive):
 def test_what_a_person_reads(drive):
     x = np.zeros(100)
     x[30:40] = 5.0
-    (said,) = beyond_map(recording(np.zeros(100), x), drive)
+    (said,) = beyond_map(recording(0.2 * x, x), drive)
     assert said.row == 30
-    assert "currents reach 5 A where the flux map's points end at 4.525 A" in said.text
+    assert "currents reach i_d = 1 A, i_q = 5 A" in said.text
+    assert "(i_d -3.2 to 3.2 A, i_q up to 3.2 A)" in said.text
     assert "leaves out the 10 of 100 rows" in said.text
+    assert beyond_map in FURTHER  # `check` says it, too
     assert beyond_map(recording(np.zeros(100), 0.6 * x), drive) == []
