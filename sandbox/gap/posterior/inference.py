@@ -13,12 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import BEHIND, NEAR, Fit, rms_of
 from sandbox.gap.evidence.misfit import misfit, weights
 from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint
-from sandbox.gap.evidence.priors import ordinary
-from sandbox.gap.posterior.agreement import Agreement
 from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
 from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.gap.posterior.search import Problem, Search, log_posterior
@@ -73,8 +70,6 @@ class _Weighing:
     def __init__(self, search: Search) -> None:
         self.search = search
         self.stand_ins: dict[Set, list[Set]] = {}
-        self.agreed: dict[tuple[Set, Set], Agreement] = {}
-        self.sure: dict[tuple[Set, str], float] = {}
         self.known: dict[Set, SetPosterior] = {}
 
     @property
@@ -120,7 +115,6 @@ class _Weighing:
         them ordinary deviations alone, which were fitted already: slopes at another set's point say
         little of how far they would go without it."""
         fitted, self.stand_ins, self.known = {first.effects: first}, {}, {}
-        self.agreed, self.sure = {}, {}
         behind: dict[Set, float] = {}
         if first.effects:
             self.weigh((), self.search.null, first, variance, fitted, behind)
@@ -129,20 +123,15 @@ class _Weighing:
             levels, near = self.posterior(fitted, behind)
             leader = fitted[max(fitted, key=lambda k: (levels[k], k))]
             asked = [k for k in asked if k not in fitted and k not in behind]
-            whole = asked or [
-                k
-                for k in self.without_unsure(leader)
-                if k not in fitted and behind.get(k, 0.0) > -math.inf
-            ]
             many = len(fitted) + len(behind) > self.problem.settings.rivals
-            if not whole and (not near or many):
+            if not asked and (not near or many):
                 break
-            key = whole[0] if whole else near[0]
-            ahead = math.inf if whole else leader.fit.objective  # who is asked for is fitted whole
+            key = asked[0] if asked else near[0]
+            ahead = math.inf if asked else leader.fit.objective  # who is asked for is fitted whole
             new = self.search.fit_of(key, leader.fit, None, leader=ahead)
             if set(key) < set(leader.effects):
                 new = self.search.begun_anew(key, leader.fit, new)
-            self.weigh(key, new, leader, variance, fitted, behind, asked=bool(whole))
+            self.weigh(key, new, leader, variance, fitted, behind, asked=bool(asked))
         total = sum(math.exp(v) for v in levels.values())
         sets = {
             k: math.exp(v) / total for k, v in sorted(levels.items(), key=lambda x: (-x[1], x[0]))
@@ -153,75 +142,6 @@ class _Weighing:
         return Inference(
             self.problem.start, self.problem.known, null, fitted, kept, variance, self.search.linear
         )
-
-    def without_unsure(self, e: EvaluatedModel) -> list[Set]:
-        """Return the sets that lack one effect of a fitted set and are more probable by what
-        recordings agree on, the most probable first."""
-        less = {x: tuple(y for y in e.effects if y != x) for x in e.effects}
-        found = {x: self.agreed_on(e, x) + self.odds(e.effects, less[x]) for x in less}
-        return [less[x] for x in sorted(found, key=lambda x: (found[x], x)) if found[x] < 0.0]
-
-    def odds(self, key: Set, other: Set) -> float:
-        """Return the log prior odds of a set against another one."""
-        settings = self.problem.settings
-        return log_prior(key, settings) - log_prior(other, settings)
-
-    def agreed_on(self, e: EvaluatedModel, effect: str) -> float:
-        """Return the log evidence of an effect of a fitted set, as far as recordings agree on it,
-        there or in a larger set that was weighed: what a smaller set lacks makes them scatter."""
-        own = self.agreement(e, e.effects, effect)
-        larger = [v for (f, x), v in self.sure.items() if x == effect and set(f) > set(e.effects)]
-        self.sure[e.effects, effect] = max(own, *larger) if larger else own
-        return self.sure[e.effects, effect]
-
-    def agreement(self, e: EvaluatedModel, key: Set, effect: str) -> float:
-        """Return the log evidence of an effect in a set, as far as recordings agree on it by the
-        equations of a fitted set, which is that one or lacks the effect; infinite far from the
-        noise, where something outside the library decides."""
-        if rms_of(e.fit) > NEAR:
-            return math.inf
-        if (e.effects, key) not in self.agreed:
-            usual = ordinary(e.fit.point.prepared.campaign, e.fit.point.values)
-            deviations = {c.label: c.deviation for c in usual}
-            own = e.effects == key
-            n = e.fit.normal if own else e.normal
-            prior = prior_of(e.fit.coordinates) if own else e.model.prior(key, alone=True)
-            self.agreed[e.effects, key] = Agreement(n, prior, deviations)
-        return self.agreed[e.effects, key].on(effect, self.problem.settings)
-
-    def levels(self, fitted: Mapping[Set, EvaluatedModel]) -> dict[Set, float]:
-        """Return the log posterior of fitted sets, up to one constant: one is no more probable than
-        another that lacks an effect than recordings agree that it is there."""
-        out = {k: self.level(e) for k, e in fitted.items()}
-        for k in sorted(out, key=len, reverse=True):
-            for effect in k:
-                self.agreed_on(fitted[k], effect)
-        for k in sorted(out, key=lambda k: (len(k), k)):
-            for effect in k:
-                out[k] = min(out[k], self.bound(out, fitted, k, effect, fitted[k]))
-        return out
-
-    def bound(
-        self,
-        levels: Mapping[Set, float],
-        fitted: Mapping[Set, EvaluatedModel],
-        key: Set,
-        effect: str,
-        by: EvaluatedModel | None = None,
-    ) -> float:
-        """Return the largest log posterior that a set may have for an effect of it, where the set
-        without the effect is fitted and recordings do not agree on it; by: the set's own fit, where
-        it has one, whose equations tell (default: those of the set without it).  An effect that
-        takes more than half of what is left has no such bound."""
-        less = tuple(x for x in key if x != effect)
-        if less not in fitted or (by is not None and self.far_less(by.fit, fitted[less].fit)):
-            return math.inf
-        agreed = (
-            self.agreement(fitted[less], key, effect) if by is None else self.agreed_on(by, effect)
-        )
-        if agreed >= REACH:
-            return math.inf
-        return levels[less] + agreed + self.odds(key, less)
 
     def sets_of(self, key: Set, e: EvaluatedModel) -> SetPosterior:
         """Return the sets that are weighed by the equations at a fitted set's point."""
@@ -246,9 +166,6 @@ class _Weighing:
             seen_by = [f for f in by_name if key in by_name[f]]
             f = min(seen_by, key=lambda f: (len(set(f) ^ set(key)), -own[f], f))
             out[key] = own[f] - top + by_name[f][key] - by_name[f][f]
-            if out[key] > -self.problem.settings.near:
-                bounds = (self.bound(own, fitted, key, effect) for effect in key)
-                out[key] = min(out[key], *(b - top for b in bounds))
         return out
 
     def weigh(
@@ -269,7 +186,6 @@ class _Weighing:
             behind[key] = self.level(leader) - lead
         else:
             fitted[key] = self.evaluated(new, variance)
-            behind.pop(key, None)
 
     def lead(self, one: Fit, other: Fit | None, variance: Mapping[tuple[int, str], float]) -> float:
         """Return by how much the log posterior of one fit is above another's, both weighed at their
@@ -310,7 +226,7 @@ class _Weighing:
         ought where the best one leaves several times the noise: something outside the library
         decides then, not one set or another.
         """
-        own = self.levels(fitted)
+        own = {k: self.level(e) for k, e in fitted.items()}
         leader = max(own, key=lambda k: (own[k], k))
         sets, top = self.sets_of(leader, fitted[leader]), own[leader]
         relative = self.from_nearest(fitted, own, behind)

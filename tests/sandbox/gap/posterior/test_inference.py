@@ -1,13 +1,11 @@
 """Sets near the most probable one: by whose equations each is weighed, and when ordinary deviations
 alone are; numbers by hand."""
 
-import math
 from types import SimpleNamespace
 
 import pytest
 
 from sandbox.gap.posterior.inference import BEHIND, _Weighing
-from sandbox.gap.settings import USUAL
 
 # what the equations at a fitted set's point say of sets, log posteriors up to a constant of each
 AT_NONE = {(): 0.0, ("a",): 5.0, ("b",): -1.0, ("a", "b"): 6.0}
@@ -19,8 +17,7 @@ class Weighing(_Weighing):
     level, and by how much another one leads them."""
 
     def __init__(self, null=None):
-        problem = SimpleNamespace(settings=USUAL)
-        self.search, self.seen = SimpleNamespace(null=null, problem=problem), []
+        self.search, self.seen = SimpleNamespace(null=null), []
 
     def sets_of(self, key, e):
         """Return the equations of a fitted set."""
@@ -33,10 +30,6 @@ class Weighing(_Weighing):
     def level(self, e):
         """Return the level of the best one."""
         return 7.0
-
-    def agreement(self, e, key, effect):
-        """Return that recordings agree on all effects."""
-        return math.inf
 
     def evaluated(self, found, variance, known=None):
         """Return the fit weighed at its own point."""
