@@ -13,6 +13,7 @@ from model.fluxmap import FluxMap, write_map
 from model.kernels.kept import note, read, write
 from model.mapped import held_by_data, mapped_motor
 from tests.data import real_data
+from tests.model.planted_map import write_square
 
 TEXT = """
 [motor]
@@ -31,9 +32,7 @@ CHOICE = "cells = [8, 6]\nsmooth = 1e-6\n"
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path / "cache"))
-    motor, i = load_drive("ipm_exchanged").motor, np.linspace(-3.2, 3.2, 17)
-    d, q = flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
-    write_map(tmp_path / "mine.csv", FluxMap("mine", i, i, d + motor.magnet_flux, q))
+    write_square(tmp_path / "mine.csv")
     (tmp_path / "mine.toml").write_text(TEXT + CHOICE)
     return tmp_path
 

@@ -31,7 +31,7 @@ def beyond_map(r: CampaignRecording, drive: Drive) -> list[Finding]:
         return []
     assert isinstance(drive.motor, MappedMotor)
     point = motor_points(drive.motor)
-    d, q = _rotor_frame(*r.current, r.theta)
+    d, q = _dq(r)
     far = int(np.argmax(np.where(inside, 0.0, np.hypot(d, q))))
     text = (
         f"{r.file}: currents reach i_d = {d[far]:.4g} A, i_q = {q[far]:.4g} A, beyond the flux "
@@ -49,8 +49,8 @@ def within(motor: Motor, r: CampaignRecording) -> tuple[NDArray[np.bool_], NDArr
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         every = np.ones(len(r.t), dtype=bool)
         return every, every
-    d, q = _rotor_frame(*r.current, r.theta)
-    inside = held_by_data(motor, d, q, beyond=BEYOND * spacing(motor))
+    d, q = _dq(r)
+    inside = held_by_data(motor, d, q, beyond=BEYOND * point_spacing(motor))
     inside[1:-1] |= inside[:-2] & inside[2:]  # one reading alone is a spike, no current
     return inside, held_by_data(motor, d, q)
 
@@ -69,7 +69,7 @@ def stretches_within(motor: Motor, r: CampaignRecording, least: int) -> list[tup
     return [(first, last) for first, last in found if last - first >= max(2, least)]
 
 
-def spacing(motor: MappedMotor) -> float:
+def point_spacing(motor: MappedMotor) -> float:
     """Return how far apart the points of a map are (A): the side of the square that each of them
     has of the rectangle around them."""
     point = motor_points(motor)
@@ -83,6 +83,8 @@ def _begun(between: NDArray[np.bool_], first: int, last: int) -> tuple[int, int]
     return (even + 2 * int(own[0]), last) if len(own) else (last, last)
 
 
-def _rotor_frame(alpha: Array, beta: Array, theta: Array) -> tuple[Array, Array]:
-    c, s = np.cos(theta), np.sin(theta)
-    return c * alpha + s * beta, c * beta - s * alpha
+def _dq(r: CampaignRecording) -> tuple[Array, Array]:
+    """Return a recording's currents d, q (A) at the angle that it reads."""
+    alpha, beta = r.current
+    turned = (alpha + 1j * beta) * np.exp(-1j * r.theta)
+    return turned.real, turned.imag

@@ -4,6 +4,7 @@ stated chances must hold."""
 
 import itertools
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -67,6 +68,19 @@ def problem():
     slopes[:, 6] = 0.98 * slopes[:, 5] + 0.2 * slopes[:, 6]
     truth = np.array([0.5, -1.0, 0.0, 0.8, 0.0, 0.6, 0.0])
     return slopes, slopes @ truth + rng.standard_normal(60)
+
+
+def test_equations_that_rounding_leaves_indefinite_still_weigh_sets(problem):
+    """Where the prior's one is lost beside large numbers, a direction may come out as told less
+    than by the prior alone: it counts as not told, and the covariance stays the prior's there."""
+    slopes, residual = problem
+    model = linear(slopes, residual, 5, Settings(sizes=(1.0,)))
+    a = np.array(model.equations.a)
+    a[0] = a[:, 0] = 0.0
+    a[0, 0] = -1.5  # beside a prior deviation of 1
+    sets = SetPosterior(replace(model, equations=replace(model.equations, a=a)))
+    assert sets.c[0, 0] == pytest.approx(1.0)
+    assert math.isfinite(sets.weigh((0, 1)))
 
 
 def test_evidence_of_every_set_is_that_of_dense_integrals(problem):

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive
-from model.energy import flux_from_current
-from model.fluxmap import FluxMap, write_map
 from sandbox.recordings.campaign import CampaignRecording
-from sandbox.recordings.checks.map_range import beyond_map, spacing, stretches_within, within
+from sandbox.recordings.checks.map_range import beyond_map, point_spacing, stretches_within, within
 from sandbox.recordings.preflight import FURTHER
+from tests.model.planted_map import write_square
 
 TEXT = """
 [motor]
@@ -33,9 +32,7 @@ smooth = 1e-6
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")
-    motor, i = load_drive("ipm_exchanged").motor, np.linspace(-3.2, 3.2, 17)
-    d, q = flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
-    write_map(folder / "mine.csv", FluxMap("mine", i, i, d + motor.magnet_flux, q))
+    write_square(folder / "mine.csv")
     (folder / "mine.toml").write_text(TEXT)
     return load_drive(folder / "mine.toml")
 
@@ -54,7 +51,7 @@ def recording(i_d, i_q):
 
 def test_half_a_cell_beyond_its_points_a_map_still_tells(drive):
     # a square of 6.4 A by 6.4 A for 289 points
-    assert spacing(drive.motor) == pytest.approx(6.4 / 17, rel=1e-9)
+    assert point_spacing(drive.motor) == pytest.approx(6.4 / 17, rel=1e-9)
     x = [0.0, 0.0, 3.1, 3.1, 3.3, 3.3, 3.5, 3.5]
     inside, between = within(drive.motor, recording(x, np.zeros(8)))
     assert inside.tolist() == [True] * 6 + [False] * 2
