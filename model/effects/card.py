@@ -40,7 +40,8 @@ class Parameter:
     typical size.
 
     The typical size is in units of `relative_to`, a key of `scales` ("": absolute; "neutral": of
-    the neutral value).
+    the neutral value), the neutral value in units of `neutral_relative_to`, a key of
+    `motor_scales`.
     How a diagnosis fits it: `fit` is "linear", "log", "reciprocal" (the coordinate in which
     readings are close to linear) or "fixed" (kept neutral); `spread` the prior's standard deviation
     in that coordinate where the typical size does not say it; `starts` values to begin from, in
@@ -85,10 +86,15 @@ class Parameter:
     whole: bool = False
     first: str = ""
     title: str = ""
+    neutral_relative_to: str = ""
 
     def neutral_for(self, motor: Motor) -> float:
         """Return the neutral value for a motor."""
-        return float(getattr(motor, self.of_motor)) if self.neutral is None else self.neutral
+        if self.neutral is None:
+            return float(getattr(motor, self.of_motor))
+        if not self.neutral_relative_to:
+            return self.neutral
+        return self.neutral * motor_scales(motor)[self.neutral_relative_to]
 
     def typical_for(self, motor: Motor, converter: Converter) -> float:
         """Return the typical size (in the parameter's unit) on a drive."""
@@ -471,9 +477,10 @@ def flux_scale(motor: Motor) -> float:
     )
 
 
-def scales(motor: Motor, converter: Converter) -> dict[str, float]:
-    """Return what typical sizes are relative to, on this drive (SI)."""
+def motor_scales(motor: Motor) -> dict[str, float]:
+    """Return what sizes are relative to, of a motor alone (SI)."""
     speed = motor.rated_omega / motor.pole_pairs
+    swing = motor.inertia * (math.tau * 100.0) ** 2
     return {
         "": 1.0,
         "rated current": motor.rated_current,
@@ -490,12 +497,17 @@ def scales(motor: Motor, converter: Converter) -> dict[str, float]:
         "rated current / (L_q rated current)^2": 1.0
         / (motor.inductance_q**2 * motor.rated_current),
         "rated reactance": motor.rated_omega * max(motor.inductance_d, motor.inductance_q),
+        "pole pairs": float(motor.pole_pairs),
+        "inertia": motor.inertia,
+        "inertia x (2 pi 100 Hz)^2": swing,
+        "rated torque / (inertia x (2 pi 100 Hz)^2)": motor.rated_torque / swing,
+    }
+
+
+def scales(motor: Motor, converter: Converter) -> dict[str, float]:
+    """Return what typical sizes are relative to, on this drive (SI)."""
+    return motor_scales(motor) | {
         "DC link": converter.dc_bus_voltage,
         "DC link / rated current": converter.dc_bus_voltage / motor.rated_current,
         "PWM period": converter.update_period,
-        "pole pairs": float(motor.pole_pairs),
-        "inertia": motor.inertia,
-        "inertia x (2 pi 100 Hz)^2": motor.inertia * (math.tau * 100.0) ** 2,
-        "rated torque / (inertia x (2 pi 100 Hz)^2)": motor.rated_torque
-        / (motor.inertia * (math.tau * 100.0) ** 2),
     }

@@ -11,7 +11,14 @@ from model.effects.shaft_compliance import motor_inertia
 from model.lanes import fading
 from model.parameters import Converter, Motor
 
-FASTEST = 1e6  # 1/s: steps that resolve more would be too short
+# a sampling period: steps that resolve more would be too short
+STEEPEST = 100.0
+# of rated speed: where dry friction changes its sign, as in a log of motion alone
+# (`sandbox.gap.motion.shaft`), and where Stribeck's hump ends: beyond the width, or nobody sees
+# it; 1.6 and 6.3 rad/s of a servo for 3000 rpm
+WIDTH, HUMP = 0.005, 0.02
+# standard deviation of their logarithms: 0.1 to 4 % of rated speed, 0.3 to 15 %
+SPREAD = 1.0
 # of the time in which friction brings the rotor to rest within its width, in one step
 LARGEST_RUB = 0.5
 
@@ -40,7 +47,7 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
         "1/s, torque over width and inertia: the steps that resolve it would be too short "
         "(give a wider one)"
     )
-    yield Limit("coulomb_friction.width", rate(v), FASTEST, what)
+    yield Limit("coulomb_friction.width", rate(v), STEEPEST / converter.sampling_period, what)
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
@@ -79,13 +86,15 @@ CARD = Effect(
         Parameter(
             "width",
             "rad/s",
-            2.0,
-            1e-3,
+            WIDTH,
+            1e-6,
             1e3,
-            2.0,
+            WIDTH,
+            "rated speed",
             fit="log",
-            spread=0.5,
+            spread=SPREAD,
             title="speed width of dry friction",
+            neutral_relative_to="rated speed",
         ),
         Parameter(
             "stribeck_torque",
@@ -99,7 +108,17 @@ CARD = Effect(
             title="Stribeck torque",
         ),
         Parameter(
-            "stribeck_speed", "rad/s", 5.0, 1e-3, 1e3, 5.0, fit="fixed", title="Stribeck speed"
+            "stribeck_speed",
+            "rad/s",
+            HUMP,
+            1e-6,
+            1e3,
+            HUMP,
+            "rated speed",
+            fit="log",
+            spread=SPREAD,
+            title="Stribeck speed",
+            neutral_relative_to="rated speed",
         ),
     ),
     axis="motion (and i_q under speed control)",

@@ -16,7 +16,7 @@ import numpy as np
 from model.array_types import Array
 from model.compiled import inlined
 from model.effects.card import At, Curve, Effect, Limit, Parameter
-from model.effects.coulomb_friction import FASTEST, LARGEST_RUB
+from model.effects.coulomb_friction import LARGEST_RUB, STEEPEST
 from model.effects.said import on_q, quantity
 from model.effects.shaft_compliance import motor_inertia
 from model.parameters import Converter, Motor
@@ -77,7 +77,8 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
         "1/s, the curve's slope at standstill over the inertia: the steps that resolve it would be "
         "too short (give a higher speed of reference)"
     )
-    yield Limit("friction_torque.reference", rate(v, motor), FASTEST, what)
+    steepest = STEEPEST / converter.sampling_period
+    yield Limit("friction_torque.reference", rate(v, motor), steepest, what)
 
 
 def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:

@@ -418,6 +418,7 @@ def entry(head: str, text: str, column: int = 14) -> str:
 
 def _parameter(p: Parameter) -> str:
     neutral_value = f"nominal {p.of_motor}" if p.neutral is None else f"{p.neutral:g}"
+    neutral_value += f" x {p.neutral_relative_to}" if p.neutral_relative_to else ""
     size = f"{p.typical:g}" + (f" x {p.relative_to}" if p.relative_to else f" {p.unit}")
     return f"{neutral_value}; [{p.low:g}, {p.high:g}] {p.unit}; {size}".replace("  ", " ").replace(
         " ;", ";"

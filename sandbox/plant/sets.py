@@ -166,16 +166,23 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
     rows["shape"] = v["bench.soft_shape"]
     for name, value in zone_of(v).items():
         rows[f"dead_time_zone_{name}"] = value
-    rows["leg_voltage_reference"] = v["leg_voltage.reference"] or motor.rated_current
-    rows["current_linearity_reference"] = v["current_linearity.reference"] or motor.rated_current
-    speed = motor.rated_omega / motor.pole_pairs
-    rows["friction_torque_reference"] = v["friction_torque.reference"] or speed
+    for row, usual in references(motor).items():
+        rows[row] = rows[row] or usual
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = (
         v["bench.load_torque_gain"],
         v["bench.load_torque_offset"],
     )
     return rows
+
+
+def references(motor: Motor) -> dict[str, float]:
+    """Return the rows of sizes that curves are shares of, each with what stands in for 0."""
+    return {
+        "leg_voltage_reference": motor.rated_current,
+        "current_linearity_reference": motor.rated_current,
+        "friction_torque_reference": motor.rated_omega / motor.pole_pairs,
+    }
 
 
 def zone_of(v: Set) -> dict[str, float]:

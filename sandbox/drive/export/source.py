@@ -270,6 +270,8 @@ def _rows(drive: Drive, energy: SplineEnergy | None) -> list[str]:
         f"w->load_offset = {_is('bench.load_torque_offset')};",
     ]
     lines += [f"w->{row} = {_is(name)};" for row, name in sets.numbers()]
+    for row, usual in sets.references(drive.motor).items():  # as `sets.rows_of`
+        lines.append(f"if (w->{row} == R(0.0)) {{ w->{row} = {_number(usual)}; }}")
     lines += ["if (is->dead_time_zone_width == R(0.0)) {"]  # as `sets.zone_of`
     lines += [f"    w->dead_time_zone_width = {_is('bench.soft_current')};"]
     for name in ("shape", "center"):

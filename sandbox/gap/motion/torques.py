@@ -137,7 +137,8 @@ def _torques() -> list[Effect]:
 def _of_card(card: Effect) -> Number | None:
     """Return a card's effect as one number, None where its torque is not proportional to any."""
     free = [p for p in card.parameters if p.fit != "fixed" and p.predicted]
-    if len(free) != 1 or card.repeats > 1 or any(p.neutral is None for p in card.parameters):
+    of_motor = any(p.neutral is None or p.neutral_relative_to for p in card.parameters)
+    if len(free) != 1 or card.repeats > 1 or of_motor:
         return None
     hidden = f"other torques can stand in for it on this motion; record {card.separated_by}"
     name = card.public(1, free[0].name)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
-from model.effects.library import effect_names
+from model.effects.library import effect_names, neutral
 from model.energy import flux_newton
 from model.mapped import ALPHAS
 from model.parameters import Motor
@@ -194,7 +194,7 @@ def mechanical(
     p, load = motor.pole_pairs, np.asarray(r.columns.get("load_torque", np.zeros(len(theta))))
     torque = 1.5 * p * np.imag(np.conj(psi) * i)
     speed = omega / p
-    lag = LAG / period
+    lag, width = LAG / period, neutral(motor)["coulomb_friction.width"]
 
     def slow(x) -> Complex:
         """Return what a lag lets through."""
@@ -209,7 +209,7 @@ def mechanical(
                 - motor.inertia * np.gradient(speed, period)
             )
         ],
-        "coulomb_friction": [slow(np.tanh(speed / 2.0))],
+        "coulomb_friction": [slow(np.tanh(speed / width))],
         "viscous_friction": [slow(speed)],
         "inertia": [slow(np.gradient(speed, period))],
         "cogging_torque": [slow(-f(k * theta)) for k in (4, 6, 12) for f in (np.sin, np.cos)],

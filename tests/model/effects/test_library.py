@@ -3,6 +3,7 @@ really neutral."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 
@@ -292,3 +293,15 @@ def test_an_inertia_below_that_of_the_load_is_told_before_the_resonance():
     found = list(card.limits_at(light, MOTOR, CONVERTER))
     assert [x.name for x in found] == ["shaft_compliance.load_inertia"]
     assert found[0].broken
+
+
+def test_a_neutral_value_may_be_a_share_of_the_motors_own():
+    """Dry friction changes its sign over 0.005 of rated speed, whatever the drive; one that is
+    given in rad/s is kept."""
+    own = MOTOR.rated_omega / MOTOR.pole_pairs
+    slow = dataclasses.replace(MOTOR, rated_speed_rpm=0.01 * MOTOR.rated_speed_rpm)
+    width = "coulomb_friction.width"
+    assert library.neutral(MOTOR)[width] == pytest.approx(0.005 * own, rel=1e-12)
+    assert library.neutral(slow)[width] == pytest.approx(5e-5 * own, rel=1e-12)
+    assert library.complete(slow, CONVERTER, {width: 2.0})[width] == 2.0
+    assert "0.005 x rated speed" in library.card_text(library.load_effect("coulomb_friction"))

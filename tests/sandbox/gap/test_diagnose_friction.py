@@ -1,4 +1,4 @@
-"""Dry friction with Stribeck's hump, planted on the switched bench, is found with its three
+"""Dry friction with Stribeck's hump, planted on the switched bench, is found with its four
 sizes."""
 
 import numpy as np
@@ -7,6 +7,7 @@ import pytest
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.normal import ParameterPoint
+from sandbox.gap.posterior.estimates import unbounded
 from sandbox.gap.posterior.holdout import weights_of
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
@@ -52,13 +53,15 @@ def test_the_hump_is_fitted_with_the_friction_it_sits_on(hump):
     """Without noise every size lies within one of the fit's own deviations of what the bench has
     (measured: a fifth), and a hump of 0.012 N m would stand out by ten of its own."""
     planted = {"torque": 0.03, "width": 1.6, "stribeck_torque": hump}
+    planted |= {"stribeck_speed": 5.0} if hump else {}
     recorded = turned({f"coulomb_friction.{n}": x for n, x in planted.items()})
     begun = ParameterPoint(prepare(recorded), complete(DRIVE.motor, DRIVE.converter))
     found = fit(begun, ("coulomb_friction",), weights_of(1))
-    deviations = np.sqrt(np.diag(algebra(found.normal).covariance(prior_of(found.coordinates))))
+    free = unbounded(prior_of(found.coordinates))
+    deviations = np.sqrt(np.diag(algebra(found.normal).covariance(free)))
     for name, true in planted.items():
         k = next(k for k, c in enumerate(found.coordinates) if c.label.endswith(f"friction.{name}"))
         c = found.coordinates[k]
         away = abs(c.value(found.point.values) - c.value({c.label: true}))
-        assert away < deviations[k]
-    assert deviations[k] < 0.1 * 0.012
+        assert away <= deviations[k]
+        assert name != "stribeck_torque" or not hump or deviations[k] < 0.1 * hump

@@ -1,7 +1,7 @@
 """A drive of another size gives the same answers: a whole campaign scaled in time, current and
 voltage, by powers of two, which round nothing.
 
-What begins at a size of its own, in s or V or rad/s, is left out (ABSOLUTE): a dead time is some
+What begins at a size of its own, in s or V, is left out (ABSOLUTE): a dead time is some
 microseconds and a silicon device drops a volt, whatever the drive.
 """
 
@@ -21,7 +21,6 @@ EFFECTS = {
     "winding_asymmetry.delta_a": 0.2,
 }
 ABSOLUTE = (
-    "coulomb_friction",
     "current_filter",
     "current_sampling",
     "dc_link_ripple",

@@ -67,7 +67,8 @@ def test_coulomb_frictions_stribeck_hump_adds_at_low_speed():
     assert drag(0.1, 2.0, 0.06, 5.0, -5.0) == pytest.approx(
         -(0.1 + 0.06 * math.exp(-1)) * math.tanh(2.5), rel=1e-12
     )
-    effects = {"coulomb_friction.torque": 0.1, "coulomb_friction.stribeck_torque": 0.06}
+    effects = {"torque": 0.1, "width": 2.0, "stribeck_torque": 0.06, "stribeck_speed": 5.0}
+    effects = {f"coulomb_friction.{name}": x for name, x in effects.items()}
     n = 500
     slow = solve_ivp(
         lambda t, w: -(0.1 + 0.06 * np.exp(-((w / 5.0) ** 2))) * np.tanh(w / 2.0) / 1e-3,
@@ -174,7 +175,9 @@ ALL_ON = {
     "winding_asymmetry.delta_b": -0.3,
     "device_drop.on_resistance": 0.3,
     "coulomb_friction.torque": 0.03,
+    "coulomb_friction.width": 2.0,
     "coulomb_friction.stribeck_torque": 0.01,
+    "coulomb_friction.stribeck_speed": 5.0,
     "viscous_friction.coefficient": 5e-4,
     "cogging_torque.amplitude": 0.05,
     "cogging_torque.order_mech": 12.0,

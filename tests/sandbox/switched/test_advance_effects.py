@@ -443,7 +443,8 @@ def test_coulomb_friction_slows_at_a_constant_rate_and_has_stribecks_hump():
     b = make({"coulomb_friction.torque": 0.1}, NO_MAGNET)
     out = replay(b, "free", np.zeros(400), np.zeros(400), U, speed=100.0)
     assert out["speed"][399] == pytest.approx(100 - 0.1 / 1e-3 * 399 * TS, rel=1e-6)
-    hump = make({"coulomb_friction.torque": 0.1, "coulomb_friction.stribeck_torque": 0.06})
+    sizes = {"torque": 0.1, "width": 2.0, "stribeck_torque": 0.06, "stribeck_speed": 5.0}
+    hump = make({f"coulomb_friction.{name}": x for name, x in sizes.items()})
     assert friction(hump, 5.0) == pytest.approx(
         (0.1 + 0.06 * math.exp(-1)) * math.tanh(2.5), rel=1e-12
     )

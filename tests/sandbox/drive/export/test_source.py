@@ -97,6 +97,13 @@ def test_each_effect_alone(drive, plain, effect):
     assert max(compared(drive, plain, "free", effects)) < GOAL
 
 
+@pytest.mark.parametrize("effect", ["leg_voltage", "current_linearity", "friction_torque"])
+def test_a_curves_reference_that_is_left_out_is_the_drives_rating(drive, plain, effect):
+    effects = sizes(drive, [effect])
+    del effects[f"{effect}.reference"]
+    assert max(compared(drive, plain, "free", effects)) < GOAL
+
+
 FURTHER = {
     "flux_harmonics.2.order": 12.0,
     "flux_harmonics.2.psi_d": 4e-4,
