@@ -258,11 +258,13 @@ PORTS = {
 @dataclass(frozen=True)
 class At:
     """An equation at a port of the plant, handed the effect's parameters `numbers`, then the port's
-    quantities."""
+    quantities; switches: it is off while these are neutral (default: those of `numbers` that switch
+    the effect)."""
 
     port: str
     equation: Callable[..., Any]
     numbers: tuple[str, ...]
+    switches: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,12 @@
-"""Forward drop of the switches and diodes."""
+"""Forward drop of the switches and diodes.
+
+At small currents it is less than their threshold: at a sharp one it goes through zero as the sign
+of a current does everywhere, linearly; with a knee it is V_t (1 - exp(-|i|/i_k)).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -10,6 +15,7 @@ from model.array_types import Array
 from model.compiled import inlined
 from model.effects.card import At, Effect, Legs, LegSlope, Parameter
 from model.effects.said import quantity
+from model.lanes import fading
 from model.parameters import Converter, Motor
 
 
@@ -46,16 +52,38 @@ def mean_of_tanh(x, y):
 
 
 @inlined
-def lost(threshold, before, after, shape):
-    """Return what a leg loses on average (V), its current over the soft width going from before to
-    after.
+def lost(threshold, knee, before, after, shape):
+    """Return what a leg loses on average (V) at a sharp threshold, its current over the soft width
+    going from before to after.
 
     shape: of the soft sign, from 0 (linear) to 1 (tanh).
     """
+    threshold = 0.0 if knee > 0.0 else threshold
     linear = mean_sign(before, after)
     if shape == 0.0:
         return threshold * linear
     return threshold * (linear + shape * (mean_of_tanh(before, after) - linear))
+
+
+@inlined
+def at_knee(x):
+    """Return the volts at a current over the knee, in thresholds, and their integral from 0 on."""
+    size = abs(x)
+    lacks = fading(-size)
+    return (1.0 - lacks if x >= 0.0 else lacks - 1.0), size - (1.0 - lacks)
+
+
+@inlined
+def lost_at_knee(threshold, knee, before, after):
+    """Return what a leg loses on average (V) with a knee, its current (A) going straight from
+    before to after."""
+    per = 1.0 / (knee if knee > 0.0 else 1.0)
+    x, y = before * per, after * per
+    step = y - x
+    flat = abs(step) < 1e-5  # a mean of the ends is off by 1/12 of its square
+    (here, first), (there, last) = at_knee(x), at_knee(y)
+    mean = 0.5 * (here + there) if flat else (last - first) / (1.0 if flat else step)
+    return threshold * mean if knee > 0.0 else 0.0
 
 
 @inlined
@@ -67,9 +95,9 @@ def slope(on_resistance):
 def leg_loss(v: Mapping[str, float], current: Array) -> Array:
     """Return what a leg loses by it (V, any shape) at constant currents (A), by completed
     values."""
-    return np.asarray(
-        v["device_drop.threshold"] * sign(v, current) + v["device_drop.on_resistance"] * current
-    )
+    i, knee = np.asarray(current, dtype=float), v["device_drop.knee"]
+    share = -np.expm1(-np.abs(i) / knee) * np.sign(i) if knee else sign(v, i)
+    return np.asarray(v["device_drop.threshold"] * share + v["device_drop.on_resistance"] * i)
 
 
 def sign(v: Mapping[str, float], current: Array) -> Array:
@@ -85,7 +113,18 @@ def sign(v: Mapping[str, float], current: Array) -> Array:
 def leg_slope(v: Mapping[str, float], motor: Motor, legs: Legs) -> LegSlope:
     """Return what a leg loses by the threshold around zero current, by completed values; the
     on-resistance is one of the winding's circuit (`slope`)."""
-    return LegSlope(v["device_drop.threshold"] * (1.0 / legs.zone), legs.zone)
+    within = v["device_drop.knee"] or legs.zone
+    return LegSlope(v["device_drop.threshold"] * (1.0 / within), within)
+
+
+def otherwise(
+    v: Mapping[str, float], width: float, motor: Motor, converter: Converter
+) -> dict[str, float]:
+    """Return a knee in place of a sharp threshold, whose half is lost at the same current as with a
+    zone of `width` (A), or none in place of one."""
+    if v["device_drop.knee"] > 0.0:
+        return {"device_drop.knee": 0.0}
+    return {"device_drop.knee": 0.5 * width / math.log(2.0)}
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
@@ -93,15 +132,23 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     threshold, ohm = v["device_drop.threshold"], v["device_drop.on_resistance"]
     own = [f"{quantity(threshold, 'V')} with the sign of each phase current"] if threshold else []
     own += [f"{quantity(ohm, 'ohm')} times it (or put that into the resistance)"] if ohm else []
-    return f"add to the commanded phase voltages {' and '.join(own)}: what the devices drop"
+    knee = v["device_drop.knee"] if threshold else 0.0
+    soft = f", less of it below {quantity(2.0 * knee, 'A')}" if knee else ""
+    return f"add to the commanded phase voltages {' and '.join(own)}{soft}: what the devices drop"
 
 
 CARD = Effect(
     name="device_drop",
     summary="forward drop of the switches and diodes",
     subsystem="inverter",
-    equation="leg voltage -= threshold sign(i) + r i, sign linear within +-1.5 % of rated current",
-    formulas=(r"u_\text{leg} \;\text{-=}\; V_t\,\operatorname{sign}(i) + r\,i",),
+    equation=(
+        "leg voltage -= threshold sign(i) + r i, sign linear within +-1.5 % of rated current, or "
+        "with a knee (1 - exp(-|i|/knee)) sign(i)"
+    ),
+    formulas=(
+        r"u_\text{leg} \;\text{-=}\; V_t\,\operatorname{sign}(i) + r\,i, \qquad "
+        r"\operatorname{sign}(i) \to \bigl(1 - e^{-|i|/i_k}\bigr)\operatorname{sign}(i)",
+    ),
     source=(
         "Choi, Sul, Inverter output voltage synthesis using novel dead time compensation, IEEE "
         "Trans. Power Electron. 11 (1996) 221"
@@ -118,6 +165,19 @@ CARD = Effect(
             "resistance",
             title="on-resistance of the devices",
         ),
+        Parameter(
+            "knee",
+            "A",
+            0.0,
+            0.0,
+            1e5,
+            0.0,
+            "rated current",
+            fit="log",
+            spread=1.0,
+            change=0.05,
+            title="knee of the devices",
+        ),
     ),
     axis="against the current",
     order="1 and 6k",
@@ -127,7 +187,13 @@ CARD = Effect(
         "zero crossings at two DC-link voltages or PWM frequencies: dead time scales "
         "with them, the threshold does not"
     ),
-    at=(At("leg", lost, ("threshold",)), At("resistance", slope, ("on_resistance",))),
+    at=(
+        At("leg", lost, ("threshold", "knee")),
+        At("leg_curve", lost_at_knee, ("threshold", "knee"), switches=("knee",)),
+        At("resistance", slope, ("on_resistance",)),
+    ),
+    switches=("threshold", "on_resistance"),
     do=do,
+    otherwise=otherwise,
     leg_slope=leg_slope,
 )

@@ -283,7 +283,7 @@ def needs() -> tuple[Need, ...]:
 
 def _switches(card: Effect, at: At) -> tuple[str, ...]:
     """Return the parameters of an effect's first part that switch one of its equations on."""
-    names = [n for n in at.numbers if n in card.switches] or at.numbers
+    names = at.switches or [n for n in at.numbers if n in card.switches] or at.numbers
     return tuple(card.public(1, n) for n in names)
 
 

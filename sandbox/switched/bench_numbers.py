@@ -58,6 +58,9 @@ SAME = {
     "ripple_amplitude": "dc_link_ripple.amplitude",
     "ripple_phase": "dc_link_ripple.phase",
     "pwm_delay": "pwm_delay.delay",
+    "threshold": "device_drop.threshold",
+    "threshold_knee": "device_drop.knee",
+    "on_resistance": "device_drop.on_resistance",
     "filter_time": "current_filter.time_constant",
     "sampling_delay": "current_sampling.delay",
     "jitter": "current_sampling.jitter",
@@ -75,7 +78,7 @@ SAME = {
     "backlash": "shaft_compliance.backlash",
 }
 # effects whose parameters have the same names there
-SAME_NAMES = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
+SAME_NAMES = ("winding_asymmetry", "current_gain", "current_offset")
 
 
 class SwitchedBench(NamedTuple):
@@ -104,6 +107,7 @@ class SwitchedBench(NamedTuple):
     soft_current: float
     dead_time: float
     threshold: float
+    threshold_knee: float
     on_resistance: float
     link_voltage: float
     sag: float

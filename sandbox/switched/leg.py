@@ -91,6 +91,20 @@ def soft_signs(b, i_a, i_b, i_c):
     return other_sign(b.sign_shape, a), other_sign(b.sign_shape, b_), other_sign(b.sign_shape, c)
 
 
+@inlined
+def device_signs(b, i_a, i_b, i_c):
+    """Return what the three legs' devices drop at their currents (A), in thresholds."""
+    if b.threshold_knee == 0.0:
+        return soft_signs(b, i_a, i_b, i_c)
+    return rounded(b, i_a), rounded(b, i_b), rounded(b, i_c)
+
+
+@kernel
+def rounded(b, current):
+    """Return the same of one leg whose devices have a knee."""
+    return math.copysign(1.0 - math.exp(-abs(current) / b.threshold_knee), current)
+
+
 @kernel
 def other_sign(shape, x):
     """Return the sign of x, hard or as a hyperbolic tangent."""

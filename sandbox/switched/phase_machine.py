@@ -50,7 +50,7 @@ from sandbox.switched.harmonics import (
     with_swing,
     with_swing_stiffness,
 )
-from sandbox.switched.leg import given, soft_sign, soft_signs, unlisted_drop
+from sandbox.switched.leg import device_signs, given, unlisted_drop
 from sandbox.switched.link import link_voltage
 from sandbox.switched.load_side import (
     crank_inertia,
@@ -203,7 +203,7 @@ def phase_drop(b, i):
     ):
         return complex(0.0, 0.0)
     i_a, i_b, i_c = phase_currents(i)
-    sign_a, sign_b, sign_c = soft_signs(b, i_a, i_b, i_c)
+    sign_a, sign_b, sign_c = device_signs(b, i_a, i_b, i_c)
     v_a = b.threshold * sign_a + (b.on_resistance + b.delta_a) * i_a
     v_b = b.threshold * sign_b + (b.on_resistance + b.delta_b) * i_b
     v_c = b.threshold * sign_c + b.on_resistance * i_c
@@ -217,9 +217,10 @@ def phase_drop(b, i):
 @kernel
 def device_loss(b, i):
     """Return the power (W) that the inverter's devices take, leg by leg."""
-    lost = 0.0
-    for current in phase_currents(i):
-        lost += (b.threshold * soft_sign(b, current) + b.on_resistance * current) * current
+    lost, (i_a, i_b, i_c) = 0.0, phase_currents(i)
+    signs = device_signs(b, i_a, i_b, i_c)
+    for current, sign in ((i_a, signs[0]), (i_b, signs[1]), (i_c, signs[2])):
+        lost += (b.threshold * sign + b.on_resistance * current) * current
         lost += unlisted_drop(b, current) * current
     return lost
 

@@ -193,8 +193,8 @@ def _chords(point: ParameterPoint, slope: Candidate) -> Iterator[Candidate]:
 
 
 def _other_forms(point: ParameterPoint, effect: str) -> Iterator[Candidate]:
-    """Yield an effect in its other form, as the finite change to its typical size; it has none at
-    no size at all."""
+    """Yield an effect in its other form, as the finite change to the typical size of its first
+    number; it has none at no size at all."""
     drive, card = point.prepared.campaign.drive, library.load_effect(effect)
     if card.otherwise is None:
         return
@@ -205,7 +205,7 @@ def _other_forms(point: ParameterPoint, effect: str) -> Iterator[Candidate]:
             **point.values,
             **{card.public(1, p.name): 0.0 for p in card.parameters if p.fit == "log"},
         }
-        (size,) = (c for c in of_effect(effect, drive, first) if c.form == "linear")
+        size = next(c for c in of_effect(effect, drive, first) if c.form == "linear")
         typical = size.mean + size.deviation / WIDE
         values = {**first, **size.changes(first, typical)}
         width = width * soft_current(drive.motor)

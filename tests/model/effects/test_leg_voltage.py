@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from model.drive_files import load_drive
 from model.effects import dead_time, device_drop, library
@@ -119,8 +120,24 @@ def test_the_whole_curve_holds_dead_time_and_drop_as_the_plant_has_them(
     lateness = edge(current) - edge(-current)
     own = link * lateness / DRIVE.converter.sampling_period
     x = current / 0.03
-    drop = device_drop.lost(1.5, x, x, 0.25) + 0.2 * current
+    drop = device_drop.lost(1.5, 0.0, x, x, 0.25) + 0.2 * current
     simple = float(curve(v, DRIVE.motor, np.array(current)))
     found = float(whole(v, DRIVE.motor, DRIVE.converter, np.array(current)))
     # 0.017 of the drop: `mean_of_tanh` is a fit of tanh
     assert found == pytest.approx(simple + own + drop, abs=0.25 * 0.017 * 1.5 + 1e-9)
+
+
+@pytest.mark.parametrize("ends", [(0.0, 0.0), (0.02, 1.0), (-0.3, 0.7), (-2.0, -1.0), (0.4, 0.4)])
+def test_a_drop_with_a_knee_is_its_mean_on_the_way_and_part_of_the_whole_curve(ends):
+    """Against SciPy's quadrature of the exponential; none of it is left at the sharp threshold's
+    port."""
+    v = library.complete(
+        DRIVE.motor, DRIVE.converter, {"device_drop.threshold": 1.5, "device_drop.knee": 0.2}
+    )
+    whole_way = quad(lambda i: device_drop.leg_loss(v, np.array(i)), *ends, points=[0.0])[0]
+    (x, y), at = ends, float(device_drop.leg_loss(v, np.array(ends[0])))
+    mean = whole_way / (y - x) if x != y else at
+    assert device_drop.lost_at_knee(1.5, 0.2, x, y) == pytest.approx(mean, abs=1e-9)
+    assert device_drop.lost(1.5, 0.2, x, y, 0.5) == 0.0
+    assert at == pytest.approx(1.5 * np.sign(x) * (1.0 - np.exp(-abs(x) / 0.2)), abs=1e-15)
+    assert float(whole(v, DRIVE.motor, DRIVE.converter, np.array(x))) == pytest.approx(at)

@@ -164,13 +164,19 @@ class Reference:
         ):
             x = (i * A ** (-k)).real
             r = v["device_drop.on_resistance"] + own
-            own_volts = v["device_drop.threshold"] * self.sign(x) + r * x
+            own_volts = v["device_drop.threshold"] * self.device(x) + r * x
             own_volts += sum(u * min(max(x / c, -1.0), 1.0) for u, c in self.leg_curve)
             if self.table:
                 amps, volts = np.array(self.table).T
                 own_volts += math.copysign(float(np.interp(abs(x), amps, volts)), x)
             lost += (2.0 / 3.0) * A**k * own_volts
         return lost
+
+    def device(self, current: float) -> float:
+        """Return what a leg's devices drop at a current (A), in thresholds."""
+        if knee := self.v["device_drop.knee"]:
+            return math.copysign(1.0 - math.exp(-abs(current) / knee), current)
+        return self.sign(current)
 
     def sign(self, current: float) -> float:
         """Return the soft sign of a leg's current (A)."""

@@ -85,6 +85,21 @@ def test_a_table_of_a_device_drop_is_that_drop():
     assert np.abs(a - vector(replay(PLAIN, "locked", u.real, u.imag, U))).max() > 0.05
 
 
+def test_devices_with_a_knee_drop_by_an_exponential():
+    """At a constant voltage the current is where u = 4/3 V (1 - exp(-i/i_k)) + R i along alpha,
+    phases b and c carrying half of it each: 2/3 of phase a's drop and 2/3 of theirs."""
+    v, knee, u = 1.5, 0.12, 40.0
+    effects = {"device_drop.threshold": v, "device_drop.knee": knee}
+    b = quiet(bench(SMOOTH, CONVERTER, effects))
+
+    def left(i):
+        """Return the volts that a current leaves."""
+        drop = sum(1.0 - math.exp(-x / knee) for x in (i, 0.5 * i)) * v * 2.0 / 3.0
+        return u - drop - 200.0 * i
+
+    assert settled(b, u + 0j).real == pytest.approx(brentq(left, 0.0, 1.0), rel=2e-3)
+
+
 def test_a_table_is_odd_straight_between_its_points_and_constant_beyond():
     i, v = np.array([0.0, 0.1, 0.45, 2.0]), np.array([0.0, 1.5, 4.0, 4.4])
     table = with_table(i, v).leg_table
