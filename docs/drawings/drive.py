@@ -31,7 +31,7 @@ BLOCKS = {
     "link": Block("DC link", ("supply", "drawn", "link")),
     "pulses": Block("PWM pulses", ("delay", "edge", "commutation")),
     "legs": Block("inverter legs", ("leg", "leg_curve")),
-    "winding": Block("winding", ("resistance", "winding", "skin"), ("resistance",)),
+    "winding": Block("winding", ("resistance", "winding", "skin", "layers"), ("resistance",)),
     "iron": Block(
         "iron, magnets",
         ("iron", "magnets", "energy"),

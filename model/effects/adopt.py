@@ -177,6 +177,11 @@ def _check_equations(card: Effect, part: EffectPart, file: Path) -> None:
                 raise BadInput(
                     f"{file}: '{card.name}' hands on '{number}', which is none of its parameters"
                 )
+        if at.form and at.form[0] not in own:
+            raise BadInput(
+                f"{file}: the form of an equation of '{card.name}' is told by '{at.form[0]}', "
+                "which is none of its parameters"
+            )
         function = getattr(at.equation, "py_func", None)
         wanted = len(at.numbers) + len(PORTS[at.port].quantities)
         if function is None or len(inspect.signature(function).parameters) != wanted:

@@ -213,14 +213,6 @@ PORTS = {
         1,
         "rad electrical that the angle's reading is off at a mechanical angle (rad)",
     ),
-    "source": Port(
-        (),
-        3,
-        "rate (rad/s) at which the link rings with its source, ohm that a step of the draw rings "
-        "by, damping ratio",
-        once=True,
-        joined="last",
-    ),
     "supply": Port(
         (), 1, "share of its nominal voltage that the link has more, on average", once=True
     ),
@@ -238,6 +230,14 @@ PORTS = {
         "ohm for what the current has beside its lagged part, time constant (s)",
         once=True,
         joined="lags",
+    ),
+    "layers": Port(
+        (),
+        3,
+        "ohm of every even and every odd branch n of a series of them, each as at `skin`, and time "
+        "constant (s) of the first, n^2 times that of branch n",
+        once=True,
+        joined="last",
     ),
     "filter": Port(
         (), 1, "time constant (s) of the low-pass between sensors and samplers", once=True
@@ -267,12 +267,14 @@ PORTS = {
 class At:
     """An equation at a port of the plant, handed the effect's parameters `numbers`, then the port's
     quantities; switches: it is off while these are neutral (default: those of `numbers` that switch
-    the effect)."""
+    the effect); form: where it is for one of two forms of the effect, the parameter that tells them
+    apart, and whether that is other than neutral in this one."""
 
     port: str
     equation: Callable[..., Any]
     numbers: tuple[str, ...]
     switches: tuple[str, ...] = ()
+    form: tuple[str, bool] | None = None
 
 
 @dataclass(frozen=True)

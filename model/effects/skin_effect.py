@@ -1,26 +1,114 @@
-"""Winding resistance and inductance against frequency."""
+"""Winding resistance and inductance against frequency: one eddy branch, or layers of conductors."""
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Limit, Parameter
 from model.effects.said import quantity
+from model.errors import BadInput
 from model.parameters import Converter, Motor
-from model.steps import step_for_winding
+from model.steps import LARGEST_DECAY, step_for_winding
+
+LEAST = 0.5  # layers: half a conductor, between whose halves there is no field
+PARAMETERS = ("skin_effect.resistance", "skin_effect.time_constant", "skin_effect.layers")
+HALVINGS = 60  # of the bracket of a step: to rounding
 
 
 @inlined
-def ladder(resistance, time_constant):
-    """Return R_1 (ohm) of the drop R_1 (i - x), and the time constant (s) of tau dx/dt = i - x."""
-    return resistance, time_constant
+def ladder(resistance, time_constant, layers):
+    """Return R_1 (ohm) of the drop R_1 (i - x), and the time constant (s) of tau dx/dt = i - x;
+    none where there are layers."""
+    return (0.0 if layers > 0.0 else resistance), time_constant
+
+
+@inlined
+def dowell(resistance, time_constant, layers):
+    """Return the ohm of every even and of every odd branch n that Dowell's formula has in a winding
+    of so many layers, of `resistance` (ohm) at rest, and the time constant (s) of the first.
+
+    x coth x = 1 + sum of 2 x^2/(x^2 + n^2 pi^2), x tanh(x/2) = sum of 4 x^2/(x^2 + n^2 pi^2) over
+    odd n, x^2 = s pi^2 tau.
+    """
+    even = 2.0 * resistance if layers > 0.0 else 0.0
+    return even, even * (1.0 + 4.0 / 3.0 * max(layers * layers - 1.0, -0.75)), time_constant
+
+
+def impedance(layers: float, time_constant: float, omega: float) -> complex:
+    """Return the impedance of so many layers over their resistance at rest, at omega (rad/s), by
+    Dowell's formula; time_constant: of the first branch, s."""
+    x = cmath.sqrt(1j * omega * time_constant) * math.pi
+    if not x:
+        return 1.0 + 0.0j
+    return x / cmath.tanh(x) + 2.0 / 3.0 * (layers * layers - 1.0) * x * cmath.tanh(0.5 * x)
+
+
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield no limit: layers are none, or at least half a one."""
+    layers = v["skin_effect.layers"]
+    if 0.0 < layers < LEAST:
+        raise BadInput(
+            f"skin_effect.layers = {layers:g} is out of range; give at least {LEAST:g}, or 0 for "
+            "one branch in place of layers"
+        )
+    yield from ()
+
+
+def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:
+    """Return the longest step (s) of a closed loop: what a current meets that changes within it,
+    of layers as much as at an angular frequency of one over the step."""
+    ohm, layers = v["skin_effect.resistance"], v["skin_effect.layers"]
+    if not layers:
+        return step_for_winding(motor.resistance + ohm, motor.energy)
+    tau, energy = v["skin_effect.time_constant"], motor.energy
+    short, long = 0.0, LARGEST_DECAY / (motor.resistance * max(energy.gamma_d, energy.gamma_q))
+    for _ in range(HALVINGS):
+        step = 0.5 * (short + long)
+        more = ohm * (impedance(layers, tau, 1.0 / step).real - 1.0)
+        fits = step <= step_for_winding(motor.resistance + more, energy)
+        short, long = (step, long) if fits else (short, step)
+    return short
+
+
+def otherwise(
+    v: Mapping[str, float], width: float, motor: Motor, converter: Converter
+) -> dict[str, float]:
+    """Return layers in place of one branch, or that in place of layers: far below the corner both
+    have the same R and the same inductance.
+
+    There one branch has R_1 (omega tau)^2 and R_1 tau, layers R (5 m^2 - 1)/180 (omega T)^2 and
+    R T m^2/3, T = pi^2 times their time constant: tau/T = (5 m^2 - 1)/(60 m^2), R_1/R =
+    20 m^4/(5 m^2 - 1).  R is all of the winding where that makes at least one layer, else as much
+    as one layer needs.
+    """
+    ohm, tau = v["skin_effect.resistance"], v["skin_effect.time_constant"]
+    if layers := v["skin_effect.layers"]:
+        square = layers * layers
+        share = math.pi**2 * (5.0 * square - 1.0) / (60.0 * square)
+        many, back = ohm * square / (3.0 * share) * math.pi**2, 0.0
+        return dict(zip(PARAMETERS, (many, tau * share, back), strict=True))
+    rest = min(motor.resistance or math.inf, 0.2 * ohm)
+    ratio = ohm / rest if rest > 0.0 else 5.0
+    square = 0.125 * ratio + math.sqrt((0.125 * ratio) ** 2 - 0.05 * ratio)
+    share = math.pi**2 * (5.0 * square - 1.0) / (60.0 * square)
+    return dict(zip(PARAMETERS, (rest, tau / share, math.sqrt(square)), strict=True))
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     ohm, tau = v["skin_effect.resistance"], v["skin_effect.time_constant"]
+    if layers := v["skin_effect.layers"]:
+        square = layers * layers
+        corner = quantity(1.0 / (math.pi**3 * tau), "Hz")
+        low, high = ohm * (5.0 * square - 1.0) / 45.0, ohm * (2.0 * square + 1.0) / 3.0
+        return (
+            f"count {quantity(low, 'ohm')} times x² more into the estimator's resistance at the "
+            f"injection's frequency f, x = f/({corner}), where x is below 1; far above that it is "
+            f"{quantity(high, 'ohm')} times √x; none for slow currents"
+        )
     corner = quantity(1.0 / (math.tau * tau), "Hz")
     return (
         f"count up to {quantity(ohm, 'ohm')} more into the estimator's resistance at the "
@@ -35,12 +123,19 @@ CARD = Effect(
     subsystem="machine",
     equation=(
         "drop = R i + R_1 (i - x), tau dx/dt = i - x per stationary axis: R to R + R_1, and L "
-        "lower by up to R_1 tau, around 1/tau"
+        "lower by up to R_1 tau, around 1/tau. With layers m: Dowell's formula for that many "
+        "conductors above one another in a slot, R_1 their resistance at rest (part of R), tau = "
+        "mu_0 sigma (h/pi)^2 of conductors h high: R_1 (x coth x + 2/3 (m^2 - 1) x tanh(x/2) - 1) "
+        "more, x^2 = s pi^2 tau"
     ),
-    formulas=(r"u_R = R\,i + R_1\,(i - x), \qquad \tau\,\frac{d x}{d t} = i - x",),
+    formulas=(
+        r"u_R = R\,i + R_1\,(i - x), \qquad \tau\,\frac{d x}{d t} = i - x",
+        r"\text{layers:} \quad u_R = R\,i + R_1\,\Bigl(x \coth x + \tfrac{2}{3}\,(m^2 - 1)\,x "
+        r"\tanh \tfrac{x}{2} - 1\Bigr)\,i, \qquad x^2 = s\,\pi^2 \tau",
+    ),
     source=(
-        "first-order ladder for Dowell, Effects of eddy currents in transformer "
-        "windings, Proc. IEE 113 (1966) 1387"
+        "Dowell, Effects of eddy currents in transformer windings, Proc. IEE 113 (1966) 1387; one "
+        "branch: first-order ladder for it"
     ),
     parameters=(
         Parameter(
@@ -65,6 +160,18 @@ CARD = Effect(
             starts=(0.2, 1.0, 5.0),
             title="time constant of the skin effect",
         ),
+        Parameter(
+            "layers",
+            "",
+            0.0,
+            0.0,
+            100.0,
+            0.0,
+            fit="log",
+            spread=0.7,  # from half as many to twice as many
+            change=1.0,
+            title="number of layers of the skin effect",
+        ),
     ),
     axis="along the fast part of the current",
     order="the injection band, and steps",
@@ -74,10 +181,13 @@ CARD = Effect(
     ),
     confused_with=("iron_loss", "inductance", "stator_resistance"),
     separated_by="locked-rotor voltage steps at full sampling rate against a slow ramp",
-    at=(At("skin", ladder, ("resistance", "time_constant")),),
-    switches=("resistance",),
-    longest=lambda v, motor, omega: step_for_winding(
-        motor.resistance + v["skin_effect.resistance"], motor.energy
+    at=(
+        At("skin", ladder, ("resistance", "time_constant", "layers"), form=("layers", False)),
+        At("layers", dowell, ("resistance", "time_constant", "layers"), form=("layers", True)),
     ),
+    switches=("resistance",),
+    limits=limits,
+    longest=longest,
     do=do,
+    otherwise=otherwise,
 )

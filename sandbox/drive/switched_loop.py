@@ -48,7 +48,7 @@ from sandbox.drive.sensing import read_link
 from sandbox.switched.advance import measure, misread_slope, sensor
 from sandbox.switched.bench_numbers import SwitchedBench
 from sandbox.switched.bench_state import Slot
-from sandbox.switched.blocked import coast
+from sandbox.switched.gates.blocked import coast
 from sandbox.switched.inverter import advance, leg_duties
 from sandbox.switched.phase_machine import least_stiffness, phase_currents, vector
 

@@ -35,9 +35,6 @@ STATES = {  # what a period starts from; stationary frame (alpha, beta) unless s
     "twist": "of the shaft, rad mechanical",
     "slip": "slope of the twist, rad/s",
     "deviation": "what the angle's readings are off beside a constant, rad electrical",
-    "dip": "of the link below its source, V",
-    "feed": "current that the source feeds, times its impedance, V",
-    "fed": "1 once both are known",
 }
 SCRATCH = {  # within a period
     "off_c": "cos of what the rotor stands behind the angle handed in",
@@ -69,6 +66,14 @@ SCRATCH = {  # within a period
     "core_less": "what a growing drop takes from the mean iron-loss current, A/V",
     "swell_alpha": "mean current less that in the middle, A",
     "swell_beta": "likewise, A",
+    "by_middle": "what the drops of layers keep from a segment's flux, by A and s, in the middle",
+    "by_mean": "likewise, in the mean",
+    "middle_alpha": "the same without a change of the current, V",
+    "middle_beta": "likewise, V",
+    "mean_alpha": "likewise, in the mean, V",
+    "mean_beta": "likewise, V",
+    "over_alpha": "V s that the drop of layers took too much in the last segment",
+    "over_beta": "likewise, V s",
     "leg_alpha": "lost in the legs at the start, V",
     "leg_beta": "likewise, V",
     "drop_alpha": "resistive voltage at the start, V",
@@ -118,8 +123,8 @@ SCRATCH = {  # within a period
     "net": "torque on the rotor's side, N m",
     "taken": "by the load, N m",
 }
-# of each lag over the segment under way, a row each for `CORE`, `SKIN`, `FILTER`; see
-# `sandbox.plant.lags`
+# of each lag over the segment under way, a row each for `CORE`, `SKIN`, `FILTER` and, from `LAYER`
+# on, every branch of a winding's layers; see `sandbox.plant.lags`
 LAGS = {
     "zeroth": "moments of its answer, see `model.lanes.lag_moments`",
     "first": "likewise",
@@ -127,7 +132,15 @@ LAGS = {
     "kink_alpha": "what the kinks that late edges make in the flux add to the lag's flux at the end, Wb",  # noqa: E501
     "kink_beta": "likewise, Wb",
 }
-CORE, SKIN, FILTER = range(3)
+CORE, SKIN, FILTER, LAYER = range(4)
+BRANCHES = 6  # that stand for the layers of a winding
+# of each branch; see `sandbox.plant.layers`
+LAYERS = {
+    "layer_alpha": "current behind its lag, A: a state",
+    "layer_beta": "likewise, A",
+    "layer_r": "ohm; fixed once a batch",
+    "layer_rate": "1/s; likewise",
+}
 # numbers of motor and bench, as `sandbox.plant.sets` writes them; a mapped motor adds them to its
 # map
 PLANT = {
@@ -151,11 +164,6 @@ PLANT = {
 FIXED = {  # what effects fix once a batch, as `sandbox.plant.fixed` writes it
     "resistance": "of winding and devices, ohm",
     "supply": "mean voltage of the DC link, V",
-    "source_rate": "at which the link rings with its source, rad/s",
-    "source_ohm": "impedance of that, ohm",
-    "source_damping": "its damping ratio",
-    "source_cos": "what is left of a swing after half a period",
-    "source_sin": "what its slope makes of it, times the rate",
     "delay": "of the pattern, s",
     "sample": "instant of sampling less t_k and less the pattern's delay, s",
     "max_edge_delay": "latest that an edge acts after its command, s; written by `commutation.latest`",  # noqa: E501
@@ -188,13 +196,19 @@ def batch_type(lanes: int) -> np.dtype[Any]:
     rows = [
         (name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *FIXED, *ports.NUMBERS)
     ]
-    parts = [
-        (name, np.float64, (count, lanes))
-        for name, count in {**dict.fromkeys(LAGS, 3), **ports.FURTHER}.items()
-    ]
+    parts = [(name, np.float64, (count, lanes)) for name, count in several().items()]
     counts = [(name, np.int64) for name in (*map(more, REPEATED), "table_points")]
     table = [(f"table_{name}", np.float64, (MOST_POINTS,)) for name in ("current", "volts", "sum")]
     return np.dtype([*rows, *parts, *counts, *table], align=True)
+
+
+def several() -> dict[str, int]:
+    """Return the rows of which there are several, and how many of each."""
+    return {
+        **dict.fromkeys(LAGS, LAYER + BRANCHES),
+        **dict.fromkeys(LAYERS, BRANCHES),
+        **ports.FURTHER,
+    }
 
 
 def more(port: str) -> str:

@@ -32,6 +32,7 @@ from sandbox.plant.electrical import (
     stiffen,
 )
 from sandbox.plant.gates.blocked import PARTS, float_legs
+from sandbox.plant.layers import close_layers, kink_layers, layers_in_middle, weigh_layers
 from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.sampling import SHORTEST, hold_start, looked_at, peek
 
@@ -40,16 +41,7 @@ NO_TIME = 1e-11  # s: speed over a shorter one is rounding
 # of the period: what curvature makes of shorter segments is far below 1e-9 of the current
 BENDING = 1e-3
 # what a plain step knows nothing of
-ADDED = ~(
-    add.MOTION
-    | add.TWIST
-    | add.BACKLASH
-    | add.DRAWN
-    | add.RING
-    | add.DELAYED
-    | add.RUB
-    | add.COMMUTE
-)
+ADDED = ~(add.MOTION | add.TWIST | add.BACKLASH | add.DRAWN | add.DELAYED | add.RUB | add.COMMUTE)
 # of the way from a segment's middle to its ends: two places give means of third degree
 GAUSS = 0.5773502691896258
 LAST = EDGES + 3
@@ -220,6 +212,8 @@ def at_start(w, flux_map, features, c, s, share, trajectory, span):
         lags.close_filter(w)
     if features & add.SKIN:
         lags.close_skin(w)
+    if features & add.LAYERS:
+        close_layers(w)
     if features & add.WINDING:
         losses.winding_at_start(w)
     if features & add.LEG:
@@ -252,10 +246,12 @@ def in_middle(
             add.energy_at(w, c_0, s_0, share)
     if features & add.IRON:
         lags.iron_stays(w, span * trajectory.rate)
-    if features & (add.SKIN | add.LEG | add.CURVE) or w.table_points > 0:
+    if features & (add.SKIN | add.LAYERS | add.LEG | add.CURVE) or w.table_points > 0:
         lags.swelling(w)
     if features & add.SKIN:
         lags.skin_in_middle(w, span)
+    if features & add.LAYERS:
+        layers_in_middle(w, span)
     if features & add.WINDING:
         losses.winding_in_middle(w)
     if features & add.LEG:
@@ -285,6 +281,18 @@ def lag_through(w, room, lag, rates, max_edge_delay, but, t, span, x, y):
                 lags.kink(w, lag, rates, room.acts[m], t, span, room.change_x[m], room.change_y[m])
 
 
+@kernel
+def layers_through(w, room, max_edge_delay, but, t, span, x, y):
+    """Write the same of all branches of a winding's layers."""
+    weigh_layers(w, span)
+    if max_edge_delay > 0.0:
+        if but >= 0:
+            kink_layers(w, w.late, 0.0, span, x, y)
+        for m in range(EDGES + 3 if room.until[LAST] > t else 0):
+            if m != but and room.until[m] > t:
+                kink_layers(w, room.acts[m], t, span, room.change_x[m], room.change_y[m])
+
+
 @inlined
 def enter(w, room, g, t, span, max_edge_delay):
     """Take edge g at t; return whether edges before it that still wait take volt-seconds from its
@@ -304,8 +312,6 @@ def first_instant(w, features, timing, room, rate):
     now, sampling."""
     if features & add.DRAWN:
         add.draw(w, room.duty[0], room.duty[1], room.duty[2])
-        if features & add.RING:
-            add.ring(w, room.duty[0], room.duty[1], room.duty[2])
     if timing.max_edge_delay > 0.0:
         least = min(room.before[0], room.before[1], room.before[2])
         most = max(room.before[0], room.before[1], room.before[2])
@@ -495,6 +501,8 @@ def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, 
                     lag_through(
                         w, room, SKIN, w.skin_rate, timing.max_edge_delay, taken, t, span, x, y
                     )
+                if features & add.LAYERS:
+                    layers_through(w, room, timing.max_edge_delay, taken, t, span, x, y)
                 if features & add.FILTER:
                     lag_through(
                         w, room, FILTER, w.filter_rate, timing.max_edge_delay, taken, t, span, x, y

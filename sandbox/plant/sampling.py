@@ -9,6 +9,7 @@ from sandbox.plant import ports
 from sandbox.plant.edges import EDGES
 from sandbox.plant.electrical import HALF_ROOT, quartic
 from sandbox.plant.lags import answer, bend, stiff
+from sandbox.plant.layers import bow
 
 SHORTEST = 1e-30  # s: edges at one instant; rounding keeps nothing of it
 
@@ -67,6 +68,9 @@ def glimpse(w, j, flux_map, features, room, but, trajectory, t, h, u_alpha, u_be
         + v * (q + w.resistance[j] * k_beta)
         - h * (w.drop_beta[j] + n * (w.fall_beta[j] - w.drop_beta[j]))
     )
+    if features & add.LAYERS:
+        k_alpha, k_beta = bow(w, j, h)
+        a, b = a - k_alpha, b - k_beta
     z = t + h - trajectory.origin
     c_0, s_0 = turned(
         trajectory.cos,

@@ -39,7 +39,6 @@ RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, b
 PORT_BITS = {
     "link": add.LINK,
     "drawn": add.DRAWN,
-    "source": add.DRAWN | add.RING,
     "leg": add.LEG,
     "leg_curve": add.CURVE,
     "winding": add.WINDING,
@@ -49,6 +48,7 @@ PORT_BITS = {
     "edge": add.COMMUTE,
     "iron": add.IRON,
     "skin": add.SKIN,
+    "layers": add.LAYERS,
     "filter": add.FILTER,
     "delay": add.DELAYED,
     "latency": add.DELAYED,
@@ -61,15 +61,11 @@ ANY, NONE_BELOW = -math.inf, 0.0
 # rows by the port whose equations make them, and their least values; all have to be finite
 SOUND = {
     "supply": {"supply": ANY},
-    "source": {
-        "source_rate": NONE_BELOW,
-        "source_ohm": NONE_BELOW,
-        "source_damping": NONE_BELOW,
-    },
     "resistance": {"resistance": ANY},
     "delay": {"delay": ANY},
     "iron": {"core_g": NONE_BELOW, "core_rate": NONE_BELOW},
     "skin": {"skin_r": NONE_BELOW, "skin_rate": NONE_BELOW},
+    "layers": {"layer_r": NONE_BELOW, "layer_rate": NONE_BELOW},
     "filter": {"filter_rate": NONE_BELOW},
     "instant": {"sample": ANY, "jitter": NONE_BELOW},
     "offset": {"offset": ANY},
@@ -83,9 +79,9 @@ SOUND = {
     "backlash": {"backlash": NONE_BELOW},
 }
 PASSIVE = dict.fromkeys(SOUND, "finite numbers") | {
-    "source": "a rate, an impedance, a damping ratio, all at least 0",
     "iron": "a conductance, a time constant, both at least 0",
     "skin": "a resistance, a time constant, both at least 0",
+    "layers": "two resistances, a time constant, all at least 0",
     "filter": "a time constant of at least 0",
     "instant": "finite, a variance of at least 0",
     "shaft": "0 <= the load's inertia < all of it, no negative damping",
@@ -260,11 +256,13 @@ def further_rows(card: Effect, v: Set, neutral: Set) -> dict[str, list[float]]:
 
 class Need(NamedTuple):
     """What the plant needs (bits) while one of some parameters is other than neutral, or than 0
-    where zero says so."""
+    where zero says so; form: of an equation that has its place in one form of its effect, the
+    parameter that tells the form, and whether it is other than neutral there."""
 
     bits: int
     names: tuple[str, ...]
     zero: bool = False
+    form: tuple[str, bool] | None = None
 
 
 @cache
@@ -274,7 +272,13 @@ def needs() -> tuple[Need, ...]:
     for card in map(library.load_effect, library.effect_names()):
         parts = range(1, card.repeats + 1)
         out += [
-            Need(PORT_BITS[at.port], _switches(card, at)) for at in card.at if at.port in PORT_BITS
+            Need(
+                PORT_BITS[at.port],
+                _switches(card, at),
+                form=at.form and (card.public(1, at.form[0]), at.form[1]),
+            )
+            for at in card.at
+            if at.port in PORT_BITS
         ]
         rubbing = [card.switches or at.numbers for at in card.at if at.port in RUBBING]
         out += [
@@ -298,8 +302,9 @@ def features_of(motor: Motor, v: Set) -> int:
     """Return what a completed set needs beside the bare plant (bits of
     `sandbox.plant.additions`)."""
     neutral, out = library.neutral(motor), add.ROUND if v["bench.soft_shape"] else 0
-    for bits, names, zero in needs():
-        for name in names:
+    for bits, names, zero, form in needs():
+        other = form is not None and (v[form[0]] != neutral[form[0]]) != form[1]
+        for name in () if other else names:
             if v[name] != (0.0 if zero else neutral[name]):
                 out |= bits
                 break
@@ -332,7 +337,7 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
         )
         for name, values in (("current", i), ("volts", u), ("sum", area)):
             w[f"table_{name}"][: len(i)] = values
-    fix(w, converter.dc_bus_voltage, converter.update_period)
+    fix(w, converter.dc_bus_voltage)
     _check_fixed(w, motor, sets)
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
@@ -347,7 +352,7 @@ def _check_fixed(w: Any, motor: Motor, sets: Sequence[Set]) -> None:
         for name, least in rows.items():
             wrong = ~(np.isfinite(w[name]) & (w[name] >= least))
             if wrong.any():
-                lane = int(np.flatnonzero(wrong)[0])
+                lane = int(np.argwhere(wrong)[0, -1])
                 cards = [library.load_effect(n) for n in library.effect_names()]
                 hosted = {
                     c.public(1, n)

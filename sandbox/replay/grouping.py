@@ -20,12 +20,13 @@ VECTOR = 8
 SAMPLED = 1 << 20  # beside the plant's own bits: samples that are not taken as a pattern begins
 ALONE = 0.7  # of a VECTOR's time: a block of one lane; measured 0.44 (iron loss) to 0.79 (bare)
 # ns a period, measured by `experiments/lane_cost.py`: constant, and for every VECTOR lanes
-# (CURVE, WOBBLE and SAMPLED on a busy machine, scaled by what BARE took there)
+# (CURVE, WOBBLE, SAMPLED and LAYERS on a busy machine, scaled by what BARE took there)
 BARE = (160.0, 480.0)
 COSTS = {
     add.LEG: (150.0, 310.0),
     add.IRON: (130.0, 400.0),
     add.SKIN: (170.0, 340.0),
+    add.LAYERS: (0.0, 2800.0),
     add.FILTER: (110.0, 230.0),
     add.ENERGY: (230.0, 300.0),
     add.LINK: (140.0, 130.0),

@@ -17,7 +17,7 @@ from model.frames import stationary
 from model.parameters import Drive
 from model.spline import SplineEnergy
 from sandbox.plant import additions, ports
-from sandbox.plant.batch import blank_room
+from sandbox.plant.batch import BRANCHES, blank_room
 from sandbox.plant.electrical import quartic
 from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
@@ -280,6 +280,9 @@ def flux_as_read(w, flux_map, reading, c, s, flux):
         flux[0, j], flux[1, j] = d, q
         w.slow_alpha[j], w.filter_alpha[j], w.i_alpha[j] = i_a, i_a, i_a
         w.slow_beta[j], w.filter_beta[j], w.i_beta[j] = i_b, i_b, i_b
+        w.over_alpha[j] = w.over_beta[j] = 0.0
+        for n in range(BRANCHES):
+            w.layer_alpha[n, j], w.layer_beta[n, j] = i_a, i_b
     return -1, 0.0
 
 

@@ -23,6 +23,7 @@ from model.parameters import Rotor
 from sandbox.switched.bench_numbers import SwitchedBench
 from sandbox.switched.bench_state import SIZE, Slot
 from sandbox.switched.inverter import advance, early_slot, travel
+from sandbox.switched.layers import CIRCUITS
 from sandbox.switched.phase_machine import current_and_torque, magnet, phase_currents
 from sandbox.switched.readers import remembered
 
@@ -92,6 +93,7 @@ def start(
         Slot.FILTER_ALPHA,
         Slot.I_ALPHA,
         *(early_slot(channel) for channel in range(3)),
+        *(Slot.MODES + 2 * k for k in range(CIRCUITS)),
     ):
         state[first], state[first + 1] = i_alpha, i_beta
     state[Slot.CORES], state[Slot.CORES + 1], state[Slot.CORES + 2] = phase_currents(

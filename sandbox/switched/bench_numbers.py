@@ -25,6 +25,7 @@ from sandbox.switched.harmonics import (
     InductanceHarmonic,
     harmonics,
 )
+from sandbox.switched.layers import Modes, modes
 from sandbox.switched.leg import LINEAR, leg_table
 
 # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
@@ -49,11 +50,11 @@ SAME = {
     "psi_q6": "flux_harmonics.psi_q6",
     "gamma_6": "inductance_harmonics.gamma_6",
     "core_time": "iron_loss.time_constant",
-    "skin_resistance": "skin_effect.resistance",
     "skin_time": "skin_effect.time_constant",
     "zone_width": "dead_time.zone_width",
     "zone_tanh": "dead_time.zone_shape",
     "zone_center": "dead_time.zone_center",
+    "sag": "dc_link_error.sag",
     "ripple_amplitude": "dc_link_ripple.amplitude",
     "ripple_phase": "dc_link_ripple.phase",
     "pwm_delay": "pwm_delay.delay",
@@ -199,6 +200,7 @@ class SwitchedBench(NamedTuple):
     wobble_order: Any = NOWHERE
     wobble_phase: Any = NOWHERE
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
+    modes: Modes = Modes()  # of layers of conductors
     harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
     flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
 
@@ -232,11 +234,11 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         **_drive(motor, converter),
         **shaft,
         "core_conductance": 1.0 / v["iron_loss.core_resistance"],
+        **_skin(v),
         "capacitance": _capacitance(motor, v),
         "dead_time": _dead_time(v),
         "slices": _slices(motor, v),
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
-        **_source(v),
         "ripple_rate": math.tau * v["dc_link_ripple.frequency"],
         "eccentricity": motor.pole_pairs * v["encoder_eccentricity.amplitude_mech"],
         "audit": 0.0,
@@ -251,21 +253,6 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
     return SwitchedBench(
         **values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map
     )
-
-
-def _source(v: Mapping[str, float]) -> dict[str, float]:
-    """Return what feeds the link: a resistance while a capacitor holds it, or one that the
-    capacitor rings with through an inductance."""
-    ohm, sag = v["dc_link_error.impedance"], v["dc_link_error.sag"]
-    if not ohm:
-        return {"sag": sag}
-    rate = math.tau * v["dc_link_error.resonance"]
-    return {
-        "sag": 0.0,
-        "link_rate": rate,
-        "link_impedance": ohm,
-        "link_damping": 0.5 * sag / ohm,
-    }
 
 
 def _drive(motor: Motor, converter: Converter) -> dict[str, float]:
@@ -300,6 +287,17 @@ def _shaft(v: Mapping[str, float]) -> tuple[dict[str, float], float]:
         "damping": 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(stiffness * reduced),
     }
     return values, math.sqrt(stiffness / reduced) if m_load else 0.0
+
+
+def _skin(v: Mapping[str, float]) -> dict[str, Any]:
+    """Return the skin effect's one branch, or the modes of layers."""
+    ohm, layers = v["skin_effect.resistance"], v["skin_effect.layers"]
+    if not (ohm and layers):
+        return {"skin_resistance": ohm}
+    return {
+        "skin_resistance": 0.0,
+        "modes": modes(ohm, layers, v["skin_effect.time_constant"]),
+    }
 
 
 def _bends(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
@@ -450,7 +448,9 @@ def _longest_step(
     if math.isfinite(v["iron_loss.core_resistance"]):
         step = min(step, 0.25 * v["iron_loss.time_constant"])
     if v["skin_effect.resistance"] > 0.0:
-        step = min(step, 0.5 * v["skin_effect.time_constant"])
+        skin = _skin(v)
+        fastest = min(skin["modes"].times) if "modes" in skin else v["skin_effect.time_constant"]
+        step = min(step, 0.5 * fastest)
     dry = v["coulomb_friction.torque"] + v["coulomb_friction.stribeck_torque"]
     if dry > 0.0:
         step = min(step, 1.0 / (dry / (v["coulomb_friction.width"] * inertia)))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from sandbox.switched.layers import CIRCUITS
+
 ROOM = 8  # edges that a leg may have at hand
 MOST_READINGS = 32  # inside a period
 
@@ -48,8 +50,9 @@ class Slots(NamedTuple):
     CORES: int = 46  # A, what three sensors' cores hold
     SAMPLES: int = 49  # current vectors of three channels, where read before t_k
     EDGES: int = 55  # three legs of ROOM edge times relative to t_k
+    MODES: int = 55 + 3 * ROOM  # current vectors of a winding's layers (`layers`)
     # number of readings inside a period, then the current vector of each (see `reading_due`)
-    READINGS: int = 55 + 3 * ROOM
+    READINGS: int = 55 + 3 * ROOM + 2 * CIRCUITS
 
 
 Slot = Slots()  # no enum: before 0.68 numba takes none as an index

@@ -16,14 +16,15 @@ import numpy as np
 
 from model.compiled import inlined, kernel
 from sandbox.switched.bench_state import ROOM, SIZE, Slot
+from sandbox.switched.gates.modulation import dwelt
+from sandbox.switched.gates.short_pulses import kept, no_short, together
+from sandbox.switched.layers import CIRCUITS, Held
 from sandbox.switched.leg import HARD, TANH, edge_sign, given, reached, table_corner
 from sandbox.switched.link import link_step, link_voltage, settled_link, stage
 from sandbox.switched.load_side import acting_load
 from sandbox.switched.machine_state import Driving, Moving, ahead, mean_rate
-from sandbox.switched.modulation import dwelt
 from sandbox.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
 from sandbox.switched.readers import channels
-from sandbox.switched.short_pulses import kept, no_short, together
 
 NEVER = np.inf
 NEAR = 1e-3  # of a step: a corner as near to either end is met as well as it can be
@@ -149,6 +150,15 @@ def moving(state):
         state[Slot.LOAD_SPEED],
         state[Slot.TWIST],
         state[Slot.LOOP],
+        Held(
+            complex(state[Slot.MODES], state[Slot.MODES + 1]),
+            complex(state[Slot.MODES + 2], state[Slot.MODES + 3]),
+            complex(state[Slot.MODES + 4], state[Slot.MODES + 5]),
+            complex(state[Slot.MODES + 6], state[Slot.MODES + 7]),
+            complex(state[Slot.MODES + 8], state[Slot.MODES + 9]),
+            complex(state[Slot.MODES + 10], state[Slot.MODES + 11]),
+            complex(state[Slot.MODES + 12], state[Slot.MODES + 13]),
+        ),
     )
 
 
@@ -165,6 +175,9 @@ def keep_moving(state, x):
         x.twist,
     )
     state[Slot.LOOP] = x.loop
+    for k in range(CIRCUITS):
+        mode = x.modes[k]
+        state[Slot.MODES + 2 * k], state[Slot.MODES + 2 * k + 1] = mode.real, mode.imag
 
 
 @kernel

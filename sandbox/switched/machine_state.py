@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from model.compiled import inlined
+from sandbox.switched.layers import Held, along
 
 
 class Moving(NamedTuple):
@@ -18,6 +19,7 @@ class Moving(NamedTuple):
     load_speed: float
     twist: float  # rad mechanical
     loop: float  # what short-circuited turns take of phase a's current, A
+    modes: Held = Held()  # slow parts of the current in layers of conductors, A
 
 
 class Driving(NamedTuple):
@@ -57,6 +59,7 @@ def ahead(x, h, rate):
         x.load_speed + h * rate.load_speed,
         x.twist + h * rate.twist,
         x.loop + h * rate.loop,
+        along(x.modes, h, rate.modes),
     )
 
 
@@ -73,4 +76,5 @@ def mean_rate(a, b, c, d):
         a.load_speed + 2.0 * (b.load_speed + c.load_speed) + d.load_speed,
         a.twist + 2.0 * (b.twist + c.twist) + d.twist,
         a.loop + 2.0 * (b.loop + c.loop) + d.loop,
+        along(along(along(a.modes, 2.0, b.modes), 2.0, c.modes), 1.0, d.modes),
     )

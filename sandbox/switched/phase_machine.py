@@ -13,6 +13,8 @@ dH/dw*, torque = -3/2 p dH/dtheta at constant psi, so energy closes by construct
 
     dpsi/dt = v - R i - skin - phases,  i = i_m + i_c
 
+(skin: one branch, or the modes of layers of conductors, see `layers`.)
+
 What the effect library does not hold, so that something unknown can be asked for:
 
 - hysteresis, a vector play: i += grip e, e = psi - psi_held, |e| <= grip_radius, psi_held dragged
@@ -50,6 +52,9 @@ from sandbox.switched.harmonics import (
     with_swing,
     with_swing_stiffness,
 )
+from sandbox.switched.layers import Held, heated
+from sandbox.switched.layers import dropped as layers_dropped
+from sandbox.switched.layers import held as layers_held
 from sandbox.switched.leg import device_signs, given, unlisted_drop
 from sandbox.switched.link import link_voltage
 from sandbox.switched.load_side import (
@@ -270,7 +275,10 @@ def slopes(b, t, by, x):
         by.legs * link_voltage(b, t, by.link_sag) - b.resistance * (i - x.loop) - phase_drop(b, i)
     )
     d_core = d_skin = complex(0.0, 0.0)
-    d_loop = 0.0
+    d_loop, d_modes = 0.0, Held(0j, 0j, 0j, 0j, 0j, 0j, 0j)
+    if b.modes.ohms[0] != 0.0 or b.modes.ohms[-1] != 0.0:
+        volts, d_modes = layers_dropped(b.modes, x.modes, i)
+        d_psi -= volts
     if b.skin_resistance != 0.0:
         fast = i - x.skin
         d_psi -= b.skin_resistance * fast
@@ -282,12 +290,13 @@ def slopes(b, t, by, x):
             b.short_conductance * (d_psi.real + b.resistance * i.real) - x.loop
         ) / b.short_time
     if by.mode == Rotor.LOCKED:
-        return Moving(d_psi, d_core, d_skin, 0.0, 0.0, 0.0, 0.0, d_loop), i
+        return Moving(d_psi, d_core, d_skin, 0.0, 0.0, 0.0, 0.0, d_loop, d_modes), i
     turning, a = b.pole_pairs * x.speed, by.acceleration
     if by.mode == Rotor.DRIVEN:
-        return Moving(d_psi, d_core, d_skin, turning, a, a, 0.0, d_loop), i
+        return Moving(d_psi, d_core, d_skin, turning, a, a, 0.0, d_loop, d_modes), i
     a, a_load = accelerations(b, torque, by.load_torque, x.theta, x.speed, x.load_speed, x.twist)
-    return Moving(d_psi, d_core, d_skin, turning, a, a_load, x.speed - x.load_speed, d_loop), i
+    wound_by = x.speed - x.load_speed
+    return Moving(d_psi, d_core, d_skin, turning, a, a_load, wound_by, d_loop, d_modes), i
 
 
 @kernel
@@ -299,7 +308,7 @@ def powers(b, t, by, wanted, x):
     v, ideal = by.legs * link, wanted * link
     drop = phase_drop(b, i)
     loss = b.resistance * abs(i) ** 2 + drop.real * i.real + drop.imag * i.imag
-    loss += b.skin_resistance * abs(i - x.skin) ** 2
+    loss += b.skin_resistance * abs(i - x.skin) ** 2 + heated(b.modes, x.modes, i)
     if b.core_conductance != 0.0:
         loss += abs(x.core) ** 2 / b.core_conductance
     rubbing = friction(b, x.speed) * x.speed
@@ -313,9 +322,11 @@ def powers(b, t, by, wanted, x):
 
 
 @kernel
-def reservoir(b, psi, core, skin, theta, speed, load_speed, twist):
-    """Return all stored energy (J): magnetic, core, skin, kinetic, shaft and cogging potential."""
+def reservoir(b, psi, core, skin, modes, theta, speed, load_speed, twist):
+    """Return all stored energy (J): magnetic, core, skin and layers, kinetic, shaft and cogging
+    potential."""
     stored = stored_energy(b, psi, theta) + 0.5 * b.skin_resistance * b.skin_time * abs(skin) ** 2
+    stored += layers_held(b.modes, modes)
     if b.core_conductance != 0.0:
         stored += 0.5 * b.core_time / b.core_conductance * abs(core) ** 2
     total = 1.5 * stored + 0.5 * (

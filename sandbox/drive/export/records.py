@@ -26,10 +26,7 @@ def plant() -> Record:
         name: Rows((LANE,))
         for name in (*batch.STATES, *batch.SCRATCH, *batch.PLANT, *batch.FIXED, *ports.NUMBERS)
     }
-    parts = {
-        name: Rows((count, LANE))
-        for name, count in {**dict.fromkeys(batch.LAGS, 3), **ports.FURTHER}.items()
-    }
+    parts = {name: Rows((count, LANE)) for name, count in batch.several().items()}
     counts: dict[str, Kind] = dict.fromkeys([*map(batch.more, REPEATED), "table_points"], INT)
     table = {name: Rows((count,)) for name, count in TABLE.items()}
     return Record("drive_plant", tuple({**rows, **parts, **counts, **table}.items()), pointed=True)

@@ -22,7 +22,7 @@ from model.spline import SplineEnergy
 from sandbox.drive import loop, sensing
 from sandbox.drive.closed import longest_step
 from sandbox.drive.export import records
-from sandbox.plant import additions, commutation, edges, fixed, sampling, sets
+from sandbox.plant import additions, batch, commutation, edges, fixed, sampling, sets
 from sandbox.plant.compose import further_field
 from sandbox.plant.period import at_start, travel
 
@@ -318,17 +318,27 @@ def _needs(motor: Motor) -> list[str]:
     lines = [f"bits |= {_is('bench.soft_shape')} != R(0.0) ? ADDITIONS_ROUND : 0;"]
     for need in sets.needs():
         test = _moved(need.names, zero if need.zero else neutral)
+        if need.form:
+            name, other = need.form
+            there = f"{_is(name)} {'!=' if other else '=='} {_number(neutral[name])}"
+            test = f"({test}) && {there}"
         lines += [f"if ({test}) {{", f"    bits |= {need.bits};", "}"]
     return lines
 
 
 def _sound() -> str:
+    several = batch.several()
+    each = [
+        (place, least)
+        for rows in sets.SOUND.values()
+        for row, least in rows.items()
+        for place in ([f"{row}[{k}]" for k in range(several[row])] if row in several else [row])
+    ]
     tests = [
         f"isfinite(w->{row})"
         if math.isinf(least)
         else f"isfinite(w->{row}) && w->{row} >= {literal(least)}"
-        for rows in sets.SOUND.values()
-        for row, least in rows.items()
+        for row, least in each
     ]
     return "\n        && ".join(tests)
 

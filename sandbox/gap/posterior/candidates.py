@@ -198,8 +198,10 @@ def _other_forms(point: ParameterPoint, effect: str) -> Iterator[Candidate]:
     drive, card = point.prepared.campaign.drive, library.load_effect(effect)
     if card.otherwise is None:
         return
-    if all(p.fit in ("log", "fixed") for p in card.parameters):
-        return  # nothing but shapes, no size: a fit that has them tries the other form
+    # nothing but shapes, no size, or shapes in the first form, too: a fit tries the other one
+    shapes = [p for p in card.parameters if p.fit == "log"]
+    if all(p.fit in ("log", "fixed") for p in card.parameters) or any(p.typical for p in shapes):
+        return
     for width in ZONES:
         first = {
             **point.values,

@@ -108,6 +108,16 @@ def test_no_card_fails_at_a_bound_or_on_a_motor_without_magnets(name):
             },
             "f/(800 Hz)",
         ),
+        # Dowell below x = 1: R (5 m^2 - 1)/45 xi^4 = 2 x 19/45; xi = 1 where omega pi^2 tau = 2
+        (
+            {
+                "skin_effect__resistance": 2.0,
+                "skin_effect__layers": 2.0,
+                "skin_effect__time_constant": 1.0 / (math.pi**3 * 800.0),
+            },
+            "count 840 mΩ times x² more into the estimator's resistance at the injection's "
+            "frequency f, x = f/(800 Hz)",
+        ),
         # play of 3 mrad = 0.17 degrees; closed: sqrt(300 N m/rad (1/6e-4 + 1/5e-4 kg m^2))/(2 pi)
         (
             {

@@ -12,6 +12,9 @@ alpha + j beta.
         + pulse/2 |z|^2 cos x + cos x (alpha_30 d^3 + alpha_12 d q^2) + sin x (alpha_21 d^2 q +
           alpha_03 q^3)
 
+A winding with layers drops R_1 times Dowell's formula in place of R_1 (i - x): a ladder of
+inductances and resistances for each of its functions, from their continued fractions (`ladder`).
+
 A commanded edge is taken at its instant; what the leg does then stands in `reference_legs`.  What
 is sampled is f, or i where there is no filter, handed to the sensors.  Slow (about 10 ms a period):
 for tests, and to be read.
@@ -28,7 +31,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from model.effects.friction_torque import CORNERS, TORQUES, reference
@@ -41,6 +43,8 @@ from tests.sandbox.plant.reference_legs import LEVEL, A, Commutating, Late, Legs
 Array = NDArray[np.float64]
 # places in the state
 PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST = 0, 2, 4, 6, 8, 9, 10, 11
+LADDERS = LEVEL + 3
+CELLS = 5  # of each ladder: as close as Pade's approximant with so many poles
 
 
 @dataclass
@@ -62,7 +66,6 @@ class Reference:
     load: Callable[[float], float] = lambda t: 0.0
     table: Points | None = None
     link_sag: float = 0.0  # V that the link sags by
-    source: Array | None = None  # its dip (V), and what feeds it times the impedance (V)
     legs: Commutating | None = None  # what moves legs between their switches
 
     def gradient(self, z: complex) -> complex:
@@ -195,7 +198,7 @@ class Reference:
 
     def voltage(self, t: float, y: Array) -> complex:
         """Return the vector of the legs' voltages (V)."""
-        levels = y[LEVEL:]
+        levels = y[LEVEL:LADDERS]
         return (
             (2.0 / 3.0)
             * self.supply(t)
@@ -218,12 +221,12 @@ class Reference:
         v, out = self.v, np.zeros_like(y)
         if self.legs and algebra:
             y = self.legs.settled(t, y)
-            out[LEVEL:] = self.legs.moves(t, y)
+            out[LEVEL:LADDERS] = self.legs.moves(t, y)
         magnetising, torque = self.machine(two(y, PSI), self.rotor(t, y)[0])
         i = magnetising + two(y, CORE)
         fast = i - two(y, SLOW)
         d_psi = self.voltage(t, y) - v["stator_resistance.resistance"] * i - self.phases(i)
-        d_psi -= v["skin_effect.resistance"] * fast
+        d_psi -= v["skin_effect.resistance"] * (self.layers(i, y, out) if self.layered else fast)
         put(out, PSI, d_psi)
         if math.isfinite(v["iron_loss.core_resistance"]):
             rest = d_psi / v["iron_loss.core_resistance"] - two(y, CORE)
@@ -235,6 +238,27 @@ class Reference:
             out[THETA] = self.motor.pole_pairs * y[OMEGA]
             out[OMEGA:LEVEL] = self.shaft(t, y, torque)
         return out
+
+    @property
+    def layered(self) -> bool:
+        """Whether the winding has layers."""
+        return self.v["skin_effect.layers"] > 0.0
+
+    @property
+    def longest(self) -> float:
+        """The longest step (s) at which the integrator does not leave its bounds before it notices:
+        the fastest cell has 5000/T (found), DOP853 is stable up to 6."""
+        return 1e-3 * math.pi**2 * self.v["skin_effect.time_constant"] if self.layered else math.inf
+
+    def layers(self, i: complex, y: Array, out: Array) -> complex:
+        """Return what Dowell's formula has of a current (A) beside 1 (V by 1 ohm), and write the
+        slopes of its ladders: x coth x = 1 + y/(3 + y/(5 + ...)), y = x^2 = s T; x tanh(x/2) =
+        2 u/(1 + u/(3 + ...)), u = y/4."""
+        v = self.v
+        whole = math.pi**2 * v["skin_effect.time_constant"]
+        more = 4.0 / 3.0 * (v["skin_effect.layers"] ** 2 - 1.0)
+        one = ladder(i, y, out, LADDERS, 3, whole)
+        return one + more * ladder(i, y, out, LADDERS + 2 * CELLS, 1, 0.25 * whole)
 
     def shaft(self, t: float, y: Array, torque: float) -> tuple[float, float, float]:
         """Return accelerations of motor and load (rad/s^2) and the slope of the twist, all
@@ -273,16 +297,19 @@ class Reference:
             left = self.machine(complex(*x), theta)[0] - current
             return np.array([left.real, left.imag])
 
-        y, zero = np.zeros(15), self.v["magnet_flux.magnet_flux"] * cmath.exp(1j * theta)
+        # what is always 0 would make the integrator's norm, a mean, less strict
+        size = LADDERS + (4 * CELLS if self.layered else 0)
+        y, zero = np.zeros(size), self.v["magnet_flux.magnet_flux"] * cmath.exp(1j * theta)
         put(y, PSI, complex(*root(miss, [zero.real, zero.imag], tol=1e-14).x))
-        for first in (SLOW, FILTER):
+        ladders = (LADDERS, LADDERS + 2 * CELLS) if self.layered else ()
+        for first in (SLOW, FILTER, *ladders):
             put(y, first, current)
         y[THETA] = theta
         return y
 
     def run(self, duty: Array, y: Array) -> tuple[Array, Array]:
-        """Return readings (n, 3) in A for t_k and states (n, 15) at t_k under duties (n, 3) of the
-        periods from t_k on.
+        """Return readings (n, 3) in A for t_k and states (n, m) at t_k under duties (n, 3) of
+        the periods from t_k on.
 
         y: the state at the first pattern's start, which is later than t_0 by the delay of the
         pattern.
@@ -303,7 +330,7 @@ class Reference:
             if kind == "pattern":
                 i, d = self.current(t, y), duty[k]
                 drawn = sum(d[m] * (i * A ** (-m)).real for m in range(3))
-                self.link_sag = self.sags(drawn)
+                self.link_sag = v["dc_link_error.sag"] * drawn
                 for edge in pulses.commanded(t, d):
                     heapq.heappush(events, edge)
             elif kind in ("fall", "rise"):
@@ -316,27 +343,6 @@ class Reference:
                 readings[k] = self.read(t, y)
         return readings, states
 
-    def sags(self, drawn: float) -> float:
-        """Return by how much the link sags (V) in the middle of a period that draws a mean current
-        (A); of a source with an inductance, whose circuit is integrated over the period."""
-        v = self.v
-        ohm, sag = v["dc_link_error.impedance"], v["dc_link_error.sag"]
-        if not ohm:
-            return sag * drawn
-        w = math.tau * v["dc_link_error.resonance"]
-        if self.source is None:
-            self.source = np.array([sag * drawn, ohm * drawn])
-        ends = solve_ivp(
-            lambda _, x: (w * (ohm * drawn - x[1]), w * (x[0] - sag / ohm * x[1])),
-            (0.0, self.period),
-            self.source,
-            t_eval=(0.5 * self.period, self.period),
-            rtol=1e-10,
-            atol=1e-12,
-        ).y
-        self.source = ends[:, 1]
-        return float(ends[0, 0])
-
     def read(self, t: float, y: Array) -> Array:
         """Return what the three sensors read (A)."""
         v = self.v
@@ -346,6 +352,21 @@ class Reference:
         gain = [v[f"current_gain.gain_{x}"] for x in "abc"]
         phases = [self.bent(gain[k] * (i * A ** (-k)).real) for k in range(3)]
         return np.array([phases[k] + off[k] + v["bench.common_offset"] for k in range(3)])
+
+
+def ladder(i: complex, y: Array, out: Array, first: int, least: int, whole: float) -> complex:
+    """Return what a current drops across a/b_0 in parallel with b_1 in series with (a/b_2 in
+    parallel with ...), a = s whole an inductance, b = least, least + 2, ...: a/(b_0 + a/(b_1 +
+    ...)); the state is the currents of the inductances, whose slopes are written."""
+    through = [i]
+    for k in range(CELLS):
+        through.append(through[-1] - two(y, first + 2 * k))
+    drop = 0j
+    for k in reversed(range(CELLS)):
+        odd = least + 4 * k
+        drop += (odd + 2) * through[k + 1]
+        put(out, first + 2 * k, odd * drop / whole)
+    return drop
 
 
 def harmonic_energy(

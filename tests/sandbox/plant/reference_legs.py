@@ -83,7 +83,15 @@ class Legs:
     def go(self, t: float, y: Array, until: float) -> Array:
         """Return the state at a later time (s)."""
         return np.asarray(
-            solve_ivp(self.plant.slopes, (t, until), y, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+            solve_ivp(
+                self.plant.slopes,
+                (t, until),
+                y,
+                "DOP853",
+                rtol=1e-10,
+                atol=1e-12,
+                max_step=self.plant.longest,
+            ).y[:, -1]
         )
 
 
@@ -214,6 +222,7 @@ class Commutating(Legs):
                 "DOP853",
                 rtol=1e-10,
                 atol=1e-12,
+                max_step=self.plant.longest,
                 events=self.stops() or None,
             )
             t, y = float(found.t[-1]), found.y[:, -1]

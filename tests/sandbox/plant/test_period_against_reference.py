@@ -74,6 +74,11 @@ TEETH = {
     "cogging_torque.6.amplitude": 0.03,
     "cogging_torque.6.order_mech": 1.5,
 }
+LAYERS = {
+    "skin_effect.resistance": 2.0,
+    "skin_effect.layers": 2.0,
+    "skin_effect.time_constant": 1e-4,
+}
 CASES = {
     name: typical(name)
     for name in ("stator_resistance", *library.effect_names())
@@ -83,16 +88,6 @@ CASES |= {
     "nothing": {},
     "ripple of 3 kHz": {"dc_link_ripple.amplitude": 20.0, "dc_link_ripple.frequency": 3000.0},
     "sag": {"dc_link_error.sag": 30.0},
-    "a link that rings": {
-        "dc_link_error.sag": 5.0,
-        "dc_link_error.resonance": 400.0,
-        "dc_link_error.impedance": 20.0,
-    },
-    "a link that creeps": {
-        "dc_link_error.sag": 30.0,
-        "dc_link_error.resonance": 90.0,
-        "dc_link_error.impedance": 6.0,
-    },
     "large harmonics": {"inductance_harmonics.gamma_6": 1.5, "flux_harmonics.psi_d6": 0.005},
     "many orders": ORDERS,
     "harmonics behind skin": {"inductance_harmonics.gamma_6": 1.5, "skin_effect.resistance": 4.0},
@@ -105,6 +100,9 @@ CASES |= {
         "current_sampling.delay": 0.2 * PERIOD,
     },
     "core sampled between": {"iron_loss.core_resistance": 2e3, "current_sampling.delay": 6e-5},
+    "layers": LAYERS,
+    "layers behind iron, sampled between": LAYERS
+    | {"iron_loss.core_resistance": 4e3, "current_sampling.delay": 6e-5},
     "fast skin": {"skin_effect.resistance": 8.0, "skin_effect.time_constant": 2e-5},
     "slow filter": {"current_filter.time_constant": 1e-3},
     "fast filter": {"current_filter.time_constant": 1e-7},
@@ -193,6 +191,7 @@ LAGGING = {
     "filter": {"current_filter.time_constant": 3e-5},
     "fast filter": {"current_filter.time_constant": 2e-6},
     "skin": {"skin_effect.resistance": 2.0, "skin_effect.time_constant": 2e-4},
+    "layers": LAYERS,
     "core before filter, sampled between": {
         "iron_loss.core_resistance": 1e3,
         "current_filter.time_constant": 3e-5,

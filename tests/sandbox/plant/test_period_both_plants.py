@@ -53,17 +53,16 @@ CASES = {  # scenario, effects; the motor's quartic as a flux map where the name
         LOCKED,
         {"pwm_delay.delay": 2e-5, "current_sampling.delay": -5e-6},
     ),
-    "a link that rings": (
-        DRIVEN,
-        {
-            "dc_link_error.sag": 2.0,
-            "dc_link_error.resonance": 120.0,
-            "dc_link_error.impedance": 8.0,
-        },
-    ),
-    "a knee": (DRIVEN, {"device_drop.threshold": 1.0, "device_drop.knee": 0.3}),
     "late samples": (DRIVEN, {"current_sampling.delay": 5e-6}),
     "iron loss": (DRIVEN, {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4}),
+    "layers of conductors": (
+        DRIVEN,
+        {
+            "skin_effect.resistance": 5.0,
+            "skin_effect.layers": 3.0,
+            "skin_effect.time_constant": 3e-5,
+        },
+    ),
     "harmonics": (
         DRIVEN,
         {

@@ -41,7 +41,7 @@ from model.effects.iron_loss import branch
 from model.effects.library import load_effect
 from model.effects.pwm_delay import later
 from model.effects.shaft_compliance import gap, two_masses
-from model.effects.skin_effect import ladder
+from model.effects.skin_effect import dowell, ladder
 EFFECTS = tuple(
     replace(load_effect(name), name=f"my_{name}", limits=None, longest=None)
     for name in ("iron_loss", "skin_effect", "current_filter", "pwm_delay", "current_sampling", "shaft_compliance")

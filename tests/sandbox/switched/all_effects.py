@@ -4,6 +4,7 @@ them."""
 import numpy as np
 
 from sandbox.switched.bench_state import Slot
+from sandbox.switched.layers import CIRCUITS, Held
 from sandbox.switched.phase_machine import reservoir
 
 ALL_ON = {
@@ -64,7 +65,10 @@ def stored(b, state):
     vectors = (Slot.PSI_ALPHA, Slot.CORE_ALPHA, Slot.SKIN_ALPHA)
     motion = (Slot.THETA, Slot.SPEED, Slot.LOAD_SPEED, Slot.TWIST)
     return reservoir(
-        b, *(complex(state[k], state[k + 1]) for k in vectors), *(state[k] for k in motion)
+        b,
+        *(complex(state[k], state[k + 1]) for k in vectors),
+        Held(*(complex(*state[Slot.MODES + 2 * k :][:2]) for k in range(CIRCUITS))),
+        *(state[k] for k in motion),
     )
 
 

@@ -10,7 +10,13 @@ from sandbox.switched.bench_state import MOST_READINGS, ROOM, Slot
 SEVERAL = {
     bench_state.Slot: {
         **dict.fromkeys(("LAST_DUTY", "LEVEL", "WANTED", "CARRIED", "SHIFT", "LAST_SHIFT"), 3),
-        **{"CORES": 3, "SAMPLES": 6, "EDGES": 3 * ROOM, "READINGS": 1 + 2 * MOST_READINGS},
+        **{
+            "CORES": 3,
+            "SAMPLES": 6,
+            "EDGES": 3 * ROOM,
+            "MODES": 14,
+            "READINGS": 1 + 2 * MOST_READINGS,
+        },
     },
     control.Slot: dict.fromkeys(("RING_D", "RING_Q"), control.MAX_PERIOD),
     loop.Memory: {"ENCODER": 3},

@@ -13,6 +13,7 @@ from sandbox.switched.advance import MODES, replay, start
 from sandbox.switched.bench_numbers import bench, quiet
 from sandbox.switched.bench_state import Slot
 from sandbox.switched.inverter import advance
+from sandbox.switched.layers import Held
 from sandbox.switched.leg import leg_table, soft_sign, table_volts
 from sandbox.switched.phase_machine import phase_currents, reservoir
 from sandbox.switched.unlisted import unlisted, with_sign
@@ -127,7 +128,7 @@ def test_a_table_s_loss_is_the_devices_and_the_balance_closes():
         old = new
     assert state[Slot.DEVICES] == pytest.approx(lost, rel=1e-2)
     stored = reservoir(
-        b, complex(state[Slot.PSI_ALPHA], state[Slot.PSI_BETA]), 0j, 0j, 0.0, 0.0, 0.0, 0.0
+        b, complex(state[Slot.PSI_ALPHA], state[Slot.PSI_BETA]), 0j, 0j, Held(), 0.0, 0.0, 0.0, 0.0
     )
     assert state[Slot.INPUT] == pytest.approx(
         state[Slot.LOSS] + stored, abs=1e-5 * state[Slot.LOSS]

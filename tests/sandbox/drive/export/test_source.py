@@ -135,13 +135,19 @@ REST = (
         "shaft_compliance.load_inertia": 4e-4,
         "shaft_compliance.backlash": 1e-3,
     },
+    {
+        "skin_effect.resistance": 5.0,
+        "skin_effect.layers": 3.0,
+        "skin_effect.time_constant": 3e-5,
+        "current_sampling.delay": 5e-6,
+    },
 )
 
 
 @pytest.mark.parametrize("extra", REST)
 def test_what_typical_sizes_do_not_reach(drive, plain, extra):
     """Further orders, samples before their pattern, jitter by the same chances, the sign around
-    zero current, backlash."""
+    zero current, backlash, layers of conductors."""
     assert max(compared(drive, plain, "free", extra)) < GOAL
 
 

@@ -17,7 +17,7 @@ from sandbox.drive.simulate import simulate
 from sandbox.switched.advance import MODES, start
 from sandbox.switched.bench_numbers import bench, quiet
 from sandbox.switched.bench_state import Slot
-from sandbox.switched.blocked import coast
+from sandbox.switched.gates.blocked import coast
 from tests.sandbox.plant.exact import Exact
 
 DRIVE = load_drive("ipm_exchanged")
