@@ -213,6 +213,14 @@ PORTS = {
         1,
         "rad electrical that the angle's reading is off at a mechanical angle (rad)",
     ),
+    "source": Port(
+        (),
+        3,
+        "rate (rad/s) at which the link rings with its source, ohm that a step of the draw rings "
+        "by, damping ratio",
+        once=True,
+        joined="last",
+    ),
     "supply": Port(
         (), 1, "share of its nominal voltage that the link has more, on average", once=True
     ),

@@ -9,14 +9,14 @@ from __future__ import annotations
 from model.compiled import inlined, kernel
 from model.lanes import sine_cosine
 from sandbox.plant import ports
-from sandbox.plant.electrical import THIRD, facing, pull, seen
+from sandbox.plant.electrical import HALF_ROOT, THIRD, facing, pull, seen
 
 # what a batch may need beside the bare plant (bits)
 LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
-SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND, CURVE, BACKLASH = (
-    1 << k for k in range(7, 19)
+SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND, CURVE, BACKLASH, RING = (
+    1 << k for k in range(7, 20)
 )
-LAYERS = 1 << 19
+LAYERS = 1 << 20
 LAGS = IRON | SKIN | FILTER | LAYERS
 ANGULAR = MAGNETS | ENERGY
 # of the flux, and Wb: by which the energy's further currents are compared
@@ -59,6 +59,38 @@ def draw(w, d_a, d_b, d_c):
     for j in range(w.psi_alpha.size):
         w.link_sag[j] = ports.drawn(w, j, d_a, d_b, d_c, w.i_alpha[j], w.i_beta[j])
         w.link[j] = w.supply[j] - w.link_sag[j]
+
+
+@kernel
+def ring(w, d_a, d_b, d_c):
+    """Write the link's voltage in the middle of the period where its capacitor rings with its
+    source, and move both on to the end; what legs draw is that at the pattern's start.
+
+    x (dip below the source, V) and y (the source's current times Z) go round where they would
+    rest, x_0 = 2 D Z i and y_0 = Z i, by the exponential of w [[0, -1], [1, -2 D]]: with
+    q = sqrt(1 - D^2), over a time t exp(-D w t) (cos q w t + sin q w t/q [[D, -1], [1, -D]]).
+    """
+    for j in range(w.psi_alpha.size):
+        if w.source_rate[j] > 0.0:
+            x_0 = w.link_sag[j]
+            y_0 = w.source_ohm[j] * (
+                (d_a - 0.5 * (d_b + d_c)) * w.i_alpha[j] + HALF_ROOT * (d_b - d_c) * w.i_beta[j]
+            )
+            fed = w.fed[j] > 0.0  # else it rests as a recording begins
+            x, y = (w.dip[j] - x_0, w.feed[j] - y_0) if fed else (0.0, 0.0)
+            x, y = swung(w, j, x, y)
+            w.link_sag[j] = x_0 + x
+            x, y = swung(w, j, x, y)
+            w.dip[j], w.feed[j], w.fed[j] = x_0 + x, y_0 + y, 1.0
+            w.link[j] = w.supply[j] - w.link_sag[j]
+
+
+@inlined
+def swung(w, j, x, y):
+    """Return dip and feed (V), from where they would rest, half a period on."""
+    c, s = w.source_cos[j], w.source_sin[j]
+    d = w.source_damping[j] * s
+    return (c + d) * x - s * y, s * x + (c - d) * y
 
 
 @kernel

@@ -35,6 +35,9 @@ STATES = {  # what a period starts from; stationary frame (alpha, beta) unless s
     "twist": "of the shaft, rad mechanical",
     "slip": "slope of the twist, rad/s",
     "deviation": "what the angle's readings are off beside a constant, rad electrical",
+    "dip": "of the link below its source, V",
+    "feed": "current that the source feeds, times its impedance, V",
+    "fed": "1 once both are known",
 }
 SCRATCH = {  # within a period
     "off_c": "cos of what the rotor stands behind the angle handed in",
@@ -164,6 +167,11 @@ PLANT = {
 FIXED = {  # what effects fix once a batch, as `sandbox.plant.fixed` writes it
     "resistance": "of winding and devices, ohm",
     "supply": "mean voltage of the DC link, V",
+    "source_rate": "at which the link rings with its source, rad/s",
+    "source_ohm": "impedance of that, ohm",
+    "source_damping": "its damping ratio",
+    "source_cos": "what is left of a swing after half a period",
+    "source_sin": "what its slope makes of it, times the rate",
     "delay": "of the pattern, s",
     "sample": "instant of sampling less t_k and less the pattern's delay, s",
     "max_edge_delay": "latest that an edge acts after its command, s; written by `commutation.latest`",  # noqa: E501

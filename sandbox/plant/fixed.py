@@ -17,6 +17,7 @@ from sandbox.plant import ports
 from sandbox.plant.layers import spread
 
 FASTEST = 1e12  # 1/s
+ALIKE = 1e-8  # rad: both ends of a swing are one, to rounding (q^2/6)
 MOST_DAMPED = 0.999  # of critical damping: the plant's solution is that of a shaft that swings
 
 
@@ -29,13 +30,32 @@ def rate_of(time_constant):
     return FASTEST if time_constant == 0.0 else -1.0
 
 
+@inlined
+def swing(turned, damping):
+    """Return what is left of a swing of second order, and of its slope, once its undamped one has
+    turned by an angle (rad): exp(-D x) cos q x and exp(-D x) sin(q x)/q, q = sqrt(1 - D^2)."""
+    square = 1.0 - damping * damping
+    q = math.sqrt(abs(square)) * turned
+    if q < ALIKE:
+        left = math.exp(-damping * turned)
+        return left, left * turned
+    if square > 0.0:
+        left = math.exp(-damping * turned)
+        return left * math.cos(q), left * math.sin(q) * turned / q
+    slow, fast = math.exp(q - damping * turned), math.exp(-q - damping * turned)
+    return 0.5 * (slow + fast), 0.5 * (slow - fast) * turned / q
+
+
 @kernel
-def fix(w, nominal):
+def fix(w, nominal, period):
     """Write a batch's rows `FIXED`, its effects' parameters and the rows `PLANT` known; nominal:
-    the link's voltage."""
+    the link's voltage; period: of the voltage's update, s."""
     for j in range(w.psi_alpha.size):
         w.resistance[j] = w.winding[j] + ports.resistance(w, j)
         w.supply[j] = (1.0 + ports.supply(w, j)) * nominal
+        w.source_rate[j], w.source_ohm[j], damping = ports.source(w, j)
+        w.source_damping[j] = damping
+        w.source_cos[j], w.source_sin[j] = swing(0.5 * period * w.source_rate[j], damping)
         w.core_g[j], lag = ports.iron(w, j)
         w.core_rate[j] = rate_of(lag)
         w.skin_r[j], lag = ports.skin(w, j)

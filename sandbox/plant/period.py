@@ -41,7 +41,16 @@ NO_TIME = 1e-11  # s: speed over a shorter one is rounding
 # of the period: what curvature makes of shorter segments is far below 1e-9 of the current
 BENDING = 1e-3
 # what a plain step knows nothing of
-ADDED = ~(add.MOTION | add.TWIST | add.BACKLASH | add.DRAWN | add.DELAYED | add.RUB | add.COMMUTE)
+ADDED = ~(
+    add.MOTION
+    | add.TWIST
+    | add.BACKLASH
+    | add.DRAWN
+    | add.RING
+    | add.DELAYED
+    | add.RUB
+    | add.COMMUTE
+)
 # of the way from a segment's middle to its ends: two places give means of third degree
 GAUSS = 0.5773502691896258
 LAST = EDGES + 3
@@ -312,6 +321,8 @@ def first_instant(w, features, timing, room, rate):
     now, sampling."""
     if features & add.DRAWN:
         add.draw(w, room.duty[0], room.duty[1], room.duty[2])
+        if features & add.RING:
+            add.ring(w, room.duty[0], room.duty[1], room.duty[2])
     if timing.max_edge_delay > 0.0:
         least = min(room.before[0], room.before[1], room.before[2])
         most = max(room.before[0], room.before[1], room.before[2])

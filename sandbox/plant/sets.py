@@ -39,6 +39,7 @@ RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, b
 PORT_BITS = {
     "link": add.LINK,
     "drawn": add.DRAWN,
+    "source": add.DRAWN | add.RING,
     "leg": add.LEG,
     "leg_curve": add.CURVE,
     "winding": add.WINDING,
@@ -61,6 +62,11 @@ ANY, NONE_BELOW = -math.inf, 0.0
 # rows by the port whose equations make them, and their least values; all have to be finite
 SOUND = {
     "supply": {"supply": ANY},
+    "source": {
+        "source_rate": NONE_BELOW,
+        "source_ohm": NONE_BELOW,
+        "source_damping": NONE_BELOW,
+    },
     "resistance": {"resistance": ANY},
     "delay": {"delay": ANY},
     "iron": {"core_g": NONE_BELOW, "core_rate": NONE_BELOW},
@@ -79,6 +85,7 @@ SOUND = {
     "backlash": {"backlash": NONE_BELOW},
 }
 PASSIVE = dict.fromkeys(SOUND, "finite numbers") | {
+    "source": "a rate, an impedance, a damping ratio, all at least 0",
     "iron": "a conductance, a time constant, both at least 0",
     "skin": "a resistance, a time constant, both at least 0",
     "layers": "two resistances, a time constant, all at least 0",
@@ -337,7 +344,7 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
         )
         for name, values in (("current", i), ("volts", u), ("sum", area)):
             w[f"table_{name}"][: len(i)] = values
-    fix(w, converter.dc_bus_voltage)
+    fix(w, converter.dc_bus_voltage, converter.update_period)
     _check_fixed(w, motor, sets)
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])

@@ -17,7 +17,7 @@ from sandbox.plant import additions as add
 # lanes that a block may have: one set, some, many; each size is compiled for itself, in 10 to 20 s
 ROOMS = (1, 8, 24)
 VECTOR = 8
-SAMPLED = 1 << 20  # beside the plant's own bits: samples that are not taken as a pattern begins
+SAMPLED = 1 << 24  # beside the plant's own bits: samples that are not taken as a pattern begins
 ALONE = 0.7  # of a VECTOR's time: a block of one lane; measured 0.44 (iron loss) to 0.79 (bare)
 # ns a period, measured by `experiments/lane_cost.py`: constant, and for every VECTOR lanes
 # (CURVE, WOBBLE, SAMPLED and LAYERS on a busy machine, scaled by what BARE took there)

@@ -54,7 +54,6 @@ SAME = {
     "zone_width": "dead_time.zone_width",
     "zone_tanh": "dead_time.zone_shape",
     "zone_center": "dead_time.zone_center",
-    "sag": "dc_link_error.sag",
     "ripple_amplitude": "dc_link_ripple.amplitude",
     "ripple_phase": "dc_link_ripple.phase",
     "pwm_delay": "pwm_delay.delay",
@@ -239,6 +238,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         "dead_time": _dead_time(v),
         "slices": _slices(motor, v),
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
+        **_source(v),
         "ripple_rate": math.tau * v["dc_link_ripple.frequency"],
         "eccentricity": motor.pole_pairs * v["encoder_eccentricity.amplitude_mech"],
         "audit": 0.0,
@@ -253,6 +253,21 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
     return SwitchedBench(
         **values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map
     )
+
+
+def _source(v: Mapping[str, float]) -> dict[str, float]:
+    """Return what feeds the link: a resistance while a capacitor holds it, or one that the
+    capacitor rings with through an inductance."""
+    ohm, sag = v["dc_link_error.impedance"], v["dc_link_error.sag"]
+    if not ohm:
+        return {"sag": sag}
+    rate = math.tau * v["dc_link_error.resonance"]
+    return {
+        "sag": 0.0,
+        "link_rate": rate,
+        "link_impedance": ohm,
+        "link_damping": 0.5 * sag / ohm,
+    }
 
 
 def _drive(motor: Motor, converter: Converter) -> dict[str, float]:

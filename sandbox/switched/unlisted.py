@@ -65,7 +65,12 @@ UNLISTED = {
         "inverter", "s", 0.0, 1e-3, "shorter active vectors are dropped: legs switch together"
     ),
     "link_rate": Unlisted(
-        "inverter", "rad/s", 0.0, 1e5, "resonance of the link, 1/sqrt(L C)", "link_impedance"
+        "inverter",
+        "rad/s",
+        0.0,
+        1e5,
+        "resonance of the link, 1/sqrt(L C) (listed, too, as part of dc_link_error)",
+        "link_impedance",
     ),
     "link_impedance": Unlisted(
         "inverter", "ohm", 0.0, 1e3, "sqrt(L/C): dip after a step of one ampere"

@@ -27,6 +27,12 @@ FARTHEST = 4.0  # standard deviations that an effect may move before its bounds 
 OF_POINT = ("turn", "map")  # forms of what a point has beside its parameters
 STEPS = ("share", "presence")  # forms that are there or not, nothing between
 REACHED = 0.99  # of them: a value there is at its bound
+# how a current's sign goes through zero
+WIDTH, SHAPE, CENTER = "bench.soft_current", "bench.soft_shape", "bench.soft_center"
+# of their deviations that slopes are taken over: readings of a ripple that just meets the zone's
+# corners make them steep over shorter ones (over 1e-4 the width tells itself 36 times as well, in
+# squares, as the objective bends within three standard deviations; over 0.05 as it does)
+SIGN_STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -205,14 +211,11 @@ def _shapes(card: Effect, campaign: Campaign, values: Set) -> list[Coordinate]:
 def soft_sign(motor: Motor) -> list[Coordinate]:
     """Return the coordinates of how a current's sign goes through zero: width and shape, of which
     little is known; measured shapes reach from linear to tanh."""
-    width = math.log(soft_current(motor))
-    return [
-        Coordinate(
-            "bench.soft_current", width, SIGN_SPREAD, "log", ("bench.soft_current",), within=3.0
-        ),
-        Coordinate("bench.soft_shape", 0.0, 1.0, "linear", ("bench.soft_shape",)),
-        Coordinate("bench.soft_center", 0.0, 1.0, "linear", ("bench.soft_center",)),
-    ]
+    width = Coordinate(
+        WIDTH, math.log(soft_current(motor)), SIGN_SPREAD, "log", (WIDTH,), within=3.0
+    )
+    rest = [Coordinate(name, 0.0, 1.0, "linear", (name,)) for name in (SHAPE, CENTER)]
+    return [replace(c, step=SIGN_STEP * c.deviation) for c in (width, *rest)]
 
 
 def with_usual_sign(values: Set, motor: Motor) -> dict[str, float]:

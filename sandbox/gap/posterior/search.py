@@ -33,7 +33,7 @@ from sandbox.gap.evidence.fit import (
 )
 from sandbox.gap.evidence.misfit import misfit, weights
 from sandbox.gap.evidence.normal import NormalEquations, ParameterPoint, normal, part_of
-from sandbox.gap.evidence.priors import is_ordinary, ordinary, with_usual_sign
+from sandbox.gap.evidence.priors import CENTER, is_ordinary, ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import (
     Candidate,
     begins_further,
@@ -98,6 +98,7 @@ class Search:
         problem.report("fitting ordinary deviations")
         begun = replace(problem.start, values=problem.begun or problem.start.values)
         self.null = fit(begun, (), problem.fitted, rough=rough, workers=problem.workers)
+        self.null = self.mirrored(self.null)
         self.trace = problem.settings.trace_at(rms_of(self.null))
         self.linear: LinearModel | None = None
         self.met: Weights = {}  # of segments, at their point
@@ -201,8 +202,32 @@ class Search:
             else:
                 break
         if rough and whole:
-            return self.fit_of(here.effects, here, known) or here, None
+            here, known = self.fit_of(here.effects, here, known) or here, None
+        if here.effects and whole:
+            other = self.mirrored(here)
+            here, known = other, known if other is here else None
         return here, known
+
+    def mirrored(self, found: Fit) -> Fit:
+        """Return a fit, or that of the same set which begins with the zone of a current's sign on
+        the other side of zero, where that fits better.
+
+        Edges late by half on one side of zero, or on the other, are two hollows of the objective,
+        and slopes in the middle lead to either.  Far from the noise the sign is as it usually is.
+        """
+        center = found.point.values[CENTER]
+        if not center or rms_of(found) > min(NEAR, self.rough):
+            return found
+        p, values = self.problem, {**found.point.values, CENTER: -center}
+        task = Task(
+            replace(found.point, values=values),
+            found.effects,
+            p.fitted,
+            p.workers,
+            leader=found.objective,
+        )
+        new = attempted(task)
+        return new if new is not None and new.objective < found.objective else found
 
     @property
     def how(self) -> Linearisation:

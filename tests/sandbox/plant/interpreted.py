@@ -54,7 +54,7 @@ def every(subsystems=("machine", "inverter", "sensor", "mechanics")):
 def lane(values):
     """Return a batch of one lane as a record with attributes, and its features."""
     v = complete(DRIVE.motor, DRIVE.converter, values)
-    sets.fix = lambda w, nominal: fix(Fields(w), nominal)
+    sets.fix = lambda w, nominal, period: fix(Fields(w), nominal, period)
     w = batch_of(DRIVE.motor, DRIVE.converter, [v], 1)
     return Fields(w), features_of(DRIVE.motor, v)
 

@@ -31,6 +31,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from model.effects.friction_torque import CORNERS, TORQUES, reference
@@ -66,6 +67,7 @@ class Reference:
     load: Callable[[float], float] = lambda t: 0.0
     table: Points | None = None
     link_sag: float = 0.0  # V that the link sags by
+    source: Array | None = None  # its dip (V), and what feeds it times the impedance (V)
     legs: Commutating | None = None  # what moves legs between their switches
 
     def gradient(self, z: complex) -> complex:
@@ -330,7 +332,7 @@ class Reference:
             if kind == "pattern":
                 i, d = self.current(t, y), duty[k]
                 drawn = sum(d[m] * (i * A ** (-m)).real for m in range(3))
-                self.link_sag = v["dc_link_error.sag"] * drawn
+                self.link_sag = self.sags(drawn)
                 for edge in pulses.commanded(t, d):
                     heapq.heappush(events, edge)
             elif kind in ("fall", "rise"):
@@ -342,6 +344,27 @@ class Reference:
             else:
                 readings[k] = self.read(t, y)
         return readings, states
+
+    def sags(self, drawn: float) -> float:
+        """Return by how much the link sags (V) in the middle of a period that draws a mean current
+        (A); of a source with an inductance, whose circuit is integrated over the period."""
+        v = self.v
+        ohm, sag = v["dc_link_error.impedance"], v["dc_link_error.sag"]
+        if not ohm:
+            return sag * drawn
+        w = math.tau * v["dc_link_error.resonance"]
+        if self.source is None:
+            self.source = np.array([sag * drawn, ohm * drawn])
+        ends = solve_ivp(
+            lambda _, x: (w * (ohm * drawn - x[1]), w * (x[0] - sag / ohm * x[1])),
+            (0.0, self.period),
+            self.source,
+            t_eval=(0.5 * self.period, self.period),
+            rtol=1e-10,
+            atol=1e-12,
+        ).y
+        self.source = ends[:, 1]
+        return float(ends[0, 0])
 
     def read(self, t: float, y: Array) -> Array:
         """Return what the three sensors read (A)."""

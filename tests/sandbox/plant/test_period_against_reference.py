@@ -88,6 +88,16 @@ CASES |= {
     "nothing": {},
     "ripple of 3 kHz": {"dc_link_ripple.amplitude": 20.0, "dc_link_ripple.frequency": 3000.0},
     "sag": {"dc_link_error.sag": 30.0},
+    "a link that rings": {
+        "dc_link_error.sag": 5.0,
+        "dc_link_error.resonance": 400.0,
+        "dc_link_error.impedance": 20.0,
+    },
+    "a link that creeps": {
+        "dc_link_error.sag": 30.0,
+        "dc_link_error.resonance": 90.0,
+        "dc_link_error.impedance": 6.0,
+    },
     "large harmonics": {"inductance_harmonics.gamma_6": 1.5, "flux_harmonics.psi_d6": 0.005},
     "many orders": ORDERS,
     "harmonics behind skin": {"inductance_harmonics.gamma_6": 1.5, "skin_effect.resistance": 4.0},

@@ -53,6 +53,15 @@ CASES = {  # scenario, effects; the motor's quartic as a flux map where the name
         LOCKED,
         {"pwm_delay.delay": 2e-5, "current_sampling.delay": -5e-6},
     ),
+    "a link that rings": (
+        DRIVEN,
+        {
+            "dc_link_error.sag": 2.0,
+            "dc_link_error.resonance": 120.0,
+            "dc_link_error.impedance": 8.0,
+        },
+    ),
+    "a knee": (DRIVEN, {"device_drop.threshold": 1.0, "device_drop.knee": 0.3}),
     "late samples": (DRIVEN, {"current_sampling.delay": 5e-6}),
     "iron loss": (DRIVEN, {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4}),
     "layers of conductors": (

@@ -22,7 +22,7 @@ from sandbox.gap.evidence.fit import (
     variance_at,
 )
 from sandbox.gap.evidence.normal import ParameterPoint, normal, turns
-from sandbox.gap.evidence.priors import ordinary
+from sandbox.gap.evidence.priors import CENTER, WIDTH, ordinary
 from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.gap.posterior.estimates import estimates
 from sandbox.gap.posterior.holdout import weights_of
@@ -30,10 +30,10 @@ from sandbox.gap.posterior.inference import infer
 from sandbox.gap.posterior.linear_model import Linearisation, linear_model
 from sandbox.gap.posterior.search import Problem, Search, left_by, log_posterior, towards
 from sandbox.gap.settings import USUAL
-from sandbox.plant.sets import complete
+from sandbox.plant.sets import complete, soft_current
 from sandbox.recordings.campaign import read_folder
 from sandbox.replay.replay import prepare
-from tests.sandbox.gap.conftest import start
+from tests.sandbox.gap.conftest import CASES, DRIVE, TURNING, small_campaign, start
 
 
 def point_of(campaign):
@@ -320,3 +320,26 @@ def test_a_rival_that_is_asked_for_is_fitted_whole_however_far_behind(small_fold
     little = TOLERANCE * variance_at(own.normal, weights)
     assert own.objective > found.best.fit.objective + 2.0 * BEHIND * little / TOLERANCE
     assert own.objective - fit(own.point, own.effects, weights).objective < little
+
+
+def test_a_sign_whose_zone_lies_on_the_wrong_side_of_zero_is_tried_on_the_other():
+    """Late edges above zero current only (a zone beside zero, as one bench has it).  A fit that
+    ends with the zone below zero is made again from the other side; one that is right stays."""
+    zone = {"zone_width": 3.0 * soft_current(DRIVE.motor), "zone_center": 1.0}
+    put_in = {"dead_time.time": 2e-7} | {f"dead_time.{name}": x for name, x in zone.items()}
+    here = point_of(small_campaign(put_in, CASES + TURNING))
+    weights = weights_of(len(here.prepared.recordings))
+    begun = {"dead_time.time": 2e-7, WIDTH: zone["zone_width"], CENTER: 1.0}
+    at = dataclasses.replace(here, values={**here.values, **begun})
+    right = fit(at, ("dead_time",), weights)
+    run = Search(Problem(here, weights))
+    assert right.point.values[CENTER] > 0.9
+    assert run.mirrored(right) is right
+    wrong = dataclasses.replace(right.point, values={**right.point.values, CENTER: -1.0})
+    n = normal(wrong, coordinates_of(wrong, ("dead_time",)))
+    value = objective(n, prior_of(n.coordinates), weights)
+    ended = dataclasses.replace(right, point=wrong, normal=n, objective=value)
+    assert 1.01 < rms_of(ended) < NEAR
+    found = run.mirrored(ended)
+    assert found.point.values[CENTER] > 0.9
+    assert found.objective == pytest.approx(right.objective, abs=TOLERANCE)
