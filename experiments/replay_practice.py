@@ -86,6 +86,7 @@ def true_set(truth: Mapping[str, Any], motor: Motor) -> dict[str, float]:
     """Return the parameter set of a truth's motor and effects, beside the stated motor."""
     own = truth["true_motor"]
     values = {public: float(own[key]) for key, public in OF_MOTOR.items()}
+    values["coulomb_friction.width"] = 2.0  # rad/s, of all campaigns of the time, not stated
     for axis, stated in (("d", motor.inductance_d), ("q", motor.inductance_q)):
         values[f"inductance.scale_{axis}"] = own[f"L{axis}"] / stated
     for effect in truth["effects"]:

@@ -202,6 +202,13 @@ PORTS = {
     "friction": Port(
         ("omega",), 1, "N m that the motor's side loses at a mechanical speed (rad/s)"
     ),
+    "bristles": Port(
+        ("omega", "inertia"),
+        4,
+        "of friction that bends before it slides: N m/rad, damping (N m s/rad), N m of sliding, "
+        "and N m at the begin; at a mechanical speed (rad/s) and the motor side's inertia (kg m^2)",
+        joined="last",
+    ),
     "load": Port(
         ("omega",), 1, "N m that the load takes beside what it is asked for, at its speed (rad/s)"
     ),
@@ -390,6 +397,8 @@ class Effect:
 
     drifts: whether each recording may have a size of its own, which a diagnosis measures first.
 
+    idle: parameters that mean nothing at completed values: no fit moves them there.
+
     leg_slope: what it takes from a leg around zero current, by completed values and the motor; an
     effect that says nothing takes nothing there.  Where all effects together give volts back, the
     current is unstable, and a replay lets readings hold it.
@@ -439,6 +448,7 @@ class Effect:
     curve: Curve | None = None
     drifts: bool = False
     leg_slope: Callable[[Mapping[str, float], Motor, Legs], LegSlope] | None = None
+    idle: Callable[[Mapping[str, float]], tuple[str, ...]] | None = None
 
     def part(self, k: int) -> EffectPart:
         """Return the k-th part (1 ... repeats)."""

@@ -34,6 +34,7 @@ STATES = {  # what a period starts from; stationary frame (alpha, beta) unless s
     "speed": "of it, rad/s electrical",
     "twist": "of the shaft, rad mechanical",
     "slip": "slope of the twist, rad/s",
+    "bristle": "torque of bent bristles against the motion, N m",
     "deviation": "what the angle's readings are off beside a constant, rad electrical",
     "dip": "of the link below its source, V",
     "feed": "current that the source feeds, times its impedance, V",

@@ -9,9 +9,12 @@ from __future__ import annotations
 import math
 
 from model.compiled import inlined, kernel
+from model.lanes import fading
 from sandbox.plant import additions as add
 from sandbox.plant import ports
 from sandbox.plant.backlash import swing_across, swung
+
+SHORT_SLIP = 1e-3  # of the bristles' bend: there a series of third order has all digits
 
 
 @kernel
@@ -28,6 +31,9 @@ def step_shaft(w, features, h, load, imposed):
         for k in range(w.more_torque):
             for j in range(w.psi_alpha.size):
                 w.bound[j] += ports.further_torque(w, k, j, w.turn[j], w.omega[j])
+        if features & add.BRISTLES:
+            for j in range(w.psi_alpha.size):
+                w.bound[j] -= bend(w, j, w.omega[j], h)
     for j in range(w.psi_alpha.size):
         pairs = w.pairs[j]
         taken, net = load * (1.0 + w.load_gain[j]) + w.load_offset[j], w.torque[j]
@@ -40,6 +46,36 @@ def step_shaft(w, features, h, load, imposed):
         w.net[j], w.taken[j] = net, taken
     if features & add.TWIST:
         swing(w, features, h)
+
+
+@inlined
+def bend(w, j, omega, h):
+    """Return the mean torque (N m) of lane j's bristles over a step of h (s) at a speed (rad/s,
+    mechanical), and bend them on.
+
+    Their torque F follows dF/dt = stiffness (omega - |omega| F/level), damping times its rate over
+    the stiffness beside it: at one speed it relaxes towards the level with the angle turned.
+    """
+    stiffness, damping, level, _ = ports.bristles(w, j, omega, 1.0 / w.motor_inv[j])
+    there = 1.0 if stiffness > 0.0 else 0.0
+    level += 1.0 - there
+    slip = stiffness * abs(omega) * h / level
+    kept = fading(-slip)
+    long = max(slip, SHORT_SLIP)
+    series = 1.0 - slip * (0.5 - slip * (1.0 / 6 - slip * (1.0 / 24)))
+    mean = (1.0 - kept) / long if slip > SHORT_SLIP else series
+    rest = level if omega >= 0.0 else -level
+    away = w.bristle[j] - rest
+    w.bristle[j] = there * (rest + kept * away)
+    return there * (rest + mean * away * (1.0 - damping * abs(omega) / level))
+
+
+@kernel
+def begin_bristles(w, omega):
+    """Bend the bristles of all lanes as at a speed (rad/s, mechanical) that nobody knows to have
+    lasted."""
+    for j in range(w.psi_alpha.size):
+        _, _, _, w.bristle[j] = ports.bristles(w, j, omega, 1.0 / w.motor_inv[j])
 
 
 @kernel

@@ -55,6 +55,7 @@ PORT_BITS = {
     "latency": add.DELAYED,
     "shaft": add.TWIST,
     "backlash": add.BACKLASH,
+    "bristles": add.BRISTLES,
 }
 
 

@@ -19,7 +19,7 @@ from model.frames import stationary
 from model.parameters import Converter, Motor
 from sandbox.plant import additions, ports
 from sandbox.plant.gates.modulation import is_plain, modulated, modulation_of
-from sandbox.plant.mechanics import swing
+from sandbox.plant.mechanics import begin_bristles, bend, swing
 from sandbox.plant.sampling import misread
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
@@ -342,6 +342,8 @@ def _motion(
         net = torque + of_shaft(batch, turn, speed / pairs)
         taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         mean = 0.5 * (net + np.append(net[1:], net[-1]))
+        if features & additions.BRISTLES:
+            mean -= of_bristles(batch, speed / pairs, period)
         twists = features & additions.TWIST
         swung = swinging(batch, features, net, taken, period) if twists else 0.0
         acceleration = pairs * ((mean - taken) / m.inertia + swung)
@@ -402,6 +404,17 @@ def of_shaft(w, turn, omega):
         )
         for m in range(w.more_torque):
             out[k] += ports.further_torque(w, m, 0, turn[k], omega[k])
+    return out
+
+
+@kernel
+def of_bristles(w, omega, period):
+    """Return the torque of bristles against the motion, mean over the interval from each sample
+    on, (n,) in N m, of the batch's first lane; it goes at the mean of both samples' speeds."""
+    out = np.empty(len(omega))
+    begin_bristles(w, omega[0])
+    for k in range(len(omega)):
+        out[k] = bend(w, 0, 0.5 * (omega[k] + omega[min(k + 1, len(omega) - 1)]), period)
     return out
 
 

@@ -19,6 +19,7 @@ from model.spline import SplineEnergy
 from sandbox.plant import additions, ports
 from sandbox.plant.batch import BRANCHES, blank_room
 from sandbox.plant.electrical import quartic
+from sandbox.plant.mechanics import begin_bristles
 from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
 from sandbox.replay.kernel import Fixed, Rows, run, turn
@@ -235,6 +236,8 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
     d, q = flux[0] + w["magnet"] + rest[0], flux[1] + rest[1]
     w["psi_alpha"], w["psi_beta"] = c * d - s * q, s * d + c * q
     w["eddy_alpha"], w["eddy_beta"] = w["psi_alpha"], w["psi_beta"]
+    if r.rotor == "free":
+        begin_bristles(w, r.motion.speed[0] / r.pole_pairs)
     if turns_at_first(r):
         start_turning(w, r)
 

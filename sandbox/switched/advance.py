@@ -24,7 +24,7 @@ from sandbox.switched.bench_numbers import SwitchedBench
 from sandbox.switched.bench_state import SIZE, Slot
 from sandbox.switched.inverter import advance, early_slot, travel
 from sandbox.switched.layers import CIRCUITS
-from sandbox.switched.phase_machine import current_and_torque, magnet, phase_currents
+from sandbox.switched.phase_machine import current_and_torque, magnet, phase_currents, sliding
 from sandbox.switched.readers import remembered
 
 Vector = NDArray[np.float64]
@@ -100,6 +100,8 @@ def start(
         complex(i_alpha, i_beta)
     )
     state[Slot.THETA], state[Slot.SPEED], state[Slot.LOAD_SPEED] = theta, speed, speed
+    if b.bristle_stiffness and speed:  # it has turned so for long
+        state[Slot.BENT] = math.copysign(sliding(b, speed) / b.bristle_stiffness, speed)
     state[Slot.OFFSET] = b.sampling_delay
     return state
 

@@ -42,6 +42,7 @@ MOST_SWING = 50.0  # rad of a leg's swing in a dead time: faster ones are as goo
 # a current that reaches a corner of its sign and turns back inside a step is not seen, nor is a
 # shaft that does so at an edge of its gap
 STEPS_WITH_CORNERS = 16.0
+SWUNG = 0.05  # rad of a swing on bristles in a step, whose rate is then 1e-4 of itself off
 # the bench's numbers that are a parameter of an effect as it is
 SAME = {
     "resistance": "stator_resistance.resistance",
@@ -191,6 +192,9 @@ class SwitchedBench(NamedTuple):
     pattern: int = 0
     beyond: int = 0
     drive_least_pulse: float = 0.0  # s: the drive itself leaves out shorter pulses
+    # N m/rad, N m s/rad: bristles of dry friction, which bend before it slides; 0: it has none
+    bristle_stiffness: float = 0.0
+    bristle_damping: float = 0.0
     # rad/s, N m: friction beside dry and viscous one, straight between points
     rubbing_speed: Any = NOWHERE
     rubbing_torque: Any = NOWHERE
@@ -245,6 +249,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         "common_offset": 0.0,
         **_bends(motor, v),
         **_rubbing(motor, v),
+        **_bristles(v, shaft["inertia"]),
         **_wobbles(motor, v),
     }
     table = _leg_table(motor, converter, v)
@@ -334,6 +339,17 @@ def _rubbing(motor: Motor, v: Mapping[str, float]) -> dict[str, Any]:
     risen = np.minimum(shares[:, None] / np.array(RUBBING_CORNERS), 1.0)
     own = v["friction_torque.reference"] or motor.rated_omega / motor.pole_pairs
     return {"rubbing_speed": own * shares, "rubbing_torque": risen @ torques}
+
+
+def _bristles(v: Mapping[str, float], inertia: float) -> dict[str, float]:
+    """Return what bristles are that bend by `presliding` under all of dry friction at rest, and are
+    damped by a ratio as a spring under the motor's inertia."""
+    bend = v["coulomb_friction.presliding"]
+    stiff = (v["coulomb_friction.torque"] + v["coulomb_friction.stribeck_torque"]) / (bend or 1.0)
+    if not bend:
+        return {}
+    damping = 2.0 * v["coulomb_friction.presliding_damping"] * math.sqrt(stiff * inertia)
+    return {"bristle_stiffness": stiff, "bristle_damping": damping}
 
 
 def _wobbles(motor: Motor, v: Mapping[str, float]) -> dict[str, Any]:
@@ -467,6 +483,9 @@ def _longest_step(
         fastest = min(skin["modes"].times) if "modes" in skin else v["skin_effect.time_constant"]
         step = min(step, 0.5 * fastest)
     dry = v["coulomb_friction.torque"] + v["coulomb_friction.stribeck_torque"]
-    if dry > 0.0:
+    bend = v["coulomb_friction.presliding"]
+    if dry > 0.0 and bend > 0.0:
+        step = min(step, SWUNG * math.sqrt(bend * inertia / dry))
+    elif dry > 0.0:
         step = min(step, 1.0 / (dry / (v["coulomb_friction.width"] * inertia)))
     return min(step, 0.2 / shaft_rate) if shaft_rate > 0.0 else step

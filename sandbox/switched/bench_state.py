@@ -49,10 +49,11 @@ class Slots(NamedTuple):
     LAST_SHIFT: int = 43
     CORES: int = 46  # A, what three sensors' cores hold
     SAMPLES: int = 49  # current vectors of three channels, where read before t_k
-    EDGES: int = 55  # three legs of ROOM edge times relative to t_k
-    MODES: int = 55 + 3 * ROOM  # current vectors of a winding's layers (`layers`)
+    BENT: int = 55  # rad, bristles of dry friction
+    EDGES: int = 56  # three legs of ROOM edge times relative to t_k
+    MODES: int = 56 + 3 * ROOM  # current vectors of a winding's layers (`layers`)
     # number of readings inside a period, then the current vector of each (see `reading_due`)
-    READINGS: int = 55 + 3 * ROOM + 2 * CIRCUITS
+    READINGS: int = 56 + 3 * ROOM + 2 * CIRCUITS
 
 
 Slot = Slots()  # no enum: before 0.68 numba takes none as an index

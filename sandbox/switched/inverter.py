@@ -23,7 +23,15 @@ from sandbox.switched.leg import HARD, TANH, edge_sign, given, reached, table_co
 from sandbox.switched.link import link_step, link_voltage, settled_link, stage
 from sandbox.switched.load_side import acting_load
 from sandbox.switched.machine_state import Driving, Moving, ahead, mean_rate
-from sandbox.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
+from sandbox.switched.phase_machine import (
+    A,
+    phase_currents,
+    powers,
+    pull,
+    slid,
+    slopes,
+    vector,
+)
 from sandbox.switched.readers import channels
 
 NEVER = np.inf
@@ -101,20 +109,24 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
     h = (end - begin) / count
     k, sixth = 0.5 * h, (end - begin) / count / 6.0
     x, f = moving(state), complex(state[Slot.FILTER_ALPHA], state[Slot.FILTER_BETA])
-    held = complex(state[Slot.HELD_ALPHA], state[Slot.HELD_BETA])
+    held, bent = complex(state[Slot.HELD_ALPHA], state[Slot.HELD_BETA]), state[Slot.BENT]
     t = state[Slot.TIME] + begin
     link_sag, link = state[Slot.LINK_SAG], complex(state[Slot.LINK_DIP], state[Slot.LINK_FEED])
-    by = Driving(legs, link_sag + link.real, tau, held, mode, acc)
+    by = Driving(legs, link_sag + link.real, tau, held, mode, acc, bent)
     r1, i1 = slopes(b, t, by, x)
     for _ in range(count):
+        if b.bristle_stiffness != 0.0:
+            bent = slid(b, bent, x.speed, k)
+            by = Driving(legs, link_sag + link.real, tau, held, mode, acc, bent)
+            r1, i1 = slopes(b, t, by, x)
         x2, link2 = ahead(x, k, r1), stage(b, legs, i1, link, link, k)
-        by2 = Driving(legs, link_sag + link2.real, tau, held, mode, acc)
+        by2 = Driving(legs, link_sag + link2.real, tau, held, mode, acc, bent)
         r2, i2 = slopes(b, t + k, by2, x2)
         x3, link3 = ahead(x, k, r2), stage(b, legs, i2, link2, link, k)
-        by3 = Driving(legs, link_sag + link3.real, tau, held, mode, acc)
+        by3 = Driving(legs, link_sag + link3.real, tau, held, mode, acc, bent)
         r3, i3 = slopes(b, t + k, by3, x3)
         x4, link4 = ahead(x, h, r3), stage(b, legs, i3, link3, link, h)
-        by4 = Driving(legs, link_sag + link4.real, tau, held, mode, acc)
+        by4 = Driving(legs, link_sag + link4.real, tau, held, mode, acc, bent)
         r4, i4 = slopes(b, t + h, by4, x4)
         if b.audit != 0.0:
             audit(state, b, t, by, sixth, x)
@@ -123,17 +135,20 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
             audit(state, b, t + h, by4, sixth, x4)
         x = ahead(x, sixth, mean_rate(r1, r2, r3, r4))
         link = settled_link(b, legs, i4, link, (link2, link3, link4), h)
+        if b.bristle_stiffness != 0.0:
+            bent = slid(b, bent, x.speed, k)
         if b.grip != 0.0:
             held = x.psi - pull(b, x.psi, held)
         t += h
         before = i1
-        by = Driving(legs, link_sag + link.real, tau, held, mode, acc)
+        by = Driving(legs, link_sag + link.real, tau, held, mode, acc, bent)
         r1, i1 = slopes(b, t, by, x)
         if b.filter_time > 0.0:
             f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)
     keep_moving(state, x)
     state[Slot.FILTER_ALPHA], state[Slot.FILTER_BETA] = f.real, f.imag
     state[Slot.HELD_ALPHA], state[Slot.HELD_BETA] = held.real, held.imag
+    state[Slot.BENT] = bent
     state[Slot.I_ALPHA], state[Slot.I_BETA] = i1.real, i1.imag
     state[Slot.LINK_DIP], state[Slot.LINK_FEED] = link.real, link.imag
 

@@ -25,8 +25,9 @@ class Moving(NamedTuple):
 class Driving(NamedTuple):
     """What acts on it: vector of the legs' states (0/1), which times the link's voltage is the
     voltage; V by which the link sags; load torque (N m); flux that hysteresis holds (constant
-    between steps, see `pull`); and how the rotor moves: LOCKED, DRIVEN with a mechanical
-    acceleration (rad/s^2), or FREE."""
+    between steps, see `pull`); how the rotor moves: LOCKED, DRIVEN with a mechanical
+    acceleration (rad/s^2), or FREE; and the angle (rad) by which bristles are bent (constant, too,
+    see `slid`)."""
 
     legs: complex
     link_sag: float
@@ -34,6 +35,7 @@ class Driving(NamedTuple):
     held: complex
     mode: int
     acceleration: float
+    bent: float = 0.0
 
 
 class Powers(NamedTuple):

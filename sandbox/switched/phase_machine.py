@@ -69,6 +69,7 @@ from sandbox.switched.machine_state import Moving, Powers
 
 A = complex(-0.5, 0.5 * math.sqrt(3.0))  # exp(2 pi j / 3)
 ROOT = math.sqrt(3.0)
+LEAST_TORQUE = 1e-300  # N m: friction that has faded divides nothing by zero
 
 
 @kernel
@@ -231,24 +232,43 @@ def device_loss(b, i):
 
 
 @kernel
-def friction(b, omega_mech):
+def slid(b, bent, omega_mech, h):
+    """Return the angle (rad) by which bristles are bent h (s) later: what is beyond the bend of
+    sliding is lost in proportion to the angle turned."""
+    most = math.copysign(sliding(b, omega_mech) / b.bristle_stiffness, omega_mech)
+    return most + (bent - most) * math.exp(-abs(omega_mech * h / most))
+
+
+@kernel
+def sliding(b, omega_mech):
+    """Return Coulomb's torque with Stribeck's part (N m) of what slides."""
+    return max(
+        b.coulomb + b.stribeck * math.exp(-((omega_mech / b.stribeck_speed) ** 2)), LEAST_TORQUE
+    )
+
+
+@kernel
+def friction(b, omega_mech, bent=0.0):
     """Return Coulomb (with Stribeck) and viscous torque on the motor's side, and that of a curve
-    (N m)."""
+    (N m); bent: angle (rad) of bristles, if dry friction has them."""
     drag = b.viscous * omega_mech
     if b.rubbing_speed.size > 1:
         more = np.interp(abs(omega_mech), b.rubbing_speed, b.rubbing_torque)
         drag += math.copysign(more, omega_mech)
     if b.coulomb == 0.0 and b.stribeck == 0.0:
         return drag
-    level = b.coulomb + b.stribeck * math.exp(-((omega_mech / b.stribeck_speed) ** 2))
+    level = sliding(b, omega_mech)
+    if b.bristle_stiffness != 0.0:
+        spring = b.bristle_stiffness * bent
+        return drag + spring + b.bristle_damping * (omega_mech - abs(omega_mech) * spring / level)
     return drag + level * math.tanh(omega_mech / b.coulomb_width)
 
 
 @kernel
-def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
+def accelerations(b, torque, load_torque, theta, speed, load_speed, twist, bent=0.0):
     """Return the mechanical accelerations of motor and load (rad/s^2); the load torque acts on the
     load's side."""
-    net = torque - friction(b, speed)
+    net = torque - friction(b, speed, bent)
     if b.cogging != 0.0:
         net += b.cogging * math.sin(b.cogging_order * theta / b.pole_pairs + b.cogging_phase)
     net += cogging_sum(b.harmonics, theta / b.pole_pairs)[0]
@@ -294,7 +314,9 @@ def slopes(b, t, by, x):
     turning, a = b.pole_pairs * x.speed, by.acceleration
     if by.mode == Rotor.DRIVEN:
         return Moving(d_psi, d_core, d_skin, turning, a, a, 0.0, d_loop, d_modes), i
-    a, a_load = accelerations(b, torque, by.load_torque, x.theta, x.speed, x.load_speed, x.twist)
+    a, a_load = accelerations(
+        b, torque, by.load_torque, x.theta, x.speed, x.load_speed, x.twist, by.bent
+    )
     wound_by = x.speed - x.load_speed
     return Moving(d_psi, d_core, d_skin, turning, a, a_load, wound_by, d_loop, d_modes), i
 
@@ -311,7 +333,7 @@ def powers(b, t, by, wanted, x):
     loss += b.skin_resistance * abs(i - x.skin) ** 2 + heated(b.modes, x.modes, i)
     if b.core_conductance != 0.0:
         loss += abs(x.core) ** 2 / b.core_conductance
-    rubbing = friction(b, x.speed) * x.speed
+    rubbing = friction(b, x.speed, by.bent) * x.speed
     if b.load_inertia != 0.0:
         rubbing += shaft_damping(b, x.twist) * (x.speed - x.load_speed) ** 2
     supply, commanded = v.real * i.real + v.imag * i.imag, ideal.real * i.real + ideal.imag * i.imag

@@ -52,7 +52,7 @@ int32_t sensorless_drive_init(sensorless_drive *drive, const sensorless_drive_pa
     drive->period = is->drive_sampling_period;
     drive->features = features_of(is);
     set_rows(w, is);
-    fixed_fix(w, is->drive_dc_bus_voltage);
+    fixed_fix(w, is->drive_dc_bus_voltage, is->drive_sampling_period);
     if (!sound(w)) {
         return -1;
     }

@@ -209,7 +209,7 @@ def _translated(energy: SplineEnergy | None) -> tuple[Program, str]:
         value = getattr(additions, name)
         if isinstance(value, int):
             p.constant("sandbox.plant.additions", name, value)
-    p.translate(fixed.fix, (w, REAL))
+    p.translate(fixed.fix, (w, REAL, REAL))
     p.translate(commutation.latest, (w,))
     p.translate(additions.at_rest, (w, row, row, Rows((2, LANE))))
     p.translate(sampling.read, (w,))

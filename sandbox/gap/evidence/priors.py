@@ -250,11 +250,12 @@ def of_part(
     """Return the coordinates of an effect's k-th part, on or off."""
     out: list[Coordinate] = []
     part = card.part(k)
+    idle = card.idle(start) if card.idle else ()
     for p in part.parameters:
         name = card.public(k, p.name)
         neutral, size = p.neutral_for(drive.motor), p.typical_for(drive.motor, drive.converter)
         twin = p.first and all(start[card.public(k, n)] == x for n, x in part.first_at.items())
-        if p.fit == "fixed" or p.name in phases(part) or twin:
+        if p.fit == "fixed" or p.name in (*phases(part), *idle) or twin:
             continue
         if p.fit == "log" and start[name] == 0.0:  # the effect's form without it
             continue

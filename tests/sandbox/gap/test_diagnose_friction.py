@@ -48,6 +48,24 @@ def turned(effects):
     )
 
 
+def fitted(recorded, **begun):
+    """Return each size of the effect that a fit has: its value, the coordinate and the fit's own
+    deviation."""
+    start = complete(
+        DRIVE.motor, DRIVE.converter, {f"coulomb_friction.{n}": x for n, x in begun.items()}
+    )
+    found = fit(
+        ParameterPoint(prepare(recorded, start), start), ("coulomb_friction",), weights_of(1)
+    )
+    free = unbounded(prior_of(found.coordinates))
+    deviations = np.sqrt(np.diag(algebra(found.normal).covariance(free)))
+    return {
+        c.label.removeprefix("coulomb_friction."): (c.value(found.point.values), c, sd)
+        for c, sd in zip(found.coordinates, deviations, strict=True)
+        if c.label.startswith("coulomb_friction.")
+    }
+
+
 @pytest.mark.parametrize("hump", [0.012, 0.0])
 def test_the_hump_is_fitted_with_the_friction_it_sits_on(hump):
     """Without noise every size lies within one of the fit's own deviations of what the bench has
@@ -55,13 +73,22 @@ def test_the_hump_is_fitted_with_the_friction_it_sits_on(hump):
     planted = {"torque": 0.03, "width": 1.6, "stribeck_torque": hump}
     planted |= {"stribeck_speed": 5.0} if hump else {}
     recorded = turned({f"coulomb_friction.{n}": x for n, x in planted.items()})
-    begun = ParameterPoint(prepare(recorded), complete(DRIVE.motor, DRIVE.converter))
-    found = fit(begun, ("coulomb_friction",), weights_of(1))
-    free = unbounded(prior_of(found.coordinates))
-    deviations = np.sqrt(np.diag(algebra(found.normal).covariance(free)))
+    found = fitted(recorded)
     for name, true in planted.items():
-        k = next(k for k, c in enumerate(found.coordinates) if c.label.endswith(f"friction.{name}"))
-        c = found.coordinates[k]
-        away = abs(c.value(found.point.values) - c.value({c.label: true}))
-        assert away <= deviations[k]
-        assert name != "stribeck_torque" or not hump or deviations[k] < 0.1 * hump
+        value, c, deviation = found[name]
+        assert abs(value - c.value({c.label: true})) <= deviation
+        assert name != "stribeck_torque" or not hump or deviation < 0.1 * hump
+
+
+def test_bristles_are_fitted_with_the_friction_they_carry():
+    """A shaft that breaks away once, without noise, begun at half the bend: every size within two
+    of the fit's own deviations; the bend is told to 2 %."""
+    planted = {"torque": 0.03, "stribeck_torque": 0.01, "stribeck_speed": 5.0, "presliding": 0.02}
+    recorded = turned({f"coulomb_friction.{n}": x for n, x in planted.items()})
+    found = fitted(recorded, presliding=0.01)
+    assert "width" not in found
+    for name, true in planted.items():
+        value, c, deviation = found[name]
+        print(name, value, c.value({c.label: true}), deviation)
+        assert abs(value - c.value({c.label: true})) <= 2.0 * deviation
+    assert found["presliding"][2] < 0.02

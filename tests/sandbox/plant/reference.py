@@ -43,7 +43,7 @@ from tests.sandbox.plant.reference_legs import LEVEL, A, Commutating, Late, Legs
 
 Array = NDArray[np.float64]
 # places in the state
-PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST = 0, 2, 4, 6, 8, 9, 10, 11
+PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST, BENT = 0, 2, 4, 6, 8, 9, 10, 11, 12
 LADDERS = LEVEL + 3
 CELLS = 5  # of each ladder: as close as Pade's approximant with so many poles
 
@@ -262,20 +262,15 @@ class Reference:
         one = ladder(i, y, out, LADDERS, 3, whole)
         return one + more * ladder(i, y, out, LADDERS + 2 * CELLS, 1, 0.25 * whole)
 
-    def shaft(self, t: float, y: Array, torque: float) -> tuple[float, float, float]:
-        """Return accelerations of motor and load (rad/s^2) and the slope of the twist, all
-        mechanical."""
+    def shaft(self, t: float, y: Array, torque: float) -> tuple[float, float, float, float]:
+        """Return accelerations of motor and load (rad/s^2), the slopes of the twist and of the
+        bristles' bend, all mechanical."""
         v, omega, load_omega = self.v, y[OMEGA], y[LOAD_OMEGA]
-        level = v["coulomb_friction.torque"]
-        level += v["coulomb_friction.stribeck_torque"] * math.exp(
-            -((omega / v["coulomb_friction.stribeck_speed"]) ** 2)
-        )
+        dry, bending = self.dry(omega, y[BENT])
         net = torque
         for size, n, phase in self.teeth:
             net += size * math.sin(n * y[THETA] / self.motor.pole_pairs + phase)
-        net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(
-            omega / v["coulomb_friction.width"]
-        )
+        net -= v["viscous_friction.coefficient"] * omega + dry
         net -= sum(t * min(max(omega / w, -1.0), 1.0) for t, w in self.rubbing)
         load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         j, j_l, k = (
@@ -284,12 +279,29 @@ class Reference:
             v["shaft_compliance.stiffness"],
         )
         if not (j_l and math.isfinite(k)):
-            return (net - load) / j, (net - load) / j, 0.0
+            return (net - load) / j, (net - load) / j, 0.0, bending
         damping = 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(k * (j - j_l) * j_l / j)
         half = 0.5 * v["shaft_compliance.backlash"]
         wound = y[TWIST] - min(max(y[TWIST], -half), half)
         through = k * wound + (damping * (omega - load_omega) if wound or not half else 0.0)
-        return (net - through) / (j - j_l), (through - load) / j_l, omega - load_omega
+        return (net - through) / (j - j_l), (through - load) / j_l, omega - load_omega, bending
+
+    def dry(self, omega: float, z: float) -> tuple[float, float]:
+        """Return the torque (N m) of dry friction at a speed (rad/s) and a bend (rad) of its
+        bristles, and the bend's slope (rad/s)."""
+        v = self.v
+        torque, more, hump, width, bend = (
+            v[f"coulomb_friction.{n}"]
+            for n in ("torque", "stribeck_torque", "stribeck_speed", "width", "presliding")
+        )
+        level = torque + more * math.exp(-((omega / hump) ** 2))
+        if not bend:
+            return level * math.tanh(omega / width), 0.0
+        stiff, load = (torque + more) / bend, v["shaft_compliance.load_inertia"]
+        damping = 2.0 * v["coulomb_friction.presliding_damping"]
+        damping *= math.sqrt(stiff * (v["inertia.inertia"] - load))
+        slope = omega - stiff * abs(omega) * z / level if level else omega
+        return stiff * z + damping * slope, slope
 
     def start(self, theta: float = 0.0, current: complex = 0j) -> Array:
         """Return the state at rest at an angle (rad electrical) and a terminal current (A)."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from model.effects.coulomb_friction import drag
+from model.effects.coulomb_friction import sliding
 from model.energy import energy
 from sandbox.switched.advance import replay
 from sandbox.switched.bench_numbers import bench, quiet
@@ -64,7 +64,7 @@ def test_coulomb_friction_is_resolved_however_narrow(width):
 
 def test_coulomb_frictions_stribeck_hump_adds_at_low_speed():
     """J dw/dt = -(T_c + T_s exp(-(w/w_s)^2)) tanh(w/width) by SciPy; the level is odd in speed."""
-    assert drag(0.1, 2.0, 0.06, 5.0, -5.0) == pytest.approx(
+    assert sliding(0.1, 2.0, 0.06, 5.0, -5.0) == pytest.approx(
         -(0.1 + 0.06 * math.exp(-1)) * math.tanh(2.5), rel=1e-12
     )
     effects = {"torque": 0.1, "width": 2.0, "stribeck_torque": 0.06, "stribeck_speed": 5.0}
@@ -213,7 +213,9 @@ def account(state, i, load):
         - 0.3 * (-i.real / 2 + math.sqrt(0.75) * i.imag) ** 2
     )
     lost += (
-        1.5 * 1500.0 * abs(core) ** 2 + 5e-4 * speed**2 + drag(0.03, 2.0, 0.01, 5.0, speed) * speed
+        1.5 * 1500.0 * abs(core) ** 2
+        + 5e-4 * speed**2
+        + sliding(0.03, 2.0, 0.01, 5.0, speed) * speed
     )
     lost += 2 * 0.05 * math.sqrt(300.0 / (1 / 6e-4 + 1 / 4e-4)) * slip**2
     stored = 1.5 * (h(psi, 6 * position) + 0.5 * 2e-4 * 1500.0 * abs(core) ** 2) + 150.0 * twist**2

@@ -257,6 +257,12 @@ MOVED |= {
     "nothing": {},
     "load": {"bench.load_torque_gain": 0.1, "bench.load_torque_offset": 0.01},
     "teeth": TEETH | ORDERS,
+    "bristles": {
+        **typical("coulomb_friction"),
+        "coulomb_friction.stribeck_torque": 0.03,
+        "coulomb_friction.presliding": 3e-3,
+        "coulomb_friction.presliding_damping": 0.2,
+    },
     "backlash": {**typical("shaft_compliance"), "shaft_compliance.backlash": 5e-4},
     "both": {**typical("shaft_compliance"), **typical("cogging_torque"), **typical("iron_loss")},
     "orders of the encoder": {
@@ -316,6 +322,7 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
         "teeth",
         "cogging_torque",
         "coulomb_friction",
+        "bristles",
         "inertia",
         "shaft_compliance",
         "backlash",

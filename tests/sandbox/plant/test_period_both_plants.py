@@ -38,6 +38,7 @@ FRICTION = {
     "coulomb_friction.stribeck_torque": 0.01,
     "viscous_friction.coefficient": 5e-4,
 }
+BRISTLES = {"coulomb_friction.presliding": 3e-3, "coulomb_friction.presliding_damping": 0.2}
 COGGING = {
     "cogging_torque.amplitude": 0.05,
     "cogging_torque.order_mech": 12.0,
@@ -85,6 +86,7 @@ CASES = {  # scenario, effects; the motor's quartic as a flux map where the name
     ),
     "free": (FREE, {}),
     "mechanics": (FREE, COGGING | FRICTION | SHAFT),
+    "bristles": (FREE, FRICTION | BRISTLES),
     "map": (DRIVEN, {}),
     "map, free": (FREE, {"dead_time.time": 1e-6, "iron_loss.core_resistance": 2e3}),
 }

@@ -195,6 +195,12 @@ BESIDE = (  # what typical sizes leave out, and where effects meet
         "coulomb_friction.stribeck_torque": 0.05,
         "coulomb_friction.width": 0.5,
     },
+    {
+        "coulomb_friction.torque": 0.05,
+        "coulomb_friction.stribeck_torque": 0.03,
+        "coulomb_friction.presliding": 5e-3,
+        "coulomb_friction.presliding_damping": 0.1,
+    },
 )
 
 
@@ -445,7 +451,8 @@ def practice(name):
     truth = tomllib.loads((folder / f"{name}.truth.toml").read_text())
     motor, true = recorded.drive.motor, truth["true_motor"]
     values = {TRUE[k]: v for k, v in true.items() if k in TRUE} | {
-        "bench.soft_current": SOFT[motor.pole_pairs]
+        "bench.soft_current": SOFT[motor.pole_pairs],
+        "coulomb_friction.width": 2.0,  # that of all campaigns of the time, not stated
     }
     values |= {
         f"inductance.scale_{x}": true[f"L{x}"] / getattr(motor, f"inductance_{x}") for x in "dq"

@@ -243,6 +243,7 @@ def test_coulomb_friction_explains_the_free_rotor():
     """p08: the first 0.3 s of the reversal, from rest, with and without the true friction
     torque."""
     _, true, converter, effects, columns = load("p08", ["reversal"])
+    effects = {"coulomb_friction.width": 2.0} | effects  # the width it was made with
     c, n = columns["reversal"], 2400
     miss = {}
     for name, on in (("with", effects), ("without", {})):

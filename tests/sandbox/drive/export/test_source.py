@@ -104,6 +104,15 @@ def test_a_curves_reference_that_is_left_out_is_the_drives_rating(drive, plain, 
     assert max(compared(drive, plain, "free", effects)) < GOAL
 
 
+def test_bristles_bend_in_c_too(drive, plain):
+    effects = sizes(drive, ["coulomb_friction"]) | {
+        "coulomb_friction.stribeck_torque": 0.02,
+        "coulomb_friction.presliding": 3e-3,
+        "coulomb_friction.presliding_damping": 0.2,
+    }
+    assert max(compared(drive, plain, "free", effects)) < GOAL
+
+
 FURTHER = {
     "flux_harmonics.2.order": 12.0,
     "flux_harmonics.2.psi_d": 4e-4,
