@@ -264,6 +264,9 @@ PORTS = {
         "s by which samples are taken later than t_k, variance of their jitter (s^2)",
         once=True,
     ),
+    "channels": Port(
+        (), 1, "s by which each phase's sample comes later than that of the one before", once=True
+    ),
     "offset": Port((), 1, "rad electrical that all readings of the angle are off", once=True),
     "latency": Port((), 1, "s by which readings of the angle are older than their rows", once=True),
     "shaft": Port(

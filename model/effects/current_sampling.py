@@ -1,4 +1,4 @@
-"""Samples taken beside the centre of the zero vector, and their jitter."""
+"""Samples taken beside the centre of the zero vector, one phase after another, and their jitter."""
 
 from __future__ import annotations
 
@@ -16,6 +16,12 @@ def taken(delay, jitter):
     return delay, jitter * jitter
 
 
+@inlined
+def apart(channel_lag):
+    """Return by how much later (s) each phase is sampled than the one before it."""
+    return channel_lag
+
+
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how far from its instant a sample may be."""
     half = 0.5 * converter.update_period
@@ -24,6 +30,12 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
         abs(v["current_sampling.delay"]),
         half,
         "s, half the sampling period",
+    )
+    yield Limit(
+        "current_sampling.channel_lag",
+        2.0 * abs(v["current_sampling.channel_lag"]),
+        half,
+        "s from the first to the last phase, half the sampling period",
     )
     yield Limit(
         "current_sampling.jitter",
@@ -43,18 +55,27 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
         if jitter
         else []
     )
-    return "; ".join([*shift, *shake])
+    lag = v["current_sampling.channel_lag"]
+    order = "a, b, c" if lag > 0.0 else "c, b, a"
+    apart = (
+        [f"sample all phases at once: {order} come {quantity(abs(lag), 's')} after each other"]
+        if lag
+        else []
+    )
+    return "; ".join([*shift, *apart, *shake])
 
 
 CARD = Effect(
     name="current_sampling",
-    summary="samples taken beside the centre of the zero vector, and their jitter",
+    summary="samples taken beside the centre of the zero vector, one phase after another, and "
+    "their jitter",
     subsystem="sensor",
     equation=(
         "reading = i(t_k + delay + jitter x normal): within the zero vector no voltage acts, "
-        "i(psi - s R i, theta + s omega); jitter is noise: simulated sample by sample, never "
-        "predicted - a replay leaves it in the residual as jitter x slope of the current, above "
-        "the sensors' noise"
+        "i(psi - s R i, theta + s omega); phase b is read channel_lag after a, c as much after b, "
+        "along the current's course in the zero vector; jitter is noise: simulated sample by "
+        "sample, never predicted - a replay leaves it in the residual as jitter x slope of the "
+        "current, above the sensors' noise"
     ),
     formulas=(r"i_\text{read} = i(t_k + t_d + \sigma\,\xi), \qquad \xi \sim \mathcal N(0, 1)",),
     source=(
@@ -63,6 +84,17 @@ CARD = Effect(
     ),
     parameters=(
         Parameter("delay", "s", 0.0, -1e-2, 1e-2, 5e-6, title="delay of current sampling"),
+        Parameter(
+            "channel_lag",
+            "s",
+            0.0,
+            -1e-3,
+            1e-3,
+            0.0,
+            "PWM period",
+            change=0.02,
+            title="lag of each phase's sampling behind the one before",
+        ),
         Parameter(
             "jitter",
             "s rms",
@@ -84,7 +116,10 @@ CARD = Effect(
         "up, which shortens the zero vector"
     ),
     trace=0.3,
-    at=(At("instant", taken, ("delay", "jitter")),),
+    at=(
+        At("instant", taken, ("delay", "jitter")),
+        At("channels", apart, ("channel_lag",)),
+    ),
     limits=limits,
     do=do,
 )

@@ -114,6 +114,8 @@ def gather(w, room, rig, inside, u_dc, seen, rng):
     """
     readings, ahead, period = inside.readings, inside.ahead, rig.sampling_period
     n = readings.shape[0]
+    # within the period voltages act: all phases are read at once here
+    w.slope_alpha[0] = w.slope_beta[0] = w.slopes_alpha[0] = w.slopes_beta[0] = 0.0
     for j in range(n):
         a, b = seen[SAMPLES + j, 0], seen[SAMPLES + j, 1]
         if inside_at(w, period, j, n) < 0.0:

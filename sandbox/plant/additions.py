@@ -16,7 +16,7 @@ LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
 SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND, CURVE, BACKLASH, RING = (
     1 << k for k in range(7, 20)
 )
-LAYERS, BRISTLES = 1 << 20, 1 << 21
+LAYERS, BRISTLES, CHANNELS = (1 << k for k in range(20, 23))
 LAGS = IRON | SKIN | FILTER | LAYERS
 ANGULAR = MAGNETS | ENERGY
 # of the flux, and Wb: by which the energy's further currents are compared

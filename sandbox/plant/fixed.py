@@ -64,7 +64,7 @@ def fix(w, nominal, period):
         spread(w, j, odd, even, rate_of(lag))
         w.filter_rate[j] = rate_of(ports.filter(w, j))
         w.delay[j], w.offset[j] = ports.delay(w, j), ports.offset(w, j)
-        w.latency[j] = ports.latency(w, j)
+        w.latency[j], w.channel_lag[j] = ports.latency(w, j), ports.channels(w, j)
         late, variance = ports.instant(w, j)
         w.sample[j], w.jitter[j] = late - w.delay[j], math.sqrt(variance)
         inertia = w.masses[j]

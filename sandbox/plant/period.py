@@ -34,7 +34,7 @@ from sandbox.plant.electrical import (
 from sandbox.plant.gates.blocked import PARTS, float_legs
 from sandbox.plant.layers import close_layers, kink_layers, layers_in_middle, weigh_layers
 from sandbox.plant.mechanics import step_shaft
-from sandbox.plant.sampling import SHORTEST, hold_start, looked_at, peek
+from sandbox.plant.sampling import SHORTEST, hold_start, looked_at, peek, slope
 
 TWO_THIRDS = 2.0 / 3.0
 NO_TIME = 1e-11  # s: speed over a shorter one is rounding
@@ -47,6 +47,7 @@ ADDED = ~(
     | add.BACKLASH
     | add.DRAWN
     | add.RING
+    | add.CHANNELS
     | add.DELAYED
     | add.RUB
     | add.COMMUTE
@@ -323,6 +324,8 @@ def first_instant(w, features, timing, room, rate):
         add.draw(w, room.duty[0], room.duty[1], room.duty[2])
         if features & add.RING:
             add.ring(w, room.duty[0], room.duty[1], room.duty[2])
+    if features & add.CHANNELS:
+        slope(w, rate)
     if timing.max_edge_delay > 0.0:
         least = min(room.before[0], room.before[1], room.before[2])
         most = max(room.before[0], room.before[1], room.before[2])

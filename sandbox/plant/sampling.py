@@ -195,11 +195,58 @@ def hold_start(w, features):
 
 
 @kernel
+def slope(w, speed):
+    """Write the current's slope in the zero vector (A/s) and the slope of that, the rotor at a
+    speed w (rad/s electrical).
+
+    The flux falls by the drop u, and turns backwards as the rotor sees it; with J the turn by 90
+    degrees and G the inverse inductance, which turns with the rotor,
+
+        i' = G v + w J i,   v = -u - w J psi,
+        i'' = w (J G v - G J v) + G (w J u - R i') + w J i'.
+    """
+    for j in range(w.psi_alpha.size):
+        a = speed * w.psi_beta[j] - w.drop_alpha[j]
+        b = -speed * w.psi_alpha[j] - w.drop_beta[j]
+        g_alpha, g_beta = within(w, j, a, b)
+        s_alpha, s_beta = g_alpha - speed * w.i_beta[j], g_beta + speed * w.i_alpha[j]
+        w.slope_alpha[j], w.slope_beta[j] = s_alpha, s_beta
+        p, q = within(
+            w,
+            j,
+            speed * (b - w.drop_beta[j]) - w.resistance[j] * s_alpha,
+            speed * (w.drop_alpha[j] - a) - w.resistance[j] * s_beta,
+        )
+        w.slopes_alpha[j] = p - speed * (g_beta + s_beta)
+        w.slopes_beta[j] = q + speed * (g_alpha + s_alpha)
+
+
+@inlined
+def within(w, j, a, b):
+    """Return the inverse inductance, as at the period's start, times a vector."""
+    return w.stiff_aa[j] * a + w.stiff_ab[j] * b, w.stiff_ab[j] * a + w.stiff_bb[j] * b
+
+
+@inlined
+def later(w, j, lag):
+    """Return what the current (A) changes in the zero vector by so much later (s)."""
+    half = 0.5 * lag
+    return (
+        lag * (w.slope_alpha[j] + half * w.slopes_alpha[j]),
+        lag * (w.slope_beta[j] + half * w.slopes_beta[j]),
+    )
+
+
+@kernel
 def read(w):
     """Write what the three sensors make of the current held (A)."""
     for j in range(w.psi_alpha.size):
-        half, side = -0.5 * w.held_alpha[j], HALF_ROOT * w.held_beta[j]
-        a, b, c = ports.reading(w, j, w.held_alpha[j], half + side, half - side)
+        half, side, lag = -0.5 * w.held_alpha[j], HALF_ROOT * w.held_beta[j], w.channel_lag[j]
+        ahead, across = later(w, j, lag)
+        i_b = half + side + (HALF_ROOT * across - 0.5 * ahead)
+        ahead, across = later(w, j, 2.0 * lag)
+        i_c = half - side - (HALF_ROOT * across + 0.5 * ahead)
+        a, b, c = ports.reading(w, j, w.held_alpha[j], i_b, i_c)
         w.read_a[j], w.read_b[j], w.read_c[j] = a + w.common[j], b + w.common[j], c + w.common[j]
 
 

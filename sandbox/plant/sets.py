@@ -56,6 +56,7 @@ PORT_BITS = {
     "shaft": add.TWIST,
     "backlash": add.BACKLASH,
     "bristles": add.BRISTLES,
+    "channels": add.CHANNELS,
 }
 
 
@@ -75,6 +76,7 @@ SOUND = {
     "layers": {"layer_r": NONE_BELOW, "layer_rate": NONE_BELOW},
     "filter": {"filter_rate": NONE_BELOW},
     "instant": {"sample": ANY, "jitter": NONE_BELOW},
+    "channels": {"channel_lag": ANY},
     "offset": {"offset": ANY},
     "latency": {"latency": ANY},
     "shaft": {

@@ -243,6 +243,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         "slices": _slices(motor, v),
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
         **_source(v),
+        "channel_lag": _channel_lag(v),
         "ripple_rate": math.tau * v["dc_link_ripple.frequency"],
         "eccentricity": motor.pole_pairs * v["encoder_eccentricity.amplitude_mech"],
         "audit": 0.0,
@@ -258,6 +259,18 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
     return SwitchedBench(
         **values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map
     )
+
+
+def _channel_lag(v: Mapping[str, float]) -> float:
+    """Return by how much (s) each phase is read after the one before it; BadInput where c comes
+    first."""
+    lag = v["current_sampling.channel_lag"]
+    if lag < 0.0:
+        raise BadInput(
+            f"current_sampling.channel_lag = {lag:g} s: the switched bench reads a, then b, then "
+            "c; give at least 0"
+        )
+    return lag
 
 
 def _source(v: Mapping[str, float]) -> dict[str, float]:

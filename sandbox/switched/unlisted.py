@@ -82,7 +82,12 @@ UNLISTED = {
         "inverter", "ohm", 0.0, 1e3, "what a leg loses more while its current flows out of it"
     ),
     "channel_lag": Unlisted(
-        "sensor", "s", 0.0, 1e-3, "phases are read one after another, b after a, c after b"
+        "sensor",
+        "s",
+        0.0,
+        1e-3,
+        "phases are read one after another, b after a, c after b (listed, too, as part of "
+        "current_sampling)",
     ),
     "remanence": Unlisted(
         "sensor", "", 0.0, 1.0, "cores of current sensors remember: a play", "remanence_radius"

@@ -336,7 +336,9 @@ class Reference:
         for k in range(n):
             for when, kind in ((k * self.period + t, "pattern"), (k * self.period, "state")):
                 heapq.heappush(events, (when, kind, k, 0))
-            heapq.heappush(events, (k * self.period + v["current_sampling.delay"], "sample", k, 0))
+            for m in range(3):
+                late = v["current_sampling.delay"] + m * v["current_sampling.channel_lag"]
+                heapq.heappush(events, (k * self.period + late, "sample", k, m))
         while events:
             when, kind, k, leg = heapq.heappop(events)
             if when > t:
@@ -354,7 +356,7 @@ class Reference:
             elif kind == "state":
                 states[k] = y
             else:
-                readings[k] = self.read(t, y)
+                readings[k, leg] = self.read(t, y)[leg]
         return readings, states
 
     def sags(self, drawn: float) -> float:

@@ -109,6 +109,7 @@ CASES |= {
         "pwm_delay.delay": 0.3 * PERIOD,
         "current_sampling.delay": 0.2 * PERIOD,
     },
+    "phase after phase": {"current_sampling.channel_lag": 1e-6},
     "core sampled between": {"iron_loss.core_resistance": 2e3, "current_sampling.delay": 6e-5},
     "layers": LAYERS,
     "layers behind iron, sampled between": LAYERS

@@ -36,7 +36,7 @@ EXAMPLE = ROOT / "experiments" / "my_effects.py"
 LAGS = """
 from dataclasses import replace
 from model.effects.current_filter import low_pass
-from model.effects.current_sampling import taken
+from model.effects.current_sampling import apart, taken
 from model.effects.iron_loss import branch
 from model.effects.library import load_effect
 from model.effects.pwm_delay import later
