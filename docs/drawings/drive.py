@@ -48,7 +48,7 @@ BLOCKS = {
     ),
     "shaft": Block(
         "shaft, load",
-        ("torque", "friction", "load", "shaft", "backlash"),
+        ("torque", "friction", "bristles", "load", "shaft", "backlash"),
         ("inertia", "viscous_friction"),
     ),
     "current": Block("current sensors", ("reading", "filter", "instant")),
