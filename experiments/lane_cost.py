@@ -37,6 +37,7 @@ NAMES = (
     "WOBBLE",
     "SAMPLED",
     "CURVE",
+    "CORE_LOSS",
 )
 ON = {
     "LEG": {"device_drop.threshold": 1.0, "device_drop.on_resistance": 0.05},
@@ -57,6 +58,8 @@ ON = {
     "DELAYED": {"pwm_delay.delay": 5e-6},
     "WOBBLE": {"encoder_eccentricity.amplitude_mech": 0.005},
     "CURVE": {"leg_voltage.v_2": 1.0, "leg_voltage.v_6": 0.5},
+    # with what IRON adds, which `grouping` counts apart
+    "CORE_LOSS": {"iron_loss.hysteresis_current": 0.05, "iron_loss.excess_current": 0.05},
     # the first lane; the others down to as much too early
     "SAMPLED": {"current_sampling.delay": 4e-5},
 }

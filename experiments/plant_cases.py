@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from model.effects import library
+from model.effects.iron_loss import USUAL
 from model.parameters import Drive
 from model.spline import SplineEnergy
 
@@ -53,6 +54,16 @@ def sizes(name: str, drive: Drive, times: float) -> dict[str, float]:
     return {k: v for k, v in out.items() if not k.endswith("jitter")}
 
 
+def core_loss(drive: Drive) -> dict[str, float]:
+    """Return eddy currents at typical size, with excess loss and hysteresis as a core usually has
+    beside them."""
+    own = USUAL * drive.motor.rated_current
+    return sizes("iron_loss", drive, 1.0) | {
+        "iron_loss.excess_current": own,
+        "iron_loss.hysteresis_current": own,
+    }
+
+
 def cases(drive: Drive) -> Iterator[tuple[str, dict[str, float]]]:
     """Yield title and parameters of every run."""
     yield "none", {}
@@ -80,6 +91,8 @@ def cases(drive: Drive) -> Iterator[tuple[str, dict[str, float]]]:
         sizes("dead_time", drive, 1.0)
         | {"dead_time.zone_width": ZONE * motor.rated_current, "dead_time.zone_shape": 1.0},
     )
+    yield "core loss in three parts", core_loss(drive)
+    yield "dead_time + core loss in three parts", core_loss(drive) | sizes("dead_time", drive, 1.0)
     for pair in PAIRS:
         yield " + ".join(pair), {k: v for name in pair for k, v in sizes(name, drive, 1.0).items()}
 

@@ -39,7 +39,7 @@ class Fields:
 class Middle(NamedTuple):
     """A segment as its middle knows it: length (s), link (V), the legs' levels, late edges with
     what they change of these and how late (s), flux at the start (Wb), current in the middle and
-    mean iron-loss current (A)."""
+    mean iron-loss current (A), by how much this follows the flux at once (1/H)."""
 
     span: float
     link: float
@@ -48,6 +48,7 @@ class Middle(NamedTuple):
     flux: complex
     current: complex
     core: complex
+    stiff: float
 
 
 class Meter:
@@ -125,8 +126,8 @@ class Meter:
         """Return the energy stored (J) at a segment's start."""
         w, v = self.w, self.v
         h = 1.5 * self.magnetic(self.vector("psi"))[1]
-        if w.core_g[0] > 0.0:
-            h += 0.75 * abs(self.vector("core")) ** 2 / (w.core_g[0] * w.core_rate[0])
+        h += 1.5 * self.lag_holds(self.slope()) / w.core_rate[0]
+        h += 0.75 * w.play[0] * abs(self.vector("ahead")) ** 2
         if w.skin_r[0] > 0.0:
             h += 0.75 * w.skin_r[0] / w.skin_rate[0] * abs(self.vector("slow")) ** 2
         if self.rotor != "free":
@@ -142,13 +143,33 @@ class Meter:
             return float(h + 0.5 * omega**2 / w.motor_inv[0] + 0.5 * other**2 / w.load_inv[0])
         return float(h + 0.5 * omega**2 / w.inertia_inv[0])
 
+    def slope(self) -> complex:
+        """Return the slope of the flux behind the iron's lag (V) at a segment's start."""
+        return complex(self.w.core_rate[0] * (self.vector("psi") - self.vector("eddy")))
+
+    def lag_holds(self, e: complex) -> float:
+        """Return the integral of the current (A) of eddy currents and excess loss by the lagged
+        slope (V) up to e, over its direction."""
+        w = self.w
+        narrow = w.slope_width[0] ** 2
+        return float(
+            0.5 * w.core_g[0] * abs(e) ** 2
+            + (2.0 / 3.0) * w.excess[0] * ((abs(e) ** 2 + narrow) ** 0.75 - narrow**0.75)
+        )
+
+    def lag_loses(self, e: Any) -> Any:
+        """Return the power (W, up to 3/2) that both lose at lagged slopes (V)."""
+        w, square = self.w, abs(e) ** 2
+        return square * (w.core_g[0] + w.excess[0] / (square + w.slope_width[0] ** 2) ** 0.25)
+
     def stiffness(self) -> float:
         """Return the shaft's, N m/rad."""
         return float(self.w.swing_rate[0] ** 2 / (self.w.motor_inv[0] + self.w.load_inv[0]))
 
     def at_start(self) -> None:
         """End the last segment, if there is one, and begin another."""
-        now = [self.vector(x) for x in ("i", "core", "slow")]
+        now = [self.vector(x) for x in ("i", "core", "slow", "eddy", "ahead", "psi")]
+        now.append(self.slope())
         if self.segment is not None:
             self.end(self.segment, self.begun, now)
         self.begun = now
@@ -160,14 +181,19 @@ class Meter:
         edges = [(own, min(w.late[0], span)), *self.waiting]
         edges = [(x, r) for x, r in edges if x != 0 and r > 0.0]
         self.segment = Middle(
-            span, w.link[0], u, edges, *(self.vector(x) for x in ("psi", "j", "core"))
+            span,
+            w.link[0],
+            u,
+            edges,
+            *(self.vector(x) for x in ("psi", "j", "core")),
+            float(w.core_stiff[0]),
         )
         self.waiting = []
 
     def end(self, middle: Middle, first: list[complex], last: list[complex]) -> None:
         """Add up a segment's powers: Gauss' rule between the instants at which edges act."""
-        span, link, u, edges, psi, mid, core = middle
-        w, g = self.w, self.w.core_g[0] * self.w.core_rate[0]
+        span, link, u, edges, psi, mid, core, _ = middle
+        w, g, rate = self.w, middle.stiff, self.w.core_rate[0]
 
         def kinks(x: Any, of: list[tuple[complex, float]]) -> Any:
             """Return what late edges change at shares x of the segment, beside the straight
@@ -182,6 +208,9 @@ class Meter:
         a, b = first[0] - first[1], last[0] - last[1]
         up = (mid - core - means[1]) - 0.5 * (a + b)
         more = 1.5 * (core - g * means[0] - 0.5 * (first[1] + last[1]))
+        steeper = (last[3] - first[3]) / span - rate * means[0] - 0.5 * (first[6] + last[6])
+        dragged = abs((last[5] - last[4]) - (first[5] - first[4]))
+        self.total["core"] += 1.5 * w.play[0] * w.play_reach[0] * dragged
         slower = span * w.skin_rate[0] * ((first[0] - first[2]) - (last[0] - last[2])) / 8.0
         corners = [0.0, *sorted(r / span for _, r in edges), 1.0]
         for start, stop in pairwise(corners):
@@ -195,9 +224,9 @@ class Meter:
             winding = [ports.winding(w, 0, *pair(z)) for z in i]
             self.count("copper", weight, 1.5 * w.resistance[0] * abs(i) ** 2 + _power(winding, i))
             self.count("skin", weight, 1.5 * w.skin_r[0] * abs(i - slow) ** 2)
-            self.count(
-                "core", weight, 1.5 * abs(eddy) ** 2 / w.core_g[0] if w.core_g[0] > 0.0 else 0.0 * x
-            )
+            slope = first[6] + (last[6] - first[6]) * x + 1.5 * steeper * bow
+            slope = slope + rate * kinks(x, flux)
+            self.count("core", weight, 1.5 * self.lag_loses(slope))
             self.count(
                 "legs",
                 weight,

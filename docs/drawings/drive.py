@@ -28,13 +28,13 @@ class Block(NamedTuple):
 
 
 BLOCKS = {
-    "link": Block("DC link", ("supply", "drawn", "link")),
+    "link": Block("DC link", ("source", "supply", "drawn", "link")),
     "pulses": Block("PWM pulses", ("delay", "edge", "commutation")),
     "legs": Block("inverter legs", ("leg", "leg_curve")),
     "winding": Block("winding", ("resistance", "winding", "skin", "layers"), ("resistance",)),
     "iron": Block(
         "iron, magnets",
-        ("iron", "magnets", "energy"),
+        ("iron", "excess", "play", "magnets", "energy"),
         (
             "inductance_d",
             "inductance_q",

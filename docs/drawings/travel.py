@@ -63,7 +63,10 @@ FULL = Group(
     (
         Step("dropped", "after a plain one"),
         Step("face, lag_through", "core, skin, filter"),
+        Step("layers_through", "eddies in conductors", "layers"),
+        Step("core_ahead", "flux held back, mean", "hysteresis"),
         Step("in_middle", "mean flux, losses"),
+        Step("core_drags", "flux held, at its end", "hysteresis"),
     ),
 )
 END = Group(

@@ -239,6 +239,20 @@ PORTS = {
         once=True,
         joined="branches",
     ),
+    "excess": Port(
+        ("slope",),
+        1,
+        "current by the root of the lagged slope of the flux, A/V^(1/2); slope: rated, V",
+        once=True,
+    ),
+    "play": Port(
+        ("flux",),
+        2,
+        "current by what the flux is ahead of that held (1/H), most it can be ahead (Wb); flux: "
+        "rated, Wb",
+        once=True,
+        joined="last",
+    ),
     "skin": Port(
         (),
         2,

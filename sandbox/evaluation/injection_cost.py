@@ -12,8 +12,9 @@ the PWM's own ripple is in both.  Of a quantity x the added mean square is
 Models, and their limits:
 - Copper: 3/2 R |i|^2 at the constant resistance (no skin effect of its own at the injection's
   frequency).
-- Iron: the plant's `iron_loss` effect, 3/2 R_c |i_c|^2 with tau di_c/dt = (dpsi/dt)/R_c - i_c; none
-  where the plant has no such effect, as a motor's file states no core loss.
+- Iron: eddy currents of the plant's `iron_loss` effect, 3/2 R_c |i_c|^2 with tau di_c/dt =
+  (dpsi/dt)/R_c - i_c; none where the plant has none, as a motor's file states no core loss.  Excess
+  loss and hysteresis are left out.
 - Torque: of the air gap, from current and flux.  What the shaft makes of it is not asked.
 - Sound: a *proxy* to compare methods on one motor, no sound pressure.  The radial force on the
   teeth goes with the square of the air gap's flux, so its part that is the same all round is taken
@@ -244,7 +245,7 @@ def _iron(
     waveforms: tuple[Waveforms, ...],
     step: float,
 ) -> float | None:
-    """Return the added core loss (W); None where the plant has none."""
+    """Return the added loss by eddy currents of the core (W); None where the plant has none."""
     resistance = effects.get("iron_loss.core_resistance", math.inf)
     if not math.isfinite(resistance):
         return None

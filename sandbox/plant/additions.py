@@ -17,6 +17,7 @@ SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND, CURVE,
     1 << k for k in range(7, 20)
 )
 LAYERS, BRISTLES, CHANNELS = (1 << k for k in range(20, 23))
+CORE_LOSS = 1 << 23  # beside IRON: excess loss and hysteresis
 LAGS = IRON | SKIN | FILTER | LAYERS
 ANGULAR = MAGNETS | ENERGY
 # of the flux, and Wb: by which the energy's further currents are compared

@@ -202,7 +202,7 @@ def settle(w, j, i_alpha, i_beta, span, turned):
         turned,
         (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]),
         (k * w.early_alpha[j], k * w.early_beta[j]),
-        w.core_g[j] * w.core_rate[j],
+        w.core_stiff[j],
     )
 
 

@@ -18,6 +18,10 @@ from sandbox.plant.layers import spread
 
 FASTEST = 1e12  # 1/s
 ALIKE = 1e-8  # rad: both ends of a swing are one, to rounding (q^2/6)
+# of the rated slope of the flux: within it the excess-loss current goes through zero as across a
+# resistance, where its root would begin upright; off from the root by 0.26 sqrt(SLOPE_WIDTH), a
+# quarter of a percent, of the current at the rated slope, at most
+SLOPE_WIDTH = 1e-4
 MOST_DAMPED = 0.999  # of critical damping: the plant's solution is that of a shaft that swings
 
 
@@ -58,6 +62,10 @@ def fix(w, nominal, period):
         w.source_cos[j], w.source_sin[j] = swing(0.5 * period * w.source_rate[j], damping)
         w.core_g[j], lag = ports.iron(w, j)
         w.core_rate[j] = rate_of(lag)
+        w.core_stiff[j] = w.core_g[j] * w.core_rate[j]
+        w.excess[j] = ports.excess(w, j, w.rated_slope[j])
+        w.slope_width[j] = SLOPE_WIDTH * w.rated_slope[j]
+        w.play[j], w.play_reach[j] = ports.play(w, j, w.rated_flux[j])
         w.skin_r[j], lag = ports.skin(w, j)
         w.skin_rate[j] = rate_of(lag)
         even, odd, lag = ports.layers(w, j)

@@ -88,7 +88,7 @@ def bend(w, j, half):
 def stiff(w, j, a, b):
     """Return the current (A) that follows a flux (Wb) at once: the magnetising current, and the
     iron's."""
-    g = w.core_g[j] * w.core_rate[j]
+    g = w.core_stiff[j]
     return (w.faced_aa[j] + g) * a + w.faced_ab[j] * b, w.faced_ab[j] * a + (w.faced_bb[j] + g) * b
 
 
@@ -147,28 +147,34 @@ def close_iron(w, span):
         w.core_alpha[j], w.core_beta[j] = c_alpha, c_beta
 
 
+@inlined
+def moved_behind(w, j, half):
+    """Return by how much the flux behind the iron's lag moves in a segment (Wb), as predicted with
+    the drop at its start; half: of the segment, s."""
+    gone, first = w.zeroth[CORE, j], w.first[CORE, j]
+    p, q, a, b = w.psi_alpha[j], w.psi_beta[j], w.mid_alpha[j], w.mid_beta[j]
+    bend_alpha, bend_beta = bend(w, j, half)
+    return (
+        gone * (p - w.eddy_alpha[j])
+        + 2.0 * first * (a - 2.0 * bend_alpha - p)
+        + w.kink_alpha[CORE, j],
+        gone * (q - w.eddy_beta[j])
+        + 2.0 * first * (b - 2.0 * bend_beta - q)
+        + w.kink_beta[CORE, j],
+    )
+
+
 @kernel
 def iron_in_middle(w, span, u_alpha, u_beta, x, y):
     """Write the mean iron-loss current of the segment, g/S times what the flux behind the lag moves
     by; the flux goes straight on through its middle, but for the kink."""
     inverse, half = 1.0 / span, 0.5 * span
     for j in range(w.psi_alpha.size):
-        a, b = halfway(w, j, span, inverse, u_alpha, u_beta, x, y)
-        gone, first = w.zeroth[CORE, j], w.first[CORE, j]
-        p, q, g = w.psi_alpha[j], w.psi_beta[j], w.core_g[j] * inverse
+        halfway(w, j, span, inverse, u_alpha, u_beta, x, y)
+        g = w.core_g[j] * inverse
         w.core_less[j] = w.core_g[j] * w.second[CORE, j]
         w.begun_alpha[j], w.begun_beta[j] = w.core_alpha[j], w.core_beta[j]
-        bend_alpha, bend_beta = bend(w, j, half)
-        moved_alpha = (
-            gone * (p - w.eddy_alpha[j])
-            + 2.0 * first * (a - 2.0 * bend_alpha - p)
-            + w.kink_alpha[CORE, j]
-        )
-        moved_beta = (
-            gone * (q - w.eddy_beta[j])
-            + 2.0 * first * (b - 2.0 * bend_beta - q)
-            + w.kink_beta[CORE, j]
-        )
+        moved_alpha, moved_beta = moved_behind(w, j, half)
         w.core_alpha[j], w.core_beta[j] = g * moved_alpha, g * moved_beta
 
 
@@ -213,7 +219,7 @@ def behind(w, lag, j, x_alpha, x_beta):
     """
     gone, p, q = w.zeroth[lag, j], 2.0 * w.bend_alpha[j], 2.0 * w.bend_beta[j]
     w_0, w_m, w_1 = lag_weights(gone, w.first[lag, j], w.second[lag, j])
-    g = 0.5 * w_m * w.core_g[j] * w.core_rate[j]
+    g = 0.5 * w_m * w.core_stiff[j]
     k_alpha, k_beta = stiff(w, j, w.kink_alpha[lag, j] - w_m * p, w.kink_beta[lag, j] - w_m * q)
     return (
         (1.0 - gone) * x_alpha

@@ -17,7 +17,7 @@ from model.compiled import inlined, kernel
 from model.kernels.borrowed import borrowed
 from model.lanes import SHORT_TURN, turned, turned_a_little
 from sandbox.plant import additions as add
-from sandbox.plant import lags, losses
+from sandbox.plant import iron, lags, losses
 from sandbox.plant.batch import CORE, FILTER, NEVER, SKIN
 from sandbox.plant.commutation import commutate
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y
@@ -215,6 +215,8 @@ def at_start(w, flux_map, features, c, s, share, trajectory, span):
         lags.remember(w, span)
         if features & add.IRON and span > 0.0:
             lags.close_iron(w, span)
+            if features & add.CORE_LOSS:
+                iron.close_core(w, span)
     begin(w, flux_map, c, s, span)
     if features & add.ENERGY:
         add.energy_at_start(w, c, s)
@@ -246,6 +248,8 @@ def in_middle(
         add.magnets(w, c, s)
     if features & add.IRON:
         lags.iron_in_middle(w, span, u_alpha, u_beta, x, y)
+        if features & add.CORE_LOSS:
+            iron.core_in_middle(w, span)
     middle(w, flux_map, c, s, span, span * trajectory.rate, u_alpha, u_beta, x, y)
     if flux_map is None and long:
         bend(w, c, s, span * trajectory.rate)
@@ -521,6 +525,8 @@ def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, 
                     lag_through(
                         w, room, FILTER, w.filter_rate, timing.max_edge_delay, taken, t, span, x, y
                     )
+                if features & add.CORE_LOSS:
+                    iron.core_ahead(w, room, taken, t, span, u_alpha, u_beta, x, y)
                 share, any_late = (t + 0.5 * span) / period, timing.max_edge_delay > 0.0
                 in_middle(
                     w,
@@ -538,6 +544,8 @@ def travel(w, flux_map, timing, features, room, trajectory, clock, span, looks, 
                     y,
                     any_late,
                 )
+                if features & add.CORE_LOSS:
+                    iron.core_drags(w, room, taken, t, span, u_alpha, u_beta, x, y)
             if peeks:
                 peek(
                     w,

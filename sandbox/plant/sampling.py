@@ -8,6 +8,7 @@ from sandbox.plant import additions as add
 from sandbox.plant import ports
 from sandbox.plant.edges import EDGES
 from sandbox.plant.electrical import HALF_ROOT, quartic
+from sandbox.plant.iron import admittance, dragged
 from sandbox.plant.lags import answer, bend, stiff
 from sandbox.plant.layers import bow
 
@@ -107,8 +108,32 @@ def glimpse(w, j, flux_map, features, room, but, trajectory, t, h, u_alpha, u_be
         y_beta = (
             (gone - first) * w.psi_beta[j] + first * b + bent * (w.fall_beta[j] - w.drop_beta[j])
         )
-        c_alpha = g * (a - ((1.0 - gone) * w.eddy_alpha[j] + y_alpha + k_alpha))
-        c_beta = g * (b - ((1.0 - gone) * w.eddy_beta[j] + y_beta + k_beta))
+        y_alpha = a - ((1.0 - gone) * w.eddy_alpha[j] + y_alpha + k_alpha)
+        y_beta = b - ((1.0 - gone) * w.eddy_beta[j] + y_beta + k_beta)
+        c_alpha, c_beta = g * y_alpha, g * y_beta
+        if features & add.CORE_LOSS:
+            grows = 2.0 * w.span_inv[j]
+            more = admittance(w, j, w.core_rate[j] * y_alpha, w.core_rate[j] * y_beta)
+            (k_alpha, k_beta), _, _ = dragged(
+                w,
+                j,
+                room,
+                but,
+                t,
+                h,
+                u_alpha,
+                u_beta,
+                x,
+                y,
+                (w.drop_alpha[j], w.drop_beta[j]),
+                (
+                    grows * (w.fall_alpha[j] - w.drop_alpha[j]),
+                    grows * (w.fall_beta[j] - w.drop_beta[j]),
+                ),
+                (a - w.psi_alpha[j], b - w.psi_beta[j]),
+            )
+            c_alpha += more * w.core_rate[j] * y_alpha + w.play[j] * k_alpha
+            c_beta += more * w.core_rate[j] * y_beta + w.play[j] * k_beta
         return i_alpha + c_alpha, i_beta + c_beta, c_alpha, c_beta
     return i_alpha, i_beta, 0.0, 0.0
 
@@ -120,7 +145,7 @@ def curving(w, j, span, e_alpha, e_beta, c_alpha, c_beta):
     `lags.behind` moves a filter by."""
     p, q = bend(w, j, 0.5 * span)
     k_alpha, k_beta = stiff(w, j, 2.0 * p, 2.0 * q)
-    g = w.core_g[j] * w.core_rate[j]
+    g = w.core_stiff[j]
     m_alpha = (
         w.j_alpha[j] + 0.5 * w.core_alpha[j] - 0.25 * (w.begun_alpha[j] + c_alpha) - k_alpha - g * p
     )  # see `lags.close_iron`

@@ -16,7 +16,7 @@ import numpy as np
 
 from model.array_types import Array
 from model.effects import library
-from model.effects.card import At, Effect, Ordinary
+from model.effects.card import At, Effect, Ordinary, flux_scale
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
@@ -48,6 +48,8 @@ PORT_BITS = {
     "angle": add.WOBBLE,
     "edge": add.COMMUTE,
     "iron": add.IRON,
+    "excess": add.IRON | add.CORE_LOSS,
+    "play": add.IRON | add.CORE_LOSS,
     "skin": add.SKIN,
     "layers": add.LAYERS,
     "filter": add.FILTER,
@@ -72,6 +74,8 @@ SOUND = {
     "resistance": {"resistance": ANY},
     "delay": {"delay": ANY},
     "iron": {"core_g": NONE_BELOW, "core_rate": NONE_BELOW},
+    "excess": {"excess": NONE_BELOW},
+    "play": {"play": NONE_BELOW, "play_reach": NONE_BELOW},
     "skin": {"skin_r": NONE_BELOW, "skin_rate": NONE_BELOW},
     "layers": {"layer_r": NONE_BELOW, "layer_rate": NONE_BELOW},
     "filter": {"filter_rate": NONE_BELOW},
@@ -90,6 +94,8 @@ SOUND = {
 PASSIVE = dict.fromkeys(SOUND, "finite numbers") | {
     "source": "a rate, an impedance, a damping ratio, all at least 0",
     "iron": "a conductance, a time constant, both at least 0",
+    "excess": "a current of at least 0",
+    "play": "a current by flux, a flux, both at least 0",
     "skin": "a resistance, a time constant, both at least 0",
     "layers": "two resistances, a time constant, all at least 0",
     "filter": "a time constant of at least 0",
@@ -181,6 +187,8 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
         rows[f"dead_time_zone_{name}"] = value
     for row, usual in references(motor).items():
         rows[row] = rows[row] or usual
+    rows["rated_flux"] = flux_scale(motor)
+    rows["rated_slope"] = motor.rated_omega * flux_scale(motor)
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = (
         v["bench.load_torque_gain"],

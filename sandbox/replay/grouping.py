@@ -37,6 +37,7 @@ COSTS = {
     add.DELAYED: (140.0, 220.0),
     add.WOBBLE: (165.0, 165.0),
     add.CURVE: (100.0, 1300.0),
+    add.CORE_LOSS: (580.0, 1450.0),  # beside IRON
     SAMPLED: (70.0, 630.0),
 }
 

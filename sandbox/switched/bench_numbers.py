@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from model.effects.card import flux_scale
 from model.effects.library import check_inside, complete, neutral
 from model.errors import BadInput
 from model.parameters import MODULATIONS, OVERMODULATIONS, Converter, Motor
@@ -30,6 +31,7 @@ from sandbox.switched.leg import LINEAR, leg_table
 
 # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
 SOFT_SIGN = 0.015
+EXCESS_WIDTH = 1e-4  # of the rated slope of the flux: there the root of excess loss begins straight
 INDUCTANCES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
 # longest integration step, a share of the period; halving it changes nothing seen (tests)
 STEPS_A_PERIOD = 4.0
@@ -99,6 +101,11 @@ class SwitchedBench(NamedTuple):
     q_4: float
     core_conductance: float
     core_time: float
+    core_branch: float  # conductance by which the state has the lagged slope of the flux, 1/ohm
+    excess: float  # of excess loss, A/V^(1/2)
+    excess_width: float  # V, of the slope within which its root begins straight
+    grip: float  # magnetic hysteresis, 1/H, and its radius in Wb
+    grip_radius: float
     skin_resistance: float
     skin_time: float
     delta_a: float
@@ -150,8 +157,6 @@ class SwitchedBench(NamedTuple):
     step: float  # longest integration step, s
     audit: float  # other than 0: sum up energies (all effects but hysteresis and shorted turns)
     # The rest stands in no library and is off by default; `unlisted` has units and bounds.
-    grip: float = 0.0  # magnetic hysteresis, and its radius in Wb
-    grip_radius: float = 0.0
     # turns of phase a short-circuited, and the time constant of their loop
     short_conductance: float = 0.0
     short_time: float = 0.0
@@ -236,8 +241,8 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         **{n.partition(".")[2]: x for n, x in v.items() if n.partition(".")[0] in SAME_NAMES},
         **_drive(motor, converter),
         **shaft,
-        "core_conductance": 1.0 / v["iron_loss.core_resistance"],
         **_skin(v),
+        **_core(motor, v),
         "capacitance": _capacitance(motor, v),
         "dead_time": _dead_time(v),
         "slices": _slices(motor, v),
@@ -285,6 +290,22 @@ def _source(v: Mapping[str, float]) -> dict[str, float]:
         "link_rate": rate,
         "link_impedance": ohm,
         "link_damping": 0.5 * sag / ohm,
+    }
+
+
+def _core(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
+    """Return what the core loses by: eddy currents, excess loss, hysteresis."""
+    flux, current = flux_scale(motor), v["iron_loss.hysteresis_current"]
+    slope, excess = motor.rated_omega * flux, v["iron_loss.excess_current"]
+    conductance = 1.0 / v["iron_loss.core_resistance"]
+    radius = v["iron_loss.hysteresis_reach"] * flux if current else 0.0
+    return {
+        "core_conductance": conductance,
+        "core_branch": conductance or (1.0 if excess else 0.0),
+        "excess": excess / math.sqrt(slope),
+        "excess_width": EXCESS_WIDTH * slope,
+        "grip": current / radius if current else 0.0,
+        "grip_radius": radius,
     }
 
 
@@ -489,7 +510,7 @@ def _longest_step(
     step = period / STEPS_A_PERIOD
     if v["device_drop.threshold"] > 0.0 or v["shaft_compliance.backlash"] > 0.0:
         step = period / STEPS_WITH_CORNERS
-    if math.isfinite(v["iron_loss.core_resistance"]):
+    if math.isfinite(v["iron_loss.core_resistance"]) or v["iron_loss.excess_current"]:
         step = min(step, 0.25 * v["iron_loss.time_constant"])
     if v["skin_effect.resistance"] > 0.0:
         skin = _skin(v)

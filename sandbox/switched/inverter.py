@@ -109,24 +109,25 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
     h = (end - begin) / count
     k, sixth = 0.5 * h, (end - begin) / count / 6.0
     x, f = moving(state), complex(state[Slot.FILTER_ALPHA], state[Slot.FILTER_BETA])
-    held, bent = complex(state[Slot.HELD_ALPHA], state[Slot.HELD_BETA]), state[Slot.BENT]
+    held, begun = complex(state[Slot.HELD_ALPHA], state[Slot.HELD_BETA]), x.psi
+    bent = state[Slot.BENT]
     t = state[Slot.TIME] + begin
     link_sag, link = state[Slot.LINK_SAG], complex(state[Slot.LINK_DIP], state[Slot.LINK_FEED])
-    by = Driving(legs, link_sag + link.real, tau, held, mode, acc, bent)
+    by = Driving(legs, link_sag + link.real, tau, held, begun, mode, acc, bent)
     r1, i1 = slopes(b, t, by, x)
     for _ in range(count):
         if b.bristle_stiffness != 0.0:
             bent = slid(b, bent, x.speed, k)
-            by = Driving(legs, link_sag + link.real, tau, held, mode, acc, bent)
+            by = Driving(legs, link_sag + link.real, tau, held, begun, mode, acc, bent)
             r1, i1 = slopes(b, t, by, x)
         x2, link2 = ahead(x, k, r1), stage(b, legs, i1, link, link, k)
-        by2 = Driving(legs, link_sag + link2.real, tau, held, mode, acc, bent)
+        by2 = Driving(legs, link_sag + link2.real, tau, held, begun, mode, acc, bent)
         r2, i2 = slopes(b, t + k, by2, x2)
         x3, link3 = ahead(x, k, r2), stage(b, legs, i2, link2, link, k)
-        by3 = Driving(legs, link_sag + link3.real, tau, held, mode, acc, bent)
+        by3 = Driving(legs, link_sag + link3.real, tau, held, begun, mode, acc, bent)
         r3, i3 = slopes(b, t + k, by3, x3)
         x4, link4 = ahead(x, h, r3), stage(b, legs, i3, link3, link, h)
-        by4 = Driving(legs, link_sag + link4.real, tau, held, mode, acc, bent)
+        by4 = Driving(legs, link_sag + link4.real, tau, held, begun, mode, acc, bent)
         r4, i4 = slopes(b, t + h, by4, x4)
         if b.audit != 0.0:
             audit(state, b, t, by, sixth, x)
@@ -138,10 +139,11 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
         if b.bristle_stiffness != 0.0:
             bent = slid(b, bent, x.speed, k)
         if b.grip != 0.0:
-            held = x.psi - pull(b, x.psi, held)
+            held = x.psi - pull(b, begun, x.psi, held)
+        begun = x.psi
         t += h
         before = i1
-        by = Driving(legs, link_sag + link.real, tau, held, mode, acc, bent)
+        by = Driving(legs, link_sag + link.real, tau, held, begun, mode, acc, bent)
         r1, i1 = slopes(b, t, by, x)
         if b.filter_time > 0.0:
             f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)

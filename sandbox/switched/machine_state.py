@@ -12,7 +12,7 @@ class Moving(NamedTuple):
     """What the machine remembers, or by how much it changes in a second."""
 
     psi: complex  # flux, Wb
-    core: complex  # iron-loss current, A
+    core: complex  # current of eddy currents, A (excess loss alone: over a branch of 1 ohm)
     skin: complex  # slow part of the current (skin effect), A
     theta: float  # rad electrical
     speed: float  # rad/s mechanical
@@ -24,15 +24,16 @@ class Moving(NamedTuple):
 
 class Driving(NamedTuple):
     """What acts on it: vector of the legs' states (0/1), which times the link's voltage is the
-    voltage; V by which the link sags; load torque (N m); flux that hysteresis holds (constant
-    between steps, see `pull`); how the rotor moves: LOCKED, DRIVEN with a mechanical
-    acceleration (rad/s^2), or FREE; and the angle (rad) by which bristles are bent (constant, too,
-    see `slid`)."""
+    voltage; V by which the link sags; load torque (N m); flux that hysteresis holds, and flux,
+    where a step begins (see `pull`); how the rotor moves: LOCKED, DRIVEN with a mechanical
+    acceleration (rad/s^2), or FREE; and the angle (rad) by which bristles are bent (constant
+    between steps, see `slid`)."""
 
     legs: complex
     link_sag: float
     load_torque: float
     held: complex
+    begun: complex
     mode: int
     acceleration: float
     bent: float = 0.0

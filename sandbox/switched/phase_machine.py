@@ -11,14 +11,16 @@ harmonic series of z:
 and at constant w only the Re z^n depend on the angle: d/dtheta Re z^n = n Im z^n.  Current i = 2
 dH/dw*, torque = -3/2 p dH/dtheta at constant psi, so energy closes by construction.
 
-    dpsi/dt = v - R i - skin - phases,  i = i_m + i_c
+    dpsi/dt = v - R i - skin - phases,  i = i_m + i_c + i_h
+    i_c = g e + excess e/(|e|^2 + excess_width^2)^(1/4),  tau de/dt = dpsi/dt - e
+
+- hysteresis, a vector play: i_h = grip q, q = psi - psi_held, |q| <= grip_radius, psi_held dragged
+  along by q (`pull`).
 
 (skin: one branch, or the modes of layers of conductors, see `layers`.)
 
 What the effect library does not hold, so that something unknown can be asked for:
 
-- hysteresis, a vector play: i += grip e, e = psi - psi_held, |e| <= grip_radius, psi_held dragged
-  along by e;
 - short-circuited turns of phase a (share mu, fault resistance R_f, leakage L_f), s = 2/3 mu i_f:
   i_alpha += s, dpsi/dt += R s, tau ds/dt = g (R i_a + dpsi_alpha/dt) - s, g = 2/3 mu^2 / (R_f + mu
   R), tau = L_f / (R_f + mu R); the flux of phase a without its zero sequence;
@@ -174,12 +176,54 @@ def least_stiffness(b, psi, theta):
 
 
 @kernel
-def pull(b, psi, held):
-    """Return by how much the flux (Wb) is ahead of what hysteresis holds: a play of grip_radius at
-    most."""
-    ahead = psi - held
-    size = abs(ahead)
-    return ahead * (b.grip_radius / size) if size > b.grip_radius else ahead
+def pull(b, begun, psi, held):
+    """Return by how much the flux psi (Wb) is ahead of what hysteresis holds, grip_radius r at
+    most, after it went straight from `begun`, where this was `held`.
+
+    Seen from the way, w = q/r is a number on the unit circle while it drags: 2 r dw/ds = 1 - w^2,
+    whose solution is w = (w_0 + tanh(s/2r))/(1 + w_0 tanh(s/2r)).
+    """
+    ahead, gone = begun - held, psi - begun
+    length = abs(gone)
+    if length == 0.0:
+        return ahead
+    way, r = gone / length, b.grip_radius
+    w = ahead * way.conjugate()
+    free = max(math.sqrt(max(r * r - w.imag * w.imag, 0.0)) - w.real, 0.0)
+    if length <= free:
+        return ahead + gone
+    w = (w + free) / r
+    turn = math.tanh(0.5 * (length - free) / r)
+    return r * way * (w + turn) / (1.0 + w * turn)
+
+
+@inlined
+def lagged_slope(b, core):
+    """Return the slope of the flux behind the iron's lag (V) and what excess loss takes by it
+    (1/ohm); core: A through the branch that the state has."""
+    e = core / b.core_branch
+    return e, b.excess / math.sqrt(math.sqrt(abs(e) ** 2 + b.excess_width**2))
+
+
+@inlined
+def core_current(b, core):
+    """Return the current (A) of eddy currents and excess loss."""
+    if b.excess == 0.0:
+        return core
+    e, more = lagged_slope(b, core)
+    return (b.core_conductance + more) * e
+
+
+@inlined
+def core_loss(b, core):
+    """Return what they lose, and the energy in their lag, up to the factor 3/2 (W, J)."""
+    if b.core_branch == 0.0:
+        return 0.0, 0.0
+    e, more = lagged_slope(b, core)
+    square = abs(e) ** 2
+    within = (square + b.excess_width**2) ** 0.75 - b.excess_width**1.5
+    stored = 0.5 * b.core_conductance * square + (2.0 / 3.0) * b.excess * within
+    return (b.core_conductance + more) * square, b.core_time * stored
 
 
 @kernel
@@ -288,9 +332,9 @@ def slopes(b, t, by, x):
     """Return the rate of the state x at t (s) under what acts on it, and the terminal current
     (A)."""
     magnetising, torque = current_and_torque(b, x.psi, x.theta)
-    i = magnetising + x.core + x.loop
+    i = magnetising + core_current(b, x.core) + x.loop
     if b.grip != 0.0:
-        i += b.grip * pull(b, x.psi, by.held)
+        i += b.grip * pull(b, by.begun, x.psi, by.held)
     d_psi = (
         by.legs * link_voltage(b, t, by.link_sag) - b.resistance * (i - x.loop) - phase_drop(b, i)
     )
@@ -303,8 +347,8 @@ def slopes(b, t, by, x):
         fast = i - x.skin
         d_psi -= b.skin_resistance * fast
         d_skin = fast / b.skin_time
-    if b.core_conductance != 0.0:
-        d_core = (d_psi * b.core_conductance - x.core) / b.core_time
+    if b.core_branch != 0.0:
+        d_core = (d_psi * b.core_branch - x.core) / b.core_time
     if b.short_conductance != 0.0:
         d_loop = (
             b.short_conductance * (d_psi.real + b.resistance * i.real) - x.loop
@@ -325,14 +369,13 @@ def slopes(b, t, by, x):
 def powers(b, t, by, wanted, x):
     """Return the powers at t (s) in a state x; wanted: vector of the legs' states as commanded."""
     magnetising, _ = current_and_torque(b, x.psi, x.theta)
-    i = magnetising + x.core
+    i = magnetising + core_current(b, x.core)
     link = link_voltage(b, t, by.link_sag)
     v, ideal = by.legs * link, wanted * link
     drop = phase_drop(b, i)
     loss = b.resistance * abs(i) ** 2 + drop.real * i.real + drop.imag * i.imag
     loss += b.skin_resistance * abs(i - x.skin) ** 2 + heated(b.modes, x.modes, i)
-    if b.core_conductance != 0.0:
-        loss += abs(x.core) ** 2 / b.core_conductance
+    loss += core_loss(b, x.core)[0]
     rubbing = friction(b, x.speed, by.bent) * x.speed
     if b.load_inertia != 0.0:
         rubbing += shaft_damping(b, x.twist) * (x.speed - x.load_speed) ** 2
@@ -349,8 +392,7 @@ def reservoir(b, psi, core, skin, modes, theta, speed, load_speed, twist):
     potential."""
     stored = stored_energy(b, psi, theta) + 0.5 * b.skin_resistance * b.skin_time * abs(skin) ** 2
     stored += layers_held(b.modes, modes)
-    if b.core_conductance != 0.0:
-        stored += 0.5 * b.core_time / b.core_conductance * abs(core) ** 2
+    stored += core_loss(b, core)[1]
     total = 1.5 * stored + 0.5 * (
         b.inertia * speed**2 + b.load_inertia * load_speed**2 + b.stiffness * wound(b, twist) ** 2
     )

@@ -38,7 +38,7 @@ UNLISTED = {
         "1/H",
         0.0,
         1e7,
-        "hysteresis, a play of the flux: current per flux",
+        "hysteresis, a play of the flux: current per flux (listed, too, as part of iron_loss)",
         "grip_radius",
     ),
     "grip_radius": Unlisted("machine", "Wb", 0.0, 1e2, "flux at which the play is used up"),

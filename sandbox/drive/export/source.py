@@ -17,6 +17,7 @@ from estimators.c.expressions import MATHS, literal
 from estimators.c.kinds import INT, LANE, REAL, Absent, Kind, Record, Rows
 from estimators.c.translate import HELPERS, Program, macros
 from model.effects import library
+from model.effects.card import flux_scale
 from model.parameters import Converter, Drive, Motor
 from model.spline import SplineEnergy
 from sandbox.drive import loop, sensing
@@ -269,6 +270,9 @@ def _rows(drive: Drive, energy: SplineEnergy | None) -> list[str]:
         f"w->load_gain = {_is('bench.load_torque_gain')};",
         f"w->load_offset = {_is('bench.load_torque_offset')};",
     ]
+    flux = flux_scale(drive.motor)
+    lines.append(f"w->rated_flux = {_number(flux)};")
+    lines.append(f"w->rated_slope = {_number(drive.motor.rated_omega * flux)};")
     lines += [f"w->{row} = {_is(name)};" for row, name in sets.numbers()]
     for row, usual in sets.references(drive.motor).items():  # as `sets.rows_of`
         lines.append(f"if (w->{row} == R(0.0)) {{ w->{row} = {_number(usual)}; }}")

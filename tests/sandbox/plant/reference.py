@@ -4,13 +4,15 @@ between them.
 Same physics as `sandbox.plant.period` and none of its code; space vectors are complex numbers
 alpha + j beta.
 
-    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m,  m = phi_m + sum psi_d cos x + j psi_q
-    sin x dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_c di_c/dt = (dpsi/dt)/R_c - i_c,  tau_x
-    dx/dt = i - x tau_f df/dt = i - f,  torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) .
-    dm/dtheta - dH/dtheta] x = n theta + phase of every order,  H += sum gamma/2 Re(z^2 exp(-j x)) +
-    back/2 Re(z^2 exp(j x))
-        + pulse/2 |z|^2 cos x + cos x (alpha_30 d^3 + alpha_12 d q^2) + sin x (alpha_21 d^2 q +
-          alpha_03 q^3)
+    i = exp(j theta) dH/dz + i_c,  i_c = e/R_c + I_x e/sqrt(|e| e_n) + I_h q/r
+    z = exp(-j theta) psi - m,  m = phi_m + sum psi_d cos x + j psi_q sin x
+    dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_x dx/dt = i - x,  tau_f df/dt = i - f
+    tau_c de/dt = dpsi/dt - e
+    dq/dt = dpsi/dt, less q (q . dpsi/dt)/r^2 while |q| = r and q . dpsi/dt > 0
+    torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) . dm/dtheta - dH/dtheta]
+    x = n theta + phase of every order
+    H += sum gamma/2 Re(z^2 exp(-j x)) + back/2 Re(z^2 exp(j x)) + pulse/2 |z|^2 cos x +
+        cos x (alpha_30 d^3 + alpha_12 d q^2) + sin x (alpha_21 d^2 q + alpha_03 q^3)
 
 A winding with layers drops R_1 times Dowell's formula in place of R_1 (i - x): a ladder of
 inductances and resistances for each of its functions, from their continued fractions (`ladder`).
@@ -34,6 +36,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
+from model.effects.card import flux_scale
 from model.effects.friction_torque import CORNERS, TORQUES, reference
 from model.effects.leg_voltage import VOLTS, corners
 from model.inverter_table import Points
@@ -43,7 +46,9 @@ from tests.sandbox.plant.reference_legs import LEVEL, A, Commutating, Late, Legs
 
 Array = NDArray[np.float64]
 # places in the state
-PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST, BENT = 0, 2, 4, 6, 8, 9, 10, 11, 12
+PSI, SLOPE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST = 0, 2, 4, 6, 8, 9, 10, 11
+BENT, AHEAD = 12, 13
+FULL = 1.0 - 1e-9  # of a play's radius: there it slides, and is drawn to the radius from both sides
 LADDERS = LEVEL + 3
 CELLS = 5  # of each ladder: as close as Pade's approximant with so many poles
 
@@ -215,7 +220,24 @@ class Reference:
 
     def current(self, t: float, y: Array) -> complex:
         """Return the terminal current (A)."""
-        return self.machine(two(y, PSI), self.rotor(t, y)[0])[0] + two(y, CORE)
+        return self.machine(two(y, PSI), self.rotor(t, y)[0])[0] + self.core(y)
+
+    def core(self, y: Array) -> complex:
+        """Return the iron-loss current (A)."""
+        v, e, flux = self.v, two(y, SLOPE), flux_scale(self.motor)
+        rated = self.motor.rated_omega * flux
+        # the root begins straight, within 1e-4 of the rated slope
+        root = (abs(e) ** 2 + (1e-4 * rated) ** 2) ** 0.25
+        i = e / v["iron_loss.core_resistance"]
+        i += v["iron_loss.excess_current"] * e / (root * math.sqrt(rated))
+        reach = v["iron_loss.hysteresis_reach"] * flux
+        return i + v["iron_loss.hysteresis_current"] * two(y, AHEAD) / reach
+
+    def slides(self, q: complex, d_psi: complex) -> complex:
+        """Return the slope (V) of the flux ahead of that held, q (Wb)."""
+        reach = self.v["iron_loss.hysteresis_reach"] * flux_scale(self.motor)
+        pulls = (q.conjugate() * d_psi).real
+        return d_psi - q * pulls / reach**2 if abs(q) >= FULL * reach and pulls > 0.0 else d_psi
 
     def slopes(self, t: float, y: Array, algebra: bool = True) -> Array:
         """Return the state's time derivative; algebra: floating legs without capacitance find their
@@ -225,20 +247,21 @@ class Reference:
             y = self.legs.settled(t, y)
             out[LEVEL:LADDERS] = self.legs.moves(t, y)
         magnetising, torque = self.machine(two(y, PSI), self.rotor(t, y)[0])
-        i = magnetising + two(y, CORE)
+        i = magnetising + self.core(y)
         fast = i - two(y, SLOW)
         d_psi = self.voltage(t, y) - v["stator_resistance.resistance"] * i - self.phases(i)
         d_psi -= v["skin_effect.resistance"] * (self.layers(i, y, out) if self.layered else fast)
         put(out, PSI, d_psi)
-        if math.isfinite(v["iron_loss.core_resistance"]):
-            rest = d_psi / v["iron_loss.core_resistance"] - two(y, CORE)
-            put(out, CORE, rest / v["iron_loss.time_constant"])
+        if math.isfinite(v["iron_loss.core_resistance"]) or v["iron_loss.excess_current"]:
+            put(out, SLOPE, (d_psi - two(y, SLOPE)) / v["iron_loss.time_constant"])
+        if v["iron_loss.hysteresis_current"]:
+            put(out, AHEAD, self.slides(two(y, AHEAD), d_psi))
         put(out, SLOW, fast / v["skin_effect.time_constant"])
         if v["current_filter.time_constant"]:
             put(out, FILTER, (i - two(y, FILTER)) / v["current_filter.time_constant"])
         if not self.trajectory:
             out[THETA] = self.motor.pole_pairs * y[OMEGA]
-            out[OMEGA:LEVEL] = self.shaft(t, y, torque)
+            out[OMEGA:AHEAD] = self.shaft(t, y, torque)
         return out
 
     @property

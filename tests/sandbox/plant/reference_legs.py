@@ -24,7 +24,7 @@ from sandbox.plant.sets import zone_of
 Array = NDArray[np.float64]
 A = cmath.exp(2j * math.pi / 3.0)
 NONE = 1e-14  # F: a smaller capacitance is none, no leg takes time to slew
-LEVEL = 13  # first of three places in the state
+LEVEL = 15  # first of three places in the state
 SHORT, NUDGE = 1e-15, 1e-10  # s: no time is left; over which a current's slope is looked at
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from model.drive_files import load_drive
 from model.effects import library
-from model.effects.card import PORTS
+from model.effects.card import PORTS, flux_scale
 from sandbox.plant import additions as add
 from sandbox.plant.fixed import FASTEST
 from sandbox.plant.sets import complete, features_of
@@ -147,11 +147,12 @@ def test_what_is_asked_once_is_zero_in_neutral_lanes(port):
     """The card of an effect that is off returns 0 first, whatever its companions say (their typical
     sizes)."""
     drive = load_drive("ipm")
-    neutral, found = library.neutral(drive.motor), 0
+    neutral, found, flux = library.neutral(drive.motor), 0, flux_scale(drive.motor)
+    sizes = {"inertia": drive.motor.inertia, "flux": flux, "slope": drive.motor.rated_omega * flux}
     for card in map(library.load_effect, library.effect_names()):
         typical = library.typical(card.name, drive.motor, drive.converter)
         off = {**neutral, **{n: x for n, x in typical.items() if n not in card.switched_by[0]}}
-        more = [drive.motor.inertia] if port == "shaft" else []
+        more = [sizes[name] for name in PORTS[port].quantities]
         for at in (at for at in card.at if at.port == port):
             got = at.equation(*(off[card.public(1, n)] for n in at.numbers), *more)
             found += 1

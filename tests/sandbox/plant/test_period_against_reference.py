@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from model.effects import library
+from model.effects.iron_loss import USUAL
 from sandbox.plant.sets import complete
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import replay
@@ -79,6 +80,13 @@ LAYERS = {
     "skin_effect.layers": 2.0,
     "skin_effect.time_constant": 1e-4,
 }
+# of rated current each, beside eddy currents: what a core usually has (`iron_loss.USUAL`)
+CORE = {
+    "iron_loss.core_resistance": 1e3,
+    "iron_loss.excess_current": USUAL * DRIVE.motor.rated_current,
+    "iron_loss.hysteresis_current": USUAL * DRIVE.motor.rated_current,
+}
+HYSTERESIS = {k: x for k, x in CORE.items() if k.endswith("hysteresis_current")}
 CASES = {
     name: typical(name)
     for name in ("stator_resistance", *library.effect_names())
@@ -114,6 +122,12 @@ CASES |= {
     "layers": LAYERS,
     "layers behind iron, sampled between": LAYERS
     | {"iron_loss.core_resistance": 4e3, "current_sampling.delay": 6e-5},
+    "core loss": CORE,
+    "core loss sampled between": CORE | {"current_sampling.delay": 6e-5},
+    "hysteresis alone": HYSTERESIS,
+    "hysteresis of little reach": HYSTERESIS | {"iron_loss.hysteresis_reach": 0.03},
+    "excess loss alone": {k: x for k, x in CORE.items() if k.endswith("excess_current")},
+    "core loss behind late edges": CORE | {"dead_time.time": 4e-6},
     "fast skin": {"skin_effect.resistance": 8.0, "skin_effect.time_constant": 2e-5},
     "slow filter": {"current_filter.time_constant": 1e-3},
     "fast filter": {"current_filter.time_constant": 1e-7},
@@ -199,6 +213,7 @@ def test_a_measured_table_of_the_inverter():
 
 LAGGING = {
     "core": {"iron_loss.core_resistance": 1e3},
+    "core loss": CORE,
     "filter": {"current_filter.time_constant": 3e-5},
     "fast filter": {"current_filter.time_constant": 2e-6},
     "skin": {"skin_effect.resistance": 2.0, "skin_effect.time_constant": 2e-4},

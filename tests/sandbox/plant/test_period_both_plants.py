@@ -46,6 +46,11 @@ COGGING = {
     "cogging_torque.2.order_mech": 24.0,
     "cogging_torque.2.phase": 1.0,
 }
+CORE = {
+    "iron_loss.core_resistance": 2e3,
+    "iron_loss.excess_current": 0.04,
+    "iron_loss.hysteresis_current": 0.04,
+}
 CASES = {  # scenario, effects; the motor's quartic as a flux map where the name says so
     "bare": (LOCKED, {}),
     "driven": (DRIVEN, {}),
@@ -74,6 +79,8 @@ CASES = {  # scenario, effects; the motor's quartic as a flux map where the name
             "skin_effect.time_constant": 3e-5,
         },
     ),
+    "core loss": (DRIVEN, CORE),
+    "core loss, free": (FREE, CORE | {"dead_time.time": 1e-6}),
     "harmonics": (
         DRIVEN,
         {

@@ -191,7 +191,7 @@ def test_iron_loss_current_rises_with_its_time_constant_and_loses_its_power():
     found = powers(
         b,
         0.0,
-        Driving(complex(v / U), 0.0, 0.0, 0j, MODES["locked"], 0.0),
+        Driving(complex(v / U), 0.0, 0.0, 0j, 0j, MODES["locked"], 0.0),
         0j,
         moving(state)._replace(psi=0j),
     )

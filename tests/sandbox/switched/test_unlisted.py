@@ -36,7 +36,7 @@ def test_hysteresis_loop_has_the_area_of_a_play():
     psi = amplitude * np.sin(2.0 * np.pi * 2.0 * np.arange(n + 1) / n)
     i = np.empty(n + 1)
     for k in range(n + 1):
-        held = psi[k] - pull(b, complex(psi[k], 0.0), held)
+        held = psi[k] - pull(b, complex(psi[max(k - 1, 0)]), complex(psi[k]), held)
         i[k] = 3.0 * (psi[k] - held).real
     area = np.sum(0.5 * (i[n // 2 + 1 :] + i[n // 2 : -1]) * np.diff(psi[n // 2 :]))
     assert area == pytest.approx(4.0 * 3.0 * 0.02 * (0.09 - 0.02), rel=1e-3)
@@ -50,7 +50,7 @@ def test_turning_flux_loses_what_the_play_drags():
     n, held, loss = 20000, complex(0.09, 0.0), 0.0
     psi = 0.09 * np.exp(2j * np.pi * 3.0 * np.arange(n + 1) / n)
     for k in range(1, n + 1):
-        ahead = pull(b, psi[k], held)
+        ahead = pull(b, psi[k - 1], psi[k], held)
         held = psi[k] - ahead
         if k > 2 * n // 3:
             step = psi[k] - psi[k - 1]

@@ -134,6 +134,12 @@ FURTHER = {
 REST = (
     FURTHER,
     {"current_sampling.delay": -3e-6},
+    {
+        "iron_loss.excess_current": 0.04,
+        "iron_loss.hysteresis_current": 0.04,
+        "dead_time.time": 2e-6,
+        "current_sampling.delay": 5e-6,
+    },
     {"current_sampling.jitter": 2e-6},
     {"pwm_delay.delay": 2e-5, "current_sampling.delay": 5e-6},
     {"bench.soft_shape": 0.5, "dead_time.time": 2e-6, "bench.load_torque_gain": 0.02},
@@ -155,8 +161,9 @@ REST = (
 
 @pytest.mark.parametrize("extra", REST)
 def test_what_typical_sizes_do_not_reach(drive, plain, extra):
-    """Further orders, samples before their pattern, jitter by the same chances, the sign around
-    zero current, backlash, layers of conductors."""
+    """Further orders, excess loss and hysteresis, samples before their pattern, jitter by the same
+    chances, the sign around zero current, backlash, layers of
+    conductors."""
     assert max(compared(drive, plain, "free", extra)) < GOAL
 
 
