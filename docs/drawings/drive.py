@@ -51,7 +51,7 @@ BLOCKS = {
         ("torque", "friction", "bristles", "load", "shaft", "backlash"),
         ("inertia", "viscous_friction"),
     ),
-    "current": Block("current sensors", ("reading", "filter", "instant")),
+    "current": Block("current sensors", ("reading", "filter", "instant", "channels")),
     "encoder": Block("encoder", ("angle", "offset", "latency")),
 }
 
