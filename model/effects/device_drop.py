@@ -95,7 +95,7 @@ def slope(on_resistance):
 def leg_loss(v: Mapping[str, float], current: Array) -> Array:
     """Return what a leg loses by it (V, any shape) at constant currents (A), by completed
     values."""
-    i, knee = np.asarray(current, dtype=float), v["device_drop.knee"]
+    i, knee = np.asarray(current, dtype=float), v["device_drop.knee_current"]
     share = -np.expm1(-np.abs(i) / knee) * np.sign(i) if knee else sign(v, i)
     return np.asarray(v["device_drop.threshold"] * share + v["device_drop.on_resistance"] * i)
 
@@ -113,7 +113,7 @@ def sign(v: Mapping[str, float], current: Array) -> Array:
 def leg_slope(v: Mapping[str, float], motor: Motor, legs: Legs) -> LegSlope:
     """Return what a leg loses by the threshold around zero current, by completed values; the
     on-resistance is one of the winding's circuit (`slope`)."""
-    within = v["device_drop.knee"] or legs.zone
+    within = v["device_drop.knee_current"] or legs.zone
     return LegSlope(v["device_drop.threshold"] * (1.0 / within), within)
 
 
@@ -122,9 +122,9 @@ def otherwise(
 ) -> dict[str, float]:
     """Return a knee in place of a sharp threshold, whose half is lost at the same current as with a
     zone of `width` (A), or none in place of one."""
-    if v["device_drop.knee"] > 0.0:
-        return {"device_drop.knee": 0.0}
-    return {"device_drop.knee": 0.5 * width / math.log(2.0)}
+    if v["device_drop.knee_current"] > 0.0:
+        return {"device_drop.knee_current": 0.0}
+    return {"device_drop.knee_current": 0.5 * width / math.log(2.0)}
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
@@ -132,7 +132,7 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     threshold, ohm = v["device_drop.threshold"], v["device_drop.on_resistance"]
     own = [f"{quantity(threshold, 'V')} with the sign of each phase current"] if threshold else []
     own += [f"{quantity(ohm, 'ohm')} times it (or put that into the resistance)"] if ohm else []
-    knee = v["device_drop.knee"] if threshold else 0.0
+    knee = v["device_drop.knee_current"] if threshold else 0.0
     soft = f", less of it below {quantity(2.0 * knee, 'A')}" if knee else ""
     return f"add to the commanded phase voltages {' and '.join(own)}{soft}: what the devices drop"
 
@@ -166,7 +166,7 @@ CARD = Effect(
             title="on-resistance of the devices",
         ),
         Parameter(
-            "knee",
+            "knee_current",
             "A",
             0.0,
             0.0,
@@ -176,7 +176,7 @@ CARD = Effect(
             fit="log",
             spread=1.0,
             change=0.05,
-            title="knee of the devices",
+            title="current of the devices' knee",
         ),
     ),
     axis="against the current",
@@ -188,8 +188,8 @@ CARD = Effect(
         "with them, the threshold does not"
     ),
     at=(
-        At("leg", lost, ("threshold", "knee")),
-        At("leg_curve", lost_at_knee, ("threshold", "knee"), switches=("knee",)),
+        At("leg", lost, ("threshold", "knee_current")),
+        At("leg_curve", lost_at_knee, ("threshold", "knee_current"), switches=("knee_current",)),
         At("resistance", slope, ("on_resistance",)),
     ),
     switches=("threshold", "on_resistance"),

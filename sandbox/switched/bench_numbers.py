@@ -61,7 +61,7 @@ SAME = {
     "ripple_phase": "dc_link_ripple.phase",
     "pwm_delay": "pwm_delay.delay",
     "threshold": "device_drop.threshold",
-    "threshold_knee": "device_drop.knee",
+    "threshold_knee": "device_drop.knee_current",
     "on_resistance": "device_drop.on_resistance",
     "filter_time": "current_filter.time_constant",
     "sampling_delay": "current_sampling.delay",

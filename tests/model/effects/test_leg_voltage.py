@@ -132,7 +132,9 @@ def test_a_drop_with_a_knee_is_its_mean_on_the_way_and_part_of_the_whole_curve(e
     """Against SciPy's quadrature of the exponential; none of it is left at the sharp threshold's
     port."""
     v = library.complete(
-        DRIVE.motor, DRIVE.converter, {"device_drop.threshold": 1.5, "device_drop.knee": 0.2}
+        DRIVE.motor,
+        DRIVE.converter,
+        {"device_drop.threshold": 1.5, "device_drop.knee_current": 0.2},
     )
     whole_way = quad(lambda i: device_drop.leg_loss(v, np.array(i)), *ends, points=[0.0])[0]
     (x, y), at = ends, float(device_drop.leg_loss(v, np.array(ends[0])))

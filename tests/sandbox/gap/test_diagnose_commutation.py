@@ -40,7 +40,10 @@ def test_dead_time_by_switches_diodes_and_capacitance(capacitance):
 def test_a_drop_whose_devices_have_a_knee():
     """A knee at a tenth of rated current, seven times as wide as the usual zone of a sign: the drop
     is named alone, threshold and knee as put in (within three standard deviations, as above)."""
-    put_in = {"device_drop.threshold": 1.5, "device_drop.knee": 0.1 * DRIVE.motor.rated_current}
+    put_in = {
+        "device_drop.threshold": 1.5,
+        "device_drop.knee_current": 0.1 * DRIVE.motor.rated_current,
+    }
     d = diagnosis_of(small_campaign(put_in, CASES + TURNING), workers=1)
     assert d.best.effects == ("device_drop",)
     assert d.best.probability > 0.9

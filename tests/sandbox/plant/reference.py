@@ -186,7 +186,7 @@ class Reference:
 
     def device(self, current: float) -> float:
         """Return what a leg's devices drop at a current (A), in thresholds."""
-        if knee := self.v["device_drop.knee"]:
+        if knee := self.v["device_drop.knee_current"]:
             return math.copysign(1.0 - math.exp(-abs(current) / knee), current)
         return self.sign(current)
 

@@ -155,10 +155,10 @@ CASES |= {
     },
     "early edges": {"dead_time.time": -3e-6},
     "large drop": {"device_drop.threshold": 5.0},
-    "drop with a knee": {"device_drop.threshold": 2.0, "device_drop.knee": 0.4},
+    "drop with a knee": {"device_drop.threshold": 2.0, "device_drop.knee_current": 0.4},
     "knee beside late edges": {
         "device_drop.threshold": 2.0,
-        "device_drop.knee": 0.4,
+        "device_drop.knee_current": 0.4,
         "dead_time.time": 4e-6,
     },
     "drop beside late edges": {"device_drop.threshold": 2.0, "dead_time.time": 4e-6},

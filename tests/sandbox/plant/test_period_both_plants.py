@@ -68,7 +68,7 @@ CASES = {  # scenario, effects; the motor's quartic as a flux map where the name
         },
     ),
     "phase after phase": (DRIVEN, {"current_sampling.channel_lag": 2e-6}),
-    "a knee": (DRIVEN, {"device_drop.threshold": 1.0, "device_drop.knee": 0.3}),
+    "a knee": (DRIVEN, {"device_drop.threshold": 1.0, "device_drop.knee_current": 0.3}),
     "late samples": (DRIVEN, {"current_sampling.delay": 5e-6}),
     "iron loss": (DRIVEN, {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4}),
     "layers of conductors": (

@@ -90,7 +90,7 @@ def test_devices_with_a_knee_drop_by_an_exponential():
     """At a constant voltage the current is where u = 4/3 V (1 - exp(-i/i_k)) + R i along alpha,
     phases b and c carrying half of it each: 2/3 of phase a's drop and 2/3 of theirs."""
     v, knee, u = 1.5, 0.12, 40.0
-    effects = {"device_drop.threshold": v, "device_drop.knee": knee}
+    effects = {"device_drop.threshold": v, "device_drop.knee_current": knee}
     b = quiet(bench(SMOOTH, CONVERTER, effects))
 
     def left(i):

@@ -178,15 +178,16 @@ def test_medium_sizes_show_in_single_samples(family):
 
 
 def test_no_effect_of_the_library_describes_them():
-    """It would take a torque less than once a turn, a delay of one phase, a memory of the load or
-    of a sensor."""
+    """It would take a torque less than once a turn, a memory of the load or of a sensor; phases
+    read one after another are described since 2026-12-01 (`channel_lag`), and stay where seeds
+    draw them."""
     assert load_effect("cogging_torque").parameters[1].low == 1.0  # lobe: 1/6 to 1/2.3 of it
     turns = [planted("lobe", "ipm")[1]["lobe_turns"] for _ in range(50)]
     assert min(turns) > 2.0
     sensors = {
         p.name for e in ("current_sampling", "current_filter") for p in load_effect(e).parameters
     }
-    assert sensors == {"delay", "jitter", "time_constant"}  # of all phases alike
+    assert sensors == {"delay", "channel_lag", "jitter", "time_constant"}
     # no torque or inertia to change
     found = {"load": ("omega",), "torque": ("turn", "omega"), "friction": ("omega",)}
     assert {k: PORTS[k].quantities for k in found} == found
