@@ -15,6 +15,9 @@ from model.steps import LARGEST_DECAY, step_for_winding
 
 LEAST = 0.5  # layers: half a conductor, between whose halves there is no field
 PARAMETERS = ("skin_effect.resistance", "skin_effect.time_constant", "skin_effect.layers")
+# s: of copper (58 MS/m) 1 and 3 mm high, mu_0 sigma (h/pi)^2, and layers from which a search begins
+COPPER = (7.4e-6, 6.6e-5)
+FEW, MANY = 2.0, 6.0
 HALVINGS = 60  # of the bracket of a step: to rounding
 
 
@@ -190,4 +193,5 @@ CARD = Effect(
     longest=longest,
     do=do,
     otherwise=otherwise,
+    others=tuple({"time_constant": tau, "layers": m} for tau in COPPER for m in (FEW, MANY)),
 )

@@ -62,10 +62,9 @@ class Candidate:
         if not off:  # nothing but shapes: there or not, one straight way between
             first = next(iter(start))
             return [Coordinate(f"{self.effect}{label}", 0.0, 1.0, "share", (first,), along)]
-        if self.chord:
-            off = [
-                replace(c, step=self.chord, within=2.0 * abs(self.chord) / c.deviation) for c in off
-            ]
+        if self.chord:  # of its size, the first of them
+            within = 2.0 * abs(self.chord) / off[0].deviation
+            off[0] = replace(off[0], step=self.chord, within=within)
         return [replace(c, label=f"{c.label}{label}", along=along) for c in off]
 
     @property
@@ -200,19 +199,24 @@ def _other_forms(point: ParameterPoint, effect: str) -> Iterator[Candidate]:
         return
     # nothing but shapes, no size, or shapes in the first form, too: a fit tries the other one
     shapes = [p for p in card.parameters if p.fit == "log"]
-    if all(p.fit in ("log", "fixed") for p in card.parameters) or any(p.typical for p in shapes):
+    if all(p.fit in ("log", "fixed") for p in card.parameters):
         return
-    for width in ZONES:
-        first = {
-            **point.values,
-            **{card.public(1, p.name): 0.0 for p in card.parameters if p.fit == "log"},
-        }
-        size = next(c for c in of_effect(effect, drive, first) if c.form == "linear")
-        typical = size.mean + size.deviation / WIDE
-        values = {**first, **size.changes(first, typical)}
+    if not card.others and any(p.typical for p in shapes):
+        return
+    first = {**point.values, **{card.public(1, p.name): 0.0 for p in shapes}}
+    size = next(c for c in of_effect(effect, drive, first) if c.form == "linear")
+    typical = size.mean + size.deviation / WIDE
+    values = {**first, **size.changes(first, typical)}
+    for own in card.others:
+        start = {card.public(1, name): x for name, x in own.items()}
+        if possible(point, {**values, **start}):
+            yield Candidate(effect, start, chord=typical - size.mean)
+    seen: list[dict[str, float]] = []
+    for width in () if card.others else ZONES:
         width = width * soft_current(drive.motor)
         start = card.otherwise(values, width, drive.motor, drive.converter)
-        if possible(point, {**values, **start}):
+        if start not in seen and possible(point, {**values, **start}):
+            seen.append(start)
             yield Candidate(effect, start, chord=typical - size.mean)
 
 
