@@ -64,7 +64,7 @@ def balance(
     # with LINK segments are taken by their parts
     features = features_of(motor, v) | add.MOVED | add.MOTION | add.LINK
     # no compiler here that would see a record's fields
-    sets.fix = lambda w, nominal: fix(Fields(w), nominal)
+    sets.fix = lambda w, nominal, period: fix(Fields(w), nominal, period)
     w: Any = Fields(batch_of(motor, converter, [v], 1))
     room: Any = Fields(blank_room(1))
     if rotor != "free":
