@@ -29,6 +29,7 @@ from model.effects.card import (
     Legs,
     LegSlope,
     Parameter,
+    flux_scale,
 )
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
 from model.errors import BadInput, brief, raised
@@ -289,7 +290,12 @@ def _check_slope(slope: LegSlope) -> None:
 def _ask_once(card: Effect, at: At, values: dict[str, float], drive: Drive, *, off: bool) -> None:
     """Raise ValueError unless an equation that is asked once a batch returns numbers, the first 0
     where it is off."""
-    quantities = [getattr(drive.motor, name) for name in PORTS[at.port].quantities]
+    flux = flux_scale(drive.motor)
+    rated = {"flux": flux, "slope": drive.motor.rated_omega * flux}
+    quantities = [
+        rated[name] if name in rated else getattr(drive.motor, name)
+        for name in PORTS[at.port].quantities
+    ]
     answers = at.equation(*(values[card.public(1, n)] for n in at.numbers), *quantities)
     numbers = answers if isinstance(answers, tuple) else (answers,)
     if not all(map(math.isfinite, numbers)) or min(numbers[1:], default=0.0) < 0.0:

@@ -427,9 +427,6 @@ class Effect:
     the half-width (A) of the zone in which a current's sign goes through zero, motor and converter;
     a fit compares both.
 
-    others: shapes from which a search begins that looks for that other form, where those of the
-    first form say too little of it.
-
     repeats: how many parts like its first it can have at once, that one included; they add up.
     Parameters of the first are `effect.parameter`, of the k-th (k from 2 on) `effect.k.parameter`,
     neutral unless given; further: what parts from the second on are made of (None: of the same as
@@ -463,7 +460,6 @@ class Effect:
     otherwise: Callable[[Mapping[str, float], float, Motor, Converter], dict[str, float]] | None = (
         None
     )
-    others: tuple[Mapping[str, float], ...] = ()
     ordinarily: Callable[[Mapping[str, float]], tuple[str, ...]] | None = None
     free: bool = False
     curve: Curve | None = None

@@ -9,6 +9,9 @@ from model.effects.card import At, Effect, Limit, Parameter
 from model.effects.said import quantity
 from model.parameters import Converter, Motor
 
+# of the PWM period, that one phase is sampled after another: converters take some microseconds
+USUAL = 0.02
+
 
 @inlined
 def taken(delay, jitter):
@@ -33,7 +36,7 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
     )
     yield Limit(
         "current_sampling.channel_lag",
-        2.0 * abs(v["current_sampling.channel_lag"]),
+        2.0 * v["current_sampling.channel_lag"],
         half,
         "s from the first to the last phase, half the sampling period",
     )
@@ -43,6 +46,15 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
         half,
         "s in six sigma, half the PWM period",
     )
+
+
+def otherwise(
+    v: Mapping[str, float], width: float, motor: Motor, converter: Converter
+) -> dict[str, float]:
+    """Return phases that are sampled one after another in place of all at once, or the other way
+    round."""
+    lag = 0.0 if v["current_sampling.channel_lag"] else USUAL * converter.sampling_period
+    return {"current_sampling.channel_lag": lag}
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
@@ -56,12 +68,7 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
         else []
     )
     lag = v["current_sampling.channel_lag"]
-    order = "a, b, c" if lag > 0.0 else "c, b, a"
-    apart = (
-        [f"sample all phases at once: {order} come {quantity(abs(lag), 's')} after each other"]
-        if lag
-        else []
-    )
+    apart = [f"sample all phases at once: they come {quantity(lag, 's')} apart"] if lag else []
     return "; ".join([*shift, *apart, *shake])
 
 
@@ -88,11 +95,13 @@ CARD = Effect(
             "channel_lag",
             "s",
             0.0,
-            -1e-3,
+            0.0,
             1e-3,
             0.0,
             "PWM period",
-            change=0.02,
+            fit="log",
+            spread=1.0,
+            change=USUAL,
             title="lag of each phase's sampling behind the one before",
         ),
         Parameter(
@@ -122,4 +131,5 @@ CARD = Effect(
     ),
     limits=limits,
     do=do,
+    otherwise=otherwise,
 )

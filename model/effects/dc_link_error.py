@@ -16,8 +16,9 @@ LARGEST_SAG = 0.2  # of the link
 # rad of the resonance in a period, over which the draw counts as constant: its mean, taken in the
 # middle, is then off by 1/24 of the square, 1.7 %
 FASTEST = 2.0 / math.pi
-# where a fit begins that looks for a resonance: twice the mains, as rectifiers feed capacitors
-RECTIFIED = 100.0  # Hz
+# where a fit begins that looks for a resonance, of the voltage's update rate: twice the mains, as
+# rectifiers feed capacitors, of some 10 kHz
+RECTIFIED = 0.01
 
 
 @inlined
@@ -73,7 +74,7 @@ def otherwise(
         return {"dc_link_error.impedance": 0.0, "dc_link_error.resonance": 0.0}
     return {
         "dc_link_error.impedance": 0.02 * converter.dc_bus_voltage / motor.rated_current,
-        "dc_link_error.resonance": RECTIFIED,
+        "dc_link_error.resonance": RECTIFIED / converter.update_period,
     }
 
 
@@ -148,7 +149,7 @@ CARD = Effect(
             0.0,
             fit="log",
             spread=1.0,
-            change=RECTIFIED,
+            change=100.0,
             title="resonance of the DC link with its supply",
         ),
         Parameter(

@@ -6,7 +6,6 @@ of a current does everywhere, linearly; with a knee it is V_t (1 - exp(-|i|/i_k)
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -117,16 +116,6 @@ def leg_slope(v: Mapping[str, float], motor: Motor, legs: Legs) -> LegSlope:
     return LegSlope(v["device_drop.threshold"] * (1.0 / within), within)
 
 
-def otherwise(
-    v: Mapping[str, float], width: float, motor: Motor, converter: Converter
-) -> dict[str, float]:
-    """Return a knee in place of a sharp threshold, whose half is lost at the same current as with a
-    zone of `width` (A), or none in place of one."""
-    if v["device_drop.knee_current"] > 0.0:
-        return {"device_drop.knee_current": 0.0}
-    return {"device_drop.knee_current": 0.5 * width / math.log(2.0)}
-
-
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     """Return what to do about it, at completed values."""
     threshold, ohm = v["device_drop.threshold"], v["device_drop.on_resistance"]
@@ -194,6 +183,5 @@ CARD = Effect(
     ),
     switches=("threshold", "on_resistance"),
     do=do,
-    otherwise=otherwise,
     leg_slope=leg_slope,
 )

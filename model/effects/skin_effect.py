@@ -14,10 +14,6 @@ from model.parameters import Converter, Motor
 from model.steps import LARGEST_DECAY, step_for_winding
 
 LEAST = 0.5  # layers: half a conductor, between whose halves there is no field
-PARAMETERS = ("skin_effect.resistance", "skin_effect.time_constant", "skin_effect.layers")
-# s: of copper (58 MS/m) 1 and 3 mm high, mu_0 sigma (h/pi)^2, and layers from which a search begins
-COPPER = (7.4e-6, 6.6e-5)
-FEW, MANY = 2.0, 6.0
 HALVINGS = 60  # of the bracket of a step: to rounding
 
 
@@ -74,30 +70,6 @@ def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:
         fits = step <= step_for_winding(motor.resistance + more, energy)
         short, long = (step, long) if fits else (short, step)
     return short
-
-
-def otherwise(
-    v: Mapping[str, float], width: float, motor: Motor, converter: Converter
-) -> dict[str, float]:
-    """Return layers in place of one branch, or that in place of layers: far below the corner both
-    have the same R and the same inductance.
-
-    There one branch has R_1 (omega tau)^2 and R_1 tau, layers R (5 m^2 - 1)/180 (omega T)^2 and
-    R T m^2/3, T = pi^2 times their time constant: tau/T = (5 m^2 - 1)/(60 m^2), R_1/R =
-    20 m^4/(5 m^2 - 1).  R is all of the winding where that makes at least one layer, else as much
-    as one layer needs.
-    """
-    ohm, tau = v["skin_effect.resistance"], v["skin_effect.time_constant"]
-    if layers := v["skin_effect.layers"]:
-        square = layers * layers
-        share = math.pi**2 * (5.0 * square - 1.0) / (60.0 * square)
-        many, back = ohm * square / (3.0 * share) * math.pi**2, 0.0
-        return dict(zip(PARAMETERS, (many, tau * share, back), strict=True))
-    rest = min(motor.resistance or math.inf, 0.2 * ohm)
-    ratio = ohm / rest if rest > 0.0 else 5.0
-    square = 0.125 * ratio + math.sqrt((0.125 * ratio) ** 2 - 0.05 * ratio)
-    share = math.pi**2 * (5.0 * square - 1.0) / (60.0 * square)
-    return dict(zip(PARAMETERS, (rest, tau / share, math.sqrt(square)), strict=True))
 
 
 def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
@@ -192,6 +164,4 @@ CARD = Effect(
     limits=limits,
     longest=longest,
     do=do,
-    otherwise=otherwise,
-    others=tuple({"time_constant": tau, "layers": m} for tau in COPPER for m in (FEW, MANY)),
 )

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from model.effects.card import flux_scale
 from model.effects.library import check_inside, complete, neutral
 from model.errors import BadInput
 from model.parameters import MODULATIONS, OVERMODULATIONS, Converter, Motor
@@ -248,7 +247,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
         "slices": _slices(motor, v),
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
         **_source(v),
-        "channel_lag": _channel_lag(v),
+        "channel_lag": v["current_sampling.channel_lag"],
         "ripple_rate": math.tau * v["dc_link_ripple.frequency"],
         "eccentricity": motor.pole_pairs * v["encoder_eccentricity.amplitude_mech"],
         "audit": 0.0,
@@ -266,18 +265,6 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Swit
     )
 
 
-def _channel_lag(v: Mapping[str, float]) -> float:
-    """Return by how much (s) each phase is read after the one before it; BadInput where c comes
-    first."""
-    lag = v["current_sampling.channel_lag"]
-    if lag < 0.0:
-        raise BadInput(
-            f"current_sampling.channel_lag = {lag:g} s: the switched bench reads a, then b, then "
-            "c; give at least 0"
-        )
-    return lag
-
-
 def _source(v: Mapping[str, float]) -> dict[str, float]:
     """Return what feeds the link: a resistance while a capacitor holds it, or one that the
     capacitor rings with through an inductance."""
@@ -293,9 +280,16 @@ def _source(v: Mapping[str, float]) -> dict[str, float]:
     }
 
 
+def _rated_flux(motor: Motor) -> float:
+    """Return the flux (Wb) that hysteresis' reach is a share of: the magnets', or without magnets
+    what rated current links by the mean of both inductances, geometrically."""
+    linked = math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
+    return motor.magnet_flux or linked
+
+
 def _core(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
     """Return what the core loses by: eddy currents, excess loss, hysteresis."""
-    flux, current = flux_scale(motor), v["iron_loss.hysteresis_current"]
+    flux, current = _rated_flux(motor), v["iron_loss.hysteresis_current"]
     slope, excess = motor.rated_omega * flux, v["iron_loss.excess_current"]
     conductance = 1.0 / v["iron_loss.core_resistance"]
     radius = v["iron_loss.hysteresis_reach"] * flux if current else 0.0

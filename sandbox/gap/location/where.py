@@ -52,7 +52,7 @@ WHOSE = {
     "mechanics": "mechanics'",
 }
 # ports between a current and its reading; an angle has others
-MEASURED = ("reading", "filter", "instant")
+MEASURED = ("reading", "filter", "instant", "channels")
 WHAT = {"motion": "motion of the free rotor", "position": "the encoder's angle at imposed speed"}
 ORDER_TEXT = {
     1: "stands still in the stator (order 1 of the rotor's frame)",

@@ -62,9 +62,10 @@ class Candidate:
         if not off:  # nothing but shapes: there or not, one straight way between
             first = next(iter(start))
             return [Coordinate(f"{self.effect}{label}", 0.0, 1.0, "share", (first,), along)]
-        if self.chord:  # of its size, the first of them
-            within = 2.0 * abs(self.chord) / off[0].deviation
-            off[0] = replace(off[0], step=self.chord, within=within)
+        if self.chord:
+            off = [
+                replace(c, step=self.chord, within=2.0 * abs(self.chord) / c.deviation) for c in off
+            ]
         return [replace(c, label=f"{c.label}{label}", along=along) for c in off]
 
     @property
@@ -192,31 +193,27 @@ def _chords(point: ParameterPoint, slope: Candidate) -> Iterator[Candidate]:
 
 
 def _other_forms(point: ParameterPoint, effect: str) -> Iterator[Candidate]:
-    """Yield an effect in its other form, as the finite change to the typical size of its first
-    number; it has none at no size at all."""
+    """Yield an effect of one size in its other form, as the finite change to its typical size; it
+    has none at no size at all.
+
+    Of one with several sizes, with no size, with shapes in its first form, too, or with shapes that
+    are none of a zone about zero current, a fit tries the other one.
+    """
     drive, card = point.prepared.campaign.drive, library.load_effect(effect)
     if card.otherwise is None:
         return
-    # nothing but shapes, no size, or shapes in the first form, too: a fit tries the other one
     shapes = [p for p in card.parameters if p.fit == "log"]
-    if all(p.fit in ("log", "fixed") for p in card.parameters):
-        return
-    if not card.others and any(p.typical for p in shapes):
+    sizes = [p for p in card.parameters if p.fit not in ("log", "fixed")]
+    if len(sizes) != 1 or any(p.typical for p in shapes):
         return
     first = {**point.values, **{card.public(1, p.name): 0.0 for p in shapes}}
-    size = next(c for c in of_effect(effect, drive, first) if c.form == "linear")
+    (size,) = (c for c in of_effect(effect, drive, first) if c.form == "linear")
     typical = size.mean + size.deviation / WIDE
     values = {**first, **size.changes(first, typical)}
-    for own in card.others:
-        start = {card.public(1, name): x for name, x in own.items()}
+    usual = soft_current(drive.motor)
+    zoned = [card.otherwise(values, k * usual, drive.motor, drive.converter) for k in ZONES]
+    for start in zoned if zoned[0] != zoned[-1] else ():
         if possible(point, {**values, **start}):
-            yield Candidate(effect, start, chord=typical - size.mean)
-    seen: list[dict[str, float]] = []
-    for width in () if card.others else ZONES:
-        width = width * soft_current(drive.motor)
-        start = card.otherwise(values, width, drive.motor, drive.converter)
-        if start not in seen and possible(point, {**values, **start}):
-            seen.append(start)
             yield Candidate(effect, start, chord=typical - size.mean)
 
 

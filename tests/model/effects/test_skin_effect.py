@@ -9,7 +9,7 @@ import pytest
 
 from model.drive_files import load_drive
 from model.effects import library
-from model.effects.skin_effect import CARD, dowell, impedance, ladder, longest, otherwise
+from model.effects.skin_effect import CARD, dowell, impedance, ladder, longest
 from model.errors import BadInput
 
 DRIVE = load_drive("ipm")
@@ -75,23 +75,6 @@ def set_of(**values):
     """Return a completed set."""
     own = {f"skin_effect.{k}": x for k, x in values.items()}
     return library.complete(DRIVE.motor, DRIVE.converter, own)
-
-
-@pytest.mark.parametrize("share", [0.3, 4.9, 5.1, 40.0])
-def test_the_other_form_is_the_same_far_below_the_corner(share):
-    """R_1 (omega tau)^2 and R_1 tau of one branch, to (omega tau)^2 of it; and the way back."""
-    winding = DRIVE.motor.resistance
-    ohm, tau, omega = share * winding, 3e-4, 1e-2 / 3e-4
-    one = set_of(resistance=ohm, time_constant=tau)
-    layers = one | otherwise(one, 0.1, DRIVE.motor, DRIVE.converter)
-    back = layers | otherwise(layers, 0.1, DRIVE.motor, DRIVE.converter)
-    rest, first, m = (layers[f"skin_effect.{n}"] for n in ("resistance", "time_constant", "layers"))
-    assert rest == pytest.approx(min(winding, 0.2 * ohm))
-    assert m == pytest.approx(1.0) if share < 5.0 else m > 1.0
-    more = rest * (impedance(m, first, omega) - 1.0)
-    assert more.real == pytest.approx(ohm * (omega * tau) ** 2, rel=1e-3)
-    assert more.imag == pytest.approx(ohm * omega * tau, rel=1e-3)
-    assert back == pytest.approx(one)
 
 
 @pytest.mark.parametrize("layers", [0.01, 0.49])

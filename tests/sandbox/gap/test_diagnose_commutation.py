@@ -37,22 +37,6 @@ def test_dead_time_by_switches_diodes_and_capacitance(capacitance):
         assert abs(x.value - true) < 1.53 * 0.5 * (x.high - x.low), name
 
 
-def test_a_drop_whose_devices_have_a_knee():
-    """A knee at a tenth of rated current, seven times as wide as the usual zone of a sign: the drop
-    is named alone, threshold and knee as put in (within three standard deviations, as above)."""
-    put_in = {
-        "device_drop.threshold": 1.5,
-        "device_drop.knee_current": 0.1 * DRIVE.motor.rated_current,
-    }
-    d = diagnosis_of(small_campaign(put_in, CASES + TURNING), workers=1)
-    assert d.best.effects == ("device_drop",)
-    assert d.best.probability > 0.9
-    assert d.size.after == pytest.approx(1.0, abs=0.04)
-    for name, true in put_in.items():
-        x = d.parameters[0][name]
-        assert abs(x.value - true) < 1.53 * 0.5 * (x.high - x.low), name
-
-
 def test_what_a_compensation_leaves_is_no_device_drop():
     """Real commutation behind a compensation that leaves 60 ns by an ideal sign: as the plant has
     it, whose own two forms add up (`test_commutation`), since the switched bench knows no

@@ -37,7 +37,7 @@ LAGS = """
 from dataclasses import replace
 from model.effects.current_filter import low_pass
 from model.effects.current_sampling import apart, taken
-from model.effects.iron_loss import branch
+from model.effects.iron_loss import branch, excess, play
 from model.effects.library import load_effect
 from model.effects.pwm_delay import later
 from model.effects.shaft_compliance import gap, two_masses
